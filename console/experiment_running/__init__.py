@@ -1,1 +1,1 @@
-"""Experiments flown by the station on the vehicle at the other end of the link."""
+"""Experiments that the station runs on the connected vehicle."""

@@ -1,5 +1,5 @@
-"""The decision about a calibration that an experiment proposed: the vehicle takes it over, or
-not.
+"""The decision about a calibration that an experiment proposed: the vehicle applies it, or it is
+rejected.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 
 STORE_TIMEOUT = 2.0
-"""s for the vehicle to check, apply and write a record, a try."""
+"""s for the vehicle to check, apply and write a record, per try."""
 NAME_MAX = 64
 
 
@@ -37,8 +37,8 @@ class Decisions:
         self._unanswered = ""  # the proposal that was sent without an answer
 
     def accept(self, requester: str) -> None:
-        """Send the record to the vehicle, which checks and keeps it. Raises RefusedError; then it
-        is still open.
+        """Send the record to the vehicle, which checks and stores it. Raises RefusedError; the
+        proposal then stays open.
         """
         with self._deciding:
             text, record = self._open()
@@ -78,11 +78,11 @@ class Decisions:
         except LinkError as error:
             self._unanswered = text
             raise RefusedError(
-                f"it is not known whether the vehicle took it over ({error}); accept it again"
+                f"it is not known whether the vehicle applied it ({error}); accept it again"
             ) from error
 
     def _is_kept(self, record: CalibrationRecord) -> bool:
-        """Return whether the vehicle took the record over, though its answer was lost. Raises
+        """Return whether the vehicle applied the record although its answer was lost. Raises
         RefusedError.
         """
         try:
@@ -99,5 +99,5 @@ class Decisions:
         try:
             path: Path = self._catalogue.resolve(run_id)
             write_decision(path, decision, requester)
-        except QuadlabError as error:  # the vehicle's history says it too
-            self._board.say(WARN, f"the report does not say that it was {decision}: {error}")
+        except QuadlabError as error:  # the vehicle's history has it, too
+            self._board.say(WARN, f"the report lacks that it was {decision}: {error}")

@@ -1,4 +1,4 @@
-"""Judging a run in a process of its own, so that the station's threads never wait for plots."""
+"""Evaluates a run in a separate process, so that the station's threads never wait for plots."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from vehicle_link.jobs import run
 
 @dataclass(frozen=True)
 class Job:
-    """An experiment that was flown, as it was after its flight; its log; s it may take."""
+    """The input of an evaluation: the flown experiment, its log, and the time limit (s)."""
 
     experiment: Experiment
     log: Path
@@ -32,17 +32,17 @@ class Job:
 
 @dataclass(frozen=True)
 class Judgement:
-    """The judgement of a run: the result, names of the report's files, and why there are none."""
+    """The result of an evaluation, with the report's files or why there are none."""
 
     result: Result
     files: tuple[str, ...]
     problem: str = ""
     proposal: str = ""
-    """JSON of the calibration record that it proposes."""
+    """JSON of the proposed calibration record."""
 
 
 def judge(job: Job, cancelled: threading.Event) -> Judgement:
-    """Run the process and wait for it. Raises QuadlabError with the reason it failed for."""
+    """Run the process and wait for it. Raises QuadlabError with the reason of a failure."""
 
     def check() -> None:
         if cancelled.is_set():
@@ -63,8 +63,8 @@ def judge(job: Job, cancelled: threading.Event) -> Judgement:
 
 
 def evaluate(job: Job) -> dict[str, Any]:
-    """Write result.json and the report's files, in the process, and return their content. Raises
-    QuadlabError.
+    """Write result.json and the report's files, inside the process, and return their content.
+    Raises QuadlabError.
     """
     experiment, folder = job.experiment, report_folder(job.log)
     with mistakes_told(experiment):
@@ -74,7 +74,7 @@ def evaluate(job: Job) -> dict[str, Any]:
             f"the verdict of {experiment.name} is {result.verdict!r:.40}; allowed are "
             f"{', '.join(VERDICTS)}"
         )
-    try:  # numpy's numbers of any kind are fine, words are not
+    try:  # numpy's number types are fine, texts are not
         metrics = {str(name): float(value) for name, value in result.metrics.items()}
         limits = {str(name): float(value) for name, value in result.limits.items()}
     except (TypeError, ValueError, AttributeError) as error:
@@ -89,7 +89,7 @@ def evaluate(job: Job) -> dict[str, Any]:
             try:
                 with mistakes_told(experiment):
                     files = [path.name for path in experiment.report(job.log, folder)]
-            except Exception as error:  # the verdict stands without pictures
+            except Exception as error:  # the verdict is valid without plots
                 problem = "; ".join(filter(None, (problem, f"no plots: {error}")))
         content = {
             "experiment": experiment.name,
@@ -110,7 +110,7 @@ def evaluate(job: Job) -> dict[str, Any]:
 
 
 def proposed(job: Job) -> tuple[CalibrationRecord | None, str]:
-    """Return the calibration it proposes, as another process will read it, and why there is
+    """Return the proposed calibration as JSON, and why there is
     none.
     """
     experiment = job.experiment
@@ -121,13 +121,13 @@ def proposed(job: Job) -> tuple[CalibrationRecord | None, str]:
             return parse_record(experiment.proposal(job.log).model_dump_json()), ""
     except QuadlabError as error:
         return None, f"nothing is proposed: {error}"
-    except Exception as error:  # the verdict stands without
-        return None, f"nothing is proposed, a defect: {error!r}"
+    except Exception as error:  # the verdict is valid without it
+        return None, f"nothing is proposed because of a software error: {error!r}"
 
 
 def begin_report(log: Path) -> None:
-    """Begin the page of the whole run next to the result, in its own time: no one waits for it."""
-    with suppress(OSError):  # the verdict stands without
+    """Start to write the report of the whole run next to the result, in the background."""
+    with suppress(OSError):  # the verdict is valid without it
         subprocess.Popen(
             [sys.executable, "-m", "console.reports", "--no-pdf", str(log)],
             stdin=subprocess.DEVNULL,
@@ -138,7 +138,7 @@ def begin_report(log: Path) -> None:
 
 
 def evaluate_and_report(job: Job) -> dict[str, Any]:
-    """Evaluate, and begin the report of the whole run."""
+    """Evaluate the run, and start its report in the background."""
     answer = evaluate(job)
     begin_report(job.log)
     return answer

@@ -1,4 +1,4 @@
-"""Looking at a person's own experiment in a process of its own, which may hang or die with it."""
+"""Checks a user's experiment file in a separate process, as the file may hang or crash it."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from quadrotor.parameters import ParameterDescription, ParameterStore
 from vehicle_link.jobs import run
 
 SECONDS = 30.0
-"""for imports that compile; a file that takes longer is one that hangs."""
+"""s, enough for imports that compile; a file that takes longer counts as hanging."""
 
 
 @dataclass(frozen=True)
 class Described:
-    """A file's experiment, or why it has none.
+    """The experiment in a file, or why there is none.
 
     Attributes:
-        name: of the experiment; the file's own when there is a problem.
-        calibration: what it proposes; empty for nothing.
+        name: the experiment's name; the file's name when there is a problem.
+        calibration: name of the calibration it proposes; empty for none.
         problem: why it cannot run; empty when it can.
     """
 
@@ -33,18 +33,18 @@ class Described:
 
 
 def check(path: Path, vehicle: str, seconds: float = SECONDS) -> Described:
-    """Load it in a process and tell what it is."""
+    """Load the file in a process and return its description."""
     try:
         return run(describe, path, vehicle, seconds=seconds)
     except JobTimeoutError as error:
-        problem = f"{path.name} is {error}; what takes long belongs into its methods"
+        problem = f"{path.name} is {error}; move slow code into its methods"
     except JobError as error:
         problem = f"{path.name} line 1: {error}"
     return Described(path.name, problem=problem)
 
 
 def describe(path: Path, vehicle: str) -> Described:
-    """Describe an experiment file, in the process."""
+    """Describe an experiment file, inside the process."""
     try:
         experiment = load(path, vehicle)
     except QuadlabError as error:

@@ -1,4 +1,4 @@
-"""The judging of a flight from its end to its verdict, as the board shows it."""
+"""Evaluates a flight from its end to its verdict, with progress in the published status."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from console.experiments.client import Experiment
 from quadrotor.errors import QuadlabError
 
 EVALUATION = 60.0
-"""s for the evaluation, and as much again as the flight is long."""
+"""s for the evaluation, in addition to the duration of the flight."""
 
 
 class Judging:
-    """Args: `cancelled` ends it."""
+    """Args: `cancelled`, an event that stops the evaluation."""
 
     def __init__(self, board: ExperimentBoard, files: RunFiles, cancelled: threading.Event) -> None:
         self._board, self._files = board, files
         self._cancelled = cancelled
 
     def judge(self, experiment: Experiment) -> None:
-        """Wait for the run's file, then for the judging process."""
+        """Wait for the run's file, then for the evaluation process."""
         board = self._board
         run_id, started = board.state.run_id, board.state.started
         board.set(phase=phases.EVALUATING, step="waiting for the run's file")

@@ -1,7 +1,7 @@
-"""One motor on the bench, asked for again and again for as long as its experiment lives.
+"""A motor on the bench, requested repeatedly for as long as its experiment is alive.
 
-The vehicle stops the motor when it is not asked again in time; so whatever ends the experiment,
-or the station, ends the bench.
+The vehicle stops the motor when the request is not repeated in time; so the end of the experiment
+or the station, for any reason, also stops the motor.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from vehicle_link.clock import monotonic
 
 PERIOD = 0.2
-"""s between two askings."""
+"""s between two requests."""
 LOOKED = 5.0
-"""s without a look at the experiment's client, after which nobody watches the motor."""
+"""s after which an experiment that does not read its client counts as hanging."""
 SHOWN = 0.5
 """s after which the vehicle's status must show the bench."""
 BENCH, SILENT = "bench", ""
@@ -26,13 +26,13 @@ class LiveBench:
 
     Args:
         ask: sends (motor, reference) once. Raises RefusedError, or LinkError without an answer.
-        end: tells the vehicle to end the bench, whatever was before; does not raise.
+        end: requests the end of the bench from the vehicle in any case; does not raise.
         timeout: s after which the vehicle stops the motor.
-        mode: the vehicle's as it tells it now, empty when it is silent.
-        looked: s of the steady clock at which the experiment last looked at its client.
+        mode: returns the vehicle's mode, empty when there is no fresh status.
+        looked: returns when the experiment last read its client, s of the steady clock.
 
     Attributes:
-        problem: why the bench ended by itself, until it is set again.
+        problem: why the bench stopped by itself, until it is set again.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class LiveBench:
         """Set motor 1 to 4 to a reference (counts), 0 ends it. Raises RefusedError or LinkError."""
         with self._asking:
             if self._over.is_set():
-                raise RefusedError("the experiment is over; no motor is turned any more")
+                raise RefusedError("the experiment is over; it can no longer turn a motor")
             self.problem = None
             if not motor:
                 self._stop()
@@ -80,11 +80,11 @@ class LiveBench:
                 self._thread.start()
 
     def give_up(self) -> None:
-        """Ask no more from now on; the motor is stopped in its thread. Never waits."""
+        """Stop the requests; the motor is stopped in the bench's thread. Does not block."""
         self._over.set()
 
     def close(self) -> None:
-        """Stop the motor, or ask the vehicle to, which also does it by itself."""
+        """Stop the motor, or request it from the vehicle, which also stops it by itself."""
         self._over.set()
         if self._thread is not None:
             self._thread.join(3.0)
@@ -110,24 +110,24 @@ class LiveBench:
             self._ask(motor, reference)
             self._heard = sent
         except LinkError:
-            return  # again at the next period, while the vehicle still turns it
+            return  # retried in the next period, while the vehicle still turns it
         except QuadlabError as error:
             self.problem = error
             self._stop()
 
     def _check(self) -> None:
-        """Raise RefusedError when it is too late to ask: the vehicle would start a motor that it
-        has stopped.
+        """Raise RefusedError when it is too late to repeat the request: the vehicle would restart
+        a motor that it has stopped.
         """
         now = monotonic()
         if now - self._heard > self._limit:
             raise RefusedError(
                 f"the vehicle did not answer for {now - self._heard:.1f} s and has stopped the "
-                "motor on the bench; mend the link and begin again"
+                "motor on the bench; restore the link and begin again"
             )
         if now - self._since > SHOWN and self._mode() not in (BENCH, SILENT):
             raise RefusedError(f"the vehicle has ended the bench; it is {self._mode()}")
         if now - self._looked() > LOOKED:
             raise RefusedError(
-                f"the motor was stopped: the experiment did not look at its client for {LOOKED:g} s"
+                f"the motor was stopped: the experiment did not read its client for {LOOKED:g} s"
             )

@@ -18,16 +18,16 @@ from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import QuadlabError, RefusedError
 
 GYROSCOPE_TIMEOUT = 6.0
-"""s for the vehicle to find the drift of its gyroscope."""
+"""s for the vehicle's gyroscope calibration."""
 BENCH_CALL = 0.25
-"""s for an answer about the bench: soon enough to ask again before the vehicle gives up."""
+"""s for an answer about the bench: short enough to repeat the request before the motor stops."""
 BENCH_TIMEOUT = 0.5
-"""s after which a vehicle stops the motor that does not tell its own."""
+"""s, the vehicle's timeout of the bench when it does not report its own."""
 MOTORS, COUNTS = 4, 255
 
 
 class LiveClient(LiveCommands):
-    """`console.experiments.client.Client` of one experiment."""
+    """The `console.experiments.client.Client` of one running experiment."""
 
     def __init__(
         self,
@@ -61,7 +61,7 @@ class LiveClient(LiveCommands):
         return self.armed or self._is_recorded
 
     def confirmed(self) -> None:
-        """Confirm the question: a person said yes."""
+        """Confirm the question on behalf of a person."""
         self._yes.set()
 
     # ------------------------------------------------------------------ guided procedures
@@ -108,7 +108,7 @@ class LiveClient(LiveCommands):
         self._ground.asked("calibrate", self.requester)
         response = self._call("calibrate", action="gyroscope", timeout=GYROSCOPE_TIMEOUT)
         if not response.records:
-            raise RefusedError("the vehicle calibrated its gyroscope and told no result")
+            raise RefusedError("the vehicle calibrated its gyroscope but reported no result")
         return parse_record(str(response.records[0]))
 
     def bench(self, motor: int, reference: int) -> None:
@@ -132,27 +132,27 @@ class LiveClient(LiveCommands):
 
     # ------------------------------------------------------------------ after the end
     def close(self) -> list[str]:
-        """Leave the vehicle safe on every way out: no motor on the bench, nothing holds a simulated
-        vehicle.
+        """Leave the vehicle in a safe state in any case: no motor on the bench, and nothing holds a
+        simulated vehicle.
 
-        Returns what was not well, in words.
+        Returns a list of problems.
         """
         self._bench.close()
-        told = []
+        problems = []
         try:
             self._hand.let_go(self.requester)
         except RefusedError as error:
-            told.append(str(error))
+            problems.append(str(error))
         lost = self._readings.end()
         if lost and self._needs_imu:
-            told.append(f"{lost} packets of telemetry did not come while it measured")
-        return told
+            problems.append(f"{lost} packets of telemetry were lost during the measurement")
+        return problems
 
     def _recorded(self) -> None:
-        """Record from the first guided step on, on the ground and disarmed too."""
+        """Record from the first guided step on, even on the ground and disarmed."""
         if not self._is_recorded:
             self._ground.record()
-            self._readings.begin()  # nothing is looked at that the run's file does not have
+            self._readings.begin()  # only readings that are in the run's file are used
             self._is_recorded = True
 
     def _ask_bench(self, motor: int, reference: int) -> None:
@@ -170,8 +170,8 @@ class LiveClient(LiveCommands):
             )
 
     def _end_bench(self) -> None:
-        """End the bench in any case: it only stops a motor, which the vehicle does by itself as
-        well.
+        """End the bench in any case: this only stops a motor, which the vehicle would do by itself,
+        too.
         """
         with suppress(QuadlabError):
             self._services.call(

@@ -1,7 +1,7 @@
-"""Commands and waits of an experiment over the station's link: the vehicle in its flight's time.
+"""Commands and waits of an experiment over the station's link.
 
-Whoever else commands the vehicle ends the experiment: from then on nothing of it is sent. So
-does a lost link; the vehicle then brakes and lands by itself.
+A command by a person ends the experiment: from then on it sends nothing. So does a lost link; the
+vehicle then brakes and lands by itself.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from vehicle_link.parameters.messages import from_parameters, to_parameters
 from vehicle_link.transport.heartbeat import LinkState
 
 LOOK = 0.02
-"""s between two looks at a condition, at least."""
+"""s, least time between two checks of a condition."""
 IDLE = 0.1
-"""s between two looks when nothing is heard."""
+"""s between two checks while no status arrives."""
 SHOWN = 0.5
-"""s for the status to show what was accepted."""
+"""s for the status to show an accepted command."""
 SETTLE = 0.05
-"""s that somebody's command waits for one of the experiment that is on its way."""
+"""s that a person's command waits for a command of the experiment that is under way."""
 
 
 class Ground(Protocol):
-    """The functions of the station that the client needs."""
+    """The station's functions that the client needs."""
 
     def link_state(self) -> LinkState: ...
 
@@ -55,10 +55,10 @@ class Ground(Protocol):
 
 
 class LiveCommands:
-    """The commands of a flying experiment, as `console.experiments.client.Client` needs them.
+    """The commands of a running experiment, for `console.experiments.client.Client`.
 
     Args:
-        requester: who started it; the vehicle is told that this person asks.
+        requester: who started it; the commands are sent in this person's name.
     """
 
     has_pilot = True
@@ -76,7 +76,7 @@ class LiveCommands:
         self._watchdog_lock = threading.Lock()
         self._looked = monotonic()
         self.pilot = False
-        """Whether the person's sticks fly."""
+        """Whether a person flies with the sticks."""
         self.armed = False
         """Whether the motors were started."""
 
@@ -86,11 +86,11 @@ class LiveCommands:
         self._feed.wake()
 
     def end(self, why: QuadlabError, *, taken_over: bool = False, patience: float = 0.0) -> None:
-        """End all commands from now on; waits raise. The first reason stays.
+        """Refuse all commands from now on; waits raise. The first reason is kept.
 
         Args:
             taken_over: by a person; then not even `hold` sends anything.
-            patience: s to wait for a command that is on its way.
+            patience: s to wait for a command that is under way.
         """
         self._ended = self._ended or why
         if taken_over:
@@ -101,11 +101,11 @@ class LiveCommands:
 
     @property
     def taken_over(self) -> bool:
-        """Return whether a person has commanded since, or flies with the sticks."""
+        """Return whether a person has sent a command since, or flies with the sticks."""
         return self._taken_over.is_set()
 
     def tick(self) -> None:
-        """Drop sticks that the experiment stopped moving; called some times a second."""
+        """Drop the sticks when the experiment no longer updates them; called periodically."""
         with self._watchdog_lock:
             order = self._watchdog.tick(monotonic(), self._ground.stick_timeout())
         if order is not None and self._ended is None and not self.pilot:
@@ -181,7 +181,7 @@ class LiveCommands:
                 raise RefusedError(f"the motors were cut while it waited for {what}")
             if looked >= end:
                 raise RefusedError(
-                    f"waited {timeout:g} s for {what} in vain; the vehicle is "
+                    f"timed out after {timeout:g} s waiting for {what}; the vehicle is "
                     f"{view.mode}, {view.behavior}"
                 )
             self._feed.wait_news(seen, min(IDLE, end - looked))
@@ -196,26 +196,26 @@ class LiveCommands:
 
     # ------------------------------------------------------------------ after the end
     def hold(self, requester: str) -> str:
-        """Command the vehicle, when its experiment has ended in the air, to brake and hover; on the
-        ground, to stop the motors. Does nothing when a person has commanded since.
+        """Command a vehicle whose experiment has ended to brake and hover in the air, and to stop
+        the motors on the ground. Does nothing when a person has sent a command since.
 
-        Returns what came of it, in words.
+        Returns the outcome as text.
         """
         view = self._feed.view()
         if self._taken_over.is_set() or not view.armed or view.mode != "armed":
             return ""
-        service, said = ("start_behavior", "it brakes and hovers; land it")
+        service, outcome = ("start_behavior", "it brakes and hovers; land it")
         fields: dict[str, Any] = {"name": "brake"}
         if not view.airborne:
-            service, said, fields = ("disarm", "the motors are off", {})
+            service, outcome, fields = ("disarm", "the motors are off", {})
         try:
             with self._sending:
                 if self._taken_over.is_set():
                     return ""
                 self._services.call(service, requester, **fields)
         except (RefusedError, LinkError) as error:
-            return f"it was told to {service} and did not: {error}"
-        return said
+            return f"the command {service} failed: {error}"
+        return outcome
 
     # ------------------------------------------------------------------ inside
     def _call(self, service: str, **fields: Any) -> Any:
@@ -226,14 +226,14 @@ class LiveCommands:
         return response
 
     def _shown(self, behavior: str) -> None:
-        """Wait until the status is from after the answer: what follows must not look at old
-        news.
+        """Wait for a status newer than the answer, so that the next check does not see an old
+        one.
         """
         self._feed.wait_status(behavior, self._ground.vehicle_ns(), SHOWN)
         self._check()
 
     def _pause(self, until: float) -> None:
-        """Sleep to a time of the monotonic clock; an end is seen at the next look."""
+        """Sleep to a time of the monotonic clock; an end is noticed at the next check."""
         left = until - monotonic()
         if left > 0.0:
             time.sleep(left)
@@ -243,14 +243,14 @@ class LiveCommands:
         if self._ended is None and self._ground.link_state() is LinkState.LOST:
             self._ended = LinkError(
                 "the link to the vehicle was lost; it brakes, and lands by itself unless "
-                "the station is heard again"
+                "the link returns"
             )
         if self._ended is not None:
             raise self._ended
 
 
 def _few(values: dict[str, ParameterValue]) -> str:
-    """Return some parameters in words."""
+    """Return a short text about parameters that are set."""
     if len(values) > 3:
         return f"setting {len(values)} parameters"
     return "setting " + ", ".join(f"{name.split('.', 1)[-1]} = {v}" for name, v in values.items())

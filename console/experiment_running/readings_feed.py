@@ -1,4 +1,4 @@
-"""The readings of an experiment besides its view: IMU, tracker, bench; kept while one runs."""
+"""The readings for an experiment: IMU, tracker and bench, buffered while one runs."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from vehicle_link.topics import TOPICS
 Array = npt.NDArray[np.float64]
 
 KEPT_TICKS = 60_000
-"""Two minutes at 500 Hz, 7 MB; who looks less often loses the oldest, counted as a gap."""
+"""Two minutes at 500 Hz, 7 MB; a slower reader loses the oldest, counted as a gap."""
 KEPT_READINGS = 30_000
 SEEN = 0.1
-"""s after which a pose of the tracker is no longer where the vehicle is."""
+"""s after which a pose of the tracker is too old to use."""
 _IMU = slice(1, 4), slice(4, 7), slice(7, 11), slice(11, 15)
 COLUMNS = 15
 MODULO = 1 << 32
 
 
 class ReadingsFeed:
-    """Fed by the station's subscriptions, read by the experiment's thread.
+    """Buffers written by the station's subscriptions and read by the experiment's thread.
 
     Args:
-        clock: s of a steady clock.
+        clock: returns s of a steady clock.
     """
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
@@ -48,7 +48,7 @@ class ReadingsFeed:
         self._pose: tuple[float, PoseMeasurement] | None = None
 
     def begin(self) -> None:
-        """Begin an experiment: what came before is not for it."""
+        """Begin an experiment: earlier readings are dropped."""
         with self._lock:
             self._ticks.clear()
             self._bench.clear()
@@ -56,8 +56,8 @@ class ReadingsFeed:
             self._sequence, self._on = None, True
 
     def end(self) -> int:
-        """Return packets of telemetry since `begin` that did not come in time, or were not looked
-        at.
+        """Return the number of telemetry packets since `begin` that were late, lost or not
+        read.
         """
         with self._lock:
             self._on = False
@@ -68,7 +68,7 @@ class ReadingsFeed:
 
     # ------------------------------------------------------------------ fed
     def telemetry(self, sequence: int, ticks: Record) -> None:
-        """Take one packet: TICK records (N,). One that comes behind a newer one is a gap."""
+        """Add one packet: TICK records (N,). One that arrives after a newer one is a gap."""
         if not self._on:
             return
         imu, actuators = ticks["imu"], ticks["actuators"]
@@ -91,11 +91,11 @@ class ReadingsFeed:
                 self._lost += 1
 
     def pose(self, pose: PoseMeasurement) -> None:
-        """Take a pose of the tracker."""
+        """Add a pose of the tracker."""
         self._pose = (self._clock(), pose)
 
     def bench(self, payload: bytes) -> None:
-        """Take a quadlab_msgs/BenchReading as received. Raises LinkError for what is none."""
+        """Add a received quadlab_msgs/BenchReading. Raises LinkError for an invalid one."""
         if not self._on:
             return
         reading: Any = decode(payload, TOPICS["bench_reading"].type_name)
@@ -105,7 +105,7 @@ class ReadingsFeed:
 
     # ------------------------------------------------------------------ read
     def imu(self) -> ImuReadings:
-        """Return the IMU readings since the last look."""
+        """Return the IMU readings since the last call."""
         with self._lock:
             rows, self._count = list(self._ticks), 0
             self._ticks.clear()
@@ -120,7 +120,7 @@ class ReadingsFeed:
         return TrackedAttitude(pose.stamp_ns * 1e-9, np.array(pose.quaternion_wb, dtype=float))
 
     def bench_readings(self) -> BenchReadings:
-        """Return the bench readings since the last look."""
+        """Return the bench readings since the last call."""
         with self._lock:
             table = np.array(self._bench, dtype=float).reshape(-1, 4)
             self._bench.clear()

@@ -1,4 +1,4 @@
-"""The run that the recorder makes of an experiment's flight: its beginning and its file."""
+"""The run that the recorder makes of an experiment's flight: waits for its start and its file."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from quadrotor.errors import StorageError
 from vehicle_link.clock import monotonic
 
 FILE_PATIENCE = 30.0
-"""s for the recorder to close the run after touch-down, beyond what it is told to go on."""
+"""s for the recorder to close the run after touch-down, beyond its set time after disarming."""
 BEFORE = 1.0
-"""s for the run before to end, beyond what the recorder is told to go on."""
+"""s for the previous run to end, beyond the recorder's set time after disarming."""
 LOOK = 0.05
-"""s between two looks at the run before."""
+"""s between two checks of the previous run."""
 
 
 class Settings(Protocol):
-    """The station's parameters that matter to an experiment."""
+    """The station's parameters that concern an experiment."""
 
     def __call__(self) -> tuple[float, float]:
-        """Return the timeout of the sticks, and how long a run goes on after disarming, both in
+        """Return the timeout of the sticks, and how long a run continues after disarming, both in
         s.
         """
         ...
@@ -36,7 +36,7 @@ def settings_of(parameters: Any) -> Settings:
 
 
 class RunFiles:
-    """Args: `after_disarm`, s that a run goes on after disarming; `cancelled` ends a wait."""
+    """Args: `after_disarm`, s that a run continues after disarming; `cancelled` ends a wait."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class RunFiles:
         self._after_disarm, self._cancelled = after_disarm, cancelled
 
     def until_free(self) -> Iterator[None]:
-        """Yield once for each look while the run before goes on; one begun by hand stays."""
+        """Yield at each check while the previous run continues; one started by hand is kept."""
         end = monotonic() + self._after_disarm() + BEFORE
         while self._recorder.run_id and monotonic() < end:
             yield

@@ -1,8 +1,8 @@
 """Experiments at the station: one at a time, in a thread, on whatever vehicle is connected.
 
 A person's command always wins: it ends the experiment before it is passed on. The run is the one
-the recorder makes of every flight, or of its first guided step; it is judged by a process of its
-own afterwards.
+that the recorder makes of every flight, or from the first guided step on; a separate process
+evaluates it afterwards.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ _BY_STICKS = "the sticks took over"
 
 
 class ExperimentRunner:
-    """Serves `/<vehicle>/station/experiment` and sends `experiment_status`.
+    """Serves `/<vehicle>/station/experiment` and publishes `experiment_status`.
 
     Args:
         settings: the station's stick timeout and the recorder's time after disarming, s.
-        asked: told (command, requester) of each command, the experiment's own included.
+        asked: called with (command, requester) of each command, including the experiment's own.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class ExperimentRunner:
 
     # ------------------------------------------------------------------ the service
     def check_free(self) -> None:
-        """Raise RefusedError while one runs."""
+        """Raise RefusedError while an experiment runs."""
         with self._lock:
             if self._state.running:
                 raise RefusedError(
@@ -109,7 +109,7 @@ class ExperimentRunner:
                 )
 
     def start(self, experiment: Experiment, requester: str) -> None:
-        """Begin. Raises RefusedError with the reason; then nothing was sent."""
+        """Start an experiment. Raises RefusedError with the reason; then nothing was sent."""
         with self._lock:
             self.check_free()
             if self.link_state() is LinkState.LOST:
@@ -147,11 +147,11 @@ class ExperimentRunner:
                 raise RefusedError("no experiment is flying, so there is nothing to finish")
             self._state.phase = phases.FINISHING
             self._client.finish()
-        self._board.say(INFO, f"experiment finishes, asked by {requester}")
+        self._board.say(INFO, f"experiment finishes, requested by {requester}")
         self._board.send()
 
     def stop(self, requester: str) -> None:
-        """Command no more: brake and hover, or stop judging. Raises RefusedError."""
+        """Stop the experiment: brake and hover, or stop the evaluation. Raises RefusedError."""
         with self._lock:
             if not self._state.running:
                 raise RefusedError("no experiment is running, so there is nothing to stop")
@@ -162,22 +162,22 @@ class ExperimentRunner:
             client.end(ExperimentEndedError(f"stopped by {requester}"))
 
     def confirm(self, question: str, requester: str) -> None:
-        """Confirm the question; an empty one confirms whatever is asked now. Raises
+        """Confirm the question; an empty text confirms the present one. Raises
         RefusedError.
         """
         with self._lock:
             asked, client = self._state.question, self._client
             if not asked or client is None:
-                raise RefusedError("nothing waits for a yes")
+                raise RefusedError("no question is open")
             if question not in ("", asked):
-                raise RefusedError(f"another question is asked now: {asked}")
+                raise RefusedError(f"another question is open now: {asked}")
             self._state.question = ""
         self._board.say(INFO, f"{requester} confirmed: {asked}")
         client.confirmed()
 
     # ------------------------------------------------------------------ others command
     def commanded(self, command: str, requester: str) -> None:
-        """End an experiment before a person's command is passed on; parameters are no command."""
+        """End the experiment before a person's command is passed on; parameters do not count."""
         client = self._client
         if client is not None and command != "change_parameters":
             patience = 0.0 if command == "emergency" else SETTLE
@@ -186,7 +186,7 @@ class ExperimentRunner:
         self.asked(command, requester)
 
     def passes(self, order: StickOrder) -> bool:
-        """Return whether a person's stick order goes to the vehicle; deflected sticks take over,
+        """Return whether a person's stick command goes to the vehicle; deflected sticks take over,
         once.
         """
         takes_over, client = self._takeover.seen(order), self._client
@@ -204,8 +204,8 @@ class ExperimentRunner:
         return False
 
     def _obey_sticks(self, client: LiveClient) -> None:
-        """Take over by the sticks in a thread of its own, as they must not wait for an answer."""
-        # Behind the experiment's last command, should one be on its way.
+        """Take over by the sticks in a separate thread, as they must not wait for an answer."""
+        # After the experiment's last command, if one is under way.
         client.end(ExperimentEndedError(_BY_STICKS), taken_over=True, patience=SETTLE)
         try:
             self._services.call("start_behavior", "the sticks", name="velocity", arguments=[])
@@ -242,11 +242,11 @@ class ExperimentRunner:
         self._board.set(question=question)
 
     def record(self) -> None:
-        """Record a run from now on, motors on or off. Raises RefusedError."""
+        """Record a run from now on, whether motors are on or off. Raises RefusedError."""
         try:
             run_id = self._runs.hold(self._state.requester)
         except StorageError as error:
-            raise RefusedError(f"no run can be recorded, so none is judged: {error}") from error
+            raise RefusedError(f"no run can be recorded for judging: {error}") from error
         self._board.set(run_id=run_id)
 
     # ------------------------------------------------------------------ the thread
@@ -256,7 +256,7 @@ class ExperimentRunner:
             self.feed.fetch()
             self._hand.begin(client.requester)
             for _ in self._files.until_free():
-                self.step("waiting for the end of the run before")
+                self.step("waiting for the end of the previous run")
                 client.wait(LOOK)
             fly(experiment, client)
         except (ExperimentEndedError, LinkError) as error:
@@ -269,14 +269,14 @@ class ExperimentRunner:
             log.exception("experiment %s", experiment.name)
             reason = f"a defect of the experiment, see the station's log: {error!r}"
         try:
-            for told in client.close():
-                self._board.say(WARN, f"experiment {experiment.name}: {told}")
+            for problem in client.close():
+                self._board.say(WARN, f"experiment {experiment.name}: {problem}")
             self._runs.release()
             self._calibrations.changed()
             if reason:
                 self._leave(client, reason, phase)
             else:
-                self._client = None  # it flies no more: commands take nothing over
+                self._client = None  # it no longer flies: commands take nothing over
                 self._judging.judge(experiment)
         except Exception as error:
             log.exception("experiment %s", experiment.name)
@@ -285,7 +285,7 @@ class ExperimentRunner:
             self._client = None
 
     def _leave(self, client: LiveClient, reason: str, phase: str) -> None:
-        """End early: a vehicle in flight is commanded to hover, unless a person flies it."""
+        """End early: command a vehicle in flight to hover, unless a person flies it."""
         if not client.armed or self.link_state() is LinkState.LOST:
             self._board.end(phase, reason)
             return

@@ -1,4 +1,6 @@
-"""The service `experiment`: words in, a reasoned answer out; a repeated one has one effect."""
+"""The service `experiment`: each request gets an answer with its reason, and retries are
+idempotent.
+"""
 
 from __future__ import annotations
 
@@ -20,11 +22,11 @@ from vehicle_link.transport.node import Node
 
 ANSWER = f"{SERVICES['experiment']}_Response"
 RECORDS = {"motor_bench": "motor"}
-"""Of experiments whose calibration has another name than they."""
+"""Calibrations whose name differs from that of their experiment."""
 
 
 class Runner(Protocol):
-    """The runner behind the service; each method raises RefusedError with the reason."""
+    """The runner's interface for the service; each method raises RefusedError with the reason."""
 
     def permit(self, command: str, requester: str) -> None: ...
 
@@ -44,7 +46,7 @@ class Runner(Protocol):
 
 
 class Files(Protocol):
-    """People's own experiments."""
+    """The users' own experiments."""
 
     def described(self) -> list[Described]: ...
 
@@ -52,7 +54,7 @@ class Files(Protocol):
 
 
 class ExperimentService:
-    """Serves `/<vehicle>/station/experiment` on its own thread."""
+    """Serves `/<vehicle>/station/experiment` in its own thread."""
 
     def __init__(self, node: Node, vehicle: str, runner: Runner, files: Files) -> None:
         self._vehicle = vehicle
@@ -95,7 +97,7 @@ class ExperimentService:
         return new(ANSWER, accepted=True)
 
     def _prepared(self, name: str, options: dict[str, Any]) -> Experiment:
-        """Return the experiment with these options. Raises QuadlabError with what is wrong."""
+        """Return the experiment with these options. Raises QuadlabError with the reason."""
         own = None if name in EXPERIMENTS else self._files.find(name)
         experiment = own or find(name, self._vehicle)
         if experiment.parameters is not None:
@@ -108,7 +110,7 @@ class ExperimentService:
 
 
 def describe(vehicle: str, files: Files) -> Any:
-    """Describe the experiments: names, a line about each, and the options of all as
+    """Return the experiments' names, a line about each, and the options of all as
     <name>.<option>.
     """
     listed = [*(_built_in(name, vehicle) for name in EXPERIMENTS), *files.described()]

@@ -1,4 +1,4 @@
-"""The simulator's hand and bench, for procedures that a person would else carry out."""
+"""The simulator's hand and bench, for procedures carried out by a person on a real vehicle."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _GET = "rcl_interfaces/srv/GetParameters"
 
 
 class SimulatedHand:
-    """The hand of the simulator at this station, if there is one; used by one experiment at a time.
+    """The hand of the connected simulator, if there is one; used by one experiment at a time.
 
     Attributes:
         is_there: whether a simulator answered when the experiment began.
@@ -41,8 +41,8 @@ class SimulatedHand:
         self._held = FREE
 
     def begin(self, requester: str) -> None:
-        """Begin an experiment: find whether there is a simulator. One left holding the vehicle lets
-        it go.
+        """Begin an experiment: check for a simulator, and release a vehicle that is still
+        held.
 
         Raises RefusedError.
         """
@@ -51,9 +51,9 @@ class SimulatedHand:
         self.let_go(requester)
 
     def turn(self, quaternion_wb: Sequence[float] | None, requester: str) -> None:
-        """Hold it in this attitude (w, x, y, z), None lets go; a real vehicle: nothing.
+        """Hold the vehicle in this attitude (w, x, y, z), None lets go; no effect on a real one.
 
-        Raises MeasurementError for what is no attitude, RefusedError with the simulator's reason.
+        Raises MeasurementError for an invalid attitude, RefusedError with the simulator's reason.
         """
         if quaternion_wb is None:
             self.let_go(requester)
@@ -63,7 +63,7 @@ class SimulatedHand:
             self._hold("hand", dict(zip(ANGLES, angles, strict=True)), requester)
 
     def fix(self, requester: str) -> None:
-        """Put it on the bench; a real vehicle: nothing. Raises RefusedError."""
+        """Put the vehicle on the bench; no effect on a real one. Raises RefusedError."""
         if self.is_there and self._held != "bench":
             self._hold("bench", {}, requester)
 
@@ -73,11 +73,11 @@ class SimulatedHand:
             self._hold(FREE, {}, requester)
 
     def _asked(self) -> str | None:
-        """Return how the hand holds the vehicle now; None without a simulator, or with one that
-        cannot hold it.
+        """Return how the vehicle is held now; None without a simulator, or with one that cannot
+        hold it.
         """
         request = new(f"{_GET}_Request", names=[HELD])
-        for _ in range(2):  # a busy computer's second chance: a simulated vehicle is no real one
+        for _ in range(2):  # one retry for a busy computer
             try:
                 [value] = self._get.call(request, TIMEOUT).values
                 return str(from_value(value))
@@ -111,7 +111,7 @@ class SimulatedHand:
 
 
 def euler_degrees(quaternion_wb: Sequence[float]) -> tuple[float, float, float]:
-    """Return roll, pitch, yaw (deg, ZYX). Raises MeasurementError for what is no unit
+    """Return roll, pitch, yaw (deg, ZYX). Raises MeasurementError unless it is a unit
     quaternion.
     """
     try:

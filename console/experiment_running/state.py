@@ -1,4 +1,4 @@
-"""The state of the station's experiment, as in `experiment_status`."""
+"""The state of the station's experiment, published as `experiment_status`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STEPS_MAX, LIVE_MAX = 9999, 200
 
 @dataclass
 class ExperimentState:
-    """Written under the board's lock; times in s of the monotonic clock."""
+    """The state of one experiment, written under the publisher's lock; times in s, monotonic."""
 
     name: str = ""
     phase: str = IDLE
@@ -50,7 +50,7 @@ class ExperimentState:
     def message(self, stamp_ns: int, manual: bool) -> Any:
         """Return quadlab_msgs/ExperimentStatus."""
         until = monotonic() if self.ended is None else self.ended
-        told = self.progress
+        progress = self.progress
         return new(
             "quadlab_msgs/ExperimentStatus",
             header=header(stamp_ns),
@@ -68,30 +68,30 @@ class ExperimentState:
             metric_values=list(self.metrics.values()),
             metric_limits=[self.limits.get(name, math.nan) for name in self.metrics],
             reports=list(self.reports),
-            instruction=told.instruction,
-            step_number=told.number,
-            step_count=told.count,
-            step_share=told.share,
+            instruction=progress.instruction,
+            step_number=progress.number,
+            step_count=progress.count,
+            step_share=progress.share,
             question=self.question,
-            live_names=list(told.live),
-            live_values=[value for value, _ in told.live.values()],
-            live_units=[unit for _, unit in told.live.values()],
+            live_names=list(progress.live),
+            live_values=[value for value, _ in progress.live.values()],
+            live_units=[unit for _, unit in progress.live.values()],
             proposal=self.proposal,
             decision=self.decision,
         )
 
 
-def plain(told: Progress) -> Progress:
-    """Return progress as a message can carry it, whatever kinds of numbers a script reported.
+def plain(progress: Progress) -> Progress:
+    """Return progress as plain numbers, whatever number types a script reported.
 
-    Raises TypeError or ValueError for what is none.
+    Raises TypeError or ValueError for other values.
     """
-    share = float(told.share)
-    live = list(told.live.items())[:LIVE_MAX]
+    share = float(progress.share)
+    live = list(progress.live.items())[:LIVE_MAX]
     return Progress(
-        str(told.instruction),
-        min(max(int(told.number), 0), STEPS_MAX),
-        min(max(int(told.count), 0), STEPS_MAX),
+        str(progress.instruction),
+        min(max(int(progress.number), 0), STEPS_MAX),
+        min(max(int(progress.count), 0), STEPS_MAX),
         min(max(share, 0.0), 1.0) if math.isfinite(share) else 0.0,
         {str(name): (float(value), str(unit)) for name, (value, unit) in live},
     )

@@ -1,4 +1,4 @@
-"""A publisher of the experiment's state: often while one runs, and on change."""
+"""Publishes the experiment's state: on change, and often while one runs."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from vehicle_link.clock import monotonic
 log = logging.getLogger(__name__)
 
 OFTEN, SELDOM = 4, 20
-"""Beats (50 ms) between two statuses, while an experiment runs and otherwise."""
+"""Cycles (50 ms) between two statuses, while an experiment runs and otherwise."""
 SOON = 0.2
-"""s at least between two statuses sent for new instructions."""
+"""s, least time between two statuses sent for new instructions."""
 INFO, WARN = 20, 30
 
 
 class ExperimentBoard:
-    """Sends `experiment_status`; any thread may write, under `lock`.
+    """Publishes `experiment_status`; any thread may write, under `lock`.
 
     Args:
-        vehicle_ns: the vehicle's clock.
-        manual: whether a person's sticks fly.
+        vehicle_ns: returns the time of the vehicle's clock.
+        manual: returns whether a person flies with the sticks.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class ExperimentBoard:
         self._outbox.say(level, line)
 
     def set(self, **fields: Any) -> None:
-        """Set fields of the state, and send it when they have changed."""
+        """Set fields of the state, and publish it when they have changed."""
         with self.lock:
             changed = any(getattr(self.state, name) != value for name, value in fields.items())
             for name, value in fields.items():
@@ -53,19 +53,19 @@ class ExperimentBoard:
             self.send()
 
     def tell(self, progress: Progress) -> None:
-        """Publish progress: a new instruction is sent at once, its figures with the next status.
+        """Publish progress: a new instruction at once, its figures with the next status.
 
-        Raises TypeError or ValueError for what no message can carry.
+        Raises TypeError or ValueError for values that a message cannot carry.
         """
-        told = plain(progress)
+        new = plain(progress)
         with self.lock:
-            before, self.state.progress = self.state.progress, told
+            before, self.state.progress = self.state.progress, new
             is_late = monotonic() - self._sent > SOON
-        if is_late and (told.instruction, told.number) != (before.instruction, before.number):
+        if is_late and (new.instruction, new.number) != (before.instruction, before.number):
             self.send()
 
     def end(self, phase: str, reason: str) -> None:
-        """End the experiment's state; report and send it."""
+        """Set the final state, log and publish it."""
         with self.lock:
             state = self.state
             state.phase, state.reason, state.step = phase, reason, ""
@@ -78,13 +78,13 @@ class ExperimentBoard:
         self.send()
 
     def tick(self, count: int) -> None:
-        """Send at each beat of the station, less often while no experiment runs."""
+        """Publish in each cycle of the station, less often while no experiment runs."""
         if count % (OFTEN if self.state.running else SELDOM) == 0:
             self.send()
 
     def send(self) -> None:
         stamp_ns = self._vehicle_ns()
-        with self._sending:  # what is sent later is newer
+        with self._sending:  # keeps the statuses in order
             with self.lock:
                 message = self.state.message(stamp_ns, self._manual())
                 self._sent = monotonic()

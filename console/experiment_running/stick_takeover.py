@@ -1,4 +1,4 @@
-"""The rule by which a person's sticks take an experiment over: deflected, and meant."""
+"""The rule by which a person's sticks take over from an experiment: deflected on purpose."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from console.commands.stick_watchdog import StickOrder
 from vehicle_link.clock import monotonic
 
 DEFLECTED = 0.15
-"""Of full stick: more, with the dead-man held, is a person taking over."""
+"""Share of full deflection above which, with the dead-man held, a person takes over."""
 SILENT = 0.3
 """s without sticks, after which they count as released."""
 
@@ -18,12 +18,12 @@ class _Until(Enum):
     """The state the sticks must pass through before they can take over."""
 
     NOTHING = 0
-    CENTRED = 1  # they were deflected when it began
-    RELEASED = 2  # the dead-man: they were flying by hand
+    CENTRED = 1  # they were deflected when the experiment began
+    RELEASED = 2  # the dead-man must be released: a person was flying by hand
 
 
 class StickTakeover:
-    """Args: `clock`, s of a steady clock."""
+    """Args: `clock`, returns s of a steady clock."""
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
@@ -31,17 +31,17 @@ class StickTakeover:
         self._blind_until = _Until.NOTHING
 
     def begin(self) -> None:
-        """Begin an experiment: sticks deflected now are not meant for it."""
+        """Begin an experiment: sticks that are deflected now do not count."""
         old = self._clock() - self._seen > SILENT
         is_deflected = self._deflected and not old
         self._blind_until = _Until.CENTRED if is_deflected else _Until.NOTHING
 
     def by_hand(self) -> None:
-        """Let a person fly: sticks still deflected at the end take nothing over."""
+        """Let a person fly: sticks still deflected at the end do not take over."""
         self._blind_until = _Until.RELEASED
 
     def seen(self, order: StickOrder) -> bool:
-        """Take one stick order; return whether it takes over."""
+        """Process one stick command; return whether it takes over."""
         now = self._clock()
         deflected = order.enabled and max(map(abs, order.axes)) > DEFLECTED
         centred = self._blind_until is _Until.CENTRED and not deflected

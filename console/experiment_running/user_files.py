@@ -1,4 +1,4 @@
-"""Experiments of people's own: the files of a folder, looked at beside, loaded when one starts."""
+"""Users' own experiments: files of a folder, checked in the background, loaded when started."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from quadrotor.errors import QuadlabError, RefusedError, StorageError
 log = logging.getLogger(__name__)
 
 FOLDER = "experiments"
-"""Below the data folder."""
+"""Name of the folder below the data folder."""
 PERIOD = 2.0
-"""s between two looks at the folder."""
+"""s between two scans of the folder."""
 LOAD = 5.0
-"""s for a file to load in the station; it was loaded elsewhere before."""
+"""s for a file to load in the station, after a check in another process."""
 FILES_MAX = 100
 
 Version = tuple[int, int]
-"""Of a file: when it was changed (ns), bytes."""
+"""Time of the last change (ns) and size (bytes) of a file."""
 
 
 class UserFiles:
-    """Looked at in a thread of its own; a folder that is not there is an empty one.
+    """Scans the folder in a separate thread; a missing folder counts as empty.
 
     Args:
-        look: makes sense of one file, in a process of its own.
+        look: describes one file, in a separate process.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class UserFiles:
         self._closing.set()
 
     def described(self) -> list[Described]:
-        """Return all files, broken ones among them, by name. Never waits."""
+        """Return all files by name, including broken ones. Does not block."""
         with self._lock:
             known = {path: found for path, (_, found) in sorted(self._known.items())}
             waiting = self._waiting
@@ -62,13 +62,13 @@ class UserFiles:
                 listed.append(found)
             taken.add(found.name)
         return listed + [
-            Described(path.name, problem=f"{path.name} is being looked at; ask again in a moment")
+            Described(path.name, problem=f"{path.name} is being checked; try again in a moment")
             for path in waiting
             if path not in known
         ]
 
     def find(self, name: str) -> Experiment | None:
-        """Return a new one of this name; None when no file has it.
+        """Return a new experiment of this name; None when no file has it.
 
         Raises RefusedError for a broken file, StorageError or UsageError for one broken since.
         """

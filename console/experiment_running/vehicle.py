@@ -88,7 +88,7 @@ class VehicleFeed:
         with self._news:
             status = self._status
             if status is None:
-                raise LinkError("the vehicle has not told its status yet")
+                raise LinkError("no status of the vehicle has arrived yet")
             return VehicleView(
                 time=self._stamp_ns * 1e-9,
                 mode=str(status.mode).lower(),
@@ -104,10 +104,10 @@ class VehicleFeed:
         payload, self._estimate = self._estimate, None
         if payload is not None:
             with suppress(LinkError):  # its alarm is of whoever receives it
-                told = decode(payload, TOPICS["estimator"].type_name)
-                variance = float(told.mass_variance)
+                message = decode(payload, TOPICS["estimator"].type_name)
+                variance = float(message.mass_variance)
                 deviation = math.sqrt(variance) if variance >= 0.0 else math.inf
-                self._mass = (float(told.mass), deviation)
+                self._mass = (float(message.mass), deviation)
         return self._mass
 
     def fetch(self) -> None:

@@ -1,7 +1,7 @@
-"""`python -m console.reports [--no-pdf] LOG [OUT]`: a run's report, at low priority.
+"""`python -m console.reports [--no-pdf] LOG [OUT]` writes a run's report, at low priority.
 
-Without OUT it lies next to the run's result. Prints the share that is done, a line each; the last
-line of one that failed is the reason, and its status 1.
+Without OUT it is written next to the run's result. Prints the progress in lines; after a failure
+the last line is the reason and the exit status is 1.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from quadrotor.errors import QuadlabError
 
 NICENESS = 15
 LONGEST = 600
-"""s; should whoever began it be gone."""
+"""s, the limit in case the parent process is gone."""
 
 
 def main(words: list[str]) -> int:

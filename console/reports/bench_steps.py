@@ -1,4 +1,4 @@
-"""The steps of a motor bench as its log tells them: where the reference stood still, what came."""
+"""The steps of a motor bench test from its log: constant references and the measured responses."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ REFERENCES = tuple(f"motor_references[{k}]" for k in range(4))
 
 
 def bench_of(log: RunLog) -> tuple[Bench, str]:
-    """Return signals, steps and fits; and what the fits came to, in words.
+    """Return signals, steps and fits, and a text with the results of the fits.
 
     Raises MeasurementError when no reference was held.
     """
@@ -27,14 +27,14 @@ def bench_of(log: RunLog) -> tuple[Bench, str]:
     fits: dict[str, tuple[Array, Array]] = {}
     try:
         law = identify_motor(steps)
-        said = _words(law)
+        summary = _words(law)
         curve: Array = np.linspace(0.0, float(steps.force.max()), 200)
         alpha, beta = law.root.coefficients
         fits["affine in √force"] = curve, alpha + beta * np.sqrt(curve)
         a, b, c = law.quadratic.coefficients
         fits["quadratic in force"] = curve, (a * curve + b) * curve + c
     except MeasurementError as error:
-        said = f"No fit: {error}."
+        summary = f"No fit: {error}."
     bench = Bench(
         actuators.time,
         reference,
@@ -47,7 +47,7 @@ def bench_of(log: RunLog) -> tuple[Bench, str]:
         fits,
         USABLE,
     )
-    return bench, said
+    return bench, summary
 
 
 def _signals(log: RunLog) -> tuple[Array, Array, Array, BenchSteps]:
@@ -64,7 +64,7 @@ def _signals(log: RunLog) -> tuple[Array, Array, Array, BenchSteps]:
 
 
 def law_figures(log: RunLog) -> dict[str, float]:
-    """Return the fits in figures. Raises MeasurementError."""
+    """Return the results of the fits as text. Raises MeasurementError."""
     law = identify_motor(_signals(log)[-1])
     return {
         "root_law_worst_count": law.root.worst,
@@ -77,8 +77,8 @@ def law_figures(log: RunLog) -> dict[str, float]:
 
 def _words(law: MotorCalibration) -> str:
     return (
-        f"f = ({law.slope:.6f} (ref + {law.offset:.2f}))² N misses by {law.root.worst:.2f} counts "
-        f"at worst, the quadratic of print by {law.quadratic.worst:.2f}; torque over force "
+        f"f = ({law.slope:.6f} (ref + {law.offset:.2f}))² N has a largest error of "
+        f"{law.root.worst:.2f} counts, the quadratic {law.quadratic.worst:.2f}; torque over force "
         f"{law.torque_ratio:.4f} m; {law.thrust_min:.3f} to {law.thrust_max:.2f} N between "
         f"{USABLE[0]:.0f} and {USABLE[1]:.0f} counts."
     )

@@ -1,4 +1,4 @@
-"""Figures of the calibrations that the paper shows none of: gyroscope, accelerometer, inertia."""
+"""Figures of the calibrations without one in the paper: gyroscope, accelerometer, inertia."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOTION = {
 
 
 def gyroscope(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
-    """Return the rates while the drift was found, and afterwards."""
+    """Return the figure of the angular rates during and after the drift estimation."""
     imu = _imu(log)
     rates = np.degrees(imu.rows(RATE))
     found = [one.time for one in log.lines if "gyroscope" in one.text]
@@ -41,15 +41,15 @@ def gyroscope(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
         for time in found:
             axes[0].axvline(time, color=REFERENCE, linewidth=0.9, linestyle=(0, (4, 2)))
         axes[0].plot(
-            [], [], color=REFERENCE, linewidth=0.9, linestyle=(0, (4, 2)), label="drift found anew"
+            [], [], color=REFERENCE, linewidth=0.9, linestyle=(0, (4, 2)), label="new drift"
         )
-        finish(axes[0], "angular velocity, less the drift in force", "deg/s")
+        finish(axes[0], "angular velocity minus the drift in force", "deg/s")
         axes[0].set_xlabel("s")
 
     return [
         Picture(
             "Gyroscope",
-            "What is left of a still gyroscope's readings.",
+            "Residual readings of the gyroscope at rest.",
             "Angular velocity about x, y and z over time.",
             2.6,
             styled(draw),
@@ -58,14 +58,16 @@ def gyroscope(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
 
 
 def residuals(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
-    """Return the accelerometer: specific force over time, and the residual of each pose."""
+    """Return the accelerometer's figures: specific force over time, and the residual of each
+    pose.
+    """
     imu = _imu(log)
     force = imu.rows(FORCE)
 
     def draw(figure: Any) -> None:
         axes = grid(figure, 2)[:, 0]
         triple(axes[0], imu.time, force, linewidth=0.7)
-        finish(axes[0], "specific force, by the calibration in force", "m/s²")
+        finish(axes[0], "specific force with the calibration in use", "m/s²")
         line(
             axes[1],
             imu.time,
@@ -77,14 +79,14 @@ def residuals(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
         axes[1].axhline(
             GRAVITY, color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)), label="gravity"
         )
-        finish(axes[1], "its length", "m/s²")
+        finish(axes[1], "its magnitude", "m/s²")
         axes[1].set_xlabel("s")
 
     found = [
         Picture(
             "Accelerometer",
-            "Each stretch held still is a pose.",
-            "Specific force in x, y and z, and its length beside gravity, over time.",
+            "Each interval at rest is a pose.",
+            "Specific force in x, y and z, and its magnitude next to gravity, over time.",
             3.4,
             styled(draw),
         )
@@ -93,7 +95,7 @@ def residuals(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
 
 
 def inertia(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
-    """Return the pictures of what excited the three axes, and of how the estimates converged."""
+    """Return the figures of the excitation of the three axes and the estimates' convergence."""
     motion = read_run(log.path, MOTION)
     if not motion.has("state", "actuators"):
         raise LogFormatError("the log has no topic state or actuators")
@@ -109,7 +111,7 @@ def inertia(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
         triple(axes[0], state.time, rates, linewidth=0.8)
         finish(axes[0], "angular velocity", "deg/s")
         triple(axes[1], actuators.time, torque, linewidth=0.8)
-        finish(axes[1], "torque, commanded", "mN m")
+        finish(axes[1], "commanded torque", "mN m")
         triple(axes[2], time, found.inertia_b, ("xx", "yy", "zz"))
         for k, truth in enumerate(found.truth_b):
             if np.isfinite(truth):
@@ -126,7 +128,7 @@ def inertia(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
     return [
         Picture(
             "Excitation and convergence",
-            "What the inertia was found from, and how the estimates came to their values.",
+            "Signals that the inertia was estimated from, and the estimates over time.",
             "Angular velocity and commanded torque about x, y and z, and the three estimated "
             "moments of inertia, over time.",
             4.6,
@@ -137,7 +139,7 @@ def inertia(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
 
 
 def residual_pictures(record: CalibrationRecord | None) -> list[Picture]:
-    """Return a bar for each residual of a calibration, one picture; nothing without any."""
+    """Return a bar chart of a calibration's residuals; nothing without any."""
     if record is None or not record.residuals:
         return []
     names = [re.split(r",\s*", name)[0] for name, _ in record.residuals]
@@ -163,7 +165,7 @@ def residual_pictures(record: CalibrationRecord | None) -> list[Picture]:
     return [
         Picture(
             "Residuals",
-            f"Of each {_kind(names)}, from the calibration's own record.",
+            f"Residual of each {_kind(names)}, from the calibration's own record.",
             f"Bars: {len(values)} residuals in {unit or 'their units'}.",
             2.6,
             styled(draw),
@@ -176,7 +178,7 @@ def _kind(names: list[str]) -> str:
 
 
 def _imu(log: RunLog) -> Series:
-    """Read now: other reports do without."""
+    """Read the IMU's columns only when needed: other reports do not use them."""
     found = read_run(log.path, IMU)
     if not found.has("imu"):
         raise LogFormatError("the log has no topic imu")

@@ -14,7 +14,7 @@ class Heading:
 
 @dataclass(frozen=True)
 class Text:
-    """A paragraph; a `warning` is one to be seen."""
+    """A paragraph; a `warning` is highlighted."""
 
     text: str
     warning: bool = False
@@ -22,13 +22,13 @@ class Text:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of words.
+    """A table of texts.
 
     Attributes:
-        title: above it, or what unfolds it.
-        numeric: columns whose cells are numbers.
-        folded: shown on the page only when it is unfolded.
-        widths: of the columns on paper, shares of the whole.
+        title: its caption, or the label that unfolds it.
+        numeric: indices of the columns with numbers.
+        folded: whether the page shows it only when it is unfolded.
+        widths: widths of the columns on paper, as shares of the whole.
     """
 
     title: str
@@ -41,11 +41,11 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """`draw` fills a figure of `height` (in, at a width of WIDTH) with its axes."""
+    """A figure; `draw` fills it with axes, `height` is in inches at a width of WIDTH."""
 
     title: str
     caption: str
-    description: str  # for those who cannot see it
+    description: str  # alternative text for screen readers
     height: float
     draw: Callable[[Any], None]
 
@@ -53,7 +53,7 @@ class Picture:
 Block = Heading | Text | Table | Picture
 
 WIDTH = 7.2
-"""in, of every picture: the width of a page of paper without its margins."""
+"""in, width of every figure: that of a paper page without its margins."""
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""Defaults of the parameters that the station's side knows; a log's own go before them."""
+"""Defaults of the parameters known on the station; those in a log take precedence."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping
 from quadrotor.parameters import ParameterValue
 
 Defaults = Callable[[], Mapping[str, ParameterValue]]
-"""Gives name → default; asked only when a log does not tell."""
+"""Function that returns name → default, called only for logs without defaults."""
 
 
 def known_defaults() -> dict[str, ParameterValue]:
-    """Return the known defaults, without those that only the vehicle's own code has."""
-    # Compiled code comes with these.
+    """Return the known defaults, without those defined in the vehicle's own code."""
+    # Imported here: they load compiled code.
     from bearing_sim.emulator import BearingParameters
     from bearing_sim.tracker import TrackerParameters
     from console.parameters.station import StationParameters

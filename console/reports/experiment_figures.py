@@ -1,4 +1,4 @@
-"""The figures that belong to an experiment: those of the paper, and of calibrations."""
+"""The figures of an experiment: those of the paper, and those of calibrations."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Array = npt.NDArray[np.floating[Any]]
 def experiment_pictures(
     log: RunLog, flight: Flight, judged: Judgement
 ) -> tuple[list[Picture], list[str]]:
-    """Return the pictures, and why one is missing."""
+    """Return the figures, and why any are missing."""
     maker = MAKERS.get(judged.experiment)
     if maker is None:
         return [], []
@@ -48,13 +48,13 @@ def _need(log: RunLog, *topics: str) -> None:
 
 def _motor_bench(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
     _need(log, "bench_reading", "actuators")
-    bench, said = bench_of(log)
+    bench, summary = bench_of(log)
     caption = "Motor calibration: (a) input and output signals, (b) fitted model."
     return [
         Picture(
             "Fig. 2 of the paper",
-            f"{caption} {said}",
-            "At the left motor reference, force and torque over time; at the right the reference "
+            f"{caption} {summary}",
+            "On the left motor reference, force and torque over time; on the right the reference "
             "over the force with the measured steps and the fitted curves.",
             3.9,
             styled(lambda figure: motor_calibration(figure, bench)),
@@ -69,7 +69,7 @@ def _mass(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
         raise LogFormatError("the log has neither state nor truth nor tracker_pose")
     series = log.topics["estimator"]
     mass, variance = series.rows(("mass", "mass_variance")).T
-    told = (series.time, mass, np.sqrt(np.maximum(variance, 0.0)))
+    mass_curve = (series.time, mass, np.sqrt(np.maximum(variance, 0.0)))
     estimate = flight.estimate or shown
     simulated = log.parameters.get("simulator.mass")
     true_mass = judged.metrics.get("truth_kg")
@@ -79,7 +79,7 @@ def _mass(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
     def draw(figure: Any) -> None:
         mass_estimation(
             figure,
-            told,
+            mass_curve,
             (shown.time, shown.position_w),
             (estimate.time, estimate.velocity_w),
             true_mass,
@@ -90,7 +90,7 @@ def _mass(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
         Picture(
             "Fig. 3 of the paper",
             "Mass estimation during a normal flight: (a) estimated mass, (b) position, "
-            "(c) velocity as it was estimated.",
+            "(c) estimated velocity.",
             "Three plots over time: estimated mass with its deviation, position, velocity.",
             5.2,
             styled(draw),
@@ -126,7 +126,7 @@ def _figure_eight(log: RunLog, flight: Flight, judged: Judgement) -> list[Pictur
         Picture(
             "Fig. 4 of the paper",
             f"Tracking of an 8: (a) position ({shown.name}), (b) yaw, (c) position error, (d) yaw "
-            "error; what was less reference.",
+            "error, measured minus reference.",
             "Four plots over time: position with its reference, yaw with its reference, position "
             "error in x, y, z, yaw error.",
             4.4,
@@ -168,7 +168,7 @@ def _bearings(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
 
 
 def _around(time: Array, log: RunLog, behavior: str) -> npt.NDArray[np.bool_]:
-    """Return the stretch of that behaviour with a second at both ends; all, where there is none."""
+    """Return the interval of that behaviour plus a second at both ends; all, if there is none."""
     spans = [one for one in log.spans("status", "behavior") if one[2] == behavior]
     if not spans:
         return np.ones(len(time), bool)

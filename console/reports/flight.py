@@ -1,4 +1,4 @@
-"""A flight as its log has it, on common times: truth, estimate and reference, errors, windows."""
+"""The data of a flight from its log on common times: truth, estimate, reference and errors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = npt.NDArray[np.floating[Any]]
 Flags = npt.NDArray[np.bool_]
 
 LARGEST_GAP = 0.1
-"""s between messages across which nothing is interpolated."""
+"""s, the longest gap between messages that is interpolated."""
 REFERENCE = ("position.x", "position.y", "position.z", "yaw")
 TRACKED = (
     "pose.position.x",
@@ -47,11 +47,11 @@ class Track:
 
 @dataclass(frozen=True)
 class Flight:
-    """The columns of one log that can be laid over each other; None where the log has none of it.
+    """The columns of one log on common times; None where the log has no such data.
 
     Attributes:
         truth: the simulator's, else the tracker's.
-        estimate: what was flown on, at the times of the truth where there is one.
+        estimate: the estimate in use, at the times of the truth where there is one.
         reference: (N, 4) position_w and yaw at the times of `shown`.
     """
 
@@ -61,13 +61,13 @@ class Flight:
 
     @property
     def shown(self) -> Track | None:
-        """Return the best there is of where the vehicle was."""
+        """Return the best available track of the vehicle."""
         return self.truth or self.estimate
 
     @cached_property
     def tracking_error(self) -> tuple[Array, Array]:
-        """Return position (N, 3) m and yaw (N,) rad, at the times of `shown`: what was less
-        reference.
+        """Return the errors of position (N, 3) m and yaw (N,) rad at the times of `shown`:
+        measured minus reference.
         """
         shown = self.shown
         if shown is None:
@@ -77,7 +77,9 @@ class Flight:
 
     @cached_property
     def estimation_error(self) -> tuple[Array, Array, Array]:
-        """Return position (m), velocity (m/s), angles (rad) (N, 3) each: truth less estimate."""
+        """Return the estimate's errors of position (m), velocity (m/s) and angles (rad), each
+        (N, 3): truth minus estimate.
+        """
         truth, known = self.truth, self.estimate
         if truth is None or known is None:
             nothing = np.zeros((0, 3))
@@ -90,7 +92,7 @@ class Flight:
 
 
 def flight_of(log: RunLog) -> Flight:
-    """Return the flight from the columns that the log has; those of state and reference are
+    """Return the flight from the log's columns; those of state and reference are
     freed.
     """
     truth = _odometry(log, "truth", "truth")
@@ -153,7 +155,7 @@ def inside(time: Array, spans: list[tuple[float, float]]) -> Flags:
 
 
 def airborne(log: RunLog) -> list[tuple[float, float]]:
-    """Return when the vehicle flew, s; empty when the log does not show it."""
+    """Return the intervals of flight (s); empty when the log does not show them."""
     status = log.topics.get("status")
     if status is None or "airborne" not in status:
         return []
@@ -170,7 +172,7 @@ def _odometry(log: RunLog, topic: str, name: str, time: Array | None = None) -> 
         return None
     rows: Array = series.take(ODOMETRY)
     if time is not None:
-        quaternion = rows[:, 3:7]  # of one sign, to interpolate between
+        quaternion = rows[:, 3:7]  # with consistent signs, for interpolation
         flips = np.einsum("nk,nk->n", quaternion[1:], quaternion[:-1]) < 0.0
         if flips.any():
             quaternion[np.concatenate([[0], np.cumsum(flips)]) % 2 == 1] *= -1.0

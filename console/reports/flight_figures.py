@@ -1,4 +1,4 @@
-"""Figures of any flight: where it was and should have been, attitude, motors, battery, mass."""
+"""Figures of any flight: position and reference, attitude, motors, battery, mass."""
 
 from __future__ import annotations
 
@@ -30,10 +30,11 @@ REFERENCES = tuple(f"motor_references[{k}]" for k in range(4))
 
 
 def flight_pictures(log: RunLog, flight: Flight, *, standing: bool = False) -> list[Picture]:
-    """Return the pictures of what the log has; empty for a log without any of it.
+    """Return the figures that the log has data for.
 
     Args:
-        standing: it was not meant to fly: no position and attitude.
+        standing: whether the vehicle was not meant to fly; then position and attitude are left
+        out.
     """
     found = []
     if flight.shown is not None and not standing:
@@ -41,8 +42,8 @@ def flight_pictures(log: RunLog, flight: Flight, *, standing: bool = False) -> l
         found.append(_attitude(log, flight))
     if log.has("actuators"):
         found.append(_motors(log))
-    told = ("battery", "status") if standing else ("estimator", "battery", "status")
-    rows = [name for name in told if _shown(log, name)]
+    wanted = ("battery", "status") if standing else ("estimator", "battery", "status")
+    rows = [name for name in wanted if _shown(log, name)]
     if rows:
         found.append(_health(log, rows))
     return found
@@ -60,14 +61,14 @@ def _position(log: RunLog, flight: Flight) -> Picture:
         band(axes[0], shown.time, wanted, "reference")
         finish(axes[0], f"position ({shown.name})", "m")
         triple(axes[1], shown.time, 1e3 * error)
-        finish(axes[1], "position less reference", "mm")
+        finish(axes[1], "position minus reference", "mm")
         triple(axes[2], shown.time, shown.velocity_w)
         finish(axes[2], "velocity", "m/s")
         _times(axes, log)
 
     return Picture(
         "Position",
-        "Where the vehicle was and should have been, the difference, and its velocity.",
+        "Position and reference of the vehicle, the difference, and its velocity.",
         "Three plots over time: position with its reference, position error, velocity; x, y and z.",
         4.4,
         styled(draw),
@@ -89,7 +90,7 @@ def _attitude(log: RunLog, flight: Flight) -> Picture:
         band(axes[0], shown.time, np.degrees(np.unwrap(wanted, axis=0)), "yaw reference")
         finish(axes[0], f"attitude ({shown.name})", "deg")
         line(axes[1], shown.time, np.degrees(yaw_error), color=COLORS[2])
-        finish(axes[1], "yaw less reference", "deg", legend=False)
+        finish(axes[1], "yaw minus reference", "deg", legend=False)
         if rows == 4 and truth is not None:
             triple(axes[2], truth.time, 1e3 * position)
             finish(axes[2], f"estimate: position error to {truth.name}", "mm")
@@ -97,10 +98,10 @@ def _attitude(log: RunLog, flight: Flight) -> Picture:
             finish(axes[3], f"estimate: attitude error to {truth.name}", "deg")
         _times(axes, log)
 
-    more = " What the estimator missed is truth less estimate." if len(position) else ""
+    more = " The estimate's errors are truth minus estimate." if len(position) else ""
     return Picture(
         "Attitude and estimate",
-        f"Roll, pitch and yaw, and how far the yaw was off.{more}",
+        f"Roll, pitch and yaw, and the yaw error.{more}",
         "Plots over time of roll, pitch and yaw, of the yaw error, and of the estimate's errors.",
         4.8 if len(position) else 3.2,
         styled(draw),
@@ -120,12 +121,12 @@ def _motors(log: RunLog) -> Picture:
         scaling = series.rows(("scaling",))[:, 0]
         line(axes[1], series.time, scaling, color=COLORS[0])
         axes[1].set_ylim(-0.05, 1.1)
-        finish(axes[1], "share of the wrench that the motors could give (1: nothing scaled)", "")
+        finish(axes[1], "scaling of the wrench (1: not scaled)", "")
         _times(axes, log)
 
     return Picture(
         "Motors",
-        "What the motors were told, and whether it had to be scaled down.",
+        "References of the motors, and whether the wrench was scaled down.",
         "Two plots over time: references of the four motors, and the scaling of the wrench.",
         3.2,
         styled(draw),
@@ -142,9 +143,9 @@ def _health(log: RunLog, rows: list[str]) -> Picture:
                 deviation = np.sqrt(np.maximum(variance, 0.0))
                 line(axis, series.time, mass, color=COLORS[0], label="estimated")
                 low, high = mass - deviation, mass + deviation
-                told = deviation < 0.05
+                known = deviation < 0.05
                 for edge, label in ((low, "± its standard deviation"), (high, "")):
-                    at = np.where(told, edge, np.nan)
+                    at = np.where(known, edge, np.nan)
                     line(axis, series.time, at, color=QUIET, linewidth=0.7, label=label or None)
                 finish(axis, "mass", "kg")
             elif name == "battery":
@@ -158,18 +159,18 @@ def _health(log: RunLog, rows: list[str]) -> Picture:
         _times(axes, log)
 
     words = {"estimator": "estimated mass", "battery": "battery", "status": "lateness of the loop"}
-    said = ", ".join(words[name] for name in rows)
+    content = ", ".join(words[name] for name in rows)
     return Picture(
-        said[0].upper() + said[1:],
+        content[0].upper() + content[1:],
         "Over the whole run.",
-        f"Plots over time: {said}.",
+        f"Plots over time: {content}.",
         0.5 + 1.15 * len(rows),
         styled(draw),
     )
 
 
 def _shown(log: RunLog, topic: str) -> bool:
-    """Return whether the figure has numbers worth showing."""
+    """Return whether the figure has finite values to show."""
     if not log.has(topic):
         return False
     series = log.topics[topic]

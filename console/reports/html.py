@@ -13,7 +13,7 @@ from console.reports.plots import STYLE
 
 GENERATOR = "quadlab report"
 LARGEST_SVG = 1_000_000
-"""Bytes above which a picture becomes a bitmap of twice the page's resolution."""
+"""Bytes above which a figure becomes a bitmap of twice the page's resolution."""
 STYLE_SHEET = """
 :root { color-scheme: light; }
 body { max-width: 60rem; margin: 2rem auto; padding: 0 1.25rem; background: #fff; color: #1c1c1c;
@@ -50,7 +50,7 @@ LOUD = ("EXCEEDED", "WARNING")
 
 
 def render(report: Report) -> Iterator[str]:
-    """Yield pieces of the page; each picture is drawn when its turn comes."""
+    """Yield the parts of the page; each figure is drawn when it is reached."""
     verdict = report.verdict if report.verdict in WORDS else ""
     facts = "".join(f"<dt>{escape(n)}</dt><dd>{escape(v)}</dd>" for n, v in report.facts)
     yield (
@@ -109,7 +109,7 @@ def _table(table: Table) -> str:
 
 
 def _picture(picture: Picture) -> str:
-    """Return the picture as a data address."""
+    """Return the figure as a data URL."""
     import matplotlib
     from matplotlib.figure import Figure
 

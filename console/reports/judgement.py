@@ -1,4 +1,4 @@
-"""The judgement of a run: by its own result.json, else by its experiment, else by none."""
+"""The judgement of a run: from its result.json, else by its experiment, else none."""
 
 from __future__ import annotations
 
@@ -30,22 +30,24 @@ WINDOWS = {
     ("figure_eight", REST_TO_REST): ("follow_trajectory", 0.0, 0.0),
     ("hover", ""): ("hover", 2.0, 0.0),
 }
-"""Experiment and its kind of laps → behaviour that is judged, s left out at its start and end."""
+"""Experiment and its kind of laps → behaviour that is judged, s excluded at its start and end."""
 LIMITS = {("hover", ""): Hover.limits, **{("figure_eight", k): v for k, v in EIGHT_LIMITS.items()}}
-"""Of those that judge themselves only in the process that flew them."""
+"""The judged behaviours of experiments that only the process that flew them can judge."""
 FLOWN = ("gyroscope", "accelerometer", "motor_bench")
-"""Judged only by the process that flew them: when which step was held is not in the log."""
+"""Experiments judged only by the process that flew them: the log lacks the times of the steps."""
 TOPICS = {"bench_reading": "motor_bench"}
-"""A log whose metadata names no experiment is what its topics make of it."""
+"""The experiment of a log without one in its metadata, guessed from its topics."""
 
 
 @dataclass
 class Judgement:
-    """Attributes:
-    verdict: passed, failed, not_judged or empty; `source` says who judged, or why no one did.
+    """The verdict and the figures of one run.
+
+    Attributes:
+    verdict: passed, failed, not_judged or empty; `source`: who judged, or why there is none.
     metrics, limits: by name, SI units and degrees.
     flight: figures of any flight, by name, with units in the name.
-    windows: what is judged, s since the log's first message; empty when not known.
+    windows: the judged intervals, s since the log's first message; empty when not known.
     """
 
     experiment: str
@@ -61,13 +63,13 @@ class Judgement:
 
     @property
     def kind(self) -> tuple[str, str]:
-        """The experiment, and for an 8 which laps."""
+        """Return the experiment's name and, for an 8, the kind of laps."""
         default = STEADY if self.experiment == "figure_eight" else ""
         return self.experiment, str(self.options.get("laps", default))
 
 
 def experiment_of(log: RunLog) -> str:
-    """Return the experiment's name; empty when the log is of no experiment."""
+    """Return the experiment's name; empty when the log is not of an experiment."""
     if name := log.run.get("experiment", ""):
         return name
     if has_report(log.path):
@@ -87,7 +89,7 @@ def judge(
     result: Result | None = None,
     proposal: CalibrationRecord | None = None,
 ) -> Judgement:
-    """Judge a log; `result` and `proposal` are of who flew it just now. Never raises."""
+    """Judge a log; `result` and `proposal` come from a flight just made. Never raises."""
     out = Judgement(experiment_of(log))
     out.options = {
         name.removeprefix("experiment."): value
@@ -99,7 +101,7 @@ def judge(
     out.windows = windows_of(log, out)
     out.flight = flight_figures(log, flight, out.windows)
     if out.experiment == "motor_bench" and log.has("bench_reading", "actuators"):
-        with suppress(QuadlabError):  # the figure says why there is no fit
+        with suppress(QuadlabError):  # the figure shows why there is no fit
             out.flight = law_figures(log)
     experiment = _made(log, out)
     if result is not None:
@@ -108,31 +110,31 @@ def judge(
         pass
     elif out.experiment in FLOWN:
         out.source = (
-            "not judged: there is no result of the run beside its log; the process that flies it "
-            "judges it (quadlab fly --report, or the station)"
+            "not judged: there is no result.json next to the log; the process that flies the "
+            "experiment judges it (quadlab fly --report, or the station)"
         )
     elif experiment is not None:
         _evaluated(log, out, experiment)
     elif out.experiment:
-        out.source = f"not judged: the experiment {out.experiment} is not one of quadlab's"
+        out.source = f"not judged: {out.experiment} is not an experiment of quadlab"
     else:
-        out.source = "not judged: the log is of no experiment"
+        out.source = "not judged: the log is not of an experiment"
     out.proposal = proposal or out.proposal
     _proposed(log, out, experiment)
     return out
 
 
 def windows_of(log: RunLog, judged: Judgement) -> Spans:
-    """Return what of the flight is judged, as the log alone shows it."""
+    """Return the judged intervals as far as the log alone shows them."""
     if judged.experiment == "bearings":
-        told = log.topics.get("parameter_changes")
+        changes = log.topics.get("parameter_changes")
         begins = [
             (line.time, line.text.endswith("→ 'bearings'"))
             for line in log.lines
             if line.kind == "parameter" and line.text.startswith("estimation.source:")
         ]
         start = next((time for time, on in begins if on), None)
-        if told is None or start is None:
+        if changes is None or start is None:
             return []
         end = next((t for t, on in begins if not on and t > start), log.duration)
         return [(start, end)]
@@ -148,7 +150,7 @@ def windows_of(log: RunLog, judged: Judgement) -> Spans:
 
 
 def flight_figures(log: RunLog, flight: Flight, windows: Spans) -> dict[str, float]:
-    """Return figures of any flight, in the windows, else while it was airborne."""
+    """Return the figures of any flight, in the windows, else while airborne."""
     spans = windows or airborne(log)
     found: dict[str, float] = {}
     if flight.shown is not None and spans:
@@ -176,7 +178,7 @@ def flight_figures(log: RunLog, flight: Flight, windows: Spans) -> dict[str, flo
 
 
 def _made(log: RunLog, out: Judgement) -> Experiment | None:
-    """Return the experiment with the options that the log carries, None for an unknown one."""
+    """Return the experiment with the options in the log, None for an unknown one."""
     if out.experiment not in EXPERIMENTS:
         return None
     experiment = find(out.experiment, log.vehicle or "quad1")
@@ -225,17 +227,17 @@ def _taken(out: Judgement, result: Result, source: str) -> None:
 
 
 def _source(by: str, verdict: str, reason: str) -> str:
-    """Return who judged, or why it was not judged."""
+    """Return who judged the run, or why it was not judged."""
     return f"not judged: {reason}" if verdict == NOT_JUDGED else by
 
 
 def _proposed(log: RunLog, out: Judgement, experiment: object) -> None:
-    """Find the calibration that the run proposed: as it was published, else computed again."""
-    told = log.experiment_text("proposal")
+    """Set the calibration that the run proposed: as published, else computed again."""
+    text = log.experiment_text("proposal")
     out.decision = out.decision or log.experiment_text("decision")
     try:
-        if out.proposal is None and told:
-            out.proposal = parse_record(told)
+        if out.proposal is None and text:
+            out.proposal = parse_record(text)
         elif (
             out.proposal is None
             and isinstance(experiment, Calibrating)

@@ -1,4 +1,4 @@
-"""The tables of what a log holds: parameters, time line, recording, versions."""
+"""The tables of a log's content: parameters, time line, recording, versions."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def parameter_blocks(log: RunLog, judged: Judgement, defaults: Defaults) -> list
         return [*blocks, Text(f"{NOT_RECORDED.capitalize()} in this log.")]
     attached = log.json_attachment("defaults.json")
     if isinstance(attached, Mapping):
-        whose = "the defaults that the log carries"
+        whose = "the defaults in the log"
     else:
-        whose = "the defaults of the version that made this report"
+        whose = "the defaults of the version that wrote this report"
         attached = defaults()
     known = {name: value for name, value in values.items() if name in attached}
     differing = {
@@ -45,7 +45,7 @@ def parameter_blocks(log: RunLog, judged: Judgement, defaults: Defaults) -> list
         if value != attached[name] and not name.endswith(".seed")
     }
     if not known:
-        blocks.append(Text("What the defaults were is not known, so all parameters are listed."))
+        blocks.append(Text("The defaults are not known, so all parameters are listed."))
     elif differing:
         rows = [(n, shown(v), shown(attached[n])) for n, v in sorted(differing.items())]
         blocks.append(
@@ -59,9 +59,9 @@ def parameter_blocks(log: RunLog, judged: Judgement, defaults: Defaults) -> list
         )
         left = len(values) - len(known)
         if left:
-            blocks.append(Text(f"Of {left} more the default is not known; all are listed below."))
+            blocks.append(Text(f"The defaults of {left} more are not known; all are listed below."))
     else:
-        blocks.append(Text(f"None of the {len(known)} that can be compared differs from {whose}."))
+        blocks.append(Text(f"None of the {len(known)} comparable parameters differs from {whose}."))
     rows = [
         (name, shown(value), shown(log.changes[name]) if name in log.changes else "")
         for name, value in sorted(values.items())
@@ -76,7 +76,7 @@ def parameter_blocks(log: RunLog, judged: Judgement, defaults: Defaults) -> list
 
 
 def timeline_blocks(log: RunLog) -> list[Block]:
-    """Return events, warnings, marks, changes of parameters and behaviours in the order of time."""
+    """Return events, warnings, marks, changes of parameters and behaviours in time order."""
     rows = [
         (
             f"{line.time:.2f}",
@@ -104,7 +104,7 @@ def timeline_blocks(log: RunLog) -> list[Block]:
             )
         )
     if not rows:
-        return [*blocks, Text("No event, mark or change of a parameter is in this log.")]
+        return [*blocks, Text("This log has no events, marks or changes of parameters.")]
     title = f"Events, marks and changes of parameters ({len(rows)})"
     blocks.append(
         Table(
@@ -120,7 +120,7 @@ def timeline_blocks(log: RunLog) -> list[Block]:
 
 
 def recording_blocks(log: RunLog) -> list[Block]:
-    """Return topics with their rates and silences; what of the file is missing."""
+    """Return the topics with their rates and gaps, and the missing parts of the file."""
     rows, gaps = [], []
     for name, series in sorted(log.topics.items()):
         span = float(series.time[-1] - series.time[0])
@@ -137,7 +137,7 @@ def recording_blocks(log: RunLog) -> list[Block]:
     if gaps:
         gaps.sort(key=lambda row: float(row[0]))
         more = f", the first {MOST_GAPS}" if len(gaps) > MOST_GAPS else ""
-        title = f"Gaps: silences of more than 4 usual periods and 50 ms ({len(gaps)}{more})"
+        title = f"Gaps longer than 4 usual periods and 50 ms ({len(gaps)}{more})"
         blocks.append(
             Table(
                 title,
@@ -154,13 +154,13 @@ def recording_blocks(log: RunLog) -> list[Block]:
 
 
 def version_blocks(log: RunLog) -> list[Block]:
-    """Return the versions of what recorded the log."""
+    """Return the versions of the software that recorded the log."""
     run = log.run
     if not run:
         return [Heading("Versions"), Text(f"{NOT_RECORDED.capitalize()}: no metadata in this log.")]
     rows = []
     if "git_revision" in run:
-        changed = {"true": ", with changes that were not committed", "false": ""}
+        changed = {"true": ", with uncommitted changes", "false": ""}
         rows.append(
             ("quadlab", f"{run['git_revision']}{changed.get(run.get('git_dirty', ''), '')}")
         )
@@ -175,19 +175,19 @@ def version_blocks(log: RunLog) -> list[Block]:
 
 
 def _link_words(log: RunLog) -> str:
-    said = []
+    lines = []
     if log.has("link_status"):
         link = log.topics["link_status"].rows(("loss", "outages", "outage_total"))
         if len(link):
-            said.append(
-                f"Telemetry that did not come, worst second: {100 * link[:, 0].max():.1f} %; "
-                f"outages of the link: {link[-1, 1]:.0f}, {link[-1, 2]:.1f} s in all."
+            lines.append(
+                f"Lost telemetry in the worst second: {100 * link[:, 0].max():.1f} %; "
+                f"outages of the link: {link[-1, 1]:.0f}, {link[-1, 2]:.1f} s in total."
             )
     if log.has("status"):
         names = ("missed_frames", "damaged_frames", "overruns")
         counts = log.topics["status"].rows(names)
         if len(counts):
-            words = ("samples that never came", "damaged frames", "ticks longer than a period")
-            told = (f"{n:.0f} {word}" for n, word in zip(counts[-1], words, strict=True))
-            said.append(f"The vehicle counted {', '.join(told)}.")
-    return " ".join(said)
+            words = ("missing samples", "damaged frames", "ticks longer than a period")
+            found = (f"{n:.0f} {word}" for n, word in zip(counts[-1], words, strict=True))
+            lines.append(f"The vehicle counted {', '.join(found)}.")
+    return " ".join(lines)

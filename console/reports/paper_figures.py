@@ -1,6 +1,7 @@
-"""Figs. 2, 3, 4 and 6 of the paper, sub-plot by sub-plot as their captions have them.
+"""Figs. 2, 3, 4 and 6 of the paper, with the sub-plots of their captions.
 
-Each function fills an empty figure. Times are s, positions m, angles rad; what is not known is NaN.
+Each function fills an empty figure. Times are in s, positions in m, angles in rad; unknown values
+are NaN.
 """
 
 from __future__ import annotations
@@ -32,12 +33,12 @@ Spans = Sequence[tuple[float, float]]
 
 @dataclass(frozen=True)
 class Bench:
-    """Signals of a motor bench, and what its steps came to.
+    """Signals of a motor bench test, and the results of its steps.
 
     Attributes:
         reference: (N,) counts at `time`. force (N), torque (N m): (M,) at `sensor_time`.
         step_reference, step_force: (K,) counts and N of the steps.
-        fits: name → (force, reference) of a curve. used: which steps the fit is of.
+        fits: name → (force, reference) of a curve. used: which steps are part of the fit.
     """
 
     time: Array
@@ -104,7 +105,7 @@ def mass_estimation(
 
     Args:
         mass: time, kg, and its standard deviation. position, velocity: time and (N, 3).
-        true_mass: kg, NaN or None when no one knows it.
+        true_mass: kg, NaN or None when it is not known.
     """
     axes = grid(figure, 3)[:, 0]
     time, value, deviation = mass
@@ -180,7 +181,7 @@ def state_estimation(
     Args:
         position, angles: true and estimated, (N, 3) each.
         turn: (N, 3) rad, rotation vector from the estimated attitude to the true one.
-        truth: what counts as true.
+        truth: name of the source that counts as true.
     """
     axes = grid(figure, 2, 2)
     triple(axes[0, 0], time, position[0])
@@ -200,4 +201,4 @@ def _share_window(axes: Any, judged: Spans) -> None:
     for axis in axes.flat:
         window(axis, judged)
     for axis in axes[-1]:
-        axis.set_xlabel("s (shaded: what is judged)" if judged else "s")
+        axis.set_xlabel("s (shaded: judged)" if judged else "s")

@@ -1,4 +1,4 @@
-"""The same report on paper: A4 pages, made by matplotlib alone."""
+"""The report as a PDF: A4 pages, made with matplotlib alone."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ TOP, BOTTOM = 0.7, 0.75
 LINE = 0.165  # in, at SIZE
 SIZE = 8.0
 LETTER = 0.0665
-"""in, of an average letter at SIZE; a little wide, so that lines end before the margin."""
+"""in, width of an average letter at SIZE; a little wide, so that lines end before the margin."""
 
 
 class Pages:
-    """Blocks from the top down, a new page when one does not fit."""
+    """Lays out blocks from top to bottom, with a new page when one does not fit."""
 
     def __init__(self, pdf: Any, title: str) -> None:
         self._pdf, self._title = pdf, title
@@ -50,7 +50,7 @@ class Pages:
         self._at += after
 
     def heading(self, text: str, following: float) -> None:
-        """Add a heading; `following`: in, of what must be on the same page."""
+        """Add a heading; `following` is the height (in) that must fit on the same page."""
         self._room(0.6 + following)
         self._at += 0.15
         self._rule("#cccccc")
@@ -193,6 +193,6 @@ def _height(picture: Picture) -> float:
 
 
 def wrapped(text: str, letters: float) -> list[str]:
-    """Return lines of at most so many letters; control characters become spaces."""
+    """Return lines of at most `letters` letters; control characters become spaces."""
     plain = "".join(c if c.isprintable() else " " for c in text)
     return textwrap.wrap(plain, max(4, int(letters)), break_long_words=True) or [""]

@@ -1,7 +1,7 @@
-"""The style of all plots in reports: colours that colour-blind eyes tell apart, calm axes, few
-points.
+"""The style of all plots in reports: colours safe for colour-blind readers, plain axes, thinned
+lines.
 
-matplotlib is imported where a figure is made.
+matplotlib is imported only where a figure is made.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ GOOD = "#009e73"
 AXES = ("x", "y", "z")
 ANGLES = ("roll", "pitch", "yaw")
 POINTS = 1600
-"""Of a line, at most: two a bucket, its lowest and its highest value."""
+"""Largest number of points of a line: the lowest and the highest value of each bucket."""
 STYLE: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "sans-serif"],
@@ -57,7 +57,7 @@ STYLE: Any = {
 
 
 def require_matplotlib() -> None:
-    """Raise UsageError when it is not installed."""
+    """Raise UsageError when matplotlib is not installed."""
     try:
         import matplotlib
     except ImportError:
@@ -68,7 +68,7 @@ def require_matplotlib() -> None:
 
 
 def thinned(time: Array, values: Array, points: int = POINTS) -> tuple[Array, Array]:
-    """Return a line (N,) as at most about `points` points that keep every peak and every hole."""
+    """Return a line (N,) thinned to about `points` points, keeping every peak and every gap."""
     count = len(time)
     if count <= points:
         return time, values
@@ -82,7 +82,7 @@ def thinned(time: Array, values: Array, points: int = POINTS) -> tuple[Array, Ar
     high = np.pad(high, (0, padding), constant_values=-np.inf).reshape(len(edges), size)
     first, second = low.argmin(axis=1) + edges, high.argmax(axis=1) + edges
     chosen = np.stack([np.minimum(first, second), np.maximum(first, second)], axis=1).ravel()
-    # A bucket with a hole in it gives one of its points for the hole.
+    # In a bucket with a gap, one of its points is replaced by the gap.
     holes = np.add.reduceat(hidden, edges) > 0
     nowhere = np.array(
         [
@@ -96,12 +96,12 @@ def thinned(time: Array, values: Array, points: int = POINTS) -> tuple[Array, Ar
 
 
 def line(axis: Any, time: Array, values: npt.NDArray[np.floating], **style: Any) -> None:
-    """Draw a thinned line; where a source was silent for long the line is broken."""
+    """Draw a thinned line, interrupted at long gaps in the data."""
     axis.plot(*thinned(*broken(time, np.asarray(values, np.float64))), **style)
 
 
 def broken(time: Array, values: Array) -> tuple[Array, Array]:
-    """Return time and values with a NaN in each silence of more than eight usual periods and
+    """Return time and values with a NaN in each gap longer than eight usual periods and
     0.1 s.
     """
     if len(time) < 3:
@@ -122,14 +122,14 @@ def triple(
 
 
 def dashed(axis: Any, time: Array, values: Array, label: str) -> None:
-    """Draw the columns of what is compared with, dark and dashed, one entry in the legend."""
+    """Draw the columns of the comparison, dark and dashed, with one entry in the legend."""
     for k in range(values.shape[1]):
         line(axis, time, values[:, k], color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)))
     axis.plot([], [], color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)), label=label)
 
 
 def band(axis: Any, time: Array, values: Array, label: str) -> None:
-    """Draw the columns of what is aimed at as broad pale lines behind the others."""
+    """Draw the columns of the reference as broad pale lines behind the others."""
     style: Any = {"color": "#bdbdbd", "linewidth": 3.2, "solid_capstyle": "butt", "zorder": 1.5}
     for k in range(values.shape[1]):
         line(axis, time, values[:, k], **style)
@@ -137,8 +137,8 @@ def band(axis: Any, time: Array, values: Array, label: str) -> None:
 
 
 def finish(axis: Any, title: str, unit: str, *, legend: bool = True, narrow: bool = False) -> None:
-    """Place the title at the left, the legend next to it at the right; of narrow axes in a line
-    below it.
+    """Place the title on the left and the legend on the right, or below the title for narrow
+    axes.
     """
     axis.set_title(title, pad=17.0 if narrow else None)
     axis.set_ylabel(unit)
@@ -150,7 +150,7 @@ def finish(axis: Any, title: str, unit: str, *, legend: bool = True, narrow: boo
 
 
 def window(axis: Any, spans: Sequence[tuple[float, float]]) -> None:
-    """Shade the spans that are judged."""
+    """Shade the judged intervals."""
     for start, end in spans:
         axis.axvspan(start, end, color="#eef3f7", linewidth=0, zorder=0)
 

@@ -1,6 +1,6 @@
-"""Figures to compare with: the paper's own, and those of an independent simulation of its vehicle.
+"""Reference figures: those of the paper, and those of an independent simulation of its vehicle.
 
-The simulation is the one docs/robustness.md is held against: full sensors (tracker at 100 Hz with
+The simulation is that of docs/robustness.md: full sensors (tracker at 100 Hz with
 1 mm and 0.2°, noisy quantised IMU, whole motor references), written without this project's code.
 """
 
@@ -16,13 +16,13 @@ FRAME = "reasonable for the frame"
 
 @dataclass(frozen=True)
 class ReferenceFigure:
-    """One figure.
+    """One reference figure.
 
     Attributes:
-        what: of which quantity, under which conditions.
-        value: in words with its unit.
-        source: whose, and where.
-        metric: name of the run's own figure to be put next to it; empty when there is none.
+        what: the quantity and the conditions.
+        value: the value as text with its unit.
+        source: where the figure comes from.
+        metric: name of the run's own figure to show next to it; empty when there is none.
         when: options under which the two may be compared.
     """
 
@@ -122,7 +122,7 @@ FIGURES: dict[str, tuple[ReferenceFigure, ...]] = {
     ),
     "mass": (
         ReferenceFigure("mass of the vehicle", "1.308 kg", PAPER + ", Sec. 7"),
-        ReferenceFigure("mass that the paper's flight came to", "1.394 kg", PAPER + ", Sec. 7"),
+        ReferenceFigure("mass estimated in the paper's flight", "1.394 kg", PAPER + ", Sec. 7"),
         ReferenceFigure("the same with a thrust efficiency of 0.938", "1.394 kg", SIMULATION),
         ReferenceFigure("true state", "1.308 ± 0.001 kg", SIMULATION),
         ReferenceFigure("full sensors", "1.317 kg", SIMULATION, "mass_kg"),
@@ -173,4 +173,4 @@ FIGURES: dict[str, tuple[ReferenceFigure, ...]] = {
         ReferenceFigure("resolution of the sensor", "0.586 °/s", PAPER + ", Sec. 2"),
     ),
 }
-"""By experiment."""
+"""The reference figures by experiment."""

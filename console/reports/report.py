@@ -1,4 +1,4 @@
-"""A log's report put together and written: one HTML file and one PDF."""
+"""Assembles and writes the report of a log: one HTML file and one PDF."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import StorageError
 
 MARK = html.GENERATOR.encode()
-"""In every file written here, so that no other one is overwritten."""
+"""Marker in every file written here, so that no other file is overwritten."""
 NAMES = {
     "mass": "Mass estimation",
     "figure_eight": "Figure 8",
@@ -55,15 +55,15 @@ def write_report(
     """Write `folder`/<name of the log>.html, and .pdf; earlier ones of this log are replaced.
 
     Args:
-        result, proposal: of who flew it just now; else its result.json counts, else it is
+        result, proposal: those of a flight just made; else its result.json counts, else the log is
             judged here.
-        defaults: gives those of parameters, for logs that do not carry them.
-        tell: called with the share that is done, 0 to 1.
+        defaults: returns the parameters' defaults, for logs without them.
+        tell: called with the progress, 0 to 1.
 
     Raises:
         UsageError: matplotlib is not installed.
-        StorageError: a file cannot be read or written, or another's stands there.
-        LogFormatError: it is no log, or there is nothing in it.
+        StorageError: a file cannot be read or written, or the target is not a report.
+        LogFormatError: the file is not a log, or it is empty.
     """
     require_matplotlib()
     targets = [folder / f"{log.stem}.{kind}" for kind in (("html", "pdf") if pdf else ("html",))]
@@ -96,7 +96,7 @@ def assemble(
     defaults: Defaults,
     proposal: CalibrationRecord | None = None,
 ) -> Report:
-    """Assemble what the report says; nothing is drawn yet."""
+    """Assemble the content of the report; nothing is drawn yet."""
     flight = flight_of(log)
     judged = judge(log, flight, result, proposal)
     name = judged.experiment
@@ -108,7 +108,7 @@ def assemble(
         lost = log.recovered.get("lost_bytes", "?")
         blocks.append(
             Text(
-                f"The file was torn and mended: {lost} bytes behind the tear are lost "
+                f"The file was torn and repaired: {lost} bytes after the tear are lost "
                 f"({log.recovered.get('reason', '')}).",
                 warning=True,
             )
@@ -180,18 +180,18 @@ def _duration(seconds: float) -> str:
 
 
 def _check_ours(path: Path) -> None:
-    """Raise StorageError when something else is there."""
+    """Raise StorageError when another file would be overwritten."""
     try:
         if path.exists() and (not path.is_file() or MARK not in path.read_bytes()):
             raise StorageError(
-                f"{path} exists and is no report of quadlab; move it away, or try --out FOLDER"
+                f"{path} exists and is not a report of quadlab; move it away, or try --out FOLDER"
             )
     except OSError as error:
         raise StorageError(f"cannot read {path}: {error.strerror}") from error
 
 
 def _replace(path: Path, write: Callable[[Path], None]) -> None:
-    """Replace the whole file, or keep the one before."""
+    """Replace the file atomically."""
     aside = path.with_name(f"{path.name}.new")
     try:
         write(aside)

@@ -1,5 +1,5 @@
-"""The content of a log for a report, read once: columns of numbers, texts, events, what is
-missing.
+"""The content of a log for a report, read once: columns of numbers, texts, events and
+gaps.
 """
 
 from __future__ import annotations
@@ -59,16 +59,16 @@ WANTED: dict[str, tuple[str, ...]] = {
     "bench_reading": ("force", "torque", "speed"),
     "experiment_status": ("name", "run_id", "proposal", "decision"),
 }
-"""Numbers and texts by topic; of every other topic the times alone are read."""
+"""Numeric and text fields by topic; of every other topic only the times are read."""
 LINES = ("/events", "/marks", "/parameter_changes")
-"""Topics of which every message is a line of its own."""
+"""Topics whose messages are single lines."""
 IMU = {"imu": (*_axes("linear_acceleration"), *_axes("angular_velocity"))}
-"""Read when the figures need it."""
+"""Topics that are read only when a figure needs them."""
 MOST_LINES = 2000
 MOST_BYTES = 180_000_000
 """Largest size of stamps and values: above an hour's flight, and ten million bare stamps."""
 ON_CHANGE = ("events", "marks", "parameter_changes", "joy", "stick")
-"""Silent by nature: no gap of theirs is one."""
+"""Topics published on change only, which have no gaps."""
 WARNING = 30  # level of rcl_interfaces/Log
 
 
@@ -88,22 +88,22 @@ class RunLog:
     path: Path
     vehicle: str
     run: dict[str, str]  # metadata `quadlab.run`
-    recovered: dict[str, str]  # metadata `quadlab.recovered`, empty for a log that never was torn
+    recovered: dict[str, str]  # metadata `quadlab.recovered`, empty for a log that was never torn
     attachments: dict[str, bytes]
     start_ns: int
     duration: float  # s
     topics: dict[str, Series]  # by name without the vehicle's
     lines: list[Line]
-    problems: list[str]  # what of the file could not be read
-    changes: dict[str, ParameterValue]  # parameters as they were last changed
+    problems: list[str]  # parts of the file that could not be read
+    changes: dict[str, ParameterValue]  # last values of changed parameters
 
     def has(self, *topics: str) -> bool:
         return all(topic in self.topics for topic in topics)
 
     def experiment_text(self, path: str) -> str:
-        """Return the last one of `experiment_status` that was not empty, while it told of this run.
+        """Return the last `experiment_status` of this run that was not empty.
 
-        The station goes on telling how its last experiment stands, in later runs' logs too.
+        The station keeps publishing the status of its last experiment, also during later runs.
         """
         run_id = self.run.get("run_id") or self.path.stem
         own = [
@@ -111,33 +111,33 @@ class RunLog:
             for start, end, text in self._stretches("experiment_status", "run_id", math.inf)
             if text == run_id
         ]
-        told = self._stretches("experiment_status", path, math.inf)
+        stretches = self._stretches("experiment_status", path, math.inf)
         return next(
             (
                 text
-                for start, end, text in reversed(told)
+                for start, end, text in reversed(stretches)
                 if any(start < own_end and own_start < end for own_start, own_end in own)
             ),
             "",
         )
 
     def spans(self, topic: str, path: str) -> list[tuple[float, float, str]]:
-        """Return start, end (s) and text of the topic's stretches."""
+        """Return start, end (s) and text of the intervals between the topic's changes."""
         return self._stretches(topic, path, self.duration)
 
     def _stretches(self, topic: str, path: str, end: float) -> list[tuple[float, float, str]]:
-        """Return the stretches of a text; the last one lasts until `end`, s."""
-        told = self.topics[topic].changes(path) if topic in self.topics else []
-        ends = [time for time, _ in told[1:]] + [end]
-        return [(t, until, text) for (t, text), until in zip(told, ends, strict=False) if text]
+        """Return the intervals of a text signal; the last one lasts until `end` (s)."""
+        changes = self.topics[topic].changes(path) if topic in self.topics else []
+        ends = [time for time, _ in changes[1:]] + [end]
+        return [(t, until, text) for (t, text), until in zip(changes, ends, strict=False) if text]
 
     @property
     def parameters(self) -> dict[str, ParameterValue]:
-        """Name → value at the start; a station's own begin with `station.`."""
+        """Return name → value at the start; the station's own begin with `station.`."""
         return parameters_of(self.attachments.get("parameters.json"))
 
     def json_attachment(self, name: str) -> Any:
-        """Return the attachment; None when there is none, or it is not JSON."""
+        """Return the attachment, or None when it is missing or not JSON."""
         try:
             return json_value(self.attachments[name])
         except (KeyError, ValueError):
@@ -145,8 +145,8 @@ class RunLog:
 
 
 def read_run(path: Path, wanted: Mapping[str, tuple[str, ...]] = WANTED) -> RunLog:
-    """Read a log for a report. Raises StorageError or LogFormatError when there is nothing in it to
-    report on.
+    """Read a log for a report. Raises StorageError or LogFormatError when it has nothing to
+    report.
     """
     reader = ColumnReader(path, LINES, wanted)
     found = run.read_run(reader, most_payloads=MOST_LINES, most_bytes=MOST_BYTES)
@@ -158,9 +158,9 @@ def read_run(path: Path, wanted: Mapping[str, tuple[str, ...]] = WANTED) -> RunL
     log = found.log
     problems = [f"{topic.lstrip('/')}: {why}" for topic, why in reader.problems.items()]
     if log.tear:
-        problems.insert(0, f"the file is torn: it {log.tear}; what stands before is reported")
+        problems.insert(0, f"the file is torn: it {log.tear}; the part before that is reported")
     if log.damaged_chunks:
-        problems.insert(0, f"{log.damaged_chunks} damaged pieces of the file were passed over")
+        problems.insert(0, f"{log.damaged_chunks} damaged pieces of the file were skipped")
     metadata = log.metadata.get(RUN_METADATA, {})
     return RunLog(
         path,
@@ -179,20 +179,20 @@ def read_run(path: Path, wanted: Mapping[str, tuple[str, ...]] = WANTED) -> RunL
 
 def _lines(topic: str, series: Series, changes: dict[str, ParameterValue]) -> list[Line]:
     found: list[Line] = []
-    marks: dict[str, Line] = {}  # of the messages of one id the newest text counts
-    for t, said in series.lines():
-        who = str(said.get("requester", ""))
+    marks: dict[str, Line] = {}  # the newest text of each id counts
+    for t, message in series.lines():
+        who = str(message.get("requester", ""))
         if topic.endswith("events"):
-            kind = "warning" if int(said.get("level", 0)) >= WARNING else "event"
-            found.append(Line(t, kind, str(said.get("msg", "")), who))
+            kind = "warning" if int(message.get("level", 0)) >= WARNING else "event"
+            found.append(Line(t, kind, str(message.get("msg", "")), who))
         elif topic.endswith("marks"):
-            number = str(said.get("id") or len(marks))
+            number = str(message.get("id") or len(marks))
             at = marks[number].time if number in marks else t
-            marks[number] = Line(at, "mark", str(said.get("text", "")), who)
+            marks[number] = Line(at, "mark", str(message.get("text", "")), who)
         else:
-            name, new = str(said.get("name", "")), said.get("new_value", "")
+            name, new = str(message.get("name", "")), message.get("new_value", "")
             changes[name] = new
-            text = f"{name}: {said.get('old_value', '')!r} → {new!r}"
+            text = f"{name}: {message.get('old_value', '')!r} → {new!r}"
             found.append(Line(t, "parameter", text, who))
     left = len(series) - MOST_LINES
     if left > 0:

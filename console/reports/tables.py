@@ -1,4 +1,4 @@
-"""The tables of what was found: figures against limits and references, calibrations."""
+"""The tables of results: figures against limits and references, calibrations."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterValue
 
 SMALL_MASS = 0.1
-"""kg, below which grams are told."""
+"""kg, below which masses are shown in grams."""
 NOT_RECORDED = "not recorded"
 UNITS = (
     ("_n_m", "mN m", 1e3),
@@ -35,12 +35,12 @@ UNITS = (
     ("_percent", "%", 1.0),
     ("_N", "N", 1.0),
 )
-"""How names of figures end, and what they are shown in."""
+"""Suffixes of figure names, with the unit and the factor they are shown with."""
 IN_METRES = frozenset({"torque_ratio_m", "sag_m"})
 
 
 def figure(name: str, value: float) -> tuple[str, str]:
-    """Return a figure in words: what, and how much with its unit."""
+    """Return a figure as text: its name, and its value with the unit."""
     for ending, unit, factor in UNITS:
         if name.endswith(ending):
             what = name.removesuffix(ending).replace("_", " ")
@@ -54,7 +54,7 @@ def figure(name: str, value: float) -> tuple[str, str]:
 
 
 def number(value: float) -> str:
-    """Return four digits, whole numbers whole."""
+    """Return the number with four digits, integers in full."""
     if not math.isfinite(value):
         return "–"
     if value == int(value) and abs(value) < 1e7:
@@ -63,7 +63,7 @@ def number(value: float) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a parameter's value in words."""
+    """Return a parameter's value as text."""
     if isinstance(value, bool):
         return "on" if value else "off"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
@@ -71,16 +71,16 @@ def shown(value: object) -> str:
 
 # ---------------------------------------------------------------------- figures
 def metrics_blocks(judged: Judgement) -> list[Block]:
-    """Return figures against their limits and, where there are any, against reference figures."""
+    """Return the figures with their limits and, where there are any, reference figures."""
     rows = []
     for name, value in judged.metrics.items():
         limit = judged.limits.get(name)
-        what, said = figure(name, value)
+        what, shown = figure(name, value)
         if limit is None or not math.isfinite(limit):
-            rows.append((what, said, "", ""))
+            rows.append((what, shown, "", ""))
         else:
             kept = "kept" if value <= limit else "EXCEEDED"
-            rows.append((what, said, figure(name, limit)[1], kept))
+            rows.append((what, shown, figure(name, limit)[1], kept))
     blocks: list[Block] = []
     head = ("figure", "this run", "at most", "limit")
     if rows:
@@ -118,7 +118,7 @@ def metrics_blocks(judged: Judgement) -> list[Block]:
         head = ("reference figure", "value", "this run", "whose")
         blocks.append(
             Table(
-                "Beside reference figures",
+                "Comparison with reference figures",
                 head,
                 lines,
                 frozenset({1, 2}),
@@ -130,23 +130,23 @@ def metrics_blocks(judged: Judgement) -> list[Block]:
 
 # ---------------------------------------------------------------------- calibrations
 def proposal_blocks(judged: Judgement, present: Mapping[str, ParameterValue]) -> list[Block]:
-    """Return what the run proposed to calibrate, next to the values that it was flown with."""
+    """Return the calibration that the run proposed, next to the values used in the run."""
     record = judged.proposal
     if record is None:
         return []
     if not record.previous:
         before = {name: present[name] for name in record.values if name in present}
         record = record.model_copy(update={"previous": before})
-    told = {"accepted": "It was accepted.", "rejected": "It was rejected."}.get(
-        judged.decision, "Nobody had accepted or rejected it when this report was made."
+    decision = {"accepted": "It was accepted.", "rejected": "It was rejected."}.get(
+        judged.decision, "It was not accepted or rejected yet when this report was written."
     )
-    blocks: list[Block] = [Heading(f"Calibration found: {record.name}"), Text(told)]
+    blocks: list[Block] = [Heading(f"Calibration found: {record.name}"), Text(decision)]
     blocks += [Text(warning, warning=True) for warning in record.warnings]
     return blocks + _record_tables(record, folded=False)
 
 
 def calibration_blocks(log: RunLog) -> list[Block]:
-    """Return the calibrations in force when the log was begun."""
+    """Return the calibrations in force at the start of the log."""
     blocks: list[Block] = [Heading("Calibrations in force")]
     content = log.json_attachment("calibrations.json")
     if not isinstance(content, Mapping):
@@ -169,7 +169,7 @@ def calibration_blocks(log: RunLog) -> list[Block]:
         rows.append((record.name, day(record.stamp_ns), record.requester, record.run_id, quality))
         details += _record_tables(record, folded=True)
     if not rows:
-        return [*blocks, Text("None: the vehicle flew on the values of its parameters.")]
+        return [*blocks, Text("None: the vehicle used the values of its parameters.")]
     head = ("calibration", "date", "by", "from run", "quality")
     table = Table("", head, rows, widths=(0.14, 0.18, 0.12, 0.22, 0.34))
     return [*blocks, table, *details]
@@ -230,7 +230,7 @@ def _record_tables(record: CalibrationRecord, *, folded: bool) -> list[Block]:
     if record.conditions and not folded:
         blocks.append(
             Table(
-                "Made under",
+                "Conditions",
                 ("condition", "value"),
                 list(record.conditions.items()),
                 widths=(0.3, 0.7),

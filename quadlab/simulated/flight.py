@@ -137,7 +137,7 @@ class SimulatedFlight(SimulatedGuide):
         while not condition(self.view()):
             if self.stack.stamp_ns >= end_ns:
                 raise RefusedError(
-                    f"waited {timeout:g} s for {what} in vain; the vehicle is "
+                    f"timed out after {timeout:g} s waiting for {what}; the vehicle is "
                     f"{self.view().mode}, {self.view().behavior}"
                 )
             for _ in range(5):

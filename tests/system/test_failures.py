@@ -78,7 +78,7 @@ def test_a_killed_station_makes_the_vehicle_brake_and_land_and_its_file_is_recov
     assert landing - braked == pytest.approx(2.0, abs=0.1), events
     assert any(text == "touched down" for _, text in events), events
 
-    landed = "emergency land: station still not heard after"
+    landed = "emergency land: still no heartbeat from the station after"
     assert any(line.startswith(f"vehicle quad1: {landed}") for line in lab.lines)
 
     lab.reach(mode="ready")  # the station is back, and the page with it

@@ -1,1 +1,1 @@
-"""Calibrations on board: applied to samples, kept on disk, chosen at each start."""
+"""Calibrations on board: applied to samples, stored on disk, selected at each start."""

@@ -1,4 +1,4 @@
-"""Gyroscope bias from still samples, at each start and when asked for (Sec. 5.1 of the paper)."""
+"""Gyroscope bias from samples at rest, at each start and on request (Sec. 5.1 of the paper)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from estimation.calibration.gyroscope import GyroscopeCalibration, identify_gyro
 
 
 class GyroCalibration:
-    """Collects N samples, then gives their bias or says why not.
+    """Collects N samples, then returns their bias or raises the reason why there is none.
 
     Args:
-        samples: N.
+        samples: N, the number of samples.
         deviation_max: rad/s, largest standard deviation on any axis.
     """
 
@@ -24,9 +24,10 @@ class GyroCalibration:
     def add(
         self, angular_velocity_b: npt.NDArray[np.float64], *, motors_on: bool = False
     ) -> GyroscopeCalibration | None:
-        """Add one sample (3,) in rad/s; return what was found once N are in, else None.
+        """Add one sample (3,) in rad/s; return the result once there are N, else None.
 
-        Raises MeasurementError when motors run, or the N samples were not still, and starts over.
+        Raises MeasurementError when motors run or the vehicle moved during the N samples; then it
+        starts over.
         """
         if motors_on:
             self._count = 0

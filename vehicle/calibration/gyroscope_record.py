@@ -1,4 +1,4 @@
-"""The drift that flight found, as the calibration that is kept of it."""
+"""Converts the gyroscope drift found by the flight process to a calibration record."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from vehicle.calibration.in_force import GYROSCOPE
 from vehicle.processes.mailbox import GyroscopeFound
 
 ERROR_MAX = 0.03
-"""deg/s, of the mean."""
+"""deg/s, largest standard error of the mean."""
 UNIT = "deg/s"
 DRIFT = "drift "
 AXES = ("x", "y", "z")
 
 
 def gyroscope_record(found: GyroscopeFound) -> CalibrationRecord:
-    """Return the record of a gyroscope calibration that was not refused."""
+    """Return the record of an accepted gyroscope calibration."""
     bias = [math.degrees(value) for value in found.bias_b]
     deviation = [math.degrees(value) for value in found.deviation_b]
     error = max(deviation) / math.sqrt(found.samples)
@@ -47,7 +47,7 @@ def gyroscope_record(found: GyroscopeFound) -> CalibrationRecord:
 
 
 def drift_of(record: CalibrationRecord) -> dict[str, float]:
-    """Return the drift by axis, deg/s rounded to what no gyroscope shows."""
+    """Return the drift by axis, in deg/s, rounded far below the sensor's resolution."""
     return {
         figure.name: round(figure.value, 6)
         for figure in record.figures

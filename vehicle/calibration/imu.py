@@ -3,8 +3,8 @@
     f_b = T (a_m - b),   a_m = scale g (counts - zero)        accelerometer, Sec. 5.2
     omega_b = scale (counts - zero) - drift                   gyroscope, Sec. 5.1
 
-T (3, 3) takes rotation and scale of the mounting, b the accelerometer's bias; both are identified
-once. The gyroscope's drift is found again at each start and is no parameter.
+T (3, 3) contains rotation and scale of the mounting, b is the accelerometer's bias; both are
+identified once. The gyroscope's drift is found again at each start and is not a parameter.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def _matrix_entry(default: float, entry: str) -> float:
         le=1.5,
         step=0.0001,
         flight_step=0.02,
-        description=f"entry {entry} of T of Sec. 5.2: mounting and scale of the accelerometer",
+        description=f"entry {entry} of T in Sec. 5.2: mounting and scale of the accelerometer",
     )
     return value
 
@@ -54,7 +54,7 @@ def _accelerometer_bias(axis: str) -> float:
         le=3.0,
         step=0.001,
         flight_step=0.2,
-        description=f"accelerometer bias b of Sec. 5.2 about its {axis} axis",
+        description=f"accelerometer bias b in Sec. 5.2 along its {axis} axis",
     )
     return value
 
@@ -171,18 +171,18 @@ class ImuCalibrator:
         self.configure(parameters)
 
     def configure(self, parameters: ImuCalibration) -> None:
-        """Take new parameters; the gyroscope drift found at the start stays."""
+        """Set new parameters; the gyroscope drift found at the start is kept."""
         self._calibration = parameters.record()
         self._calibration["gyroscope_bias_b"] = self._gyroscope_bias_b
 
     def set_gyroscope_bias(self, bias_b: npt.NDArray[np.float64]) -> None:
-        """Set the mean (3,) of still samples, rad/s, body axes."""
+        """Set the gyroscope drift: the mean (3,) of samples at rest, rad/s, body axes."""
         self._gyroscope_bias_b = np.array(bias_b, dtype=np.float64)
         self._calibration["gyroscope_bias_b"] = self._gyroscope_bias_b
 
     @property
     def gyroscope_bias_b(self) -> npt.NDArray[np.float64]:
-        """The drift (3,) in use, rad/s, body axes."""
+        """Return the drift (3,) in use, rad/s, body axes."""
         return self._gyroscope_bias_b
 
     def calibrate(self, raw: RawSample, sample: Record) -> None:

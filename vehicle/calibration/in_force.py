@@ -1,4 +1,4 @@
-"""The stored calibrations that count at a start of the vehicle, and the values they set."""
+"""The stored calibrations in force at a start of the vehicle, and the values they set."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from quadrotor.parameters import ParameterStore, ParameterValue
 from vehicle.parameters import check_pairs, new_parameters
 
 GYROSCOPE = "gyroscope"
-"""The one whose drift is found anew at each start."""
+"""Name of the calibration whose drift is found again at each start."""
 
 
 @dataclass
 class StartValues:
-    """The start values that result from the stored calibrations.
+    """The initial parameter values that result from the stored calibrations.
 
     Attributes:
         values: parameters to start with, those given by hand among them.
         refused: stamps (ns) of records that are not in force.
-        lines: for people, with whether something is wrong.
+        lines: lines for the log, each with whether it is a warning.
     """
 
     values: dict[str, ParameterValue] = field(default_factory=dict)
@@ -33,18 +33,18 @@ class StartValues:
 def start_values(
     newest: Iterable[CalibrationRecord], given: Mapping[str, ParameterValue]
 ) -> StartValues:
-    """Put calibrations under what was given by hand (`--set`), which wins.
+    """Combine calibrations with the values given on the command line (`--set`), which win.
 
-    A record goes in whole or not at all: half a calibration is none. One whose values the
-    parameters no longer allow is refused, the others are kept.
+    A record is applied completely or not at all. One whose values the parameters no longer allow
+    is refused; the others are applied.
 
     Args:
-        newest: one a name, oldest first.
+        newest: the newest record of each name, oldest first.
     """
     found = StartValues()
     try:
         ParameterStore(new_parameters()).preset(given)
-    except ParameterError:  # told by who starts with them
+    except ParameterError:  # reported where the vehicle starts with them
         found.values.update(given)
         return found
     taken: list[str] = []
@@ -56,18 +56,17 @@ def start_values(
         except ParameterError as error:
             found.refused.append(record.stamp_ns)
             found.lines.append(
-                (True, f"calibration {told(record)} is not in force: {error}; calibrate anew")
+                (True, f"calibration {described(record)} is not in force: {error}; calibrate again")
             )
             continue
         found.values.update(record.values)
         if record.values and record.values.keys() <= given.keys():
             found.refused.append(record.stamp_ns)
-            found.lines.append(
-                (False, f"calibration {told(record)} is not in force: --set {_text(record, given)}")
-            )
+            why = f"--set {_text(record, given)}"
+            found.lines.append((False, f"calibration {described(record)} is not in force: {why}"))
             continue
         but = f" but for --set {_text(record, given)}" if record.values.keys() & given else ""
-        taken.append(told(record) + but)
+        taken.append(described(record) + but)
     if taken:
         found.lines.append((False, f"calibrations in force: {', '.join(taken)}"))
     found.values.update(given)
@@ -78,8 +77,8 @@ def _text(record: CalibrationRecord, given: Mapping[str, ParameterValue]) -> str
     return ", ".join(f"{name}={given[name]}" for name in record.values if name in given)
 
 
-def told(record: CalibrationRecord) -> str:
-    """Return name, date and who, for one line."""
+def described(record: CalibrationRecord) -> str:
+    """Return name, date and requester of a record in one line."""
     instant = datetime.fromtimestamp(record.stamp_ns / 1e9, UTC)
     who = f" by {record.requester}" if record.requester else ""
     return f"{record.name} of {instant:%Y-%m-%d %H:%M} UTC{who}"

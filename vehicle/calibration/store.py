@@ -1,12 +1,12 @@
-"""The vehicle's calibrations on its disk: every one that was stored, one JSON line each.
+"""The vehicle's store of calibrations: every stored record as one JSON line on disk.
 
-`calibrations/history.jsonl` in the data folder is only ever appended to, each line on the disk
-before anyone is told that it is stored. A line that is no record, torn by a power cut or written
-by something else, is moved to `set_aside.jsonl` beside it. The gyroscope's drift, which the vehicle
-finds and uses before anyone accepts it, replaces a file: `at_start.json` at each start,
-`on_request.json` when asked for. As a history it would grow by a line a start.
+`calibrations/history.jsonl` in the data folder is append-only; each line is synced to disk before
+it is reported as stored. A line that is not a record, because of a power cut or another writer, is
+moved to `set_aside.jsonl` next to it. The gyroscope's drift, which the vehicle finds and uses
+before anyone accepts it, replaces a file: `at_start.json` at each start, `on_request.json` on
+request. In the history it would add a line at each start.
 
-Only the comms process writes; the parent reads, and mends, before it starts comms.
+Only the comms process writes; the parent process reads and repairs it before it starts comms.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ Say = Callable[[str], None]
 
 
 class CalibrationStore:
-    """All records in memory as on disk; from any thread.
+    """All records, in memory and on disk; thread-safe.
 
     Args:
         data: the vehicle's data folder.
-        say: takes a line about what cannot be used.
+        say: takes a line about unusable content.
     """
 
     def __init__(self, data: Path, say: Say) -> None:
@@ -48,23 +48,23 @@ class CalibrationStore:
             self._load()
 
     def newest_first(self) -> list[CalibrationRecord]:
-        """Return the history and what was found at the start, in the order of storage: a clock may
-        have been wrong. What was found on request is included only once it is accepted.
+        """Return the history and the drift found at start-up, in the order of storage, as a clock
+        may have been wrong. A drift found on request is included only once it is accepted.
         """
         return self._with_found(AT_START)[::-1]
 
     def newest(self) -> list[CalibrationRecord]:
-        """Return the newest of each name, found ones included, oldest first."""
+        """Return the newest record of each name, oldest first, including found drifts."""
         newest: dict[str, CalibrationRecord] = {}
         for record in reversed(self._with_found(AT_START, ON_REQUEST)):
             newest.setdefault(record.name, record)
         return list(newest.values())[::-1]
 
     def append(self, record: CalibrationRecord) -> None:
-        """Append to the history, on the disk when this returns. Raises StorageError: not stored."""
+        """Append to the history, synced when this returns. Raises StorageError if not stored."""
         line = encoded(record)
         with self._lock:
-            if self._unread:  # what stands there must not be added to unseen
+            if self._unread:  # do not append to a file that cannot be read
                 raise StorageError(f"calibration not stored: {self._unread}")
             try:
                 self._folder.mkdir(parents=True, exist_ok=True)
@@ -78,8 +78,8 @@ class CalibrationStore:
             self._history.append(record)
 
     def replace(self, file: str, record: CalibrationRecord) -> None:
-        """Replace what was found: AT_START or ON_REQUEST. Raises StorageError; it counts all the
-        same.
+        """Replace the found drift: AT_START or ON_REQUEST. Raises StorageError; it is in use
+        nevertheless.
         """
         with self._lock:
             self._found[file] = record
@@ -93,7 +93,7 @@ class CalibrationStore:
                 ) from error
 
     def _with_found(self, *files: str) -> list[CalibrationRecord]:
-        """Return the history, oldest first, with those in their places by stamp."""
+        """Return the history, oldest first, with these records inserted by stamp."""
         with self._lock:
             kept = list(self._history)
             found = [self._found[file] for file in files if file in self._found]
@@ -129,7 +129,7 @@ class CalibrationStore:
     ) -> None:
         count = "a line" if len(foreign) == 1 else f"{len(foreign)} lines"
         try:
-            for line in foreign:  # there first: a crash in between leaves them twice, never none
+            for line in foreign:  # copied first: a crash in between duplicates, never loses them
                 _append(self._folder / SET_ASIDE, line + b"\n")
             _replace(path, b"".join(map(encoded, kept)))
         except OSError as error:
@@ -147,7 +147,7 @@ def encoded(record: CalibrationRecord) -> bytes:
 
 
 def parse_stored(line: bytes) -> CalibrationRecord:
-    """Parse a stored line. Raises MeasurementError that says why it is no record."""
+    """Parse a stored line. Raises MeasurementError with the reason why it is not a record."""
     if len(line) > RECORD_BYTES_MAX:
         raise MeasurementError(
             f"no calibration record: {len(line)} bytes long, at most {RECORD_BYTES_MAX}"
@@ -160,7 +160,7 @@ def parse_stored(line: bytes) -> CalibrationRecord:
 
 
 def _sorted_out(lines: list[bytes]) -> tuple[list[CalibrationRecord], list[bytes], str]:
-    """Return records, lines that are none, and what is wrong with the first of those."""
+    """Return the records, the invalid lines, and what is wrong with the first of those."""
     kept, foreign, why = list[CalibrationRecord](), list[bytes](), ""
     for line in lines:
         if not line.strip():
@@ -174,7 +174,7 @@ def _sorted_out(lines: list[bytes]) -> tuple[list[CalibrationRecord], list[bytes
 
 
 def _append(path: Path, line: bytes) -> None:
-    """Append a line whole and on the disk, or not at all. Raises OSError."""
+    """Append a complete line and sync it, or change nothing. Raises OSError."""
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
     try:
         size = os.fstat(descriptor).st_size
@@ -192,7 +192,7 @@ def _append(path: Path, line: bytes) -> None:
 
 
 def _replace(path: Path, content: bytes) -> None:
-    """Replace the content: the old or the new one stays, whatever happens. Raises OSError."""
+    """Replace the content atomically. Raises OSError."""
     part = path.with_suffix(".part")
     try:
         descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)

@@ -14,7 +14,7 @@ from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
 from quadrotor.parameters import ParameterValue
 from vehicle.calibration.gyroscope_record import drift_of, gyroscope_record
-from vehicle.calibration.in_force import GYROSCOPE, told
+from vehicle.calibration.in_force import GYROSCOPE, described
 from vehicle.calibration.store import AT_START, ON_REQUEST, CalibrationStore, encoded, parse_stored
 from vehicle.comms.commands import FlightMailbox
 from vehicle.processes import mailbox
@@ -193,7 +193,7 @@ class Calibrations:
     def _tell(self, record: CalibrationRecord) -> None:
         values = ", ".join(f"{name} = {_short(value)}" for name, value in record.values.items())
         run = f" from {record.run_id}" if record.run_id else ""
-        text = f"calibration stored: {told(record)}{run}{': ' if values else ''}{values}"
+        text = f"calibration stored: {described(record)}{run}{': ' if values else ''}{values}"
         self._say(mailbox.INFO, text)
 
 

@@ -1,1 +1,1 @@
-"""The estimators on board: what feeds them, which one is flown on, how they are watched."""
+"""The estimators on board: their inputs, the choice of the one in use, and their monitoring."""

@@ -1,4 +1,4 @@
-"""Tells people when measurements and the estimate in use do not agree: flags and lines."""
+"""Reports with flags and log lines when measurements and the estimate in use disagree."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from vehicle.flight.modes import Flag
 from vehicle.processes import mailbox
 
 HOLD_NS = 1_000_000_000
-"""A flag stays for so long after its cause: a single outlier lasts 10 ms."""
+"""How long a flag stays set after its cause: a single outlier lasts only 10 ms."""
 QUIET_NS = 5_000_000_000
-"""Between two lines about single measurements that were refused."""
+"""Least time between two lines about single refused measurements."""
 
 _FLAGS = {
     Agreement.REFUSED: int(Flag.MEASUREMENTS_REFUSED),
@@ -25,7 +25,7 @@ _FLAGS = {
 
 
 class AgreementWatch:
-    """Follows the field `agreement` of the estimator in use.
+    """Monitors the field `agreement` of the estimator in use.
 
     Args:
         say: takes a line for the log and its level.
@@ -40,24 +40,26 @@ class AgreementWatch:
         self.begin()
 
     def begin(self) -> None:
-        """Begin with another estimator in use: what was reported of the last one does not count."""
+        """Begin again with another estimator; reports about the previous one do not count."""
         self.flags, self._end_ns = 0, 0
         self._agreement = Agreement.USED
         self._refused: int | None = None  # not received yet
-        self._told = 0
+        self._reported = 0
         self._farthest = self._largest = 0.0
 
     def step(self, now_ns: int) -> None:
-        """End the flags by themselves; called once a tick while there are any."""
+        """Clear flags that have expired; called once a tick while any is set."""
         if now_ns >= self._end_ns:
             self.flags = 0
 
     def look(self, estimate: Record, now_ns: int) -> None:
-        """Watch the ESTIMATE (1,) that the estimator reported after a measurement."""
+        """Check the ESTIMATE (1,) that the estimator reported after a measurement."""
         refused = int(estimate["measurements_refused"][0])
         now, before = Agreement(int(estimate["agreement"][0])), self._agreement
         if self._refused is None:
-            self._refused = self._told = refused - (now in (Agreement.REFUSED, Agreement.JUMPED))
+            self._refused = self._reported = refused - (
+                now in (Agreement.REFUSED, Agreement.JUMPED)
+            )
         fresh = refused != self._refused
         if now is before and not fresh and now is not Agreement.DRIFTED:
             return
@@ -66,7 +68,7 @@ class AgreementWatch:
         far, turn = math.sqrt(x * x + y * y + z * z), math.sqrt(a * a + b * b + c * c)
         if fresh:
             self._farthest, self._largest = max(self._farthest, far), max(self._largest, turn)
-        self._told = min(self._told, refused)  # it was reset
+        self._reported = min(self._reported, refused)  # it was reset
         self._refused, self._agreement = refused, now
         flags = _FLAGS[now]
         if flags:
@@ -81,15 +83,13 @@ class AgreementWatch:
     ) -> None:
         if now is Agreement.JUMPED:
             self._warn(
-                f"the tracker jumped: poses came {size} from their prediction at once, and agree "
+                f"the tracker jumped: poses are suddenly {size} from their prediction, and agree "
                 "with each other; they are refused for now"
             )
         elif now is Agreement.DRIFTED:
             self._warn(f"the estimate drifted: poses are {size} from their prediction")
         elif now is Agreement.MOVED:
-            self._warn(
-                f"the estimate was moved by {size} to where poses now are{self._count(refused)}"
-            )
+            self._warn(f"the estimate was moved by {size} to the poses{self._count(refused)}")
         elif now is Agreement.USED and before is Agreement.JUMPED:
             self._warn(f"poses agree with the estimate again{self._count(refused)}")
         elif now is Agreement.USED and self._is_news(refused, now_ns):
@@ -98,11 +98,11 @@ class AgreementWatch:
             self._warn(f"measurements up to {farthest} from their prediction{self._count(refused)}")
 
     def _is_news(self, refused: int, now_ns: int) -> bool:
-        return refused > self._told and now_ns - self._said_ns > QUIET_NS
+        return refused > self._reported and now_ns - self._said_ns > QUIET_NS
 
     def _count(self, refused: int) -> str:
-        count = refused - self._told
-        self._told, self._farthest, self._largest = refused, 0.0, 0.0
+        count = refused - self._reported
+        self._reported, self._farthest, self._largest = refused, 0.0, 0.0
         return f"; {count} refused"
 
     def _warn(self, line: str) -> None:

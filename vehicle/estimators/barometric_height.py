@@ -1,28 +1,28 @@
-"""Height and climb rate by barometer and accelerometer alone, whatever the estimator believes."""
+"""Height and climb rate from barometer and accelerometer, independent of the estimator."""
 
 from __future__ import annotations
 
 from quadrotor.vehicle_model import GRAVITY
 
 PASCALS_PER_METRE = 11.6
-"""Standard atmosphere in the lowest few hundred metres."""
+"""Pressure gradient of the standard atmosphere in the lowest few hundred metres."""
 FARTHEST = 2.0
-"""m, ten deviations: a reading further off counts as this far, for a damaged frame whose checksum
-fits by chance can hold any."""
+"""m, ten standard deviations: larger errors are clipped to this, because a damaged frame whose
+checksum fits by chance can contain any value."""
 POLE = 1.2
-"""rad/s, three times: the barometer's noise of 0.2 m gives a climb rate good to 0.02 m/s."""
+"""rad/s, triple pole: the barometer's noise of 0.2 m gives a climb rate good to 0.02 m/s."""
 LONGEST_HELD = 0.05
-"""s that one reading counts for: after a gap it would else throw the height beyond itself."""
+"""s, the longest step of one reading: after a gap the correction would overshoot otherwise."""
 
 
 class BarometricHeight:
-    """An observer of height, climb rate and what the accelerometer is wrong by.
+    """An observer of height, climb rate and accelerometer bias.
 
-    The vehicle is taken for nearly level: a tilt of 20 degrees looks like 0.6 m/s² downwards, for
-    as long as it lasts.
+    The vehicle is assumed to be nearly level: a tilt of 20 degrees looks like 0.6 m/s² downwards
+    while it lasts.
 
     Attributes:
-        height: m over where `stand` was called last. climb: m/s.
+        height: m above the place where `stand` was called last. climb: m/s.
     """
 
     def __init__(self) -> None:
@@ -30,15 +30,15 @@ class BarometricHeight:
         self._ground: float | None = None  # Pa
 
     def stand(self, pressure: float, dt: float) -> None:
-        """Set where height begins; on the ground, motors off."""
+        """Set the zero of the height, on the ground with motors off."""
         if self._ground is None:
             self._ground = pressure
         self._ground += min(1.0, dt) * (pressure - self._ground)
         self.height = self.climb = self._bias = 0.0
 
     def step(self, pressure: float, lift: float, dt: float) -> None:
-        """Take one sample: pressure (Pa) and specific force along z_B (m/s²), dt (s) after the
-        last.
+        """Update with one sample: pressure (Pa) and specific force along z_B (m/s²), dt (s) after
+        the last.
         """
         if self._ground is None:
             self._ground = pressure

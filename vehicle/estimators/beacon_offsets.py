@@ -1,8 +1,8 @@
-"""Finds a beacon whose bearings are off on average, and names it.
+"""Detects a beacon whose bearings have a mean error, and identifies it.
 
-Noise averages out, a beacon that stands elsewhere or is seen with a bias does not. Over the last
-seconds each beacon has a mean residual e (tangent, 2 numbers of variance sigma^2 / N). An error
-delta of the pose that the residuals are taken at shows in all of them, e = H delta with
+Noise averages out; a misplaced beacon or a biased measurement does not. Over the last seconds
+each beacon has a mean residual e (tangent, 2 numbers of variance sigma^2 / N). An error
+delta of the pose used for the residuals appears in all of them, e = H delta with
 H = [-(I - d d^T) / rho, -[d] cross] at the direction d and distance rho, so that one beacon that
 is off pulls the estimate and spreads over the residuals of all. Hence two questions:
 
@@ -33,37 +33,38 @@ FALSE_ALARM = 1e-6
 _DEVIATIONS = 4.753
 """Standard deviations that a Gaussian exceeds with that probability."""
 MARGIN = 20.0
-"""By which a beacon must explain more chi-square than any other: odds of e^10."""
+"""Margin by which a beacon must explain more chi-square than any other: odds of e^10."""
 TRACKER = np.repeat([0.02, math.radians(1.0)], 3)
-"""Deviations (m, rad) of the tracker's pose, its delay and its alignment to the body included."""
+"""Deviations (m, rad) of the tracker's pose, including its delay and alignment to the body."""
 ANYWHERE = np.repeat([1.0, 1.0], 3)
-"""Variance of a pose of which only is known that it is near."""
+"""Variance of a pose that is only known roughly."""
 LEAST = 4
-"""Beacons with which residuals say something at all."""
+"""Least number of beacons for meaningful residuals."""
 FEWEST_FRAMES = 15.0
-"""Frames' worth of means below which nothing is judged."""
+"""Least number of frames in the means before anything is judged."""
 LARGEST = 10.0
-"""sigma; a residual counts as at most so much, lest one swapped identity be taken for a bias."""
+"""sigma, the limit that residuals are clipped to, so that one swapped id does not look like a
+bias."""
 PERIOD = 0.2
-"""s between two judgements."""
+"""s between two tests."""
 NEAREST = 0.05
-"""m; a beacon nearer than this has no direction worth using."""
+"""m; the direction to a nearer beacon is not used."""
 
 
 @dataclass(frozen=True, slots=True)
 class Offset:
-    """A beacon (None: which one cannot be told) whose bearings are off by `angle` (rad)."""
+    """A beacon whose bearings are off by `angle` (rad); None when it cannot be identified."""
 
     beacon: Hashable | None
     angle: float
 
 
 class BeaconOffsets:
-    """Mean residuals of each beacon over an exponential window, judged some times a second.
+    """Mean residuals of each beacon over an exponential window, tested several times a second.
 
     Attributes:
-        window: s, time constant of the means. largest: rad, a mean offset that is still good.
-        suspect: the beacon that is off, None while all fit together.
+        window: s, time constant of the means. largest: rad, the largest acceptable mean offset.
+        suspect: the beacon that is off, None while all are consistent.
     """
 
     def __init__(self, window: float = 2.0, largest: float = math.radians(1.5)) -> None:
@@ -71,7 +72,7 @@ class BeaconOffsets:
         self.begin()
 
     def begin(self) -> None:
-        """Forget what was."""
+        """Discard all means."""
         self.suspect: Offset | None = None
         self._rows: dict[Hashable, int] = {}
         self._tracked = False
@@ -91,10 +92,10 @@ class BeaconOffsets:
         quaternion_wb: Array,
         tracked: bool,
     ) -> None:
-        """Take one frame.
+        """Add one frame.
 
         Args:
-            time: s. beacons: (N,) what each is known by. places_w: (N, 3) m.
+            time: s. beacons: (N,) their ids. places_w: (N, 3) m.
             bearings_b: (N, 3) unit. sigma: rad. position_w: (3,) m and quaternion_wb: (4,), the
                 pose at that time. tracked: whether that is the tracker's, else an estimate from
                 bearings.
@@ -177,7 +178,7 @@ class BeaconOffsets:
 
 
 class _Fit:
-    """Least squares of a pose error on the mean residuals of n beacons."""
+    """Fits a pose error to the mean residuals of n beacons by least squares."""
 
     def __init__(self, means: Array, deviations: Array) -> None:
         e, d, inverse_distance = means[:, :3], means[:, 3:6], means[:, 6]
@@ -195,7 +196,7 @@ class _Fit:
         self._costs = (self.e**2).sum(axis=1) * weights
 
     def chi_square(self, deviations: Array) -> float:
-        """Return what no pose error of these deviations (6,) explains."""
+        """Return the chi-square that no pose error of these deviations (6,) explains."""
         A = self._information.sum(axis=0) + np.diag(1.0 / deviations**2)
         g = self._gradient.sum(axis=0)
         return float(self._costs.sum() - g @ np.linalg.solve(A, g))
@@ -212,7 +213,7 @@ class _Fit:
 
 
 def _bound(freedom: int) -> float:
-    """Return what a chi-square exceeds with probability FALSE_ALARM (Wilson and Hilferty, 1931)."""
+    """Return the chi-square quantile for FALSE_ALARM (Wilson and Hilferty, 1931)."""
     if freedom <= 0:
         return math.inf
     share = 2.0 / (9.0 * freedom)

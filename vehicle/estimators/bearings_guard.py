@@ -1,9 +1,9 @@
-"""The guard of flight on bearings: from where, within which walls, and back to the tracker.
+"""The guard of flight on bearings: where it may begin, its limits, and the way back to the tracker.
 
 Below the height and outside the envelope of the parameters `beacons.*` bearings are too weak to
-fly on, so they are neither handed over to there nor flown to. Back to the tracker the vehicle
-goes by itself when `vehicle.estimators.bearings_watch` says so and for landing;
-to bearings only on request.
+fly on, so hand-overs there are refused and the vehicle does not fly there on them. It returns to
+the tracker automatically when `vehicle.estimators.bearings_watch` demands it and for landing; it
+changes to bearings only on request.
 """
 
 from __future__ import annotations
@@ -27,16 +27,17 @@ from vehicle.safety.ground_contact import GroundContact
 
 LAYOUT = "beacons.layout"
 STEADY = (BehaviorName.HOVER, BehaviorName.VELOCITY, BehaviorName.BRAKE)
-"""From these bearings may be taken over: what they fly stays within walls set anew."""
+"""Behaviors in which a hand-over to bearings is allowed: they stay within the new limits."""
 
 
 @dataclass(frozen=True, slots=True)
 class WayBack:
-    """What ends a flight on bearings.
+    """The way a flight on bearings ends.
 
     Attributes:
-        why: for people. level: of that line in the log.
-        values: parameters to apply, of the flight on the tracker; empty without a tracker: land.
+        why: the reason, for the log. level: the level of that line.
+        values: parameters to apply for flight on the tracker; empty when there is no tracker, then
+        the vehicle lands.
     """
 
     why: str
@@ -45,10 +46,10 @@ class WayBack:
 
 
 class BearingsGuard:
-    """Gate, walls and way back.
+    """Decides when bearings may be used, within which limits, and when to go back to the tracker.
 
     Attributes:
-        on: bearings are used, alone or next to poses; then `step` is due each tick.
+        on: whether bearings are used, alone or with poses; if so, call `step` each tick.
         flags: bits of vehicle.flight.modes.Flag.
     """
 
@@ -77,7 +78,7 @@ class BearingsGuard:
             )
 
     def check(self, values: Mapping[str, ParameterValue], armed: bool) -> None:
-        """Raise RefusedError when a change of parameters may not act now."""
+        """Raise RefusedError when a change of parameters is not allowed now."""
         p, source = self._parameters.beacons, self._navigation.source
         if not armed:
             return
@@ -106,13 +107,13 @@ class BearingsGuard:
                 )
         if self._behaviors.name not in STEADY:
             raise RefusedError(
-                f"hand-over refused during {self._behaviors.name.name.lower()}, whose way may "
+                f"hand-over refused during {self._behaviors.name.name.lower()}, whose path may "
                 "leave the envelope for bearings; request brake and wait for hover"
             )
 
     # ------------------------------------------------------------------ walls
     def configure(self) -> None:
-        """Follow changed parameters, perhaps another source in use: walls and flags are set."""
+        """Set limits and flags for changed parameters or another source."""
         source = self._navigation.source
         alone, before = source == BEARINGS, self._alone
         self.on, self._alone = source != POSES, alone
@@ -126,11 +127,11 @@ class BearingsGuard:
             self._behaviors.request("velocity", {}, self._state, armed=True, airborne=True)
 
     def begin_flight(self) -> None:
-        """Forget at arming what happened in the last flight."""
+        """Clear the state of the last flight, at arming."""
         self.flags &= ~int(Flag.FELL_BACK)
 
     def _envelope(self) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
-        """Return lowest and highest x, y, z (m, world axes) to fly on bearings."""
+        """Return lowest and highest x, y, z (m, world axes) allowed for flight on bearings."""
         p = self._parameters.beacons
         far, low = p.envelope_xy, self._ground.ground_z + p.height_min
         return (-far, far), (-far, far), (low, p.envelope_z_max)
@@ -144,10 +145,10 @@ class BearingsGuard:
 
     # ------------------------------------------------------------------ the way back
     def step(self, armed: bool) -> WayBack | None:
-        """Make one tick while bearings are used, and return what is to end that now.
+        """Check one tick while bearings are used; return the way back if one is due.
 
         Args:
-            armed: the mode the vehicle flies in.
+            armed: whether the vehicle is in the mode it flies in.
         """
         navigation = self._navigation
         verdict = navigation.watch.verdict

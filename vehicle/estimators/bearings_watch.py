@@ -1,8 +1,8 @@
-"""A watch over whether bearings may go on being flown on, from the innovations of what is flown on.
+"""Monitors from the innovations whether flight on bearings may continue.
 
-Independent of the estimator: each bearing is compared with the direction that the estimate, as it
-was at the frame's stamp, sees the beacon in. Squared and divided by what the sensor's noise and
-the estimate's own deviations explain, the mean is 1 for a consistent estimate.
+It is independent of the estimator: each bearing is compared with the direction to the beacon
+according to the estimate at the frame's stamp. The squared angle over its expected variance, from
+the sensor's noise and the estimate's own deviations, has mean 1 for a consistent estimate.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ Past = tuple[int, Array, Array]
 """Stamp (ns), position_w (3,) m and quaternion_wb (4,) of an estimate."""
 
 UNKNOWN = Deviations(position=0.1, velocity=0.2, attitude=math.radians(1.5))
-"""Taken for an estimator without a covariance."""
+"""Deviations assumed for an estimator without a covariance."""
 FEWEST_FRAMES = 5
-"""Fewer in the window tell nothing."""
+"""Least number of bearings in the window for a judgement."""
 IN_A_ROW = 10
-"""Poses that must disagree one after the other: 0.1 s of a 100 Hz tracker."""
+"""Number of successive poses that must disagree: 0.1 s of a 100 Hz tracker."""
 
 
 class BearingsWatch:
-    """Judges the estimate in use while bearings are flown on.
+    """Judges the estimate in use during flight on bearings.
 
     Args:
         parameters: read at each frame.
 
     Attributes:
-        verdict: why bearings are not to be flown on any more, with its numbers; None while all
-            is well. It stays until `begin`.
+        verdict: why flight on bearings has to end, with numbers; None while all is well. It
+        stays until `begin`.
         offsets: whether the bearings of one beacon are off on average.
     """
 
@@ -55,7 +55,7 @@ class BearingsWatch:
         self._apart = 0
 
     def begin(self) -> None:
-        """Forget what was: bearings are flown on from now."""
+        """Clear the history: flight on bearings begins now."""
         self.verdict = None
         self.offsets.begin()
         self._past.clear()
@@ -64,21 +64,21 @@ class BearingsWatch:
         self._apart = 0
 
     def remember(self, stamp_ns: int, state: Record, tracked: Record | None = None) -> None:
-        """Remember the estimate of one tick, a STATE of shape (1,), and that of the tracker's
+        """Store the estimate of one tick, a STATE of shape (1,), and the one from the tracker's
         poses.
         """
         for past, one in ((self._past, state), (self._tracked, tracked)):
             if one is not None:
                 pose = one["position_w"][0].copy(), one["quaternion_wb"][0].copy()
                 past.append((stamp_ns, *pose))
-            while past and past[0][0] < stamp_ns - LATEST_NS:  # a frame as late is not used
+            while past and past[0][0] < stamp_ns - LATEST_NS:  # frames this late are not used
                 past.popleft()
 
     def frame(self, frame: Record, deviations: Deviations | None, now_ns: int) -> list[int]:
         """Judge one BEARINGS_SAMPLE (1,) before it is applied.
 
-        Returns the rows of those bearings that passed the gate; all when the estimate at the
-        frame's stamp is not known, or nothing is to be judged.
+        Returns the rows of the bearings that passed the gate; all of them when the estimate at
+        the frame's stamp is not known, or when judging is off.
         """
         f = frame[0]
         count = int(f["count"])
@@ -95,7 +95,7 @@ class BearingsWatch:
             deviations or UNKNOWN,
         )
         gate = 0.5 * p.gate**2  # the mean of two squares
-        passed = [k for k, square in enumerate(squares) if square < gate]  # NaN does not
+        passed = [k for k, square in enumerate(squares) if square < gate]  # NaN does not pass
         total = sum(squares[k] for k in passed)
         self._frames.append((now_ns, count, count - len(passed), total))
         while self._frames[0][0] < now_ns - 1e9 * p.window:
@@ -104,11 +104,11 @@ class BearingsWatch:
         return passed
 
     def average(self, frame: Record, ids: Sequence[int], tracked: bool) -> None:
-        """Take one BEARINGS_SAMPLE (1,) for the mean residual of each beacon.
+        """Add one BEARINGS_SAMPLE (1,) to the mean residual of each beacon.
 
         Args:
-            ids: of its bearings. tracked: whether the estimate of the tracker's poses is good, so
-                that the residuals are taken from there.
+            ids: of its bearings. tracked: whether the estimate from the tracker's poses is good
+            and therefore used for the residuals.
         """
         f = frame[0]
         stamp_ns, count = int(f["stamp_ns"]), int(f["count"])
@@ -134,7 +134,7 @@ class BearingsWatch:
             self._say(f"no frame of bearings applied for {age:.2f} s")
 
     def pose(self, apart: Difference) -> None:
-        """Watch how far the estimate is from that of the tracker's poses, once a pose."""
+        """Check the distance between the estimate and that of the tracker's poses, once a pose."""
         p = self.parameters
         near = apart.position <= p.disagreement_max and apart.attitude <= math.radians(
             p.disagreement_attitude_max
@@ -148,14 +148,14 @@ class BearingsWatch:
 
     @property
     def rejected(self) -> float:
-        """Return share of the bearings in the window that were beyond the gate."""
+        """Return the share of the bearings in the window that were beyond the gate."""
         seen = sum(count for _, count, _, _ in self._frames)
         return sum(frame[2] for frame in self._frames) / max(seen, 1)
 
     @property
     def consistency(self) -> float:
-        """Return the mean of the normalised squares in the window, of those that passed; about 1 or
-        below.
+        """Return the mean of the normalised squares in the window that passed the gate; about 1
+        or below.
         """
         passed = sum(count - rejected for _, count, rejected, _ in self._frames)
         return sum(frame[3] for frame in self._frames) / max(passed, 1)
@@ -189,7 +189,7 @@ class BearingsWatch:
 
 
 def _at(kept: deque[Past], stamp_ns: int) -> Past | None:
-    """Return the estimate kept nearest behind this time; of a frame ahead, the newest."""
+    """Return the newest stored estimate not after this time."""
     for past in reversed(kept):
         if past[0] <= stamp_ns:
             return past
@@ -204,7 +204,7 @@ def normalised_squares(
     sigma: float,
     deviations: Deviations,
 ) -> list[float]:
-    """Return squared angle between each bearing and its prediction over its expected value.
+    """Return the squared angle between each bearing and its prediction over its expected value.
 
     Args:
         position_w: (3,) m. quaternion_wb: (4,). beacons_w: (N, 3) m. bearings_b: (N, 3) unit.

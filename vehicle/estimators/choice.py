@@ -1,8 +1,8 @@
-"""The choice of estimators and their sources, as the parameters ask, and whether they may take
-turns now.
+"""The choice of estimators and their sources by the parameters, and whether a hand-over is
+allowed now.
 
-On the ground a choice acts at once. In flight what is flown on changes only to an estimator that
-has seen the same measurements, has converged and agrees with the one in use: the shadow, or the
+On the ground a choice acts at once. In flight the vehicle changes only to an estimator that has
+received the same measurements, has converged and agrees with the one in use: the shadow, or the
 reserve on the tracker's poses. Everything else is refused and changes nothing.
 """
 
@@ -20,7 +20,7 @@ from quadrotor.records import Record
 from vehicle.estimators.estimator_runner import BEARINGS, BOTH, POSES, Runner
 
 AGREEMENT = Difference(position=0.25, velocity=0.4, attitude=math.radians(6.0))
-"""How far an estimate may be from the one in use to take its place in flight."""
+"""Largest difference between an estimate and the one in use for a hand-over in flight."""
 ESTIMATOR, SHADOW, SOURCE = "estimation.estimator", "estimation.shadow", "estimation.source"
 SHADOW_SOURCE = "estimation.shadow_source"
 NONE, SAME = "none", "same"
@@ -28,7 +28,7 @@ NONE, SAME = "none", "same"
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """The four parameters, with the shadow's source spelt out."""
+    """The four parameters, with the shadow's source resolved."""
 
     name: str
     source: str
@@ -42,19 +42,19 @@ class Choice:
 
 @dataclass(slots=True)
 class Seats:
-    """The estimators that run: `active` is flown on, `shadow` in parallel, `reserve` on poses to
-    fall back to.
+    """The running estimators: `active` is in use, `shadow` runs in parallel, `reserve` runs on
+    poses as a fallback.
     """
 
     active: Runner
     shadow: Runner | None = None
     reserve: Runner | None = None
 
-    def beside(self) -> tuple[Runner, ...]:
+    def in_parallel(self) -> tuple[Runner, ...]:
         return tuple(one for one in (self.shadow, self.reserve) if one is not None)
 
     def all(self) -> tuple[Runner, ...]:
-        return (self.active, *self.beside())
+        return (self.active, *self.in_parallel())
 
 
 def check(
@@ -64,10 +64,10 @@ def check(
     state: Record,
     armed: bool,
 ) -> dict[str, ParameterValue]:
-    """Return what else a change of parameters changes; compiles on the ground what it needs.
+    """Return the parameters that a change implies; on the ground, compile what it needs.
 
     Args:
-        present: the four parameters as they are. values: those to be changed, and others.
+        present: the four present parameters. values: the changes, which may include others.
         state: STATE (1,) in use.
 
     Raises RefusedError with the reason and its numbers.
@@ -86,7 +86,7 @@ def check(
         taker = _taker(seats, wanted)
         _check_taker(taker, active, state)
         if SHADOW not in values:
-            # What was flown on stays to be watched; on poses it is the reserve anyway.
+            # The previous one stays as the shadow; on poses it is the reserve anyway.
             extra[SHADOW] = wanted[SHADOW] = _left(active, wanted)
             if wanted[SHADOW] != NONE and wanted[SOURCE] != active.source:
                 extra[SHADOW_SOURCE] = wanted[SHADOW_SOURCE] = active.source
@@ -94,7 +94,7 @@ def check(
     if choice.shadow == choice.name and choice.shadow_source == choice.source:
         if SHADOW in values or not moves:
             raise RefusedError(
-                f"{SHADOW} = {choice.shadow} on {choice.source} is what the vehicle flies on; "
+                f"{SHADOW} = {choice.shadow} on {choice.source} is already in use; "
                 f"choose another, or {NONE}"
             )
         extra[SHADOW] = wanted[SHADOW] = NONE
@@ -114,16 +114,16 @@ def _left(active: Runner, wanted: Mapping[str, str]) -> str:
 
 
 def _taker(seats: Seats, wanted: Mapping[str, str]) -> Runner:
-    """Return the estimator that takes over in flight. Raises RefusedError when none runs that
-    could.
+    """Return the estimator that takes over in flight. Raises RefusedError when no running one
+    can.
     """
     name, source = wanted[ESTIMATOR], wanted[SOURCE]
-    for one in seats.beside():
+    for one in seats.in_parallel():
         if one.is_(name, source):
             return one
-    running = ", ".join(str(one) for one in seats.beside()) or NONE
+    running = ", ".join(str(one) for one in seats.in_parallel()) or NONE
     raise RefusedError(
-        f"estimator {name} on {source} does not run, and in flight only what runs beside may be "
+        f"estimator {name} on {source} does not run, and in flight only a running one may be "
         f"chosen (now: {running}); set {SHADOW} = {name} and {SHADOW_SOURCE} = {source} first"
     )
 
@@ -135,7 +135,7 @@ def _check_taker(taker: Runner, active: Runner, state: Record) -> None:
         hint = late if taker.estimator.initialized and taker.estimator.stale else ""
         raise RefusedError(f"estimator {taker} has not converged: {convergence.reason}{hint}")
     if taker.source == POSES != active.source:
-        return  # back to the tracker is never refused for a difference
+        return  # a change back to the tracker is never refused for a difference
     apart = difference(taker.state, state)
     if not apart.within(AGREEMENT):
         raise RefusedError(f"estimator {taker} is {apart} away from {active}; allowed {AGREEMENT}")

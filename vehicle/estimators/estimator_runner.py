@@ -1,4 +1,4 @@
-"""One estimator that runs on board, what it is fed with, and where it writes."""
+"""One estimator that runs on board, with its source and its outputs."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from vehicle.estimators.unused_measurements import UnusedMeasurements
 
 POSES, BEARINGS, BOTH = "poses", "bearings", "both"
 NEWS_NS = 1_000_000_000
-"""Between two lines of one estimator: a filter that finds no footing starts anew twice a second."""
+"""Least time between two lines of one estimator: a diverging filter restarts twice a second."""
 
 
 class Runner:
-    """An estimator next to the one flown on, or that one itself.
+    """An estimator, in use or running in parallel.
 
     Args:
         name: in `estimation.registry`.
         source: "poses", "bearings" or "both".
 
     Attributes:
-        state, estimate: STATE and ESTIMATE (1,) of one that is not flown on.
-        plugged: of unknown make, so that its name says nothing about it.
+        state, estimate: STATE and ESTIMATE (1,) of one that is not in use.
+        plugged: whether it is a plugin, about which nothing is known from its name.
     """
 
     def __init__(self, name: str, source: str, estimator: Estimator, plugged: bool = False) -> None:
@@ -30,7 +30,7 @@ class Runner:
         self.state, self.estimate = new_state(), np.zeros(1, ESTIMATE)
         self._last_pose_ns = -(1 << 62)
         self._unused = UnusedMeasurements()
-        self._told_ns = -(1 << 62)
+        self._reported_ns = -(1 << 62)
 
     def __str__(self) -> str:
         return f"{self.name} on {self.source}"
@@ -39,13 +39,13 @@ class Runner:
         return self.name == name and self.source == source
 
     def feed(self, source: str) -> None:
-        """Take measurements of another source from now on."""
+        """Use measurements of another source from now on."""
         self.source = source
 
     def wants(self, measurement: Record, now_ns: int, timeout_ns: int) -> bool:
         """Return whether the estimator takes this POSE_SAMPLE or BEARINGS_SAMPLE.
 
-        A filter of fixed gains would take bearings for as good as poses: only without them.
+        A filter with fixed gains would weight bearings like poses, so it gets one or the other.
         """
         if measurement.dtype == POSE_SAMPLE:
             if self.source == BEARINGS:
@@ -57,7 +57,7 @@ class Runner:
         return now_ns - self._last_pose_ns > timeout_ns
 
     def correct(self, measurement: Record, estimate: Record) -> None:
-        """Apply it. Raises MeasurementError."""
+        """Apply the measurement. Raises MeasurementError."""
         if measurement.dtype == POSE_SAMPLE:
             self.estimator.correct(measurement, estimate)
         else:
@@ -70,17 +70,17 @@ class Runner:
         )
 
     def unused(self, now_ns: int) -> str | None:
-        """Return what it did not use because of its time, when that is news."""
+        """Return a line about measurements not used because of their time, when that is new."""
         return self._unused.look(str(self), self.estimator, now_ns)
 
     def restarts(self, now_ns: int) -> str | None:
-        """Report that the estimator lost itself and restarted, for one that is not flown
-        on.
+        """Report that the estimator diverged and restarted, for one that is not in
+        use.
         """
         lines: list[str] = getattr(self.estimator, "restarts", [])
-        if not lines or now_ns - self._told_ns < NEWS_NS:
+        if not lines or now_ns - self._reported_ns < NEWS_NS:
             return None
-        self._told_ns = now_ns
+        self._reported_ns = now_ns
         line = lines[-1] + (f" ({len(lines)} times)" if len(lines) > 1 else "")
         lines.clear()
         return line

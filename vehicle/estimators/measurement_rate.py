@@ -1,23 +1,23 @@
-"""The rate at which measurements really come, so that gains made for another rate are reported."""
+"""Measures the rate of measurements, so that gains designed for another rate are reported."""
 
 from __future__ import annotations
 
 WINDOW_NS = 2_000_000_000
 CHANGE = 0.1
-"""Share by which a rate must differ from the last one told to be worth another look."""
+"""Relative difference from the last reported rate that counts as new."""
 
 
 class MeasurementRate:
-    """Counts measurements over windows of 2 s and remembers what was said about them."""
+    """Counts measurements over windows of 2 s and remembers which warnings were reported."""
 
     def __init__(self) -> None:
         self._began_ns = 0
         self._count = 0
-        self._told = 0.0
+        self._reported = 0.0
         self._said: set[str] = set()
 
     def add(self, now_ns: int) -> float | None:
-        """Count one taken at `now_ns`; at the end of a window return the rate (Hz), when it is
+        """Count a measurement at `now_ns`; at the end of a window return the rate (Hz), if it is
         new.
         """
         elapsed_ns = now_ns - self._began_ns
@@ -29,9 +29,9 @@ class MeasurementRate:
             return None
         rate = 1e9 * self._count / elapsed_ns
         self._began_ns, self._count = now_ns, 0
-        if abs(rate - self._told) < CHANGE * self._told:
+        if abs(rate - self._reported) < CHANGE * self._reported:
             return None
-        self._told = rate
+        self._reported = rate
         return rate
 
     def unsaid(self, lines: list[str]) -> list[str]:
@@ -43,8 +43,8 @@ class MeasurementRate:
         return new
 
     def forget_warnings(self) -> None:
-        """Forget the warnings after a change of gains: those that hold of the new ones are reported
+        """Clear the warnings after a change of gains: those that apply to the new ones are reported
         again.
         """
         self._said.clear()
-        self._told = 0.0
+        self._reported = 0.0

@@ -1,7 +1,7 @@
-"""The estimators of one vehicle: the one flown on, a shadow, a reserve on the tracker's poses.
+"""The estimators of one vehicle: the one in use, a shadow, a reserve on the tracker's poses.
 
-`vehicle.estimators.choice` says who may take over when. While bearings are flown on, the reserve
-goes on with the tracker's poses, so that falling back is a matter of one tick, and
+`vehicle.estimators.choice` decides when one may take over. During flight on bearings the reserve
+continues with the tracker's poses, so that a fallback takes one tick, and
 `vehicle.estimators.bearings_watch` judges the innovations.
 """
 
@@ -37,25 +37,25 @@ from vehicle.parameters import FallBackParameters
 from vehicle.processes import mailbox
 
 COMPLAIN_NS = 1_000_000_000
-"""Between two lines about measurements that cannot be used: 30 frames a second may be such."""
+"""Least time between two lines about unusable measurements, of which 30 a second may arrive."""
 
 
 class Navigation:
-    """The navigation: what is estimated, by which estimator, from which measurements.
+    """Runs the estimators on their measurements and provides the estimate in use.
 
     Args:
-        parameters: of the estimation, read again by each `configure`.
+        parameters: parameters of the estimation, read again by each `configure`.
         say: takes a line for the log and its level.
-        plugin: flown on in place of the estimator named in the parameters, until another
-            name is set.
-        beacons: where the bearings' ids stand.
-        fallback: when bearings are no longer flown on.
+        plugin: used in place of the estimator named in the parameters, until another name is
+        set.
+        beacons: the positions of the bearings' ids.
+        fallback: parameters of the fallback from bearings to the tracker.
 
     Attributes:
-        active: the estimator flown on.
-        source: what it is fed with: "poses", "bearings" or "both".
-        agreement: whether measurements agree with it, for people.
-        suspect: a beacon whose bearings are off, for people.
+        active: the estimator in use.
+        source: its source: "poses", "bearings" or "both".
+        agreement: reports whether measurements agree with it.
+        suspect: reports a beacon whose bearings are off.
     """
 
     def __init__(
@@ -91,27 +91,29 @@ class Navigation:
 
     @property
     def shadow_state(self) -> Record:
-        """Return STATE (1,) of the shadow, which there must be."""
+        """Return STATE (1,) of the shadow, which must be there."""
         assert self._seats.shadow is not None
         return self._seats.shadow.state
 
     @property
     def has_pose(self) -> bool:
-        """Return whether the estimator flown on has a fresh measurement."""
+        """Return whether the estimator in use has a fresh measurement."""
         return not self.active.stale
 
     @property
     def reserve_ready(self) -> bool:
-        """An estimate of fresh poses is there to fall back to."""
+        """Return whether an estimate from fresh poses is available as a fallback."""
         reserve = self._seats.reserve
         return reserve is not None and reserve.estimator.converged
 
     # ------------------------------------------------------------------ the tick
     def step(self, imu: Record, dt: float, state: Record, estimate: Record) -> None:
-        """Predict by one sample, apply what came since the last; write STATE and ESTIMATE."""
+        """Predict by one sample, apply the measurements since the last one, and write STATE and
+        ESTIMATE.
+        """
         active = self.active
         active.predict(imu, dt, state)
-        for runner in self._beside:
+        for runner in self._in_parallel:
             self._step_beside(runner, imu, dt)
         if self.source != POSES:
             reserve = self._seats.reserve
@@ -141,11 +143,11 @@ class Navigation:
                 self._say_unknown(ids)
 
     def refuse_bearings(self) -> None:
-        """Take no more bearings, until another estimator or source is flown on."""
+        """Use no more bearings until another estimator or source is chosen."""
         self._refuses_bearings = True
 
     def reset(self) -> None:
-        """Forget everything: the gyroscope was calibrated again."""
+        """Reset all estimators: the gyroscope was calibrated again."""
         for runner in self._seats.all():
             runner.estimator.reset()
 
@@ -153,7 +155,7 @@ class Navigation:
     def check(
         self, values: Mapping[str, ParameterValue], state: Record, armed: bool
     ) -> dict[str, ParameterValue]:
-        """Return what else a change changes; see `estimator_choice.check`. Raises RefusedError."""
+        """Return the parameters that a change implies; see `choice.check`. Raises RefusedError."""
         p = self._parameters
         present: dict[str, ParameterValue] = {
             ESTIMATOR: p.estimator,
@@ -175,20 +177,20 @@ class Navigation:
         }
 
     def place(self, beacons: Beacons) -> None:
-        """Take over where the beacons are; estimates made from others in parallel with the flight
-        are void.
+        """Set the beacons' positions; estimators in parallel that used others are
+        reset.
         """
         self._beacons = KnownBeacons(beacons)
-        for runner in self._seats.beside():
+        for runner in self._seats.in_parallel():
             if runner.source != POSES:
                 runner.estimator.reset()
 
     def configure(self, parameters: EstimationParameters) -> None:
-        """Take the present parameters; `check` has seen the choices."""
+        """Apply the present parameters; `check` has accepted the choices."""
         p = self._parameters = parameters
         choice = Choice.of(p.estimator, p.source, p.shadow, p.shadow_source)
         before = str(self._seats.active)
-        if choice != self._choice:  # a shadow that broke is not made again by another change
+        if choice != self._choice:  # a failed shadow is not recreated by an unrelated change
             self._choice = choice
             self._seat(choice)
         seats = self._seats
@@ -207,9 +209,9 @@ class Navigation:
 
     # ------------------------------------------------------------------ parts
     def _seat(self, choice: Choice) -> None:
-        """Give every estimator the seat that the choice gives; one without a seat ends."""
+        """Assign the estimators to their seats by the choice; one without a seat is dropped."""
         seats = self._seats
-        there, old = list(seats.beside()), seats.active
+        there, old = list(seats.in_parallel()), seats.active
         active = old
         if not old.is_(choice.name, choice.source):
             taker = next((one for one in there if one.is_(choice.name, choice.source)), None)
@@ -232,12 +234,12 @@ class Navigation:
         self._seats = Seats(active, shadow, reserve)
 
     def _make(self, name: str, source: str) -> Runner:
-        registry.prepare(name, source != POSES)  # nothing, when `check` has seen it
+        registry.prepare(name, source != POSES)  # does nothing when `check` has prepared it
         return Runner(name, source, registry.create(name, self._parameters))
 
     def _remember_seats(self) -> None:
         runners = self._seats.all()
-        self._beside = self._seats.beside()
+        self._in_parallel = self._seats.in_parallel()
         self._takes_poses = any(one.source != BEARINGS for one in runners)
         self._takes_bearings = any(one.source != POSES for one in runners)
 
@@ -254,18 +256,18 @@ class Navigation:
                     self._complain(str(error), now_ns)
                 else:
                     self._warn(now_ns)
-            for other in self._beside:
+            for other in self._in_parallel:
                 self._correct_beside(other, measurement, now_ns, state)
         self._queue.clear()
-        # Of the one in use, `agreement` tells that it was moved.
+        # A restart of the one in use is reported by `agreement`.
         news = [each.unused(now_ns) for each in self._seats.all()]
-        for line in (*news, *(each.restarts(now_ns) for each in self._beside)):
+        for line in (*news, *(each.restarts(now_ns) for each in self._in_parallel)):
             if line is not None:
                 self._say(line, mailbox.WARN)
 
     def _watched(self, measurement: Record, now_ns: int, state: Record) -> Record | None:
-        """Return the measurement as the estimator in use gets it; None when nothing is left of
-        it.
+        """Return the measurement for the estimator in use; None when nothing of it may be
+        used.
         """
         watch, reserve = self.watch, self._seats.reserve
         if self.source == BEARINGS:
@@ -285,7 +287,7 @@ class Navigation:
         return with_rows(measurement, passed) if passed else None
 
     def _without_suspect(self, frame: Record, rows: list[int]) -> list[int]:
-        """Return the rows of a frame without a beacon whose bearings are off, if that is wanted."""
+        """Return the rows of a frame, without a suspect beacon when that is enabled."""
         watch, ids = self.watch, beacon_ids_of(frame)
         watch.average(frame, ids, self.reserve_ready)
         suspect, wanted, hindrance = watch.offsets.suspect, watch.parameters.exclude_beacon, ""
@@ -329,13 +331,13 @@ class Navigation:
             else:
                 self._complain(str(error), now_ns)
         except MeasurementError as error:
-            if runner.source != self.source:  # else said of the estimator in use
+            if runner.source != self.source:  # else reported for the estimator in use
                 self._complain(f"{runner}: {error}", now_ns)
         except Exception as error:
             self._drop(runner, error)
 
     def _drop(self, runner: Runner, error: Exception) -> None:
-        """Drop an estimator that is not flown on: a defect in it must not end the flight."""
+        """Drop an estimator that is not in use: an error in it must not end the flight."""
         seats = self._seats
         what = "shadow" if runner is seats.shadow else "reserve"
         setattr(seats, what, None)

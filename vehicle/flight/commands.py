@@ -50,8 +50,8 @@ class CommandHandler:
         self._supervisor, self._ground = supervisor, ground
 
     def handle(self, command: mailbox.Command) -> mailbox.Reply:
-        """Handle a command and return the reply; a refusal changes nothing and is logged with who
-        asked.
+        """Handle a command and return the reply; a refusal changes nothing and is logged with the
+        requester.
         """
         applied: dict[str, ParameterValue] = {}
         previous: dict[str, ParameterValue] = {}
@@ -88,7 +88,7 @@ class CommandHandler:
         self, command: mailbox.Calibrate
     ) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
         """Calibrate, and return (applied, before)."""
-        self._require_rest("calibration not taken over")
+        self._require_rest("calibration not applied")
         configuration = self._configuration
         checked = configuration.check(command.values)
         before = {name: configuration.store.get(name) for name in checked}
@@ -98,8 +98,8 @@ class CommandHandler:
         bench, modes, motor = self._bench, self._modes, command.motor
         if motor == 0:
             if modes.mode is Mode.BENCH:
-                modes.move(Mode.READY, f"{bench} taken off the bench by {command.requester}")
-            return  # else nothing turns, as was asked for
+                modes.move(Mode.READY, f"bench test of {bench} ended by {command.requester}")
+            return  # nothing turns, as requested
         check_bench(motor, command.reference)
         if modes.mode is not Mode.BENCH:
             self._require_rest("bench refused")
@@ -154,7 +154,7 @@ class CommandHandler:
         self._guard.check_take_off()
         flags = self._supervisor.flags
         if flags & Flag.LINK_LOST:
-            raise RefusedError("not armed: the station is not heard; check the link")
+            raise RefusedError("not armed: no heartbeat from the station; check the link")
         if flags & Flag.BATTERY_LOW:
             raise RefusedError(f"not armed: {self._low_battery()}")
         tilt, limit = math.degrees(self._tick.tilt), self._parameters.safety.arm_tilt_max
@@ -173,7 +173,7 @@ class CommandHandler:
     def _start_behavior(self, command: mailbox.StartBehavior) -> None:
         modes = self._modes
         if modes.mode is Mode.EMERGENCY_LAND:
-            raise RefusedError(f"{command.name} refused: emergency landing; only cut is open")
+            raise RefusedError(f"{command.name} refused: emergency landing; only cut is allowed")
         if modes.mode is Mode.BENCH:
             raise RefusedError(
                 f"{command.name} refused: {self._bench} is on the bench; end it, then arm"
@@ -181,7 +181,7 @@ class CommandHandler:
         held = self._behaviors.level is None
         if not held and not self._navigation.has_pose and command.name not in WITHOUT_A_POSE:
             raise RefusedError(
-                f"{command.name} refused: no fresh pose measurement to hold the vehicle by; "
+                f"{command.name} refused: no fresh pose measurement to hold position by; "
                 f"possible now: {', '.join(WITHOUT_A_POSE)}"
             )
         self._behaviors.request(
@@ -208,8 +208,8 @@ class CommandHandler:
             self._land(f"emergency land by {command.requester}")
 
     def _land(self, why: str) -> None:
-        """Land as `safety.emergency_land` says; a milder landing that is under way gives way to
-        it.
+        """Land as `safety.emergency_land` specifies; it replaces a milder landing that is under
+        way.
         """
         modes = self._modes
         chosen = self._parameters.safety.emergency_land

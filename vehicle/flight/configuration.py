@@ -1,4 +1,4 @@
-"""The parameters in force: checked by every part they concern, set, and handed to every part."""
+"""The parameters in use: checked by each part they concern, set, and passed to all parts."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from vehicle.processes import mailbox
 from vehicle.safety.ground_contact import GroundContact
 
 ROUNDING = 1e-9
-"""Of a step, by which values that a page computed may exceed it."""
+"""Fraction of a step by which a value computed by the page may exceed it (rounding)."""
 
 
 def check_steps(store: ParameterStore, values: Mapping[str, ParameterValue]) -> None:
-    """Check how far a change moves parameters at once in flight; `values` as from `store.check`.
+    """Check the size of each change made in flight; `values` as from `store.check`.
 
-    A gain or a mass acts on the motors in the next tick, so that a slip of the hand is a jolt.
-    Raises RefusedError that names the first that moves too far, and how far it may.
+    A gain or a mass acts on the motors in the next tick, so a slip of the hand would be a jolt.
+    Raises RefusedError that names the first one that changes too much, and the allowed range.
     """
     for name, value in values.items():
         description, present = store.description(name), store.get(name)
@@ -55,7 +55,7 @@ class Configuration:
     """Changes the parameters of one flight stack, between two ticks.
 
     Attributes:
-        store: of the vehicle's parameters; written here only.
+        store: the vehicle's parameters, written here only.
     """
 
     def __init__(
@@ -83,7 +83,8 @@ class Configuration:
         self.configure()
 
     def check(self, values: Mapping[str, ParameterValue]) -> dict[str, ParameterValue]:
-        """Return what is to be set, and what has to be set with it. Raises QuadlabError."""
+        """Return the values to set, with those that must change along with them. Raises
+        QuadlabError."""
         store = self.store
         checked = {name: store.check(name, value) for name, value in values.items()}
         check_pairs(store.values() | checked)
@@ -98,7 +99,7 @@ class Configuration:
     def apply(
         self, values: Mapping[str, ParameterValue], requester: str
     ) -> dict[str, ParameterValue]:
-        """Set parameters that were checked, configure every part, and put each into the log."""
+        """Set checked parameters, configure every part, and report each change."""
         old = {name: self.store.get(name) for name in values}
         applied = self.store.set(values)
         self.configure()
@@ -116,7 +117,7 @@ class Configuration:
         return applied
 
     def configure(self) -> None:
-        """Hand the present parameters to every part; called at a tick boundary."""
+        """Pass the present parameters to every part; called at a tick boundary."""
         p = self._parameters
         self._mass.follow(p.mass, p.model.mass, self._modes.mode in FLYING)
         self._steering.configure(p.control, p.model)

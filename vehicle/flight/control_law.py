@@ -1,4 +1,4 @@
-"""The control law that flies, and the vehicle's model it believes, which follows battery and mass.
+"""The control law in use and its vehicle model, which follows the battery voltage and the mass.
 
 A law is changed on the ground only: the integrals of one mean nothing to another.
 """
@@ -24,25 +24,25 @@ LAWS: dict[str, Callable[[], Controller]] = {
 }
 LAW = "control.law"
 SETTLING = 1.0
-"""s, time constant of the battery voltage that the model follows: not its ripple."""
+"""s, time constant of the filtered battery voltage that the model follows (without ripple)."""
 GRAM = 0.001
-"""kg by which the mass must have moved to configure a law that cannot be weighed."""
+"""kg by which the mass must change before a law without `weigh` is configured again."""
 STEP = 0.05
-"""V by which the voltage must have moved to make the model anew: 0.3 % of a 4-cell battery."""
+"""V by which the voltage must change before the model is updated: 0.3 % of a 4-cell battery."""
 
 
 @runtime_checkable
 class Weighed(Protocol):
-    """A law whose mass can be moved on in each tick; others are configured again."""
+    """A law whose mass can be updated in each tick; others are configured again."""
 
     def weigh(self, mass: float) -> None:
-        """Weigh the vehicle: `mass` in kg."""
+        """Set the vehicle's mass, in kg."""
         ...
 
 
 @runtime_checkable
 class Compensating(Protocol):
-    """A law that takes off what the disturbance observer found; others fly without."""
+    """A law that compensates the estimated disturbance; others ignore it."""
 
     @property
     def disturbance(self) -> Record:
@@ -51,16 +51,16 @@ class Compensating(Protocol):
 
 
 class Steering:
-    """The controller of one vehicle, its model and what disturbs it.
+    """The controller of one vehicle, its model and its disturbance observer.
 
     Args:
-        control, model: read again by each `configure`.
-        plugin: flown with in place of the law named in the parameters, until another is set.
+        control, model: parameters, read again by each `configure`.
+        plugin: a law used in place of the one named in the parameters, until another is set.
 
     Attributes:
-        model: MODEL, shape (1,), with the mass that is flown on; followed, not kept, by others.
+        model: MODEL, shape (1,), with the mass in use; updated in place, so others hold a view.
         mass: kg, the same.
-        observer: of disturbances; off unless the parameters switch it on.
+        observer: the disturbance observer; off unless the parameters switch it on.
     """
 
     def __init__(
@@ -69,20 +69,20 @@ class Steering:
         self._name = control.law
         self.controller: Controller = plugin or LAWS[self._name]()
         self._voltage: float | None = None  # V, filtered; None before the first reading
-        self._modelled: float | None = None  # V, that the model was made for
+        self._modelled: float | None = None  # V, the voltage the model was made for
         self.mass = model.mass
         self.observer = DisturbanceObserver(control.disturbance)
         self.configure(control, model)
 
     def check(self, values: Mapping[str, ParameterValue], armed: bool) -> None:
-        """Raise RefusedError when a change of parameters may not act now."""
+        """Raise RefusedError when a change of parameters is not allowed now."""
         if armed and values.get(LAW, self._name) != self._name:
             raise RefusedError(
                 f"{LAW} stays {self._name} while armed: land and disarm to change it"
             )
 
     def configure(self, control: ControlParameters, model: VehicleModel) -> None:
-        """Take the present parameters; `check` has seen them."""
+        """Apply the present parameters, which `check` has accepted."""
         self._control, self._parameters = control, model
         self.mass = model.mass
         self.observer.configure(control.disturbance)
@@ -108,12 +108,12 @@ class Steering:
     def observe(
         self, state: Record, actuators: Record, flying: bool, carried: bool, dt: float
     ) -> None:
-        """Look for disturbances; see `control.disturbance_observer.observe_one`."""
+        """Update the disturbance observer; see `control.disturbance_observer.observe_one`."""
         if self._disturbance is not None and not self.observer.idle:
             self.observer.step(state, actuators, self.model, flying, carried, dt, self._disturbance)
 
     def weigh(self, mass: float) -> None:
-        """Fly on this mass (kg) from now on, until the next `configure`."""
+        """Use this mass (kg) from now on, until the next `configure`."""
         if mass == self.mass:
             return
         self.mass = mass

@@ -1,7 +1,7 @@
-"""The mass the law flies on: the model's, or the estimate of Sec. 5.4.
+"""The mass the control law uses: the model's, or the estimate of Sec. 5.4.
 
-Which of the two is chosen on the ground: in flight the one may be far from the other, and the
-thrust would jump by as much.
+The choice is made on the ground: in flight the two may differ, and the thrust would jump by the
+difference.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ USED_BY = "mass.used_by"
 
 
 class FlownMassParameters(MassParameters):
-    """The estimator's gains, and whether the law flies on it."""
+    """The mass estimator's gains, and whether the control law uses the estimate."""
 
     used_by: str = parameter(
         MODEL,
         choices=(MODEL, ESTIMATE),
-        description="mass of the law, its feed-forward and touch-down: model.mass or the "
-        "estimate; not changed while armed",
+        description="mass used by the control law, the feed-forward and the touch-down detection: "
+        "model.mass or the estimate; cannot be changed while armed",
     )
     initial: float = parameter(
         0.0,
@@ -31,12 +31,12 @@ class FlownMassParameters(MassParameters):
         ge=0.0,
         le=2.4,
         step=0.001,
-        description="what a flight on the estimate begins with, from the next arming on; "
-        "0: model.mass; too large, it jumps off the ground",
+        description="initial value of the mass estimate, used from the next arming on; "
+        "0 means model.mass; if too large, the vehicle jumps off the ground",
     )
 
     def check_together(self) -> None:
-        """Check the values against each other. Raises OutOfBoundsError."""
+        """Check that the values fit together. Raises OutOfBoundsError."""
         if self.initial and not self.mass_min <= self.initial <= self.mass_max:
             raise OutOfBoundsError(
                 f"mass.initial = {self.initial:g} kg is not between mass.mass_min = "
@@ -45,13 +45,13 @@ class FlownMassParameters(MassParameters):
 
 
 class FlownMass(MassEstimator):
-    """The estimator of one vehicle, and whether its law is to fly on it.
+    """The mass estimator of one vehicle, and whether its control law uses the estimate.
 
     Args:
         model_mass: kg.
 
     Attributes:
-        used: the law flies on the estimate.
+        used: whether the control law uses the estimate.
     """
 
     def __init__(self, parameters: FlownMassParameters, model_mass: float) -> None:
@@ -60,16 +60,16 @@ class FlownMass(MassEstimator):
         super().__init__(self._start if self.used else model_mass, parameters)
 
     def check(self, values: Mapping[str, ParameterValue], armed: bool) -> None:
-        """Raise RefusedError when a change of parameters may not act now."""
+        """Raise RefusedError when a change of parameters is not allowed now."""
         present = ESTIMATE if self.used else MODEL
         if armed and values.get(USED_BY, present) != present:
             raise RefusedError(
-                f"{USED_BY} stays {present} while armed, for the thrust would jump: "
+                f"{USED_BY} stays {present} while armed, because the thrust would jump: "
                 "land and disarm to change it"
             )
 
     def follow(self, parameters: FlownMassParameters, model_mass: float, armed: bool) -> None:
-        """Take the present parameters; `check` has seen them."""
+        """Apply the present parameters, which `check` has accepted."""
         self.configure(parameters)
         used, start = parameters.used_by == ESTIMATE, parameters.initial or model_mass
         changed = (used, start) != (self.used, self._start)
@@ -78,8 +78,8 @@ class FlownMass(MassEstimator):
             self.reset(start)
 
     def begin_flight(self) -> None:
-        """Begin a flight at arming: what the last flight's end made of the estimate is not flown
-        on.
+        """Begin a flight at arming: the estimate left by the end of the last flight is not
+        used.
         """
         if self.used:
             self.reset(self._start)

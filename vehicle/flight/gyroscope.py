@@ -1,4 +1,4 @@
-"""Mode STARTING of the flight stack: find the gyroscope's bias, at the start and on request."""
+"""Mode STARTING of the flight stack: find the gyroscope bias at start-up and on request."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from vehicle_link.serial.ids import MotorState
 
 TURNING = (MotorState.ON, MotorState.EMERGENCY)
 AT_START = "start"
-"""Requester of the calibration at the start."""
+"""Requester of the calibration at start-up."""
 
 
 class GyroscopeStart:
-    """Finds the bias of a vehicle that lies still (Sec. 5.1 of the paper)."""
+    """Finds the gyroscope bias of a vehicle at rest (Sec. 5.1 of the paper)."""
 
     def __init__(
         self,
@@ -40,21 +40,22 @@ class GyroscopeStart:
         self._imu_calibrator, self._navigation = imu_calibrator, navigation
         self._running: GyroCalibration | None = None
         self._begun_ns = 0
-        self._request: mailbox.CalibrateGyroscope | None = None  # None: it is the start
+        self._request: mailbox.CalibrateGyroscope | None = None  # None: start-up
         self._motors_reported = False
 
     def begin(self, request: mailbox.CalibrateGyroscope) -> None:
-        """Find the bias again; the one in use stays until then. Raises RefusedError."""
+        """Start to find the bias again; the present one stays in use until then. Raises
+        RefusedError."""
         why = f"gyroscope calibration by {request.requester}; keep the vehicle still"
         self._modes.move(Mode.STARTING, why)
         self._request, self._running = request, None
 
     def step(self, sample: RawSample) -> None:
-        """Take one sample: at the start until a bias is found, on request for one attempt."""
+        """Take one sample: at start-up until a bias is found, on request for one attempt."""
         motors_on = sample.motor_state in TURNING
-        if motors_on and self._request is None:  # started again while the microcontroller lands
+        if motors_on and self._request is None:  # restarted during a landing
             if not self._motors_reported:
-                line = "gyroscope not calibrated: motors run; waiting for them"
+                line = "gyroscope not calibrated: motors are running; waiting until they stop"
                 self._outbox.say(line, mailbox.WARN)
             self._motors_reported, self._running = True, None
             return
@@ -73,7 +74,7 @@ class GyroscopeStart:
             self._accept(found, self._running.deviation_max, sample.battery_voltage)
 
     def _check_bias(self, found: GyroscopeCalibration) -> None:
-        """Raise MeasurementError for a bias too large: a steady turn has no deviation."""
+        """Raise MeasurementError for a bias that is too large: a steady turn has no deviation."""
         largest, what = self._safety.gyro_drift_max, "drift"
         if self._request is not None:
             largest, what = self._safety.gyro_change_max, "the drift would change by"
@@ -87,21 +88,21 @@ class GyroscopeStart:
     def _refuse(self, reason: str) -> None:
         request, self._request, self._running = self._request, None, None
         if request is None:
-            self._outbox.say(reason, mailbox.WARN)  # and tried again
+            self._outbox.say(reason, mailbox.WARN)  # and retry
             return
         self._outbox.add(
             mailbox.GyroscopeFound(
                 self._tick.stamp_ns, request.request_id, request.requester, reason
             )
         )
-        self._modes.move(Mode.READY, f"the gyroscope's drift stays: {reason}", mailbox.WARN)
+        self._modes.move(Mode.READY, f"the gyroscope bias is unchanged: {reason}", mailbox.WARN)
 
     def _accept(self, found: GyroscopeCalibration, deviation_max: float, voltage: float) -> None:
         request, self._request, self._running = self._request, None, None
-        # The samples were corrected by the bias in use.
+        # The samples were already corrected by the bias in use.
         bias_b = self._imu_calibrator.gyroscope_bias_b + found.bias_b
         self._imu_calibrator.set_gyroscope_bias(bias_b)
-        self._navigation.reset()  # it saw the uncalibrated gyroscope and learnt from it
+        self._navigation.reset()  # its estimates come from the uncalibrated gyroscope
         x, y, z = bias_b.tolist()
         deviation_x, deviation_y, deviation_z = found.deviation_b.tolist()
         stamp_ns = self._tick.stamp_ns

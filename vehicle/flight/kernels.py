@@ -1,9 +1,9 @@
-"""Every compiled function of the tick, ready before the first sample counts.
+"""Compiles every function of the tick before the first sample is used.
 
-Compiling takes seconds and only one core, so on a machine without kept code (the first start, or
-after a change) a second process takes part of it, and each part done is told. What is kept
-already is loaded in a moment. The warm-up hop has the last word: whatever the tick may call has
-then been called once.
+Compiling takes seconds on one core, so on a machine without cached code (the first start, or after
+a change) a second process compiles some of the parts, and each finished part is logged. Cached code
+loads at once. The warm-up hop comes last: after it, everything the tick may call has been called
+once.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ PARTS: Parts = {
     "estimator": ("estimation.complementary_filter", _estimator),
     "behaviors": ("control.trajectories.phase_curve", _behaviors),
 }
-"""What the tick needs: part -> a module whose kept code tells that it is compiled, and how to."""
+"""What the tick needs: part -> (module whose cached code shows that it is compiled, compiler)."""
 LATER: Parts = {
     "bearing poses": ("estimation.poses.frame_solution", _bearings),
     "bearings in the complementary filter": (
@@ -96,15 +96,15 @@ LATER: Parts = {
     "error-state filter": ("estimation.error_state.filter", _error_state),
     "near-hovering law": ("control.near_hovering", _near_hovering),
 }
-"""What only comms or a choice of another estimator or law needs: compiled beside, on time nobody
-else wants."""
+"""What only comms or the choice of another estimator or law needs: compiled in the background at
+idle priority."""
 HELPED = "controller"
-"""What a second process takes; the rest takes about the same time."""
+"""The parts compiled by the second process; the rest takes about the same time."""
 
 
 class Later:
-    """The parts of LATER: loaded at once when kept, else compiled beside and loaded when that is
-    done and the vehicle stands with motors off. An estimator can then be chosen in flight.
+    """The parts of LATER: loaded at once when cached, else compiled in the background and loaded
+    once that is done and the motors are off. An estimator can then be chosen in flight.
     """
 
     def __init__(self) -> None:
@@ -114,12 +114,13 @@ class Later:
 
     @property
     def arrived(self) -> bool:
-        """Return whether compiling in parallel has ended and `load` has not been called since."""
+        """Return whether the background compilation has ended and `load` has not been called
+        since."""
         return self._process is not None and self._process.look()
 
     def load(self) -> list[str]:
-        """Load what is kept, in some 0.1 s; return the parts. What failed to compile in parallel is
-        compiled when it is chosen, on the ground.
+        """Load the cached code, in some 0.1 s; return the parts. A part that failed to compile in
+        the background is compiled when it is chosen, on the ground.
         """
         parts, self._kept = self._kept, []
         if self.arrived:
@@ -130,7 +131,7 @@ class Later:
         return parts
 
     def wait(self) -> None:
-        """Wait until compiling in parallel has ended."""
+        """Wait until the background compilation has ended."""
         while self._process is not None and not self._process.look(1.0):
             pass
 
@@ -142,13 +143,13 @@ class Later:
 def prepare(say: Callable[[str], None]) -> tuple[list[str], Later]:
     """Compile what is missing, load the rest, fly the hop.
 
-    Call it before asking for real time, which a child would inherit.
+    Call it before asking for real-time priority, which a child process would inherit.
 
     Args:
-        say: gets a line when something is compiled, and one a part.
+        say: takes a line when something has to be compiled, and one for each part.
 
-    Returns what was refused in the hop (what comes after it would compile in flight), and what is
-    compiled for later: close it at the end.
+    Returns what was refused in the hop (what follows it would compile in flight), and the parts
+    compiled in the background: close it at the end.
     """
     later = Later()
     missing = [part for part, (module, _) in PARTS.items() if not kept(module)]
@@ -164,8 +165,8 @@ def prepare(say: Callable[[str], None]) -> tuple[list[str], Later]:
 
 @contextmanager
 def _without_garbage_collection() -> Iterator[None]:
-    """Switch the garbage collector off: a compiler makes few cycles and many objects, and looking
-    through them takes 7 % of its time.
+    """Switch the garbage collector off: a compiler makes few cycles and many objects, and
+    scanning them takes 7 % of its time.
     """
     gc.disable()
     try:
@@ -184,13 +185,13 @@ def _compile(missing: list[str], say: Callable[[str], None]) -> None:
             PARTS[part][1]()
             say(f"{part} compiled")
     if helper is not None:
-        with suppress(JobError):  # it is compiled in the hop
+        with suppress(JobError):  # the hop compiles it
             helper.result()
             say(f"{HELPED} compiled")
 
 
 def compile_parts(names: list[str]) -> None:
-    """Compile the parts named, in a process of its own."""
+    """Compile the named parts in a process of its own."""
     with _without_garbage_collection():
         for name in names:
             (PARTS | LATER)[name][1]()

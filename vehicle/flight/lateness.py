@@ -1,10 +1,10 @@
 """The lateness of the loop: statistics over about one second of samples.
 
-Stamps come from the microcontroller's clock, the loop reads the host's; their difference is a
-constant, plus drift, plus the lateness. Its smallest value over this second and the one before
-is taken for the constant: longer, and a drift of 50 ppm would look like lateness.
+Stamps come from the microcontroller's clock and the loop reads the host's; their difference is a
+constant plus drift plus the lateness. The constant is taken as the smallest difference over this
+second and the one before: over a longer time a drift of 50 ppm would look like lateness.
 
-`BOUNDS_NS` also stands, in words, in quadlab_msgs/VehicleStatus.
+`BOUNDS_NS` is also documented in quadlab_msgs/VehicleStatus.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy.typing as npt
 SECOND_NS = 1_000_000_000
 CAPACITY = 2048  # samples a second at most
 BOUNDS_NS = np.array([50, 100, 200, 500, 1000, 2000, 5000], np.int64) * 1000
-"""Between the classes of the histogram; the last class has none."""
+"""Bounds between the bins of the histogram; the last bin has no upper bound."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class LoopStatistics:
 
 
 def new_histogram() -> npt.NDArray[np.uint32]:
-    """Return an empty histogram: the ticks in each class of lateness."""
+    """Return an empty histogram: the number of ticks in each bin of lateness."""
     return np.zeros(len(BOUNDS_NS) + 1, np.uint32)
 
 
@@ -40,14 +40,14 @@ def new_histogram() -> npt.NDArray[np.uint32]:
 class LoopCounts:
     """The counts since the start of the loop."""
 
-    lateness: npt.NDArray[np.uint32] = field(default_factory=new_histogram)  # ticks in each class
+    lateness: npt.NDArray[np.uint32] = field(default_factory=new_histogram)  # ticks in each bin
     overruns: int = 0  # ticks that took longer than a period
     missed_frames: int = 0  # periods without a sample
-    damaged_frames: int = 0  # pieces of bytes that were no frames
+    damaged_frames: int = 0  # runs of bytes that are not a frame
 
 
 class Lateness:
-    """Collects one pair of times a tick; answers once a second.
+    """Collects one pair of times per tick and returns statistics once a second.
 
     Attributes:
         histogram: (8,) ticks by lateness since the start, renewed once a second.
@@ -55,7 +55,7 @@ class Lateness:
 
     def __init__(self) -> None:
         self.histogram = new_histogram()
-        self._stamps = np.zeros(CAPACITY + 1, np.int64)  # [0]: the last of the second before
+        self._stamps = np.zeros(CAPACITY + 1, np.int64)  # [0]: the last of the previous second
         self._offsets = np.zeros(CAPACITY, np.int64)
         self._count = 0
         self._start_ns = 0
@@ -66,7 +66,7 @@ class Lateness:
         """Count one tick that began at `now_ns` (monotonic) on the sample of `stamp_ns` (vehicle's
         clock).
 
-        Returns the statistics of the second that ended with the sample before, else None.
+        Returns the statistics of the second that ended with the previous sample, else None.
         """
         finished = None
         if self._count and (now_ns - self._start_ns >= SECOND_NS or self._count == CAPACITY):
@@ -95,7 +95,7 @@ class Lateness:
             lateness_p50=float(offsets[count // 2] - floor) * 1e-9,
             lateness_p99=float(offsets[(count * 99) // 100] - floor) * 1e-9,
             lateness_max=float(offsets[-1] - floor) * 1e-9,
-            # A period has no tick of its own when its sample never came or came a period late.
+            # A period has no tick when its sample never arrived or arrived a period late.
             missed_share=(skipped + late) / (skipped + count) if period_ns else 0.0,
         )
 
@@ -105,7 +105,7 @@ def _gaps(stamps: npt.NDArray[np.int64]) -> tuple[int, int]:
     last.
 
     Stamps are whole milliseconds, so the period is the mean of the ordinary differences; an
-    ordinary one is up to 1.5 times their median (2 and 3 ms take turns at 400 Hz).
+    ordinary one is up to 1.5 times their median (2 and 3 ms alternate at 400 Hz).
     """
     if len(stamps) < 3:
         return 0, 0

@@ -1,7 +1,7 @@
-"""The flight loop: samples of the microcontroller in, commands out, rings to both sides.
+"""The flight loop: samples of the microcontroller in, motor commands out, a ring each way.
 
-No network, no log, no logging and no garbage collection here; what leaves goes through rings
-that never make this thread wait.
+There is no network, no log file, no logging and no garbage collection here; output goes through
+rings that never block this thread.
 """
 
 from __future__ import annotations
@@ -71,15 +71,16 @@ class Mcu(Ordered, Protocol):
 
 
 class FlightLoop:
-    """Sample in, tick, references out; inbox before, rings after.
+    """Runs one tick per sample: read the inbox, tick, send the references, write the rings.
 
     Args:
-        pacer: lets it wait for the next sample.
-        later: what is compiled in parallel and loaded on the ground.
-        part: told of the samples that were dealt with, where simulated time waits for that.
+        pacer: waits for the next sample.
+        later: parts compiled in the background, loaded on the ground.
+        part: notified of the samples that were processed, where simulated time waits for that.
 
     Attributes:
-        lateness: of the ticks; counts: since the start.
+        lateness: of the ticks.
+        counts: totals since the start.
     """
 
     def __init__(
@@ -109,11 +110,11 @@ class FlightLoop:
         self._orders = Orders(stack.modes, mcu)
         self._heard_ns = monotonic_ns()
         self._silent = False
-        self._unusable = [0, 0, 0]  # of what came until the newest sample
+        self._unusable = [0, 0, 0]  # counts at the newest sample
         self._tell(NOTHING_YET)
 
     def stop(self) -> None:
-        """End `run` after what it is doing."""
+        """Make `run` return after the present iteration."""
         self._stopping = True
 
     def run(self) -> None:
@@ -135,7 +136,7 @@ class FlightLoop:
         self._watch_silence(bool(samples))
         if self._silent:
             self._drain_inbox()
-        self._orders.send(None)  # a command between ticks may want another motor state
+        self._orders.send(None)  # a command between ticks may have changed the wanted motor state
         self._orders.keep(monotonic())
         if self._mcu.failures:
             for failure in self._mcu.failures:
@@ -172,7 +173,7 @@ class FlightLoop:
         parts = later.load()
         self._later = None
         if parts:
-            self._stack.say(f"compiled beside, and ready: {', '.join(parts)}")
+            self._stack.say(f"compiled in the background and ready: {', '.join(parts)}")
             self._send_outbox()
 
     def _drain_inbox(self) -> None:
@@ -194,7 +195,7 @@ class FlightLoop:
             self._stack.measure(message)
             return
         reply = self._reply(message)
-        self._send_outbox()  # first: who gets the reply may rely on the changes it caused
+        self._send_outbox()  # first: the receiver of the reply may rely on the changes it caused
         self._rings.outbox.push(mailbox.encode(reply))
 
     def _reply(self, command: mailbox.Command) -> mailbox.Reply:
@@ -204,12 +205,12 @@ class FlightLoop:
             return mailbox.Reply(command.request_id, True, "", store.values(), store.revision)
         if self._silent and isinstance(command, NEEDS_SAMPLES):
             return mailbox.Reply(
-                command.request_id, False, "refused: the microcontroller gives no samples"
+                command.request_id, False, "refused: no samples from the microcontroller"
             )
         try:
             return self._stack.handle(command)
         except Exception as error:
-            # A defect in one command must not stop the motors: report it and fly on.
+            # A software error in one command must not stop the motors: report it and go on.
             traceback.print_exc()
             text = f"defect on board: {type(error).__name__}: {error}"
             return mailbox.Reply(command.request_id, False, text)
@@ -221,9 +222,9 @@ class FlightLoop:
                 self._rings.outbox.push(mailbox.encode(message))
             messages.clear()
 
-    def _watch_silence(self, heard: bool) -> None:
+    def _watch_silence(self, received: bool) -> None:
         now_ns = monotonic_ns()
-        if heard:
+        if received:
             if self._silent:
                 self._report(f"samples again after {(now_ns - self._heard_ns) * 1e-9:.1f} s")
             self._heard_ns, self._silent = now_ns, False
@@ -236,22 +237,22 @@ class FlightLoop:
         return [self._mcu.late, self._mcu.refused, self._mcu.damaged]
 
     def _why(self) -> str:
-        """Return what came instead of samples, and what to look at."""
+        """Return what arrived instead of samples, and what to check."""
         counts = zip(self._came_unusable(), self._unusable, strict=True)
         late, refused, damaged = (now - before for now, before in counts)
         if late:
             return (
-                f"{late} came that are older than the newest before, by the microcontroller's "
-                "clock: newer ones count again"
+                f"{late} arrived with stamps before the newest one by the microcontroller's "
+                "clock; they count again once the stamps are newer"
             )
         if refused:
             return (
-                f"{refused} came with impossible values or times: if that goes on, switch the "
+                f"{refused} arrived with impossible values or times: if this continues, switch the "
                 "microcontroller off and on"
             )
         if damaged:
             return (
-                f"{damaged} pieces of bytes came that are no frames: is its baud rate "
+                f"{damaged} pieces of bytes arrived that are not frames: is its baud rate "
                 f"{BAUD_RATE}, and are these its ports?"
             )
         return "Is it switched on, and are these its ports?"

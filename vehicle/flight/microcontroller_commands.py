@@ -1,4 +1,4 @@
-"""The flight stack's orders to the microcontroller, sent after each tick."""
+"""The flight stack's commands to the microcontroller, sent after each tick."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 
 
 class Ordering(Protocol):
-    """The part of vehicle.flight.mode_machine.ModeMachine that orders come from."""
+    """The part of vehicle.flight.mode_machine.ModeMachine that commands come from."""
 
     @property
     def motor_state_wanted(self) -> MotorState: ...
@@ -39,7 +39,7 @@ class Ordered(Protocol):
 
 
 class Orders:
-    """The orders of one vehicle to its microcontroller."""
+    """Sends one vehicle's commands to its microcontroller."""
 
     def __init__(self, modes: Ordering, mcu: Ordered) -> None:
         self._modes, self._mcu = modes, mcu
@@ -47,7 +47,7 @@ class Orders:
         self._timeout_ms = 0
 
     def send(self, command: Sequence[int] | None) -> None:
-        """Send what a tick returned, and the motor state it wants. Raises LinkError."""
+        """Send the command that a tick returned, and the wanted motor state. Raises LinkError."""
         modes = self._modes
         if modes.motor_state_wanted is not self._motor_state:
             self._motor_state = modes.motor_state_wanted
@@ -56,7 +56,7 @@ class Orders:
             self._mcu.command(command, modes.flight_control_mode)
 
     def keep(self, now_s: float) -> None:
-        """Repeat what is not echoed yet; `now_s` is any clock that does not go back."""
+        """Repeat what has not been echoed yet; `now_s` is from any monotonic clock."""
         timeout_ms = self._modes.command_timeout_ms
         if timeout_ms != self._timeout_ms:
             self._timeout_ms = timeout_ms

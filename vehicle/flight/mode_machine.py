@@ -1,5 +1,5 @@
-"""Mode changes of the flight stack: arming to off, which side turns what into motor references,
-and what the vehicle does by its own decision.
+"""Mode changes of the flight stack: from arming to motors off, the control mode, and the
+vehicle's own decisions.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ _BRAKING = (BehaviorName.LAND, BehaviorName.BRAKE, BehaviorName.EMERGENCY_LANDIN
 
 
 class ModeMachine:
-    """The modes of one vehicle, and the moves from a cause to the mode it leads to.
+    """The modes of one vehicle, and the transitions that events cause.
 
     Attributes:
-        mode: of the vehicle as a whole; changed by `move`.
-        control_mode: which side turns what into motor references; changed by `steer_by`.
-        motor_state_wanted: of the microcontroller.
-        lost_ports: of the microcontroller, by its last report.
+        mode: the mode of the vehicle as a whole; changed by `move`.
+        control_mode: which side computes the motor references, and from what; changed by
+        `steer_by`.
+        motor_state_wanted: the motor state the microcontroller should have.
+        lost_ports: number of lost serial ports in the last report.
         obstacle: why the microcontroller would not start the motors; "" if it would.
     """
 
@@ -70,22 +71,22 @@ class ModeMachine:
 
     @property
     def flight_control_mode(self) -> FlightControlMode:
-        """Return how the microcontroller is to read what a tick commands."""
+        """Return how the microcontroller has to interpret the command of a tick."""
         if self.control_mode is ControlMode.NEAR_HOVERING:
             return FlightControlMode.NEAR_HOVERING
         return FlightControlMode.DIRECT
 
     @property
     def command_timeout_ms(self) -> int:
-        """Return silence of commands after which the microcontroller is to land alone."""
+        """Return the time without commands after which the microcontroller lands by itself."""
         return round(1000 * self._safety.command_timeout)
 
     def microcontroller_reports(self, lost_ports: int, obstacle: str) -> None:
-        """Take over what the microcontroller reports of its ports and of its motors' start."""
+        """Store the microcontroller's report on its ports and on what prevents a motor start."""
         self.lost_ports, self.obstacle = lost_ports, obstacle
 
     def move(self, mode: Mode, why: str, level: int = mailbox.INFO) -> None:
-        """Change the mode by the table of vehicle.flight.modes and say so. Raises RefusedError."""
+        """Change the mode by the table of vehicle.flight.modes and log it. Raises RefusedError."""
         check_move(self.mode, mode)
         self.mode = mode
         if mode in (Mode.ARMED, Mode.BENCH):
@@ -106,7 +107,7 @@ class ModeMachine:
         self._outbox.say(f"{mode.name.lower().replace('_', ' ')}: {why}", level)
 
     def steer_by(self, control_mode: ControlMode) -> None:
-        """Change which side turns what into motor references. Raises RefusedError."""
+        """Change which side computes the motor references. Raises RefusedError."""
         if control_mode is self.control_mode:
             return
         check_control_move(self.control_mode, control_mode)
@@ -117,12 +118,12 @@ class ModeMachine:
 
     # ------------------------------------------------------------------ the vehicle's own decisions
     def react(self, verdict: Verdict) -> None:
-        """Carry out what the supervisor found due; a milder reaction than the present one waits."""
+        """Carry out the supervisor's reaction; a milder one than the present one is ignored."""
         reaction, why = verdict.reaction, verdict.reason
         if reaction is Reaction.CUT:
             self.move(Mode.CUT, why, mailbox.ERROR)
         elif self.control_mode is ControlMode.EMERGENCY:
-            return  # the microcontroller lands alone: nothing else is obeyed
+            return  # the microcontroller lands by itself: nothing else is obeyed
         elif reaction is Reaction.EMERGENCY:
             self.hand_over(why)
         elif reaction is Reaction.DESCEND:
@@ -137,7 +138,7 @@ class ModeMachine:
                 self._override("brake")
                 self._outbox.say(f"braking: {why}", mailbox.WARN)
             else:
-                self.descend(f"{why}, and no pose to brake by")
+                self.descend(f"{why}, and no pose to brake with")
 
     def land(self, why: str) -> None:
         """Land under control from here, refusing everything but cut; without a pose, descend."""
@@ -151,19 +152,19 @@ class ModeMachine:
         """Descend level by the barometer; the microcontroller holds the angles."""
         if self.control_mode is ControlMode.EMERGENCY:
             return
-        self._enter_emergency(f"{why}; down by the barometer, not held in place")
+        self._enter_emergency(f"{why}; descending by the barometer, position not held")
         self._override("emergency_landing")
 
     def hand_over(self, why: str) -> None:
-        """Hand over to the microcontroller, which lands alone."""
+        """Leave the landing to the microcontroller."""
         if self.control_mode is ControlMode.EMERGENCY:
             return
-        self._enter_emergency(f"{why}; the microcontroller lands alone")
+        self._enter_emergency(f"{why}; the microcontroller lands by itself")
         self.motor_state_wanted = MotorState.EMERGENCY
         self.steer_by(ControlMode.EMERGENCY)
 
     def heed(self, sample: RawSample) -> None:
-        """Act on what the microcontroller reports of its motors, while they should turn."""
+        """React to the motor state that the microcontroller reports while motors should turn."""
         state = sample.motor_state
         if self.control_mode is ControlMode.EMERGENCY:
             if state == MotorState.OFF:
@@ -183,8 +184,8 @@ class ModeMachine:
             self.move(Mode.EMERGENCY_LAND, why, mailbox.ERROR)
 
     def _override(self, behavior: str) -> None:
-        """Start `behavior` by the vehicle's own decision; the table allows it from any flight."""
+        """Start `behavior` by the vehicle's own decision; allowed from any flight behavior."""
         try:
             self._behaviors.request(behavior, {}, self._tick.state, armed=True, airborne=True)
-        except QuadlabError as error:  # never seen; no one else would land it then
+        except QuadlabError as error:  # never seen; nothing else would land the vehicle
             self.hand_over(f"{behavior} refused: {error}")

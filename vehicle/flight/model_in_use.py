@@ -1,4 +1,4 @@
-"""The vehicle's model that is flown on, which follows the estimated mass and the battery."""
+"""The vehicle model in use, which follows the estimated mass and the battery."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LANDING = (BehaviorName.LAND, BehaviorName.EMERGENCY_LANDING)
 
 
 class ModelInUse:
-    """One mass, one model and one disturbance for law, feed-forward and touch-down."""
+    """One mass, model and disturbance shared by control law, feed-forward and touch-down."""
 
     def __init__(
         self,
@@ -32,23 +32,23 @@ class ModelInUse:
         self._steering, self._mass, self._behaviors = steering, mass, behaviors
 
     def fly_on(self, mass: float) -> None:
-        """Set the mass (kg) that is flown on."""
+        """Set the mass (kg) in use."""
         self._steering.weigh(mass)
         self._behaviors.set_mass(mass)
 
     def step(self, sample: RawSample, since: float, dt: float) -> None:
-        """Follow one tick.
+        """Update the model after one tick.
 
         Args:
-            since: s since the last tick. dt: the same, as long as laws are stepped at most.
+            since: s since the last tick. dt: the same, limited to the longest step of the laws.
         """
         tick, steering, mass = self._tick, self._steering, self._mass
         airborne = self._ground.airborne
-        # The wrench is still the last tick's: what the vehicle obeyed until now.
+        # The wrench is still that of the last tick, which acted until now.
         mass.step(tick.state, tick.actuators, self._weighs(airborne), since, tick.estimate)
         if mass.used:
             self.fly_on(mass.mass)
-        # Disturbances are seen by what the law itself commanded; the ground's reaction is none.
+        # Disturbances are relative to the law's own command; ground reaction is not one.
         flying = airborne and self._direct and self._modes.mode in FLYING
         carried = self._ground.carried > 0.0 and self._behaviors.name in LANDING
         steering.observe(tick.state, tick.actuators, flying, carried, dt)
@@ -64,7 +64,7 @@ class ModelInUse:
         """Return whether the commanded thrust alone carries the vehicle, as the mass estimate
         requires.
 
-        An estimate that is only shown goes by the ground alone.
+        An estimate that is only displayed depends on ground contact alone.
         """
         if not self._mass.used:
             return airborne

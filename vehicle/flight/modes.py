@@ -1,4 +1,4 @@
-"""Modes of the vehicle and the flags of its status, with the legal moves between modes."""
+"""Modes of the vehicle, the allowed transitions between them, and the flags of its status."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LEGAL_MOVES: dict[Mode, frozenset[Mode]] = {
 FLYING = (Mode.ARMED, Mode.EMERGENCY_LAND)
 """Modes in which behaviors or their landing turn the motors."""
 MOTORS_ON = (*FLYING, Mode.BENCH)
-"""Modes that the status tells as armed."""
+"""Modes that the status reports as armed."""
 
 
 def check_move(current: Mode, wanted: Mode) -> None:
@@ -43,17 +43,17 @@ def check_move(current: Mode, wanted: Mode) -> None:
 
 
 class ControlMode(IntEnum):
-    """The control mode: which side turns what into motor references."""
+    """The control mode: which side computes the motor references, and from what."""
 
-    NEAR_HOVERING = 0  # the microcontroller, from angles, yaw rate and thrust it is sent
+    NEAR_HOVERING = 0  # the microcontroller, from the angles, yaw rate and thrust sent to it
     DIRECT = 1  # this vehicle's own controller
-    EMERGENCY = 2  # the microcontroller alone: it obeys nothing but off, and lands
+    EMERGENCY = 2  # the microcontroller lands by itself and obeys only off
 
 
 CONTROL_MOVES: dict[ControlMode, frozenset[ControlMode]] = {
     ControlMode.DIRECT: frozenset({ControlMode.NEAR_HOVERING, ControlMode.EMERGENCY}),
     ControlMode.NEAR_HOVERING: frozenset({ControlMode.DIRECT, ControlMode.EMERGENCY}),
-    ControlMode.EMERGENCY: frozenset(),  # over only when the motors are off
+    ControlMode.EMERGENCY: frozenset(),  # left only by switching the motors off
 }
 
 
@@ -62,7 +62,7 @@ def check_control_move(current: ControlMode, wanted: ControlMode) -> None:
     if wanted is not current and wanted not in CONTROL_MOVES[current]:
         raise RefusedError(
             f"cannot go from {_words(current)} to {_words(wanted)} mode: "
-            "the microcontroller lands alone until the motors are off"
+            "the microcontroller lands by itself until the motors are off"
         )
 
 
@@ -71,7 +71,7 @@ def _words(mode: ControlMode) -> str:
 
 
 class Flag(IntFlag):
-    """Conditions shown on the page; several may hold at once."""
+    """Conditions shown on the page; several may be set at once."""
 
     NONE = 0
     GYRO_UNCALIBRATED = 1
@@ -81,10 +81,10 @@ class Flag(IntFlag):
     BATTERY_LOW = 16
     SATURATED = 32  # scaling < 1 in the last tick
     TILT_LIMITED = 64
-    NOT_REAL_TIME = 128  # no SCHED_FIFO here
+    NOT_REAL_TIME = 128  # SCHED_FIFO was not granted
     ON_BEARINGS = 256  # flown on bearings to beacons, without the tracker
-    FELL_BACK = 512  # on the tracker again by the vehicle's own decision
+    FELL_BACK = 512  # back on the tracker by the vehicle's own decision
     MEASUREMENTS_REFUSED = 1024  # too far from their prediction, within the last second
-    TRACKER_JUMPED = 2048  # refused ones agree with each other
-    ESTIMATE_DRIFTED = 4096  # measurements left the prediction little by little
+    TRACKER_JUMPED = 2048  # refused poses agree with each other
+    ESTIMATE_DRIFTED = 4096  # measurements moved away from the prediction gradually
     BEACON_OFF = 8192  # bearings of one beacon do not fit the others

@@ -1,7 +1,7 @@
-"""One motor alone, on a bench: what may be asked for, and when it is over by itself.
+"""Bench tests of one motor: which requests are allowed, and when a test stops by itself.
 
-For identifying a motor (Sec. 5.3 of the paper) with propellers off or the vehicle fixed. It is
-kept up by asking again; whoever asked and is gone must not leave a motor turning.
+They identify a motor (Sec. 5.3 of the paper) with propellers off or the vehicle fixed. The request
+must be repeated; a requester that disappears must not leave a motor turning.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from vehicle.safety.parameters import SafetyParameters
 from vehicle_link.serial.ids import MotorState
 
 REFERENCE_MAX = 200
-"""Counts; the bench's last step is 190. Four bytes on the wire would carry 255."""
+"""Counts; the last step of the bench test is 190, and the wire would allow 255."""
 TURN_TIME = 1.0
-"""s over which a turn is remembered: drift and vibration are forgotten, a tumble is not."""
+"""s, time constant of the measured turn: drift and vibration decay, a tumble remains."""
 
 
 def check_bench(motor: int, reference: int) -> None:
-    """Raise RefusedError when no motor could be turned so."""
+    """Raise RefusedError when the motor or the reference is not allowed."""
     if not 1 <= motor <= len(MOTORS):
         known = ", ".join(f"{k} {name}" for k, name in enumerate(MOTORS, 1))
         raise RefusedError(f"bench refused: there is no motor {motor}: {known}; 0 ends the bench")
@@ -54,18 +54,18 @@ class Bench:
 
     @property
     def references(self) -> tuple[int, int, int, int]:
-        """Return the references of all motors: the others stand still."""
+        """Return the references of all motors: those not on the bench are 0."""
         one, two, three, four = (self.reference if self.motor == k else 0 for k in range(1, 5))
         return one, two, three, four
 
     def turn(self, motor: int, reference: int, stamp_ns: int) -> None:
-        """Turn a motor from now on, for `safety.bench_timeout`; `check_bench` has allowed it."""
+        """Run a motor for `safety.bench_timeout` from now; `check_bench` has allowed it."""
         if self.motor and motor != self.motor:
-            raise RefusedError(f"bench refused: {self} is on it; end the bench (motor 0) first")
+            raise RefusedError(f"bench refused: {self} is on the bench; end that (motor 0) first")
         self.motor, self.reference, self._asked_ns = motor, reference, stamp_ns
 
     def end(self) -> None:
-        """End the bench: no motor is on it."""
+        """End the bench test."""
         self.motor = self.reference = self._asked_ns = 0
         self._started = False
         self._turn_b[:] = 0.0
@@ -73,16 +73,16 @@ class Bench:
     def fault(
         self, sample: RawSample, battery_spent: bool, motors_had_time: bool, obstacle: str
     ) -> str:
-        """Return what battery and microcontroller have against turning motors; "" for nothing.
+        """Return why battery or microcontroller do not allow turning motors; "" if they do.
 
         Args:
-            motors_had_time: to start.
+            motors_had_time: whether the motors have had time to start.
             obstacle: why the microcontroller would not start them, "" when it would.
         """
         if battery_spent:
             return f"battery at {sample.battery_voltage:.1f} V"
         if sample.motor_state == MotorState.EMERGENCY:
-            return "the microcontroller's emergency: commands were missing, or the battery"
+            return "the microcontroller's emergency: commands were missing, or the battery is low"
         if sample.motor_state == MotorState.ON:
             self._started = True
         elif self._started or motors_had_time:
@@ -91,14 +91,14 @@ class Bench:
         return ""
 
     def over(self, stamp_ns: int, angular_velocity_b: npt.NDArray[np.float64], dt: float) -> str:
-        """Return why the motor is to stop now, empty when it goes on; called once a tick.
+        """Return why the motor has to stop now, or "" when it may go on; called once a tick.
 
         Args:
             angular_velocity_b: (3,) rad/s.
         """
         timeout = self._safety.bench_timeout
         if (stamp_ns - self._asked_ns) * 1e-9 > timeout:
-            return f"not asked for again within {timeout:g} s"
+            return f"not requested again within {timeout:g} s"
         self._turn_b += angular_velocity_b * dt - self._turn_b * min(1.0, dt / TURN_TIME)
         x, y, z = self._turn_b.tolist()
         turned, most = math.degrees(math.sqrt(x * x + y * y + z * z)), self._safety.bench_turn_max

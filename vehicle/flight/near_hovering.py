@@ -1,7 +1,7 @@
-"""Flight by the microcontroller's near-hovering mode: what to send it.
+"""Commands for flight in the microcontroller's near-hovering mode.
 
-It holds angles and yaw rate by its own estimate. Climb rates are held here, by the barometer; so
-is the descent when nothing else on board is to be trusted.
+The microcontroller holds angles and yaw rate by its own estimate. Climb rates are controlled here,
+by the barometer, and so is the descent when no other estimate on board can be trusted.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from vehicle.estimators.barometric_height import BarometricHeight
 from vehicle_link.serial.attitude_command import THRUST_SHARE_MAX, THRUST_SHARE_MIN, AttitudeCommand
 
 AVERAGE = 0.5
-"""s over which the thrust in use is averaged: what hovers, when this mode begins."""
+"""s over which the thrust is averaged; the mode begins with this average as hover thrust."""
 
 
 class NearHoveringParameters(Parameters):
-    """The parameters of holding climb rates in near-hovering mode."""
+    """The parameters of the climb-rate control in near-hovering mode."""
 
     stick_thrust: float = parameter(
         12.83,
@@ -27,10 +27,20 @@ class NearHoveringParameters(Parameters):
         description="thrust of the microcontroller's stick in its hovering position, 110",
     )
     climb_gain: float = parameter(
-        3.0, unit="1/s", ge=0.5, le=8.0, step=0.1, description="acceleration for a wrong climb rate"
+        3.0,
+        unit="1/s",
+        ge=0.5,
+        le=8.0,
+        step=0.1,
+        description="proportional gain of the climb-rate control",
     )
     lift_gain: float = parameter(
-        2.0, unit="1/s²", ge=0.0, le=8.0, step=0.1, description="the same, integrated"
+        2.0,
+        unit="1/s²",
+        ge=0.0,
+        le=8.0,
+        step=0.1,
+        description="integral gain of the climb-rate control",
     )
     flare_height: float = parameter(
         0.7,
@@ -38,29 +48,29 @@ class NearHoveringParameters(Parameters):
         ge=0.0,
         le=3.0,
         step=0.1,
-        description="below it over the take-off a descent slows down",
+        description="height above the take-off point below which a descent slows down",
     )
     flare_speed: float = parameter(
-        0.35, unit="m/s", ge=0.1, le=0.8, step=0.05, description="to this"
+        0.35, unit="m/s", ge=0.1, le=0.8, step=0.05, description="descent rate below flare_height"
     )
 
 
 class NearHovering:
-    """Commands for the microcontroller, one a tick.
+    """Makes the command for the microcontroller in each tick of near-hovering mode.
 
     Args:
         parameters: kept, read at each tick.
 
     Attributes:
-        altitude: what the barometer says, in every mode.
+        altitude: height and climb rate by the barometer, updated in every mode.
     """
 
     def __init__(self, parameters: NearHoveringParameters) -> None:
         self.parameters = parameters
         self.altitude = BarometricHeight()
-        self._share = 0.0  # of the stick thrust, averaged
+        self._share = 0.0  # share of the stick thrust, averaged
         self._lift: float | None = None  # integral of the climb rate's control, a share
-        self._hover = 1.0  # share that held the vehicle when the mode began
+        self._hover = 1.0  # share that hovered when the mode began
 
     def observe(self, thrust: float, dt: float) -> None:
         """Observe the thrust (N) of a tick that was flown by another mode."""

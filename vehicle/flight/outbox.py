@@ -1,4 +1,4 @@
-"""What the flight stack has to tell other processes."""
+"""The messages of the flight stack for other processes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from vehicle.processes import mailbox
 
 
 class Outbox:
-    """The messages of one flight stack, taken by its caller between two ticks.
+    """Messages of one flight stack, collected by its caller between two ticks.
 
     Attributes:
         messages: oldest first; the caller empties the list.
@@ -22,5 +22,5 @@ class Outbox:
         self.messages.append(message)
 
     def say(self, text: str, level: int = mailbox.INFO) -> None:
-        """Put one line into the log and on the page, with the time of the newest tick."""
+        """Add a line for the log and the page, with the time of the newest tick."""
         self.add(mailbox.Event(stamp_ns=self._tick.stamp_ns, level=level, text=text))

@@ -1,7 +1,7 @@
-"""The pace of the flight loop: by absolute deadlines, wherever its samples come from.
+"""The timing of the flight loop by absolute deadlines, for serial ports and for memory.
 
-Sample k is due at start + k periods of the host's steady clock. Behind serial ports its bytes wake
-the loop; in memory nothing would, so the loop sleeps until then. A sample that has not come a
+Sample k is due at start + k periods of the host's steady clock. On serial ports its bytes wake the
+loop; in memory nothing does, so the loop sleeps until then. A sample that has not arrived one
 period after it was due is a missed frame.
 """
 
@@ -16,20 +16,20 @@ from vehicle_link import clock
 
 POLL_MS = 50
 DRIFT = 10_000
-"""Part by which the microcontroller's clock may differ from the host's: 100 ppm."""
+"""Relative difference between the microcontroller's and the host's clock: 100 ppm."""
 GIVE_UP_NS = 1_000_000_000
-"""Further behind (the machine slept), the samples in between are lost instead of caught up."""
+"""When further behind than this (the machine slept), samples are skipped, not caught up."""
 
 
 class Deadlines:
     """Counts periods without a sample by the deadlines that pass.
 
-    A sample is due its stamp plus the least delay of a sample so far, which follows the drift of
-    the two clocks.
+    A sample is due at its stamp plus the least delay of any sample so far, which follows the drift
+    of the two clocks.
 
     Attributes:
-        overdue_ns: when the next sample is (steady clock), None before the first one.
-        missed: periods so far.
+        overdue_ns: when the next sample is overdue (steady clock), None before the first one.
+        missed: number of periods without a sample so far.
     """
 
     def __init__(self, period_ns: int) -> None:
@@ -65,12 +65,12 @@ class Deadlines:
 
 
 class Pacer(Protocol):
-    """Lets the loop wait for its next sample."""
+    """Waits for the next sample on behalf of the loop."""
 
     deadlines: Deadlines
 
     def wait(self) -> None:
-        """Wait until something may be read, or the next sample is overdue."""
+        """Wait until bytes may be readable, or the next sample is overdue."""
 
 
 class Ports(Protocol):
@@ -100,7 +100,7 @@ class PortPacer:
         self._poll.poll(timeout_ms)
 
     def _listen(self) -> None:
-        """Poll the ports that are left: one that is gone would wake the loop without end."""
+        """Poll the remaining ports only: a lost one would wake the loop forever."""
         self._lost_ports = self._ports.lost_ports
         self._poll = select.poll()
         for descriptor in self._ports.filenos():
@@ -118,17 +118,17 @@ class Robot(Protocol):
         """Make the next sample."""
 
     def skip(self, samples: int) -> None:
-        """Lose so many."""
+        """Skip this many samples."""
 
 
 class MemoryPacer:
-    """Makes each sample before it is due, then sleeps until it is.
+    """Generates each sample before it is due, then sleeps until then.
 
     Args:
         start_ns: when the first sample is due, on the host's steady clock.
 
     Attributes:
-        due_ns: when the present sample was.
+        due_ns: when the present sample was due.
     """
 
     def __init__(self, robot: Robot, period_ns: int, start_ns: int) -> None:

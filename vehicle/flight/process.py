@@ -1,7 +1,7 @@
 """The flight process: one real-time thread between the microcontroller and the rings.
 
-Run as `python -m vehicle.flight.process CONFIG` by vehicle.processes.parent. What it does
-all the time is vehicle.flight.loop.
+It is run as `python -m vehicle.flight.process CONFIG` by vehicle.processes.parent; its main loop
+is vehicle.flight.loop.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 PORT_PATIENCE_S = 10.0
 TOLD_AT_ONCE = frozenset({PortProblem.BUSY, PortProblem.FORBIDDEN})
 TOLD_AFTER_S = 2.0
-"""For what is not told at once: a missing port is a simulator's, as a rule, and soon there."""
+"""Delay before a missing port is reported: a simulator usually makes it soon."""
 SOON_NS = 20_000_000
-"""To the first sample in memory."""
+"""Delay before the first sample in memory."""
 
 
 def fly(config: FlightConfig) -> None:
-    """Compile, ask for real time, then loop until a signal. Raises QuadlabError."""
-    # Imported here: it brings numba and every law along, which the loop's tests need not.
+    """Compile, ask for real-time priority, then loop until a signal. Raises QuadlabError."""
+    # Imported here: it imports numba and every law, which tests of the loop do not need.
     from vehicle.flight.kernels import prepare
 
     refusals, later = prepare(say)
@@ -64,12 +64,12 @@ def fly(config: FlightConfig) -> None:
     granted = become_real_time()
     part = Part(config.name)
     part.is_this_process(FLIGHT_PROCESS)
-    if granted.refusal and not part.in_lockstep:  # there nothing is late: time waits
+    if granted.refusal and not part.in_lockstep:  # in lockstep nothing is late: time waits
         say(granted.refusal)
     freeze_garbage()
-    # From here on without delay: the first samples' arrival sets the vehicle's clock.
+    # No delays from here on: the arrival of the first samples sets the vehicle's clock.
     for ring in (rings.inbox, rings.poses, rings.bearings):
-        ring.pop_all()  # commands from before the start have been given up by who sent them
+        ring.pop_all()  # the senders of commands from before the start have timed out
     for port in ports:
         while port.read():  # samples from before are old
             pass
@@ -103,7 +103,7 @@ def _in_process(rate: int, stack: FlightStack) -> InProcessRobot:
 def _connect(
     ports: Sequence[SerialPort], robot: InProcessRobot | None, config: FlightConfig
 ) -> tuple[Microcontroller, Pacer]:
-    """Return the microcontroller behind the ports or in memory, and what waits for its samples."""
+    """Return the microcontroller (on serial ports or in memory) and the pacer of its samples."""
     rate = config.rate
     period_ns = 1000 * sample_period_us(rate)
     if robot is None:
@@ -116,7 +116,7 @@ def _connect(
 
 
 def load_trajectories(stack: FlightStack, folder: Path) -> None:
-    """Load the user's trajectory files, by now or not at all: never in flight."""
+    """Load the user's trajectory files at start-up, never in flight."""
     from control.trajectories.library import load_folder
 
     if not folder.is_dir():
@@ -131,13 +131,13 @@ def load_trajectories(stack: FlightStack, folder: Path) -> None:
 
 
 def open_ports(paths: Sequence[str], patience_s: float = PORT_PATIENCE_S) -> list[SerialPort]:
-    """Open the serial ports, which a simulator may still be making or another program holding.
+    """Open the serial ports, which may not exist yet or be held by another program.
 
     Raises PortError when they cannot be opened for `patience_s`.
     """
     deadline = time.monotonic() + patience_s
     ports: list[SerialPort] = []
-    told: set[str] = set()
+    reported: set[str] = set()
     for path in paths:
         while True:
             try:
@@ -148,15 +148,15 @@ def open_ports(paths: Sequence[str], patience_s: float = PORT_PATIENCE_S) -> lis
                     raise
                 waited_s = time.monotonic() - deadline + patience_s
                 due = error.problem in TOLD_AT_ONCE or waited_s >= TOLD_AFTER_S
-                if due and str(error) not in told:
-                    told.add(str(error))
-                    say(f"{error}; trying for {patience_s:.0f} s")
+                if due and str(error) not in reported:
+                    reported.add(str(error))
+                    say(f"{error}; retrying for {patience_s:.0f} s")
             time.sleep(0.1)
     return ports
 
 
 def main(argument: str) -> int:
-    """Exit status: 0 stopped by a signal, 1 failed."""
+    """Run the process; the exit status is 0 after a signal, 1 after a failure."""
     config = msgspec.json.decode(argument, type=FlightConfig)
     speak_for(config.name)
     die_with_parent(config.parent)

@@ -1,4 +1,4 @@
-"""The rights that Linux is asked for so that the flight loop wakes in time, and those it grants."""
+"""Real-time scheduling and locked memory for the flight loop, as far as Linux grants them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 PRIORITY = 50  # SCHED_FIFO: above every ordinary thread, below the kernel's interrupt threads
-# ONFAULT: what was touched stays; locking all that is mapped would take 300 MB for nothing.
+# ONFAULT: pages stay once touched; locking all that is mapped would take 300 MB for nothing.
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 
 
@@ -19,7 +19,7 @@ class RealTime:
 
     scheduled: bool  # SCHED_FIFO
     locked: bool  # no page of this process is ever swapped out
-    refusal: str  # one line, empty when all was granted
+    refusal: str  # one line, empty when everything was granted
 
 
 def become_real_time() -> RealTime:

@@ -1,8 +1,8 @@
 """Whole motor references whose mean is the wanted one.
 
-A count of one motor is 0.7 rad/s² of roll. Rounding each tick for itself lets the vehicle wander
-in a limit cycle of some millimetres; here what rounding takes away is given back at the next
-tick (first-order noise shaping), far above what the motors' lag lets through.
+A count of one motor is 0.7 rad/s² of roll. Rounding each tick independently lets the vehicle wander
+in a limit cycle of some millimetres; here the rounding error is carried over to the next tick
+(first-order noise shaping), at frequencies far above the motors' bandwidth.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def _round(wanted: Array, carry: Array) -> tuple[int, int, int, int]:
             raise ValueError("a motor reference is not finite")
         whole = np.rint(exact)
         wanted[i] = int(min(max(whole, 0.0), REFERENCE_MAX))
-        # Nothing is owed for what no motor could have given.
+        # No error is carried over for what no motor could deliver.
         carry[i] = exact - whole if wanted[i] == whole else 0.0
     return int(wanted[0]), int(wanted[1]), int(wanted[2]), int(wanted[3])
 
@@ -37,7 +37,7 @@ class ReferenceRounding:
 
     def __init__(self) -> None:
         self._carry = np.zeros(4)
-        _round(np.zeros(4), self._carry)  # compiled here and not in the first flight
+        _round(np.zeros(4), self._carry)  # compiled here, not in the first flight
 
     def round(self, wanted: Array) -> tuple[int, int, int, int]:
         """Return counts 0..255 for `wanted` (4,), which is overwritten with them.

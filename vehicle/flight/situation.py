@@ -1,4 +1,4 @@
-"""What the supervisor is to know of a tick, read from the parts of the flight stack."""
+"""The supervisor's inputs in a tick, collected from the parts of the flight stack."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from vehicle.safety.supervisor import Situation
 
 
 class SituationReader:
-    """Fills one Situation again in each tick.
+    """Fills one Situation in each tick.
 
     Args:
-        volume: walls of the flight volume, read in each tick.
+        volume: limits of the flight volume, read in each tick.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class SituationReader:
         self._situation = Situation()
 
     def read(self, sample: RawSample, pose_age: float) -> Situation:
-        """Return the situation of this tick; it holds until the next call.
+        """Return the situation of this tick; it is valid until the next call.
 
         Args:
             pose_age: s since the newest measurement that was used.

@@ -45,14 +45,14 @@ from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Supervisor
 
 LONGEST_STEP = 0.05
-"""s: after a longer gap between samples laws and behaviors are stepped by this much only."""
+"""s, the longest step of laws and behaviors, also after a longer gap between samples."""
 
 
 class FlightStack:
-    """The vehicle's behaviour between one IMU sample and the next motor references.
+    """The vehicle's flight code: one IMU sample in, motor references out.
 
     Args:
-        parameters: the vehicle's tree; this stack becomes its only writer.
+        parameters: the vehicle's parameter tree; this stack becomes its only writer.
         estimator, controller: plugins, any object with the protocol's methods; defaults are the
             estimator and the law that the parameters name.
     """
@@ -153,10 +153,10 @@ class FlightStack:
 
     # ------------------------------------------------------------------ the tick
     def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None:
-        """Take one IMU sample, and return four command bytes, None while nothing is to be
-        commanded.
+        """Take one IMU sample and return four command bytes, or None while there is no
+        command.
 
-        They are motor references (counts), or what `flight_control_mode` says.
+        They are motor references (counts), or whatever `flight_control_mode` specifies.
         """
         since = self._tick.begin(sample.stamp_ns)
         if since <= 0.0:
@@ -194,7 +194,7 @@ class FlightStack:
         return command
 
     def _fly(self, dt: float, airborne: bool) -> tuple[int, int, int, int]:
-        """Fly the behavior's reference, and return the command that holds it."""
+        """Step the behavior's reference and return the command that follows it."""
         behaviors, tick = self.behaviors, self._tick
         behaviors.step(
             self._tick.stamp_ns,
@@ -226,7 +226,7 @@ class FlightStack:
         return command
 
     def _turn_on_bench(self, sample: RawSample, dt: float) -> tuple[int, int, int, int] | None:
-        """Return references of one tick of BENCH, None when it is over."""
+        """Return the references of one tick in mode BENCH, None when it is over."""
         bench, modes, tick = self.bench, self.modes, self._tick
         why = bench.fault(
             sample, self.supervisor.battery_spent, modes.motors_had_time, modes.obstacle
@@ -241,7 +241,7 @@ class FlightStack:
 
     # ------------------------------------------------------------------ inputs between ticks
     def handle(self, command: mailbox.Command) -> mailbox.Reply:
-        """Carry out or refuse one command; the reply says why."""
+        """Carry out or refuse one command; the reply gives the reason."""
         return self.commands.handle(command)
 
     def measure(self, measurement: mailbox.Measurement | Record) -> None:
@@ -253,19 +253,19 @@ class FlightStack:
         elif isinstance(measurement, mailbox.ExternalReference):
             self.behaviors.outside.take(measurement.stamp_ns, measurement.numbers)
         elif isinstance(measurement, mailbox.Heartbeat):
-            self.supervisor.heard(measurement.stamp_ns)
+            self.supervisor.heartbeat(measurement.stamp_ns)
 
     def loop_statistics(
         self, statistics: LoopStatistics, counts: LoopCounts, rate: float, real_time: bool
     ) -> None:
-        """Take over what the loop measured of itself: over the last second, and since its start.
+        """Store the loop's own statistics: over the last second, and since its start.
 
-        Args: `rate` in Hz, as it is meant to be.
+        Args: `rate` in Hz, the nominal one.
         """
         self._status_writer.loop(statistics, counts, rate, real_time)
 
     def say(self, text: str, level: int = mailbox.INFO) -> None:
-        """Put one line into the log and on the page."""
+        """Add a line for the log and the page."""
         self._outbox.say(text, level)
 
     # ------------------------------------------------------------------ what others read
@@ -316,22 +316,22 @@ class FlightStack:
 
     @property
     def stamp_ns(self) -> int:
-        """Return time of the newest tick, ns of the vehicle's clock."""
+        """Return the time of the newest tick, ns of the vehicle's clock."""
         return self._tick.stamp_ns
 
     @property
     def estimator(self) -> Estimator:
-        """Return the estimator that is flown on."""
+        """Return the estimator in use."""
         return self.navigation.active
 
     @property
     def controller(self) -> Controller:
-        """Return the controller that is flown with."""
+        """Return the controller in use."""
         return self.steering.controller
 
     # ------------------------------------------------------------------ parts of the tick
     def _end_bearings(self, way: WayBack | None) -> None:
-        """End a flight on bearings as the guard found due."""
+        """End a flight on bearings as the guard requested."""
         if way is None:
             return
         if way.values:
@@ -341,7 +341,7 @@ class FlightStack:
             self.modes.land(way.why)
 
     def _follow_altitude(self, sample: RawSample, dt: float) -> None:
-        """Follow the altitude by the barometer, in every mode: it may be needed at any time."""
+        """Estimate the altitude by the barometer in every mode: it may be needed at any time."""
         altitude = self.near_hovering.altitude
         if self.ground.airborne:
             altitude.step(sample.pressure, self._tick.specific_force_b.item(2), dt)
@@ -367,7 +367,7 @@ class FlightStack:
             self.say("touched down")
 
     def _idle(self) -> None:
-        """Idle armed on the ground: motors turn slowly, the reference follows the state."""
+        """Idle while armed on the ground: motors turn slowly, the reference follows the state."""
         stand(self._tick.state, self._tick.reference)
         self.controller.idle(self._tick.actuators)
         if self.ground.rested(self._tick.stamp_ns) >= self.parameters.safety.disarm_after_landing:

@@ -1,4 +1,4 @@
-"""The STATUS part of the tick's record."""
+"""Writes the STATUS field of the tick's record."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _NOT_REAL_TIME = int(Flag.NOT_REAL_TIME)
 
 
 class StatusWriter:
-    """Writes what changed; the fields that change at each tick through views made once."""
+    """Writes changed fields; those that change in each tick through views made once."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class StatusWriter:
     def loop(
         self, statistics: LoopStatistics, counts: LoopCounts, rate: float, real_time: bool
     ) -> None:
-        """Write what the loop measured of itself; `rate` (Hz) as it is meant to be."""
+        """Write the loop's own statistics; `rate` (Hz) is the nominal one."""
         self._real_time = real_time
         status = self._status
         status["tick_rate"], status["nominal_rate"] = statistics.rate, rate
@@ -74,7 +74,7 @@ class StatusWriter:
         """
         self._voltage[0], self._pressure[0] = sample.battery_voltage, sample.pressure
         mode, control_mode = self._modes.mode, self._modes.control_mode
-        # An emergency is reported once the microcontroller shows it: people wait for that.
+        # An emergency is reported once the microcontroller confirms it: operators wait for that.
         if control_mode is not ControlMode.EMERGENCY or sample.motor_state != MotorState.ON:
             self._control_mode = control_mode
         navigation, airborne = self._navigation, self._ground.airborne

@@ -1,4 +1,4 @@
-"""The record that one tick of the flight stack fills, with the views that its parts read."""
+"""The record that one tick of the flight stack fills, with views for the parts that read it."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from control.behaviors.ground import stand
 from quadrotor.records import ACTUATORS, Record, new_tick
 
 LONGEST_GAP = 1.0
-"""s that estimators predict at most: beyond nobody knows where the vehicle went, and a stamp that
-jumped must not throw the estimate away."""
+"""s, the longest time that estimators predict: beyond it the motion is unknown, and a stamp that
+jumps must not destroy the estimate."""
 NOMINAL_STEP = 0.002
 
 
 class TickRecord:
     """One TICK record and its fields.
 
-    The views are made once: looking a field up by its name in each tick costs as much as the laws.
+    The views are made once: looking up fields by name in each tick costs as much as the laws.
 
     Attributes:
         stamp_ns: time of the newest sample, ns of the vehicle's clock.
         record: TICK (1,); imu, state, reference, actuators, estimate and status are its fields.
-        specific_force_b: (3,) m/s², of the IMU.
+        specific_force_b: (3,) m/s², measured by the IMU.
         position_w, velocity_w: (3,) m and m/s, of the estimated state.
-        innovation_w: (3,) m, from the predicted position to the newest measured one.
+        innovation_w: (3,) m, from the predicted to the newest measured position.
         agreement: (1,), a number of `estimation.outcome.Agreement`.
         motor_references: (4,) counts, wanted by the control law. wrench: (4,) N and N m.
         scaling: (1,), below 1 while the motors saturate.
@@ -62,12 +62,12 @@ class TickRecord:
 
     @property
     def saturated(self) -> bool:
-        """Return whether the motors could not give the wrench that the control law wanted."""
+        """Return whether the motors could not produce the wrench that the control law wanted."""
         return bool(self.scaling.item() < 1.0)
 
     def begin(self, stamp_ns: int) -> float:
-        """Begin a tick, and return the time (s) since the last; 0 for a sample that is not newer,
-        which makes no tick.
+        """Begin a tick and return the time (s) since the last one; 0 for a sample that is not
+        newer, which makes no tick.
         """
         since = (stamp_ns - self.stamp_ns) * 1e-9 if self.stamp_ns else NOMINAL_STEP
         if since <= 0.0:

@@ -1,7 +1,7 @@
-"""Compile every law before the first sample counts.
+"""Compiles every law before the first sample is used.
 
-A throw-away stack flies one short hop through all behaviors: whatever the tick may call has then
-been called once, with the types it will see again. From numba's cache this takes 0.3 s.
+A temporary stack flies one short hop through all behaviors, which calls everything the tick may
+call once, with the argument types used in flight. From numba's cache this takes 0.3 s.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ HOP: tuple[tuple[str, dict[str, ParameterValue], bool], ...] = (  # last: wait f
 
 
 class _Hop:
-    """A vehicle that is always where its reference wants it."""
+    """A vehicle that always follows its reference exactly."""
 
     def __init__(self) -> None:
         parameters = new_parameters()
@@ -69,7 +69,7 @@ class _Hop:
 
 
 def warm_up() -> list[str]:
-    """Fly the hop. Returns what was refused in it: what comes after would compile in flight."""
+    """Fly the hop and return what was refused in it: what follows would compile in flight."""
     hop = _Hop()
     stack = hop.stack
     refused = [] if hop.until(lambda: stack.mode is Mode.READY) else ["not ready"]

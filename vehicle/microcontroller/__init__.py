@@ -1,1 +1,1 @@
-"""The microcontroller as the flight process sees it: ports, clock, samples, motor bus."""
+"""The flight process's interface to the microcontroller: ports, clock, samples, motor bus."""

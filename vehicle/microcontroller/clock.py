@@ -1,14 +1,14 @@
 """The vehicle's clock: the microcontroller's milliseconds, unwrapped, from a host epoch.
 
-The microcontroller sends its time in ms modulo 60 s. The vehicle's clock is that time counted on
-without wrapping, plus a constant: the host's epoch time at which the first sample was taken. A
-sample can only arrive late, so the constant is the least (arrival - elapsed) over the first
-samples, less the time its frame takes on the line; those are spent on it. In simulated time the
+The microcontroller sends its time in ms modulo 60 s. The vehicle's clock is that time without
+wrapping, plus a constant: the host's epoch time at which the first sample was taken. A sample can
+only arrive late, so the constant is the least (arrival - elapsed) over the first samples, less the
+time a frame takes on the line; these samples are used for nothing else. In simulated time the
 constant is given, usually 0.
 
 The host's clock may be set while the vehicle runs, by an hour or by years. Once the epoch is
-settled the host's time goes on by its steady clock, so that stamps neither jump nor stand still;
-that it was set is told, once each time.
+settled the host's time continues by its steady clock, so that stamps neither jump nor stop; each
+change of the host's clock is reported once.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ from vehicle_link.serial.port import BAUD_RATE
 
 SETTLING_SAMPLES = 50
 SETTLING_NS = 400_000_000
-"""Between the first and the last of them: a busy machine may hold all bytes back for 0.3 s."""
+"""Time between the first and the last of them: a busy machine may delay all bytes by 0.3 s."""
 LATE_MS = 1_000
 """A step that looks like 59 s to 60 s forward is a sample that came late by up to 1 s."""
 JUMP_MS = 50
-"""A longer step forward is believed only when a second sample confirms it: believed wrongly, every
+"""A longer step forward is accepted only when a second sample confirms it: after a wrong one every
 true sample would be late until that time."""
 SLACK_MS = 1_000
-"""Such a step must not lead further ahead of the host's steady clock than ever before, but this."""
+"""Such a step may exceed the largest lead over the host's steady clock so far by this much."""
 RESTART_MS = 1_000
-"""Times refused for so long are those of a microcontroller that began anew."""
+"""Times refused for this long mean that the microcontroller was restarted."""
 MS = 1_000_000
 AHEAD_NS = 5_000_000
-"""A sample that arrives so long before its own stamp shows that all the first ones came late."""
+"""A sample that arrives this long before its own stamp shows that all the first ones were late."""
 LATEST_NS = 2_000_000_000
-"""First samples are not later than this: a clock further ahead is so by a fast microcontroller,
-and set back it would give no sample for as long."""
+"""The first samples are not later than this: a clock further ahead means a fast microcontroller,
+and setting it back would drop all samples for as long."""
 SET_NS = 2_000_000_000
-"""By less the host's clock is set for a leap second, or after a short time without a network."""
+"""Smaller changes of the host's clock, as for a leap second, are not reported."""
 FRAME_NS = 34 * 1_000_000_000 // (BAUD_RATE // 10)
-"""On the line, a `D` frame of 34 bytes."""
+"""Time of a `D` frame of 34 bytes on the line."""
 
 
 class MicrocontrollerClock:
@@ -48,9 +48,9 @@ class MicrocontrollerClock:
 
     Args:
         epoch_ns: stamp of the first sample, for simulated time; None takes it from the host.
-        host_ns: the host's clock; gives the epoch, and is only watched for being set afterwards.
-        steady_ns: the host's steady clock, which tells a gap from a sample that came very late,
-            and that the host's clock was set; not read when the epoch is given.
+        host_ns: the host's clock; gives the epoch, and is then only monitored for changes.
+        steady_ns: the host's steady clock, which distinguishes a gap from a very late sample and
+        shows changes of the host's clock; not read when the epoch is given.
     """
 
     def __init__(
@@ -63,9 +63,9 @@ class MicrocontrollerClock:
         self._steady_ns = steady_ns if epoch_ns is None else None
         self._begun_ns = 0
         self._ahead_of_steady_ns = 0  # the host's clock, when the epoch was settled
-        self._told_ns = 0  # the same when last told
-        self._lead_ms = 0  # largest so far of the clock before the host's
-        self._refused_ms: int | None = None  # the host's time when the first was
+        self._reported_ns = 0  # the same when last reported
+        self._lead_ms = 0  # largest lead over the host's clock so far
+        self._refused_ms: int | None = None  # the host's time at the first refusal
         self._epoch_ns = epoch_ns
         self._settling = 0
         self._least_ns: int | None = None
@@ -75,13 +75,13 @@ class MicrocontrollerClock:
 
     @property
     def settled(self) -> bool:
-        """Return whether stamps can be given; until then samples only serve to find the epoch."""
+        """Return whether stamps are available; until then samples only serve to find the epoch."""
         return self._epoch_ns is not None
 
     def elapsed_ns(self, ms: int) -> int | None:
-        """Return time of a sample since the first one; None when its time is not believed (yet).
+        """Return the time of a sample since the first one; None when it is not accepted (yet).
 
-        A gap of the samples longer than 60 s is taken modulo 60 s.
+        A gap between samples longer than 60 s counts modulo 60 s.
         """
         last = self._last_ms
         if last is None:
@@ -94,7 +94,7 @@ class MicrocontrollerClock:
         host = self._host_ms()
         if step > JUMP_MS:
             if host is not None and self._elapsed_ms + step > host + self._lead_ms + SLACK_MS:
-                # More than a second late, or of another beginning: no such time has gone by.
+                # More than a second late, or from before a restart: no such time has passed.
                 self._refused_ms = host if self._refused_ms is None else self._refused_ms
                 if host - self._refused_ms < RESTART_MS:
                     return None
@@ -122,12 +122,14 @@ class MicrocontrollerClock:
         if self._settling >= SETTLING_SAMPLES and newest_elapsed_ns >= SETTLING_NS:
             self._epoch_ns = self._least_ns - FRAME_NS
             if self._steady_ns is not None:
-                self._told_ns = self._ahead_of_steady_ns = self._host_over_steady(self._steady_ns)
+                self._reported_ns = self._ahead_of_steady_ns = self._host_over_steady(
+                    self._steady_ns
+                )
 
     def correct(self, newest_elapsed_ns: int) -> float:
-        """Set the clock back when it is ahead of the host's: all samples it was set by came late.
+        """Set the clock back when it is ahead of the host's: all samples that set it were late.
 
-        Only while no one flies by it: stamps go back. Returns by how much, s.
+        Call it on the ground only, as stamps go back. Returns by how much, s.
         """
         if self._steady_ns is None or self._epoch_ns is None:
             return 0.0
@@ -139,18 +141,18 @@ class MicrocontrollerClock:
         return ahead_ns * 1e-9
 
     def host_set(self) -> float:
-        """Return by how much the host's clock was set forward (back: below 0) since the last
-        report, s; else 0.
+        """Return by how much the host's clock was set forward (negative: back) since the last
+        report, s; 0 when it was not.
 
-        The vehicle's clock does not follow: its stamps must not jump, and go back even less.
+        The vehicle's clock does not follow: its stamps must not jump, least of all back.
         """
         if self._steady_ns is None or self._epoch_ns is None:
             return 0.0
         now_ns = -self._steady_ns() + self._host_ns()
-        set_ns = now_ns - self._told_ns
+        set_ns = now_ns - self._reported_ns
         if abs(set_ns) <= SET_NS:
             return 0.0
-        self._told_ns = now_ns
+        self._reported_ns = now_ns
         return set_ns * 1e-9
 
     def _host_over_steady(self, steady_ns: Callable[[], int]) -> int:

@@ -1,16 +1,16 @@
-"""The microcontroller as the flight loop sees it: samples in, commands out, no waiting.
+"""The flight loop's interface to the microcontroller: samples in, commands out, non-blocking.
 
-It is first told what to mirror, how often, and to fly in direct mode, and asked who it is; samples
-count from when it has confirmed what they contain, motors may be started once it is the right one.
-Every set and request is repeated each 25 ms until answered, 40 times, then given up and reported.
+It first sets what to mirror, how often, and direct mode, and requests the identity; samples are
+used once their content is confirmed, and motors may be started once the identity matches.
+Every set and request is retried each 25 ms, 40 times, until answered, then given up and reported.
 
-A command means another thing in another flight control mode. While a change of it is not echoed,
-commands are sent as sets of the mode, which the microcontroller takes together: never are bytes of
-one mode read in the other. A port that is gone is left out, as long as another one is there.
+The meaning of a command depends on the flight control mode. Until a change of mode is echoed,
+commands are sent together with a set of the mode, so that the bytes of one mode are never read in
+the other. A lost port is ignored as long as the other one works.
 
-Bytes may arrive damaged. A command is repeated while no sample comes that would bring a new one,
-but not for long; and as the checksum has 12 bits only, what a single sample says of the motors is
-not believed.
+Bytes may arrive damaged. The last command is repeated for a short time while no sample arrives
+that would trigger a new one. As the checksum has only 12 bits, the motor state in a single sample
+is not trusted.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from vehicle_link.serial.port import Port
 
 REPEAT_COMMAND_S = 0.006
 KEEP_COMMAND_S = 0.04
-"""Since the tick that made it: an old command must not keep the microcontroller from landing."""
+"""Oldest command that is sent: an old one must not keep the microcontroller from landing."""
 
 _MOTOR_STATES = tuple(MotorState)
 _MODES = frozenset(FlightControlMode)
@@ -71,12 +71,12 @@ class Microcontroller:
         identity: what it must be before motors may start.
 
     Attributes:
-        failures: lines about sets and requests given up, ports that are gone and clocks that were
-            set, for the caller to report and clear.
+        failures: lines about sets and requests given up, lost ports and clocks that were set, for
+        the caller to report and clear.
         flight_control_mode: what the microcontroller has confirmed last.
-        refused: D frames with impossible values or times; late: samples dropped as older than the
-            newest.
-        newest_ms: of the D frame read last from each port, the microcontroller's time; -1 before.
+        refused: number of D frames with impossible values or times.
+        late: number of samples dropped because they were older than the newest one.
+        newest_ms: the microcontroller's time in the last D frame of each port; -1 before.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class Microcontroller:
         self._stamps = FineStamps(1000 * period_us)
         self._command: Sequence[int] = _STOPPED
         self._mode = FlightControlMode.DIRECT  # of the command
-        self._is_new = False  # the command, since the last service
+        self._is_new = False  # whether the command is new since the last service
         self._made_s = self._sent_s = -math.inf  # when the command was made, and sent last
         self._mirrored = False
         self._motor_state, self._motor_state_read = 0, -1
@@ -120,14 +120,14 @@ class Microcontroller:
 
     @property
     def connected(self) -> bool:
-        """Return whether it is the right microcontroller, mirrors the IMU and flies in direct
+        """Return whether it is the right microcontroller, mirrors the IMU and is in direct
         mode.
         """
         return not self._handshake.open
 
     @property
     def obstacle(self) -> str:
-        """Return why motors would not start, as far as is known; empty when they would."""
+        """Return the known reason why motors would not start; empty when they would."""
         if not self._handshake.open:
             return self._bus.why
         waiting = self._handshake.open[0]
@@ -137,12 +137,12 @@ class Microcontroller:
 
     @property
     def damaged(self) -> int:
-        """Return pieces of bytes, on all ports, that were not frames."""
+        """Return the number of runs of bytes, on all ports, that are not frames."""
         return self._ports.damaged
 
     @property
     def lost_ports(self) -> int:
-        """Return how many ports are gone."""
+        """Return the number of lost ports."""
         return self._ports.lost
 
     def filenos(self) -> tuple[int, ...]:
@@ -152,7 +152,7 @@ class Microcontroller:
     def receive(self) -> list[RawSample]:
         """Return the samples that arrived, oldest first, each newer than all before.
 
-        Raises LinkError when the last port is gone.
+        Raises LinkError when the last port is lost.
         """
         samples: list[RawSample] = []
         settled = self._clock.settled
@@ -173,7 +173,7 @@ class Microcontroller:
             return []
         if samples and self._motor_state_read in _RESTING:
             self._correct_clock(max(sample.stamp_ns for sample in samples))
-        if len(samples) == 1 and samples[0].stamp_ns > self._newest_ns:  # as a rule
+        if len(samples) == 1 and samples[0].stamp_ns > self._newest_ns:  # the usual case
             self._newest_ns = samples[0].stamp_ns
             samples[0] = self._refined(samples[0])
             return samples
@@ -183,7 +183,7 @@ class Microcontroller:
     def command(
         self, command: Sequence[int], mode: FlightControlMode = FlightControlMode.DIRECT
     ) -> None:
-        """Send the four command bytes (0…255) of a flight control mode, and change to it.
+        """Send the four command bytes (0…255) of a flight control mode, changing to it if needed.
 
         In direct mode they are motor references (counts, front, left, rear, right), else those of
         vehicle_link.serial.attitude_command.
@@ -194,20 +194,20 @@ class Microcontroller:
         self._send_command()
 
     def set_motor_state(self, state: MotorState) -> None:
-        """Ask for this motor state from the next `service` on, until it is echoed.
+        """Request this motor state from the next `service` on, until it is echoed.
 
-        Motors are switched on only once `connected`; any other state is asked for at once.
+        Motors are switched on only once `connected`; any other state is requested at once.
         """
         if state is not MotorState.ON:
             self._command, self._is_new, self._made_s = _STOPPED, False, -math.inf
         self._motors.put(set_value(Id.MOTOR_STATE, state, persistent=state is not MotorState.ON))
 
     def set_value(self, id: Id, value: int) -> None:
-        """Ask for this value of an id from the next `service` on, until it is echoed."""
+        """Request this value of an id from the next `service` on, until it is echoed."""
         self._motors.put(set_value(id, value))
 
     def service(self, now_s: float) -> None:
-        """Send and repeat what is due; `now_s` is any clock that does not go back."""
+        """Send what is due, including retries; `now_s` is from any monotonic clock."""
         for frame in self._handshake.service(now_s, self._command):
             self._ports.write(frame)
         for request in self._motors.open:
@@ -215,7 +215,7 @@ class Microcontroller:
             request.hold = "it is not recognised yet" if starting and not self.connected else ""
         for frame in self._motors.service(now_s, self._command):
             self._ports.write(frame)
-        # As samples tell it: none, and no one knows.
+        # The motor state as reported by samples: unknown without any.
         rests = self._motor_state_read in _RESTING
         if rests and self.connected and all(one.given_up for one in self._motors.open):
             question = self._bus.question(now_s, self._command)
@@ -262,8 +262,8 @@ class Microcontroller:
         )
 
     def _correct_clock(self, newest_ns: int) -> None:
-        """Correct the clock; samples of the time it was ahead by are dropped, as time does not go
-        back.
+        """Correct the clock; samples are dropped until its time passes the newest stamp
+        again.
         """
         ahead = self._clock.correct(newest_ns - self._clock.stamp_ns(0))
         if ahead:

@@ -1,7 +1,7 @@
-"""A watch over whether all four motors' controllers answer on the microcontroller's bus.
+"""Checks that all four motor controllers answer on the microcontroller's bus.
 
-They are asked for one after the other while the motors stand: a microcontroller with a hole in its
-bus does not start them, and who arms wants to know which plug to look at.
+They are polled one after the other while the motors are off: with a controller missing the
+microcontroller does not start them, and the operator needs to know which plug to check.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ REFERENCES = (
     Id.MOTOR_REFERENCE_4,
 )
 NO_ANSWER = -1
-"""Told instead of the reference of a motor whose controller does not answer."""
+"""Reported instead of the reference of a motor whose controller does not answer."""
 PERIOD_S = 0.1
-"""Between two questions: all four are known anew every 0.4 s."""
+"""Period of the requests: all four are polled every 0.4 s."""
 
 
 class MotorBus:
-    """The motors' controllers, as the microcontroller reports them.
+    """The motor controllers as reported by the microcontroller.
 
     Attributes:
-        missing: names of the motors whose controllers do not answer; none before they were asked.
-        why: what is wrong and what to try, in words; empty when nothing is missing.
+        missing: names of the motors whose controllers do not answer; empty before the first poll.
+        why: what is wrong and what to try; empty when nothing is missing.
     """
 
     def __init__(self) -> None:
@@ -49,7 +49,7 @@ class MotorBus:
         return encode_request(command, REFERENCES[self._turn])
 
     def take(self, id: int, value: object) -> str | None:
-        """Take an answer of the microcontroller to any question; return a line when it changed
+        """Handle any answer of the microcontroller; return a line when it changed
         `missing`.
         """
         if id not in REFERENCES or not isinstance(value, int):

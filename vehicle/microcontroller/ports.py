@@ -1,6 +1,6 @@
-"""The serial ports of one microcontroller: frames in from all, frames out by one or all in turn.
+"""The serial ports of one microcontroller: reads frames from all, writes to one or all in turn.
 
-A port that is gone is left out, as long as another one is there.
+A lost port is ignored as long as the other one works.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ class MicrocontrollerPorts:
     """One or two ports.
 
     Args:
-        failures: where a line about a port that is gone is left for the caller.
+        failures: list that receives a line about each lost port, for the caller.
 
     Attributes:
-        lost: how many are gone.
-        reading: index of the port that `read` is at.
+        lost: number of lost ports.
+        reading: index of the port that `read` is reading.
     """
 
     def __init__(self, ports: Sequence[Port], failures: list[str]) -> None:
@@ -30,12 +30,12 @@ class MicrocontrollerPorts:
         self._failures = failures
         self._ports = [(port, FrameDecoder()) for port in ports]
         self._index = {id(port): index for index, port in enumerate(ports)}
-        self._damaged_before = 0  # on ports that are gone
+        self._damaged_before = 0  # on lost ports
         self._turn = 0
 
     @property
     def damaged(self) -> int:
-        """Return pieces of bytes, on all ports, that were not frames."""
+        """Return the number of runs of bytes, on all ports, that are not frames."""
         return self._damaged_before + sum(decoder.damaged for _, decoder in self._ports)
 
     def filenos(self) -> tuple[int, ...]:
@@ -43,7 +43,7 @@ class MicrocontrollerPorts:
         return tuple(port.fileno() for port, _ in self._ports)
 
     def read(self) -> Iterator[Frame]:
-        """Yield frames that arrived, of one port after the other.
+        """Yield the received frames, one port after the other.
 
         Raises LinkError when the last port is gone.
         """
@@ -59,7 +59,7 @@ class MicrocontrollerPorts:
 
     def write(self, frame: bytes, in_turn: bool = False) -> None:
         """Write on the first port, or on all in turn. Raises LinkError when the last one is
-        gone.
+        lost.
         """
         while True:
             port, _ = self._ports[self._turn % len(self._ports) if in_turn else 0]
@@ -72,7 +72,7 @@ class MicrocontrollerPorts:
             return
 
     def _lose(self, port: Port, error: LinkError) -> None:
-        """Leave a port out that is gone; raises its error when it was the last one."""
+        """Drop a lost port; raises its error when it was the last one."""
         if len(self._ports) == 1:
             raise error
         self.lost += 1

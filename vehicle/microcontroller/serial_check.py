@@ -1,7 +1,7 @@
 """The quality of a connection to the microcontroller, measured for a second (`--check`).
 
-Nothing is switched on: the microcontroller is asked who it is, told to mirror the IMU, asked for
-its motors' controllers, and for its battery again and again.
+Nothing is switched on: the check requests the microcontroller's identity, lets it mirror the IMU,
+polls the motor controllers, and requests the battery voltage repeatedly.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from vehicle_link.serial.values import to_si
 MEASURED_S = 1.0
 ANSWERS_LIMIT_S = 1.0
 QUESTION_PERIOD_S = 0.02
-"""On each port; what the answers take of the line is little beside the samples."""
+"""On each port; the answers take little of the line's capacity compared with the samples."""
 ANSWER_LIMIT_S = 0.1
-"""A question not answered by then is lost."""
+"""A request without an answer by then counts as lost."""
 DAMAGED_MAX = 0.01
-"""Share of the frames; more is a bad cable."""
+"""Largest share of damaged frames; more means a bad cable."""
 LOST_MAX = 0.05
-"""Share of the questions."""
+"""Largest share of lost requests."""
 DEVIATION_MAX = 1.0
-"""deg/s, of a gyroscope that is still."""
+"""deg/s, largest deviation of a gyroscope at rest."""
 RATE_MIN = 100.0
-"""IMU samples a second, over all ports; the control is made for 500."""
+"""IMU samples a second, over all ports; the controller is designed for 500."""
 _POLL_MS = 5
 _STOPPED = (0, 0, 0, 0)
 _GYROSCOPE = slice(MIRROR.index(Id.GYROSCOPE_X), MIRROR.index(Id.GYROSCOPE_Z) + 1)
@@ -57,9 +57,10 @@ def check_connection(
     say: Say = print,
     ask_for_real_time: Callable[[], RealTime] = become_real_time,
 ) -> bool:
-    """Say line by line what is behind one or two ports and how well it works; whether it is good.
+    """Report line by line what is connected to one or two ports and how well it works; return
+    whether all is good.
 
-    A port that stops meanwhile is one of the lines.
+    A port that fails meanwhile is reported as one of the lines.
     """
     devices = await_devices(
         paths,
@@ -120,7 +121,7 @@ class _Line:
     battery: int | None = None
 
     def ask(self, now_s: float) -> None:
-        """Ask one question at a time, the next when it is answered or lost."""
+        """Send one request at a time, the next one when it is answered or lost."""
         lost = self.asked_s is not None and now_s - self.asked_s > ANSWER_LIMIT_S
         if now_s >= self.due_s and (self.asked_s is None or lost):
             self.asked_s, self.due_s = now_s, now_s + QUESTION_PERIOD_S
@@ -153,7 +154,7 @@ def _measure(paths: Sequence[str]) -> tuple[list[_Line], tuple[int, str]]:
             lines.append(_Line(SerialPort(path)))
         _choose_mirror(lines)
         motors = _look_at_motors(lines)
-        for line in lines:  # what came before does not count
+        for line in lines:  # earlier bytes do not count
             line.frames = line.decoder.damaged = 0
         deadline_s = time.monotonic() + MEASURED_S
         while (now_s := time.monotonic()) < deadline_s:
@@ -175,7 +176,7 @@ def _choose_mirror(lines: Sequence[_Line]) -> None:
 
 
 def _look_at_motors(lines: Sequence[_Line]) -> tuple[int, str]:
-    """Return how many motors answered, and what is wrong with their controllers."""
+    """Return the number of motors that answered, and what is wrong with their controllers."""
     bus, exchange = MotorBus(), Exchange([ask(id) for id in REFERENCES])
     _until_answered(lines, exchange, bus.take)
     return len(REFERENCES) - len(exchange.open), bus.why
@@ -184,7 +185,7 @@ def _look_at_motors(lines: Sequence[_Line]) -> tuple[int, str]:
 def _until_answered(
     lines: Sequence[_Line], exchange: Exchange, take: Callable[[int, Answer], object]
 ) -> None:
-    """Ask on the first port, at most for ANSWERS_LIMIT_S."""
+    """Send requests on the first port, for ANSWERS_LIMIT_S at most."""
     deadline_s = time.monotonic() + ANSWERS_LIMIT_S
     while exchange.open and (now_s := time.monotonic()) < deadline_s:
         for frame in exchange.service(now_s, _STOPPED):
@@ -206,9 +207,9 @@ def _receive(lines: Sequence[_Line]) -> list[tuple[_Line, Frame]]:
     ]
 
 
-# ---------------------------------------------------------------- what it came to
+# ---------------------------------------------------------------- results
 def _report(lines: Sequence[_Line], say: Say) -> list[str]:
-    """Say the figures; what is not good about them."""
+    """Report the figures, and return the problems."""
     problems = []
     batteries = [line.battery for line in lines if line.battery is not None]
     if batteries:
@@ -235,12 +236,12 @@ def _report(lines: Sequence[_Line], say: Say) -> list[str]:
     return problems
 
 
-def _report_motors(told: int, why: str, say: Say) -> list[str]:
+def _report_motors(answered: int, why: str, say: Say) -> list[str]:
     if why:
         return [why]
-    if told < len(REFERENCES):
-        return [f"the microcontroller tells of {told} of {len(REFERENCES)} motors; try again"]
-    say("motors' controllers: all four answer")
+    if answered < len(REFERENCES):
+        return [f"{answered} of {len(REFERENCES)} motors were reported; try again"]
+    say("motor controllers: all four answer")
     return []
 
 
@@ -248,13 +249,13 @@ def _report_round_trips(lines: Sequence[_Line], say: Say) -> list[str]:
     trips = [1e3 * trip for line in lines for trip in line.round_trips_s]
     asked = sum(line.asked for line in lines) - sum(line.asked_s is not None for line in lines)
     if not trips:
-        return ["no question was answered; check the lines towards the microcontroller"]
+        return ["no request was answered; check the lines to the microcontroller"]
     say(
-        f"round trip of a question: {statistics.median(trips):.1f} ms p50, {max(trips):.1f} ms "
+        f"round trip of a request: {statistics.median(trips):.1f} ms p50, {max(trips):.1f} ms "
         f"at most; {len(trips)} of {max(asked, len(trips))} answered"
     )
     if asked - len(trips) > LOST_MAX * asked:
-        return [f"{asked - len(trips)} of {asked} questions lost; check the cables"]
+        return [f"{asked - len(trips)} of {asked} requests lost; check the cables"]
     return []
 
 

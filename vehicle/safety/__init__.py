@@ -1,1 +1,1 @@
-"""The vehicle's own reactions when something fails, and whether it is on the ground or flies."""
+"""The vehicle's own reactions to failures, and the detection of ground contact."""

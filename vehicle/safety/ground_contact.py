@@ -1,20 +1,20 @@
-"""On the ground or in the air: from take-off to the rest after touch-down."""
+"""Detection of take-off, touch-down and the rest after it."""
 
 from __future__ import annotations
 
 TAKEN_OFF = 0.03
-"""m above where it was armed; the noise of a pose stays below."""
+"""m above the place of arming; larger than the noise of a pose."""
 LEARN = 3.0
-"""s over which the lift that a newton gives is averaged, running up to it."""
+"""s, time constant of the average lift per newton, which begins with a plain mean."""
 LEAST = 1.0
-"""s of flight before that average is worth comparing with."""
+"""s of flight before that average is used for comparison."""
 
 
 class GroundContact:
-    """Stamps in ns of the vehicle's clock, heights in m.
+    """Detects whether the vehicle is on the ground; stamps in ns of the vehicle's clock.
 
-    The ground shows in the accelerometer: it carries what the commanded thrust does not, whatever
-    the estimate believes. What a newton of commanded thrust gives in the air is learnt in flight,
+    Ground contact shows in the accelerometer, independently of the estimate: the ground carries
+    what the commanded thrust does not. The lift per newton of commanded thrust is learnt in flight,
     so that a wrong mass, a full battery or worn propellers do not look like the ground.
     """
 
@@ -22,13 +22,13 @@ class GroundContact:
         self.airborne = False
         self.ground_z = 0.0
         self.carried = 0.0
-        """s for which the ground has carried its share."""
+        """s for which the ground has carried its share of the weight."""
         self._landed_ns: int | None = None
         self._flown = 0.0
         self._lift_per_newton = 0.0
 
     def arm(self, z: float) -> None:
-        """Set the ground at this height of the vehicle."""
+        """Set the ground to this height (m) of the vehicle."""
         self.ground_z = z
         self.carried = self._flown = self._lift_per_newton = 0.0
 
@@ -37,22 +37,22 @@ class GroundContact:
         self._landed_ns = None
 
     def rise(self, z: float) -> None:
-        """Set whether the vehicle is in the air, from its height now."""
+        """Update whether the vehicle is in the air, from its present height (m)."""
         self.airborne = z - self.ground_z > TAKEN_OFF
 
     def feel(self, lift: float, thrust: float, share: float, dt: float) -> None:
-        """Take one sample in the air.
+        """Update with one sample in the air.
 
         Args:
             lift: m/s², specific force along z_B. thrust: N, commanded.
-            share: of the lift in the air, by which it exceeds that where the ground carries.
+            share: of the lift in the air; an excess by more than this is ground contact.
         """
         if not thrust > 0.0:
             return
         ratio, learnt = lift / thrust, self._lift_per_newton
         if self._flown > LEAST and ratio > (1.0 + share) * learnt:
             self.carried += dt
-            return  # of the ground there is nothing to learn
+            return  # no learning on the ground
         self.carried = 0.0
         self._flown += dt
         self._lift_per_newton = learnt + (ratio - learnt) * dt / min(LEARN, self._flown)

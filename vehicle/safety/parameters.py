@@ -22,18 +22,18 @@ class SafetyParameters(Parameters):
         ge=0.1,
         le=2.0,
         step=0.05,
-        description="silence of the station after which a flying vehicle reacts",
+        description="time without a heartbeat from the station after which the vehicle reacts",
     )
-    link_reaction: str = _reaction("brake", "what the vehicle does then")
+    link_reaction: str = _reaction("brake", "reaction to a lost link")
     link_land_after: float = parameter(
         2.0,
         unit="s",
         ge=0.0,
         le=60.0,
         step=0.5,
-        description="time from the reaction to a lost link to the next one",
+        description="time from link_reaction to link_land_reaction",
     )
-    link_land_reaction: str = _reaction("land", "what the vehicle does then")
+    link_land_reaction: str = _reaction("land", "reaction when the link stays lost")
     pose_land_after: float = parameter(
         1.0,
         unit="s",
@@ -42,14 +42,14 @@ class SafetyParameters(Parameters):
         step=0.1,
         description="time without a pose measurement after which the vehicle reacts",
     )
-    pose_reaction: str = _reaction("descend", "what the vehicle does then")
+    pose_reaction: str = _reaction("descend", "reaction to missing poses")
     battery_warning: float = parameter(
         13.8,
         unit="V",
         ge=12.0,
         le=16.8,
         step=0.1,
-        description="battery voltage below which a warning is given and arming is refused",
+        description="battery voltage below which the vehicle warns and refuses to arm",
     )
     battery_land: float = parameter(
         13.1,
@@ -67,16 +67,16 @@ class SafetyParameters(Parameters):
         step=0.1,
         description="time the voltage must stay below a limit before it counts",
     )
-    battery_reaction: str = _reaction("emergency", "what the vehicle does below battery_land")
+    battery_reaction: str = _reaction("emergency", "reaction to a voltage below battery_land")
     tilt_cut: float = parameter(
         100.0,
         unit="deg",
         ge=60.0,
         le=180.0,
         step=5.0,
-        description="tilt at which the motors are stopped: the vehicle has turned over",
+        description="tilt above which the vehicle has turned over",
     )
-    tilt_cut_reaction: str = _reaction("cut", "what the vehicle does then")
+    tilt_cut_reaction: str = _reaction("cut", "reaction to a tilt above tilt_cut")
     arm_tilt_max: float = parameter(
         15.0,
         unit="deg",
@@ -101,7 +101,7 @@ class SafetyParameters(Parameters):
     tilt_delay: float = parameter(
         0.2, unit="s", ge=0.0, le=2.0, step=0.05, description="time it must last"
     )
-    tilt_reaction: str = _reaction("emergency", "what the vehicle does then")
+    tilt_reaction: str = _reaction("emergency", "reaction to excessive tilt")
     innovation_max: float = parameter(
         0.5,
         unit="m",
@@ -113,48 +113,48 @@ class SafetyParameters(Parameters):
     innovation_delay: float = parameter(
         0.3, unit="s", ge=0.0, le=5.0, step=0.05, description="time it must last"
     )
-    innovation_reaction: str = _reaction("descend", "what the vehicle does then")
+    innovation_reaction: str = _reaction("descend", "reaction to a diverged estimate")
     volume_margin: float = parameter(
         0.5,
         unit="m",
         ge=0.05,
         le=20.0,
         step=0.05,
-        description="distance outside the flight volume that is too far",
+        description="largest distance outside the flight volume before the vehicle reacts",
     )
     volume_delay: float = parameter(
         0.2, unit="s", ge=0.0, le=5.0, step=0.05, description="time it must last"
     )
-    volume_reaction: str = _reaction("land", "what the vehicle does then")
+    volume_reaction: str = _reaction("land", "reaction outside the flight volume")
     speed_max: float = parameter(
         6.0, unit="m/s", ge=0.5, le=30.0, step=0.5, description="speed that is too high"
     )
     speed_delay: float = parameter(
         0.2, unit="s", ge=0.0, le=5.0, step=0.05, description="time it must last"
     )
-    speed_reaction: str = _reaction("brake", "what the vehicle does then")
+    speed_reaction: str = _reaction("brake", "reaction to excessive speed")
     saturation_delay: float = parameter(
         1.0,
         unit="s",
         ge=0.1,
         le=10.0,
         step=0.1,
-        description="time for which motors may be saturated without a break",
+        description="longest time for which motors may be saturated continuously",
     )
-    saturation_reaction: str = _reaction("land", "what the vehicle does then")
-    port_reaction: str = _reaction("land", "what the vehicle does when a serial port is gone")
+    saturation_reaction: str = _reaction("land", "reaction to saturated motors")
+    port_reaction: str = _reaction("land", "reaction to a lost serial port")
     command_timeout: float = parameter(
         0.25,
         unit="s",
         ge=0.05,
         le=2.0,
         step=0.05,
-        description="silence of this computer after which the microcontroller lands alone",
+        description="time without commands after which the microcontroller lands by itself",
     )
     emergency_land: str = parameter(
         "emergency",
         choices=("land", "descend", "emergency"),
-        description="what Emergency land does: land under control, descend without a pose, or "
+        description="action of Emergency land: land under control, descend without a pose, or "
         "leave the landing to the microcontroller",
     )
     bench_timeout: float = parameter(
@@ -163,7 +163,7 @@ class SafetyParameters(Parameters):
         ge=0.1,
         le=5.0,
         step=0.1,
-        description="time after which a motor on the bench stops when it is not asked for again",
+        description="time after which a motor on the bench stops unless it is requested again",
     )
     bench_turn_max: float = parameter(
         20.0,
@@ -171,8 +171,8 @@ class SafetyParameters(Parameters):
         ge=5.0,
         le=90.0,
         step=5.0,
-        description="turn of a vehicle on the bench, within a second or so, that stops the motor: "
-        "it is not fixed",
+        description="turn of the vehicle within about a second that stops a motor on the bench, "
+        "because the vehicle is not fixed",
     )
     gyro_samples: int = parameter(
         500,
@@ -187,7 +187,7 @@ class SafetyParameters(Parameters):
         ge=0.1,
         le=10.0,
         step=0.1,
-        description="standard deviation above which the vehicle was not still",
+        description="standard deviation above which the vehicle counts as moving",
     )
     gyro_drift_max: float = parameter(
         40.0,
@@ -195,7 +195,7 @@ class SafetyParameters(Parameters):
         ge=1.0,
         le=300.0,
         step=1.0,
-        description="drift that no gyroscope has: the vehicle turned steadily",
+        description="largest plausible gyroscope drift; above it the vehicle was turning steadily",
     )
     gyro_change_max: float = parameter(
         5.0,
@@ -203,5 +203,5 @@ class SafetyParameters(Parameters):
         ge=0.1,
         le=300.0,
         step=0.1,
-        description="the same of a drift that is found anew, from the one in use",
+        description="largest plausible change of the gyroscope drift in a new calibration",
     )

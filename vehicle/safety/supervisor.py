@@ -1,7 +1,7 @@
-"""The vehicle's own reactions when something above or next to it fails.
+"""The vehicle's own reactions to failures.
 
-Pure: fed with stamps and measurements, it answers with a reaction and its reason. The table of
-triggers, thresholds and reactions is docs/safety.md; each of the three is a parameter.
+The supervisor has no side effects: it takes stamps and measurements and returns a reaction with
+its reason. Triggers, thresholds and reactions are parameters; docs/safety.md has their table.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _DEGREE = 3.141592653589793 / 180.0
 
 
 class Reaction(IntEnum):
-    """The reactions in the order of severity: a worse one is obeyed during a lesser one, never the
+    """The reactions in order of severity: a more severe one replaces a milder one, never the
     reverse.
     """
 
@@ -25,7 +25,7 @@ class Reaction(IntEnum):
     BRAKE = 1  # stop and hover
     LAND = 2  # down under control, which needs a pose
     DESCEND = 3  # level and down by the barometer, angles held by the microcontroller
-    EMERGENCY = 4  # the microcontroller lands alone
+    EMERGENCY = 4  # the microcontroller lands by itself
     CUT = 5  # motors off
 
 
@@ -37,14 +37,14 @@ class Verdict:
 
 @dataclass(slots=True)
 class Situation:
-    """The situation of one tick; made once and filled again."""
+    """The supervisor's inputs in one tick; one object is reused."""
 
     airborne: bool = False
-    by_microcontroller: bool = False  # it holds the angles: the estimate is not flown on
+    by_microcontroller: bool = False  # it holds the angles; the estimate is not used
     voltage: float = 16.0  # V
     pose_age: float = 0.0  # s
     innovation: float = 0.0  # m, distance of the newest pose from its prediction
-    jumped: bool = False  # poses left their prediction at once: the tracker is wrong
+    jumped: bool = False  # poses left their prediction suddenly: the tracker is wrong
     tilt: float = 0.0  # rad, angle between z_B and z_W
     speed: float = 0.0  # m/s
     outside: float = 0.0  # m beyond the flight volume
@@ -53,21 +53,21 @@ class Situation:
 
 
 class Supervisor:
-    """Watches a flight; one reaction a cause and flight."""
+    """Monitors a flight; each cause reacts at most once per flight."""
 
     def __init__(self, parameters: SafetyParameters) -> None:
         self._parameters = parameters
-        self._heard_ns = _NEVER
-        self._heard_since_ns: int | None = _NEVER  # without a silence; None: silent
+        self._received_ns = _NEVER
+        self._received_since_ns: int | None = _NEVER  # without a silence; None: silent
         self._braked_ns: int | None = None
         self._since: dict[str, int] = {}  # cause -> stamp from which on its condition has held
         self._said: set[str] = set()
         self.flags = Flag.NONE
         self.battery_spent = False  # for long enough to react, flying or not
 
-    def heard(self, stamp_ns: int) -> None:
+    def heartbeat(self, stamp_ns: int) -> None:
         """Note that the station's heartbeat arrived at this time of the vehicle's clock."""
-        self._heard_ns = max(self._heard_ns, stamp_ns)
+        self._received_ns = max(self._received_ns, stamp_ns)
 
     def begin_flight(self) -> None:
         """Begin a flight at arming: every cause may react again."""
@@ -75,18 +75,20 @@ class Supervisor:
         self._braked_ns = None
 
     def link_age(self, stamp_ns: int) -> float:
-        """Return the seconds since the station was received last; inf before the first time."""
-        return float("inf") if self._heard_ns == _NEVER else (stamp_ns - self._heard_ns) * 1e-9
+        """Return the seconds since the station's last heartbeat; inf before the first one."""
+        return (
+            float("inf") if self._received_ns == _NEVER else (stamp_ns - self._received_ns) * 1e-9
+        )
 
     def step(self, stamp_ns: int, now: Situation) -> Verdict | None:
-        """Return the worst reaction due now, if any."""
+        """Return the most severe reaction due now, if any."""
         p = self._parameters
         self.flags = Flag.NONE
         battery_due = self.battery_spent = self._battery_due(stamp_ns, now.voltage)
         link_age = self._watch_link(stamp_ns)
         if not now.airborne:
             return None
-        # From the worst to the mildest: the first that is due and has not reacted yet is the one.
+        # From the most severe to the mildest: the first that is due and has not reacted yet wins.
         verdict = self._on_the_tilt(stamp_ns, now.tilt / _DEGREE)
         if verdict is None and battery_due:
             verdict = self._once("battery", p.battery_reaction, f"battery at {now.voltage:.1f} V")
@@ -97,7 +99,7 @@ class Supervisor:
         if verdict is None and not now.by_microcontroller:
             verdict = self._on_the_motors(stamp_ns, now.saturated)
         if verdict is None and now.lost_ports:
-            verdict = self._once("port", p.port_reaction, "a serial port is gone")
+            verdict = self._once("port", p.port_reaction, "a serial port is lost")
         if verdict is None and link_age > p.link_timeout:
             verdict = self._link(stamp_ns, link_age)
         return verdict
@@ -112,9 +114,9 @@ class Supervisor:
         return None
 
     def _on_the_estimate(self, stamp_ns: int, now: Situation) -> Verdict | None:
-        """Judge the causes that count only while the estimate is flown on."""
+        """Judge the causes that count only while the estimate is in use."""
         p, verdict = self._parameters, None
-        # A NaN must count as lost: no comparison with one is true.
+        # A NaN must count as lost: comparisons with NaN are false.
         lost = not now.innovation <= p.innovation_max
         if self._lasts("diverged", lost, stamp_ns, p.innovation_delay):
             far = f"poses {now.innovation:.2f} m from their prediction for {p.innovation_delay:g} s"
@@ -126,19 +128,19 @@ class Supervisor:
         return verdict
 
     def _without_pose(self, stamp_ns: int, pose_age: float) -> bool:
-        """Return whether poses fail on a link that works. When it comes back after a second, a
-        heartbeat may be there a moment before the first pose: that one has `link_timeout` to
-        follow, but no link that comes and goes stretches the flight without poses further than
-        silence does.
+        """Return whether poses are missing on a working link. When the link returns after a
+        second, a heartbeat may arrive a moment before the first pose, which then has
+        `link_timeout` to follow; but an intermittent link does not extend the flight without
+        poses beyond that of a lost link.
         """
         p = self._parameters
-        if pose_age <= p.pose_land_after or self._heard_since_ns is None:
+        if pose_age <= p.pose_land_after or self._received_since_ns is None:
             return False
-        settled = (stamp_ns - self._heard_since_ns) * 1e-9 > p.link_timeout
+        settled = (stamp_ns - self._received_since_ns) * 1e-9 > p.link_timeout
         return settled or pose_age > p.pose_land_after + p.link_land_after
 
     def _on_the_place(self, stamp_ns: int, now: Situation) -> Verdict | None:
-        """Judge the causes that count while the place is known, whatever holds the angles."""
+        """Judge the causes that count while the position is known, in any control mode."""
         p, verdict = self._parameters, None
         if self._lasts("volume", now.outside > p.volume_margin, stamp_ns, p.volume_delay):
             why = f"{now.outside:.1f} m outside the flight volume"
@@ -159,10 +161,10 @@ class Supervisor:
         age, timeout = self.link_age(stamp_ns), self._parameters.link_timeout
         if age > timeout:
             self.flags |= Flag.LINK_LOST
-            self._heard_since_ns = None
+            self._received_since_ns = None
             return age
-        if self._heard_since_ns is None:
-            self._heard_since_ns = stamp_ns
+        if self._received_since_ns is None:
+            self._received_since_ns = stamp_ns
         if age > 0.75 * timeout:
             self.flags |= Flag.LINK_DEGRADED
         else:
@@ -174,14 +176,15 @@ class Supervisor:
         p = self._parameters
         if self._braked_ns is None:
             self._braked_ns = stamp_ns
-            return self._once("link", p.link_reaction, f"station not heard for {link_age:.2f} s")
+            why = f"no heartbeat from the station for {link_age:.2f} s"
+            return self._once("link", p.link_reaction, why)
         if (stamp_ns - self._braked_ns) * 1e-9 >= p.link_land_after:
-            why = f"station still not heard after {link_age:.1f} s"
+            why = f"still no heartbeat from the station after {link_age:.1f} s"
             return self._once("link land", p.link_land_reaction, why)
         return None
 
     def _battery_due(self, stamp_ns: int, voltage: float) -> bool:
-        """Flag a low battery; return whether it has been low enough to land for long enough."""
+        """Flag a low battery; return whether it was below the landing limit for long enough."""
         p = self._parameters
         low = voltage < max(p.battery_warning, p.battery_land)
         if not self._lasts("battery low", low, stamp_ns, p.battery_delay):

@@ -1,4 +1,4 @@
-"""Do what a person does at a vehicle on the ground: asked for by a service, done by the loop."""
+"""Manual actions at a simulated vehicle on the ground: requested by a service, run by the loop."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 ACTIONS = ("swap_battery", "reset")
 PATIENCE = 0.8
-"""s for the loop to do it."""
+"""s the loop has to carry out a request."""
 
 
 class Attendant:
-    """Hands requests to the loop, which alone touches the plant; thread-safe."""
+    """Passes requests to the loop, the only one that changes the plant; thread-safe."""
 
     def __init__(self) -> None:
         self._asked: deque[tuple[str, Future[None]]] = deque()
 
     def ask(self, action: str) -> None:
-        """Have it done, waiting for it.
+        """Carry out an action and wait for it.
 
-        Raises RefusedError with the reason, NoAnswerError when the loop did not come to it.
+        Raises RefusedError with the reason, NoAnswerError when the loop did not do it in time.
         """
         if action not in ACTIONS:
             raise RefusedError(
-                f"simulation: no action {action!r:.40}; allowed: {', '.join(ACTIONS)}"
+                f"simulation: unknown action {action!r:.40}; allowed: {', '.join(ACTIONS)}"
             )
         done: Future[None] = Future()
         self._asked.append((action, done))
@@ -38,7 +38,7 @@ class Attendant:
             raise NoAnswerError("the simulator has not answered in time") from None
 
     def attend(self, simulated: SimulatedVehicle) -> None:
-        """Do what was asked for; called by the loop between two steps."""
+        """Carry out the pending request; called by the loop between two steps."""
         while self._asked:
             action, done = self._asked.popleft()
             if not done.set_running_or_notify_cancel():

@@ -1,8 +1,8 @@
 """A force/torque sensor under the turning motor of a vehicle on the bench, and a tachometer.
 
 The sensor is an ATI Nano17 SI-12-0.12: readings in steps of 1/320 N and 1/64 N mm, noise, and an
-offset that is taken away once, by its mean with the motor off. Its random numbers are its own, so
-that nothing else changes with it.
+offset that is subtracted, determined once as the mean with the motor off. It has its own random
+numbers, so that nothing else changes with it.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from vehicle.simulator.parameters import SimulatorParameters
 Array = npt.NDArray[np.float64]
 
 PERIOD_NS = 5_000_000
-"""Between two readings, 200 Hz."""
+"""Period of the readings, 200 Hz."""
 FORCE_STEP, TORQUE_STEP = 1.0 / 320.0, 1.0 / 64_000.0
 """N, N m."""
 OFFSET_FORCE, OFFSET_TORQUE = 0.3, 0.002
-"""N, N m, standard deviation of what it shows unloaded."""
+"""N, N m, standard deviation of the unloaded readings' offset."""
 OFFSET_READINGS = 400
-"""Of which the offset is the mean."""
+"""Number of readings averaged for the offset."""
 STANDING = 1.0
-"""Count: slower, no motor turns."""
+"""Counts: at a lower speed a motor counts as stopped."""
 _STREAM = 11
-"""Of random numbers, apart from others of the same seed."""
+"""Stream of random numbers, separate from others with the same seed."""
 
 
 @dataclass(frozen=True, slots=True)
 class ForceReading:
-    """Relative to the reading with the motor off; speed in counts, NaN without a tachometer."""
+    """A reading relative to the one with the motor off; speed in counts, NaN without tachometer."""
 
     stamp_ns: int
     force: float  # N along the thrust
@@ -44,7 +44,7 @@ class ForceReading:
 
 
 class ForceSensor:
-    """Reads a PLANT."""
+    """Generates readings from a PLANT."""
 
     def __init__(self, parameters: SimulatorParameters) -> None:
         self._random = np.random.default_rng((parameters.seed, _STREAM))
@@ -55,8 +55,8 @@ class ForceSensor:
     def read(
         self, stamp_ns: int, plant: Record, parameters: SimulatorParameters
     ) -> ForceReading | None:
-        """Return the reading at `stamp_ns`; None while none is due, no motor turns or it is
-        unplugged.
+        """Return the reading at `stamp_ns`; None while none is due, no motor turns or the sensor
+        is unplugged.
         """
         if stamp_ns < self._next_ns or parameters.bench_sensor == "none":
             return None
@@ -84,7 +84,7 @@ class ForceSensor:
 
 
 def _in_steps(shown: Array) -> Array:
-    """Return the readings (…, 2) as the sensor's converters show them."""
+    """Return the readings (…, 2) quantised by the sensor's converters."""
     steps = np.array((FORCE_STEP, TORQUE_STEP))
     whole: Array = np.round(shown / steps) * steps
     return whole

@@ -1,8 +1,8 @@
-"""The simulated vehicle while it does not fly by itself: in a hand, or fixed on a bench.
+"""The simulated vehicle while it is held in a hand or fixed on a bench.
 
-Rotors turn and the battery empties as ever; what they push, the hand or the bench takes. The hand
-lifts it, turns it and stands still, so that the accelerometer feels gravity alone; let go, it sets
-the vehicle down level and takes itself away.
+Rotors turn and the battery drains as usual; hand or bench take up their forces. The hand lifts the
+vehicle, turns it and holds it still, so that the accelerometer measures gravity alone; letting go,
+it sets the vehicle down level.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from vehicle.simulator.plant import discharge, follow_battery
 
 FREE, HAND, BENCH, SET_DOWN = range(4)
 TURN_RATE = math.radians(60.0)
-"""rad/s, the fastest that a hand turns it."""
+"""rad/s, the fastest turn by hand."""
 LIFT_HEIGHT, LIFT_SPEED = 0.6, 0.3
-"""m, m/s."""
+"""Height in m, and speed in m/s."""
 
 HOLDER = np.dtype([("held", "i8"), ("quaternion_wb", "f8", 4)], align=True)
 

@@ -1,7 +1,7 @@
-"""A simulated vehicle inside the flight process: for rates that serial ports do not carry.
+"""A simulated vehicle inside the flight process, for rates beyond those of serial ports.
 
-Plant, microcontroller and a tracking system of its own; bytes go through memory. What it costs
-falls between two ticks, before the next sample is due.
+It has a plant, a microcontroller and its own tracking system; bytes go through memory. It is
+computed between two ticks, before the next sample is due.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ Measure = Callable[[Record], None]
 
 
 class InProcessRobot:
-    """Plant, microcontroller and tracker; warmed up.
+    """A plant, microcontroller and tracker, already compiled.
 
     Args:
         rate: samples a second.
-        measure: takes the poses.
+        measure: called with each pose.
 
     Attributes:
         ports: the flight stack's ends of the lines.
@@ -44,7 +44,7 @@ class InProcessRobot:
         return self.simulated.stamp_ns
 
     def step(self) -> None:
-        """Obey, move on to the next sample and send it; hand over the poses that arrived."""
+        """Process commands, step to the next sample and send it; pass on the poses due."""
         self.simulated.step()
         now_ns = self.simulated.stamp_ns
         self._tracker.observe(now_ns, self._position_w, self._quaternion_wb)

@@ -1,4 +1,4 @@
-"""The truth's parameters, changed while it flies: read and set by services, applied by the loop."""
+"""The simulator's parameters during a flight: read and set by services, applied by the loop."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from vehicle.simulator.parameters import SimulatorParameters
 CHARGE = "simulator.battery_charge"
 
 OnChange = Callable[[str, ParameterValue, ParameterValue, str, int], None]
-"""Name, old value, new value, requester, revision."""
+"""Callback with name, old value, new value, requester, revision."""
 
 
 class SimulatorTree(Parameters):
-    """The root that gives every name its `simulator.` prefix."""
+    """The root of the tree, which gives every name its `simulator.` prefix."""
 
     simulator: SimulatorParameters = SimulatorParameters()
 
@@ -50,7 +50,7 @@ class LiveParameters:
             applied = self._store.set(values)
             revision = self._store.revision
             self._is_news = True
-            if CHARGE in values:  # also to what it was: the battery is emptier since
+            if CHARGE in values:  # also if unchanged: the battery has drained since
                 self._charge = float(applied[CHARGE])
         for name, value in applied.items():
             if value != before[name]:
@@ -58,7 +58,7 @@ class LiveParameters:
         return applied, revision
 
     def take_charge(self) -> float | None:
-        """Return the battery's charge, when it was set since the last call; never waits long."""
+        """Return the battery's charge if it was set since the last call; hardly blocks."""
         if self._charge is None:
             return None
         with self._lock:
@@ -66,7 +66,7 @@ class LiveParameters:
             return charge
 
     def take(self) -> SimulatorParameters | None:
-        """Return a copy of the parameters when they changed since the last call; never waits
+        """Return a copy of the parameters if they changed since the last call; does not block for
         long.
         """
         if not self._is_news:

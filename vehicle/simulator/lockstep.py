@@ -1,12 +1,11 @@
-"""Simulated time that waits: for flight's tick, for the station's poses, for telemetry.
+"""Simulated time in lockstep: it waits for the flight tick, the station's poses and telemetry.
 
-Before the plant moves on, each part has dealt with what it was given, or is no further behind
-than it would be on a computer of its own. A part that says nothing for `PATIENCE_NS` of the
-computer's time has died or hangs: time goes on without it, and what fails then is the flight's to
-survive, until it has caught up. A process that has ended is not waited for at all: one that is
-started again would otherwise be there before anyone notices. Time that was waited is lost:
-afterwards it goes on at the computer's pace, never faster, but for what makes up for a late
-wake-up.
+Before the plant advances, each part has processed its input, or is no further behind than it would
+be on a computer of its own. A part without progress for `PATIENCE_NS` of the computer's time has
+died or hangs: time continues without it until it has caught up, and the flight has to cope with the
+failure. A process that has ended is not waited for at all, as it might be restarted before that is
+noticed. Time spent waiting is lost: afterwards simulated time continues at the computer's pace and
+never faster, except to make up for a late wake-up.
 """
 
 from __future__ import annotations
@@ -35,15 +34,15 @@ from vehicle_link.serial.commands import decode_data
 from vehicle_link.serial.frames import FrameDecoder
 
 PATIENCE_NS = 5_000_000_000
-"""More than a busy machine keeps a part waiting that lives."""
+"""Longer than a busy machine delays a running part."""
 LOOK_S, LOOK_SELDOM_S = 0.0002, 0.002
-"""s between two looks at who is behind, at first and after a while: looking takes time, too."""
+"""s between two checks of who is behind, at first and later, as checking takes time, too."""
 MADE_UP_NS = 20_000_000
-"""A lateness up to this is made up for, as no part notices; a longer one is lost."""
+"""A lateness up to this is made up for, which no part notices; a longer one is lost."""
 TRUTH_BEHIND_NS, STATION_BEHIND_NS, VEHICLE_BEHIND_NS = 15_000_000, 30_000_000, 150_000_000
-"""Beyond the period of the truth: how old what the station has handled of it may be, and what
-comms has heard of the station. And how old what the station has heard of the vehicle."""
-WINDOW_NS, TOLD_EVERY_NS = 2_000_000_000, 250_000_000
+"""Allowed ages: of the truth handled by the station and of the station's data received by comms
+(beyond the truth's period), and of the vehicle's data received by the station."""
+WINDOW_NS, PUBLISH_EVERY_NS = 2_000_000_000, 250_000_000
 """Window of the real-time factor, and how often it is published."""
 NEVER = -1
 
@@ -51,7 +50,7 @@ Say = Callable[[str], None]
 
 
 class Line:
-    """One serial line's samples: the newest that flight can read is to be answered.
+    """The samples of one serial line: flight has to answer the newest one it can read.
 
     Args: `words` of the vehicle in the page.
     """
@@ -63,7 +62,7 @@ class Line:
         words[self._at] = NEVER
 
     def delivered(self, data: bytes) -> None:
-        """Note that these bytes can be read by flight, as damaged as they are."""
+        """Note that flight can read these bytes, possibly damaged."""
         for frame in self._decoder.feed(data):
             values = decode_data(frame)
             if values is not None:
@@ -74,7 +73,7 @@ class Line:
 
 
 class Age:
-    """An age: what a part has dealt with must not be older than `allowed_ns`."""
+    """An age limit: what a part has processed must not be older than `allowed_ns`."""
 
     def __init__(self, words: memoryview, at: int, allowed_ns: int) -> None:
         self._words, self._at, self._allowed_ns = words, at, allowed_ns
@@ -85,7 +84,7 @@ class Age:
 
 
 class Process:
-    """One process that parts are made by, as the page names it.
+    """One process that runs parts, identified by the page of the clock.
 
     Args: `words` of the vehicle in the page; `at`, the index of the process's id.
     """
@@ -97,7 +96,7 @@ class Process:
         self._id, self._descriptor = 0, NEVER
 
     def has_ended(self) -> bool:
-        """Return whether it ran once and runs no more, also if no one has collected it yet."""
+        """Return whether it has run and ended, even if it has not been reaped yet."""
         named = self._words[self._at]
         if named != self._id:
             self.close()
@@ -118,7 +117,7 @@ class Process:
 
 
 class Awaited:
-    """One part that time waits for while it is there, and while its `processes` run."""
+    """One part that time waits for while it is present and its `processes` run."""
 
     def __init__(self, name: str, part: Line | Age, *processes: Process) -> None:
         self.name, self.is_behind = name, part.is_behind
@@ -126,19 +125,19 @@ class Awaited:
         self._processes = processes
 
     def ended(self) -> Process | None:
-        """Return the process of its that has ended, if any."""
+        """Return one of its processes that has ended, if any."""
         return next((one for one in self._processes if one.has_ended()), None)
 
 
 class LockstepPace:
-    """The pace of one simulation in the page that this process follows (`clock.follow`): when to
-    step.
+    """Decides when one simulation may step, by the page of the clock that this process follows
+    (`clock.follow`).
 
     Args:
-        vehicles: by name, as the page has them.
+        vehicles: by name, as in the page.
         truth_period_ns: the longest between two truths.
-        say: takes a line about a part that is not waited for any more.
-        wall_ns, sleep: of the computer.
+        say: takes a line about a part that is no longer waited for.
+        wall_ns, sleep: the computer's clock and sleep.
     """
 
     def __init__(
@@ -171,26 +170,26 @@ class LockstepPace:
             self._awaited += [
                 *(Awaited(flight.name, line, flight) for line in lines),
                 Awaited(f"the station's tracker{of}", tracker, station),
-                Awaited(f"the station's word on board{of}", station_heard, station, comms),
+                Awaited(f"the station's data on board{of}", station_heard, station, comms),
                 Awaited(f"telemetry at the station{of}", vehicle_heard, flight, comms, station),
             ]
-        self._told: deque[tuple[int, int]] = deque()  # (wall, simulated)
+        self._published: deque[tuple[int, int]] = deque()  # (wall, simulated)
 
     def begin(self) -> int:
-        """Take the clock over from here; returns its time."""
+        """Take control of the clock and return its time."""
         now_ns = clock.monotonic_ns()
         self._page[clock.OFFSET] = now_ns - self._wall_ns()
         self.reach(now_ns)
         return now_ns
 
     def reach(self, due_ns: int) -> None:
-        """Let the clock go up to this time: all until then is done."""
+        """Let the clock advance to this time: everything before it is done."""
         self._page[clock.LIMIT] = due_ns
 
     def wait(self, due_ns: int, shortest: float, is_over: Callable[[], bool]) -> None:
-        """Wait until this time has come and every process is ready for it, or `is_over`.
+        """Wait until this time is reached and every process is ready for it, or `is_over`.
 
-        Args: `shortest` pause (s), which is made in any case.
+        Args: `shortest`, the least pause (s), made in any case.
         """
         page, wall_ns = self._page, self._wall_ns
         left_ns = due_ns - wall_ns() - page[clock.OFFSET]
@@ -226,15 +225,15 @@ class LockstepPace:
                 process.is_end_told = True
                 lines.append(f"{process.name} has ended")
         if lines:
-            self._say(f"{', '.join(dict.fromkeys(lines))}; time goes on without")
+            self._say(f"{', '.join(dict.fromkeys(lines))}; time continues without it")
 
     def close(self) -> None:
-        """Let go of the processes looked at."""
+        """Release the observed processes."""
         for process in self._processes:
             process.close()
 
     def _lose(self, due_ns: int) -> None:
-        """Give up a lateness that is too long to be made up for; the clock stops meanwhile."""
+        """Drop a lateness that is too long to be made up for; the clock stops meanwhile."""
         late_ns = self._wall_ns() + self._page[clock.OFFSET] - due_ns
         if late_ns > MADE_UP_NS:
             self._page[clock.OFFSET] -= late_ns
@@ -242,12 +241,12 @@ class LockstepPace:
 
     def _tell(self, now_ns: int) -> None:
         """Publish the real-time factor."""
-        wall_ns, told = self._wall_ns(), self._told
-        if told and wall_ns - told[-1][0] < TOLD_EVERY_NS:
+        wall_ns, published = self._wall_ns(), self._published
+        if published and wall_ns - published[-1][0] < PUBLISH_EVERY_NS:
             return
-        told.append((wall_ns, now_ns))
-        if len(told) > 1:
-            elapsed_ns = wall_ns - told[0][0]
-            self._page[clock.FACTOR] = 1_000_000 * (now_ns - told[0][1]) // elapsed_ns
-        while wall_ns - told[0][0] > WINDOW_NS:
-            told.popleft()
+        published.append((wall_ns, now_ns))
+        if len(published) > 1:
+            elapsed_ns = wall_ns - published[0][0]
+            self._page[clock.FACTOR] = 1_000_000 * (now_ns - published[0][1]) // elapsed_ns
+        while wall_ns - published[0][0] > WINDOW_NS:
+            published.popleft()

@@ -1,4 +1,4 @@
-"""The true vehicle: its model's quantities with their true values, and what a model leaves out."""
+"""The true vehicle: the true values of the model's quantities, and effects not in the model."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ def _matrix_entry(entry: str) -> float:
         ge=0.5 if same else -0.2,
         le=1.5 if same else 0.2,
         step=0.001,
-        description=f"entry {entry} of the true T of Sec. 5.2, what a calibration is to find",
+        description=f"entry {entry} of the true T in Sec. 5.2, which a calibration should find",
     )
     return value
 
 
 class SimulatorParameters(VehicleModel):
-    """Truth of the simulated vehicle; defaults are the MK-Quadro the flight stack believes in.
+    """True values of the simulated vehicle; the defaults match the flight stack's MK-Quadro model.
 
-    Inherits mass, inertia, geometry and motor law of VehicleModel. Noise is Gaussian, per sample.
+    Mass, inertia, geometry and motor law are those of VehicleModel. Noise is Gaussian, per sample.
     """
 
     seed: int = parameter(
@@ -33,7 +33,7 @@ class SimulatorParameters(VehicleModel):
         le=2**31 - 1,
         step=1,
         read_only=True,
-        description="of all random numbers; the same seed gives the same bytes",
+        description="seed of all random numbers; the same seed gives the same bytes",
     )
     imu_rate: int = parameter(
         500,
@@ -42,8 +42,8 @@ class SimulatorParameters(VehicleModel):
         le=1000,
         step=10,
         read_only=True,
-        description="IMU samples a second, over both ports, until the vehicle asks for its own "
-        "rate; `quadlab fly` asks for this one",
+        description="IMU samples a second over both ports, until the vehicle requests its own "
+        "rate; `quadlab fly` requests this one",
     )
     start_x: float = parameter(
         0.0,
@@ -68,7 +68,7 @@ class SimulatorParameters(VehicleModel):
         ge=0.5,
         le=1.2,
         step=0.001,
-        description="true thrust over the motor law's; 0.938 gives the paper's 1.394 kg (Sec. 7)",
+        description="true thrust over the motor law's; 0.938 gives the 1.394 kg of Sec. 7",
     )
     payload: float = parameter(
         0.0,
@@ -76,7 +76,7 @@ class SimulatorParameters(VehicleModel):
         ge=0.0,
         le=1.0,
         step=0.05,
-        description="mass added at the centre, which the flight stack does not know",
+        description="mass added at the centre, unknown to the flight stack",
     )
     motor_gain_front: float = parameter(
         1.0, ge=0.5, le=1.2, step=0.01, description="true thrust of this motor over the others'"
@@ -95,14 +95,14 @@ class SimulatorParameters(VehicleModel):
         ge=0,
         le=4,
         step=1,
-        description="gives no thrust though it turns: 1 front, 2 left, 3 rear, 4 right; 0 none",
+        description="motor that turns without thrust: 1 front, 2 left, 3 rear, 4 right; 0 none",
     )
     missing_motor: int = parameter(
         0,
         ge=0,
         le=4,
         step=1,
-        description="its controller does not answer on the motors' bus; numbers as above",
+        description="motor whose controller does not answer on the bus: 1 to 4, 0 none",
     )
     drag: float = parameter(
         0.0,
@@ -110,7 +110,7 @@ class SimulatorParameters(VehicleModel):
         ge=0.0,
         le=2.0,
         step=0.01,
-        description="linear drag of the whole vehicle, against its velocity through the air",
+        description="linear drag of the whole vehicle, relative to its velocity through the air",
     )
     wind_x: float = parameter(
         0.0,
@@ -118,7 +118,7 @@ class SimulatorParameters(VehicleModel):
         ge=-15.0,
         le=15.0,
         step=0.1,
-        description="steady wind along x_W; acts by the drag",
+        description="steady wind along x_W; acts through the drag",
     )
     wind_y: float = parameter(
         0.0,
@@ -126,7 +126,7 @@ class SimulatorParameters(VehicleModel):
         ge=-15.0,
         le=15.0,
         step=0.1,
-        description="steady wind along y_W; acts by the drag",
+        description="steady wind along y_W; acts through the drag",
     )
     wind_z: float = parameter(
         0.0,
@@ -134,7 +134,7 @@ class SimulatorParameters(VehicleModel):
         ge=-15.0,
         le=15.0,
         step=0.1,
-        description="steady wind along z_W; acts by the drag",
+        description="steady wind along z_W; acts through the drag",
     )
     gust: float = parameter(
         0.0,
@@ -142,7 +142,7 @@ class SimulatorParameters(VehicleModel):
         ge=0.0,
         le=10.0,
         step=0.1,
-        description="standard deviation of the wind about the steady one, an axis",
+        description="standard deviation of the wind around the steady one, per axis",
     )
     gust_time: float = parameter(
         1.0, unit="s", ge=0.05, le=20.0, step=0.05, description="correlation time of the gusts"
@@ -161,7 +161,7 @@ class SimulatorParameters(VehicleModel):
         ge=0.0,
         le=3.0,
         step=0.1,
-        description="gain of thrust near the ground over Cheeseman and Bennett's for one rotor",
+        description="ground effect relative to that of one rotor by Cheeseman and Bennett",
     )
     vibration: float = parameter(
         0.0,
@@ -169,7 +169,7 @@ class SimulatorParameters(VehicleModel):
         ge=0.0,
         le=20.0,
         step=0.1,
-        description="the accelerometer's further deviation at hover speed, from the rotors",
+        description="additional accelerometer noise by rotor vibration at hover speed",
     )
     vibration_gyroscope: float = parameter(
         0.0,
@@ -177,10 +177,10 @@ class SimulatorParameters(VehicleModel):
         ge=0.0,
         le=50.0,
         step=0.5,
-        description="the gyroscope's further deviation at hover speed, from the rotors",
+        description="additional gyroscope noise by rotor vibration at hover speed",
     )
     accelerometer_noise: float = parameter(
-        0.05, unit="m/s²", ge=0.0, le=5.0, step=0.01, description="standard deviation a sample"
+        0.05, unit="m/s²", ge=0.0, le=5.0, step=0.01, description="accelerometer noise per sample"
     )
     accelerometer_xx: float = _matrix_entry("xx")
     accelerometer_xy: float = _matrix_entry("xy")
@@ -192,16 +192,16 @@ class SimulatorParameters(VehicleModel):
     accelerometer_zy: float = _matrix_entry("zy")
     accelerometer_zz: float = _matrix_entry("zz")
     accelerometer_bias_x: float = parameter(
-        0.03, unit="m/s²", ge=-2.0, le=2.0, step=0.01, description="left after calibration"
+        0.03, unit="m/s²", ge=-2.0, le=2.0, step=0.01, description="bias left after calibration"
     )
     accelerometer_bias_y: float = parameter(
-        -0.02, unit="m/s²", ge=-2.0, le=2.0, step=0.01, description="left after calibration"
+        -0.02, unit="m/s²", ge=-2.0, le=2.0, step=0.01, description="bias left after calibration"
     )
     accelerometer_bias_z: float = parameter(
-        0.04, unit="m/s²", ge=-2.0, le=2.0, step=0.01, description="left after calibration"
+        0.04, unit="m/s²", ge=-2.0, le=2.0, step=0.01, description="bias left after calibration"
     )
     gyroscope_noise: float = parameter(
-        0.3, unit="deg/s", ge=0.0, le=20.0, step=0.05, description="standard deviation a sample"
+        0.3, unit="deg/s", ge=0.0, le=20.0, step=0.05, description="gyroscope noise per sample"
     )
     gyroscope_bias_x: float = parameter(
         0.9, unit="deg/s", ge=-20.0, le=20.0, step=0.1, description="constant drift"
@@ -221,7 +221,7 @@ class SimulatorParameters(VehicleModel):
         description="air pressure at z = 0",
     )
     pressure_noise: float = parameter(
-        2.5, unit="Pa", ge=0.0, le=100.0, step=0.1, description="standard deviation a sample"
+        2.5, unit="Pa", ge=0.0, le=100.0, step=0.1, description="barometer noise per sample"
     )
     ground_stiffness: float = parameter(
         2000.0,
@@ -240,20 +240,20 @@ class SimulatorParameters(VehicleModel):
         description="of the landing gear's four feet together",
     )
     ground_friction: float = parameter(
-        0.6, ge=0.0, le=2.0, step=0.05, description="Coulomb coefficient of the feet"
+        0.6, ge=0.0, le=2.0, step=0.05, description="Coulomb friction coefficient of the feet"
     )
     battery_capacity: float = parameter(
-        2.6, unit="A h", ge=0.1, le=20.0, step=0.1, description="of the full battery, 4S"
+        2.6, unit="A h", ge=0.1, le=20.0, step=0.1, description="capacity of the full battery, 4S"
     )
     battery_charge: float = parameter(
         1.0,
         ge=0.0,
         le=1.0,
         step=0.05,
-        description="share of the capacity left at the start; set later, left from then on",
+        description="share of the capacity left at the start, or from the moment it is set",
     )
     battery_resistance: float = parameter(
-        0.06, unit="ohm", ge=0.0, le=0.5, step=0.01, description="inner resistance and cables"
+        0.06, unit="ohm", ge=0.0, le=0.5, step=0.01, description="resistance of cells and cables"
     )
     command_latency: float = parameter(
         0.0,
@@ -261,12 +261,12 @@ class SimulatorParameters(VehicleModel):
         ge=0.0,
         le=0.1,
         step=0.001,
-        description="from a command's arrival at the microcontroller to its acting on the motors",
+        description="delay from a command's arrival at the microcontroller to the motors",
     )
     unplugged_port: str = parameter(
         "none",
         choices=("none", "first", "second", "both"),
-        description="serial port whose adapter is pulled out; plugged in again it is a new device, "
+        description="serial port whose adapter is unplugged; plugged in again it is a new device, "
         "which the vehicle opens at its next start",
     )
     corrupted_bytes: float = parameter(
@@ -274,34 +274,34 @@ class SimulatorParameters(VehicleModel):
         ge=0.0,
         le=0.5,
         step=0.005,
-        description="share of the bytes on the serial wires that arrive as others, both ways",
+        description="share of corrupted bytes on the serial lines, both ways",
     )
 
     held: str = parameter(
         "free",
         choices=("free", "hand", "bench"),
-        description="by a hand, lifted and turned as hand_* say; or fixed level on a bench, with "
-        "a force/torque sensor under the turning motor. Let go by the hand it is set down",
+        description="held by a hand, lifted and turned to the hand_* angles, or fixed level on a "
+        "bench with a force/torque sensor; a hand that lets go sets the vehicle down",
     )
     hand_roll: float = parameter(
-        0.0, unit="deg", ge=-180.0, le=180.0, step=5.0, description="the hand turns it there"
+        0.0, unit="deg", ge=-180.0, le=180.0, step=5.0, description="roll angle held by the hand"
     )
     hand_pitch: float = parameter(
-        0.0, unit="deg", ge=-90.0, le=90.0, step=5.0, description="the hand turns it there"
+        0.0, unit="deg", ge=-90.0, le=90.0, step=5.0, description="pitch angle held by the hand"
     )
     hand_yaw: float = parameter(
-        0.0, unit="deg", ge=-180.0, le=180.0, step=5.0, description="the hand turns it there"
+        0.0, unit="deg", ge=-180.0, le=180.0, step=5.0, description="yaw angle held by the hand"
     )
     bench_sensor: str = parameter(
         "force and speed",
         choices=("force and speed", "force", "none"),
-        description="what is plugged in at the bench: a tachometer beside the force/torque sensor",
+        description="sensors connected at the bench: force/torque, with or without a tachometer",
     )
     bench_force_noise: float = parameter(
-        0.02, unit="N", ge=0.0, le=1.0, step=0.005, description="standard deviation a reading"
+        0.02, unit="N", ge=0.0, le=1.0, step=0.005, description="force noise per reading"
     )
     bench_torque_noise: float = parameter(
-        0.0005, unit="N m", ge=0.0, le=0.1, step=0.0001, description="standard deviation a reading"
+        0.0005, unit="N m", ge=0.0, le=0.1, step=0.0001, description="torque noise per reading"
     )
     bench_speed_noise: float = parameter(
         0.5,
@@ -309,18 +309,18 @@ class SimulatorParameters(VehicleModel):
         ge=0.0,
         le=20.0,
         step=0.1,
-        description="standard deviation a reading, as a motor reference",
+        description="tachometer noise per reading, in counts of motor reference",
     )
 
     @property
     def accelerometer_matrix(self) -> npt.NDArray[np.float64]:
-        """Return t (3, 3) of Sec. 5.2: f_b = T (a_m - b)."""
+        """Return T (3, 3) of Sec. 5.2: f_b = T (a_m - b)."""
         return np.array(
             [[getattr(self, f"accelerometer_{row}{column}") for column in "xyz"] for row in "xyz"]
         )
 
     @property
     def unplugged(self) -> tuple[bool, bool]:
-        """Return whether the first and the second serial port's adapter is pulled out."""
+        """Return whether the first and the second serial port's adapter is unplugged."""
         which = self.unplugged_port
         return which in ("first", "both"), which in ("second", "both")

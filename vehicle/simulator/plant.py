@@ -49,7 +49,7 @@ Item = Any
 FOOT = 0.15
 """m, from the body's z axis to a foot."""
 CONTACT_HEIGHT = 0.5
-"""m: above it no foot can touch, whatever the attitude."""
+"""m: above it no foot can touch the ground in any attitude."""
 SLIP_DAMPING = 100.0
 """N s/m a foot, below the Coulomb limit; larger is unstable at steps of 1 ms."""
 SUBSTEP = 0.001
@@ -117,7 +117,7 @@ def charge_battery(plant: Record, share: float) -> None:
 
 
 def configure_plant(plant: Record, parameters: SimulatorParameters) -> None:
-    """Take new true values; motion and charge stay."""
+    """Set new true values; motion and charge are kept."""
     mass = parameters.mass + parameters.payload
     plant["model"] = parameters.record()
     plant["model"]["mass"] = mass
@@ -159,7 +159,7 @@ def open_voltage(charge: float) -> float:
 
 @compiled(inner=True)
 def blow(plant: Record, noise: Array, row: int, dt: float) -> None:
-    """Let the gusts go on for dt (s): a first-order process with a given deviation and time.
+    """Advance the gusts by dt (s): a first-order process with a given deviation and time.
 
     Args:
         noise: standard normal numbers (rows, >= 3 columns).
@@ -193,7 +193,7 @@ def advance(plant: Record, references: tuple[int, int, int, int], duration: floa
 
 @compiled(inner=True)
 def follow_battery(p: Item) -> None:
-    """Follow the battery: thrust goes with the square of speed, which goes with the voltage."""
+    """Update the thrust for the battery: it is proportional to the square of the voltage."""
     if p.battery_exponent > 0.0:
         voltage = min(1.5, max(0.5, p.voltage / p.battery_nominal))
         p.battery_share = voltage ** (2.0 * p.battery_exponent)
@@ -201,8 +201,8 @@ def follow_battery(p: Item) -> None:
 
 @compiled(inner=True)
 def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
-    """Move rotors and body of one PLANT record over `steps` of dt (s), and write what is felt at
-    the end.
+    """Integrate rotors and body of one PLANT record over `steps` of dt (s), and write the
+    specific force at the end.
 
     Rotors, drag and body are one system to the Runge-Kutta step: the speeds are known exactly at
     its middle and end, for their references are held, and the drag is that of each stage. What

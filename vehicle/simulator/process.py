@@ -1,11 +1,11 @@
-"""The simulated vehicle behind two pseudo-terminals (`quadlab simulator`).
+"""The simulated vehicle on two pseudo-terminals (`quadlab simulator`).
 
-Time. Sample k is taken at start + k / rate on the monotonic clock and takes 3 ms on the line. In
+Time: sample k is taken at start + k / rate on the monotonic clock and takes 3 ms on the line. In
 real time that is the computer's clock, in lockstep (`vehicle.simulator.lockstep`) the simulation's,
-which waits for those who answer.
+which waits for the processes that must follow.
 Truth is stamped with the host's epoch time at the start plus k / rate; the vehicle stamps the same
 sample with its own estimate of the same constant (vehicle.microcontroller.clock), so the two agree
-to the least delay of a sample on its way, well below 2 ms, while both hosts are one.
+to within the least delay of a sample, well below 2 ms, as long as both run on one host.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from vehicle_link.transport.shared_session import SharedSession
 PRIORITY = 40
 """SCHED_FIFO, below the flight process: late samples would look like a late flight loop."""
 TOGETHER_NS = 200_000
-"""Steps of several vehicles that are due within so much are done at once."""
+"""Steps of several vehicles that are due within this time are made together."""
 ROW, APART = 4, 1.0
 """Vehicles in a row on the floor, and m between them."""
 MIN_PAUSE_S = 0.0004
 """s between two steps when behind: leaves the flight stack time to answer each sample."""
 GIVE_UP_NS = 1_000_000_000
-"""Further behind (the machine slept), the samples in between are lost instead of caught up."""
+"""When further behind than this (the machine slept), samples are skipped, not caught up."""
 SECOND_NS = 1_000_000_000
 
 
@@ -77,7 +77,7 @@ def run(
     """
     if stop is None:
         stop = _stop_on_signals()
-    # Before there are devices: who finds one may take it that the microcontroller is switched on.
+    # Before the devices exist: a device means that the microcontroller is switched on.
     SimulatedVehicle(parameters).warm_up()
     pace = pace_of(len(vehicles))
     lockstep = _lockstep(vehicles, pace)
@@ -122,13 +122,13 @@ class Pace:
 
 ALONE = Pace(1, 100)
 SOME, MANY = Pace(5, 30), Pace(9, 15)
-"""Of several on one processor: commands then take up to 4 ms or 8 ms longer to the motors."""
+"""Paces for several on one processor: commands then take up to 4 or 8 ms longer to the motors."""
 FEW = 3
-"""Vehicles that move by `SOME`."""
+"""Largest number of vehicles that step at the pace `SOME`."""
 
 
 def _lockstep(vehicles: Sequence[str], pace: Pace) -> LockstepPace | None:
-    """Return the pace of lockstep if `quadlab up` made a page; else None: the computer's time."""
+    """Return the lockstep if `quadlab up` made a page of the clock, else None for real time."""
     page = clock.page()
     if page is None:
         return None
@@ -138,12 +138,12 @@ def _lockstep(vehicles: Sequence[str], pace: Pace) -> LockstepPace | None:
 
 
 def pace_of(count: int) -> Pace:
-    """Return the pace of each of so many vehicles."""
+    """Return the pace of each of `count` vehicles."""
     return ALONE if count == 1 else SOME if count <= FEW else MANY
 
 
 class _Robot:
-    """One vehicle: its plant, its serial devices, its truth's way to the station."""
+    """One vehicle: its plant, its serial devices and the publisher of its truth."""
 
     def __init__(
         self,
@@ -183,15 +183,15 @@ class _Robot:
 
     @property
     def due_ns(self) -> int:
-        """Return when to `step` next, in ns of the steady clock begun at."""
+        """Return when to `step` next, in ns of the steady clock."""
         return self._start_ns + self._simulated.due_ns(self._pace.periods)
 
     def begin(self, epoch_ns: int, start_ns: int) -> None:
-        """Begin at what is now by the epoch's clock and by the steady one."""
+        """Begin at the present time of the epoch's clock and of the steady clock."""
         self._epoch_ns, self._start_ns = epoch_ns, start_ns
 
     def lose(self, behind_ns: int) -> int:
-        """Give up so much time; how many samples that were."""
+        """Skip this much time and return the number of samples lost."""
         lost = behind_ns // self._simulated.sample_period_ns
         self._simulated.skip(lost)
         return lost
@@ -263,7 +263,7 @@ def _loop_in_lockstep(
 
 
 def _step(robots: Sequence[_Robot], due_ns: int, statistics: RunStatistics) -> None:
-    """Step all that are due: one wake-up for them together."""
+    """Step all vehicles that are due, in one wake-up."""
     for robot in robots:
         if robot.due_ns <= due_ns + TOGETHER_NS:
             robot.step()

@@ -1,4 +1,4 @@
-"""A serial device made of a pseudo-terminal, with a link to it in the run's folder."""
+"""A simulated serial device: a pseudo-terminal with a link to it in the run's folder."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from quadrotor.errors import StorageError
 
 BACKLOG = 3400
-"""Bytes that may wait unread: 100 `D` frames, 0.4 s, and less than the kernel's 4 kB."""
+"""Largest number of unread bytes: 100 `D` frames, 0.4 s, and less than the kernel's 4 kB."""
 FORGOTTEN = 1020
 """Bytes thrown away, oldest first, when the backlog is full: 30 `D` frames."""
 _CHUNK = 4096
@@ -22,8 +22,8 @@ _CHUNK = 4096
 class PseudoTerminal:
     """The microcontroller's end of one serial line; a `vehicle_link.serial.port.Port`.
 
-    The device is raw and stays alive whoever opens and closes it. When no one reads, the oldest
-    bytes are thrown away once more than BACKLOG wait; `dropped` counts them.
+    The device is raw and survives being opened and closed. Without a reader the oldest bytes are
+    dropped once more than BACKLOG are waiting; `dropped` counts them.
 
     Args:
         link: symbolic link to make (or replace) for the device, removed by `close`.
@@ -58,7 +58,7 @@ class PseudoTerminal:
             ) from None
 
     def unplug(self) -> None:
-        """Hang up as when a USB adapter is pulled out; the bytes written from now on are lost."""
+        """Hang up as if a USB adapter was unplugged; bytes written from now on are lost."""
         self._unplugged = True
         self._remove()
 
@@ -68,7 +68,7 @@ class PseudoTerminal:
         self._unplugged = False
 
     def read(self, most: int = _CHUNK) -> bytes:
-        """Return at most so many of the bytes that wait."""
+        """Return at most `count` of the waiting bytes."""
         if self._unplugged:
             return b""
         try:
@@ -91,7 +91,7 @@ class PseudoTerminal:
 
     def _throw_away(self) -> None:
         """Read the oldest bytes ourselves, so that the newest stay and the count is exact."""
-        with contextlib.suppress(BlockingIOError):  # the vehicle was faster
+        with contextlib.suppress(BlockingIOError):  # the vehicle read them first
             self.dropped += len(os.read(self._slave, FORGOTTEN))
 
     def fileno(self) -> int:

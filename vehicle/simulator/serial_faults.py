@@ -1,4 +1,4 @@
-"""Faults of the serial lines: bytes that arrive as others, adapters pulled out."""
+"""Faults of the serial lines: corrupted bytes, unplugged adapters."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from vehicle.simulator.parameters import SimulatorParameters
 from vehicle_link.serial.port import Port
 
 _STREAM = 7
-"""Of random numbers, apart from the sensors' noise of the same seed."""
+"""Stream of random numbers, separate from the sensors' noise with the same seed."""
 
 
 class Line(Port, Protocol):
     """The microcontroller's end of a serial line whose other end is an adapter."""
 
     def unplug(self) -> None:
-        """Pull the adapter out: the vehicle sees a line that is gone, this end falls silent."""
+        """Unplug the adapter: the vehicle loses the line, and this end receives nothing."""
 
     def plug_in(self) -> None:
-        """Put it back, as a new device."""
+        """Plug it in again, as a new device."""
 
 
 class Wire:
-    """One line as the microcontroller has it.
+    """The microcontroller's end of one line, with faults.
 
     Attributes:
-        share: 0..1, of the bytes that arrive as others, both ways; at 0 nothing is drawn.
+        share: 0..1, of corrupted bytes, both ways; at 0 no random numbers are drawn.
     """
 
     def __init__(self, line: Line, generator: np.random.Generator) -> None:
@@ -45,13 +45,13 @@ class Wire:
         self._line.write(self._corrupted(data) if self.share else data)
 
     def be_unplugged(self, unplugged: bool) -> None:
-        """Pull the adapter out or put it back, when it is not so already."""
+        """Unplug the adapter or plug it in, unless it already is."""
         if unplugged != self._unplugged:
             self._unplugged = unplugged
             (self._line.unplug if unplugged else self._line.plug_in)()
 
     def _corrupted(self, data: bytes) -> bytes:
-        """Return the bytes as they arrive; a byte that is hit is another one for certain."""
+        """Return the bytes as they arrive; a corrupted byte always differs from the original."""
         hit = self._generator.random(len(data)) < self.share
         if not hit.any():
             return data
@@ -61,7 +61,7 @@ class Wire:
 
 
 def new_wires(lines: Sequence[Line], parameters: SimulatorParameters) -> tuple[Wire, ...]:
-    """Return one for each line, first and second."""
+    """Return the faults of the first and the second line."""
     generator = np.random.default_rng((parameters.seed, _STREAM))
     wires = tuple(Wire(line, generator) for line in lines)
     configure_wires(wires, parameters)
@@ -69,7 +69,7 @@ def new_wires(lines: Sequence[Line], parameters: SimulatorParameters) -> tuple[W
 
 
 def configure_wires(wires: Sequence[Wire], parameters: SimulatorParameters) -> None:
-    """Let happen to them what the parameters say."""
+    """Apply the faults that the parameters specify."""
     for wire, unplugged in zip(wires, parameters.unplugged, strict=False):
         wire.share = parameters.corrupted_bytes
         wire.be_unplugged(unplugged)

@@ -1,4 +1,4 @@
-"""Plant, sensors and firmware as one thing that is stepped: the robot, as far as bytes can tell."""
+"""The simulated robot: plant, sensors and firmware, stepped together."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PORTS = 2
 _MIRROR_PERIOD = int(Id.MIRROR_PERIOD)
 
 PERIOD_MAX_US = 1000
-"""The microcontroller estimates and controls at least this often, whatever it sends."""
+"""Least rate of the microcontroller's estimation and control, whatever its sample rate."""
 
 
 @compiled
@@ -45,7 +45,7 @@ def _run(
     periods: int,
     dt: float,
 ) -> None:
-    """Run `periods` of the microcontroller, `dt` (s) each, the plant moving between them."""
+    """Run `periods` of the microcontroller, `dt` (s) each, with the plant advancing in between."""
     p, h = program[0], holder[0]
     for k in range(periods):
         r = p.references
@@ -69,7 +69,7 @@ def _begin(
     command: tuple[int, int, int, int],
     dt: float,
 ) -> None:
-    """Run the very first period: nothing has moved yet."""
+    """Run the first period, before any motion."""
     sample(plant, sensors, noise, row, registers)
     period(program[0], registers, command, dt)
 
@@ -126,7 +126,7 @@ class SimulatedVehicle:
         return speeds
 
     def step(self) -> None:
-        """Obey the bytes that arrived, move on to the next sample and send it.
+        """Process the bytes that arrived, advance to the next sample and send it.
 
         The first call sends the sample at time 0 without moving.
         """
@@ -140,8 +140,8 @@ class SimulatedVehicle:
         self.step_periods(1)
 
     def step_periods(self, most: int) -> None:
-        """Step as `step_period` does, but so many periods at once; ends with the next sample at the
-        latest.
+        """Step as `step_period` does, but several periods at once; ends with the next sample at
+        the latest.
         """
         self._obey()
         self._advance(self._at_once(most))
@@ -151,7 +151,7 @@ class SimulatedVehicle:
         return min(most, left) if self._count else 1
 
     def _pace(self) -> None:
-        """Take over how often samples are wanted; the periods are counted again from now."""
+        """Apply the requested sample rate; the periods are counted again from now."""
         if self._count:
             self._begun_ns, self._count = self._time_ns(self._count - 1), 1
         self._sample_us = int(self.firmware.registers[_MIRROR_PERIOD])
@@ -173,7 +173,7 @@ class SimulatedVehicle:
             self._pace()
 
     def _advance(self, periods: int) -> None:
-        """Move by so many periods, the last of which may send a sample."""
+        """Advance by this many periods, the last of which may send a sample."""
         firmware, noise, first = self.firmware, self._noise, not self._count
         command = self._acting()
         last = self._count + periods - 1
@@ -199,7 +199,7 @@ class SimulatedVehicle:
             self._wires[port_index].write(frame)
 
     def _acting(self) -> Command:
-        """Return the newest command that is as old as the latency asks."""
+        """Return the newest command that is at least as old as the latency."""
         commands = self._commands
         if self.firmware.command != commands[-1][1]:
             commands.append((self.stamp_ns, self.firmware.command))
@@ -209,7 +209,7 @@ class SimulatedVehicle:
         return commands[0][1]
 
     def due_ns(self, most: int = 1) -> int:
-        """Return time up to which `step_periods` would go."""
+        """Return the time that `step_periods` would reach."""
         return self._time_ns(self._count + self._at_once(most) - 1)
 
     @property
@@ -219,15 +219,15 @@ class SimulatedVehicle:
 
     @property
     def sample_period_ns(self) -> int:
-        """Return the time between two samples in ns; the flight stack sets it."""
+        """Return the sample period in ns, which the flight stack sets."""
         return 1000 * self._sample_us
 
     def skip(self, samples: int) -> None:
-        """Let the clock run on by this many samples that are never sent, without motion."""
+        """Advance the clock by this many samples that are never sent, without motion."""
         self._count += samples * self._periods
 
     def warm_up(self) -> None:
-        """Compile what `step` calls, so that the first one takes no seconds; changes nothing."""
+        """Compile what `step` calls, so that the first call is fast; changes no state."""
         plant, program = self._plant.copy(), self.firmware.program.copy()
         registers, noise = self.firmware.registers.copy(), np.zeros_like(self._noise.block)
         rest = program, registers, (0, 0, 0, 0)
@@ -257,8 +257,8 @@ class SimulatedVehicle:
         self._plant["disturbance_w"] = force_w
 
     def configure(self, parameters: SimulatorParameters) -> None:
-        """Take new true values in flight, a payload for instance; motion stays, and the charge
-        unless it is another."""
+        """Set new true values in flight, a payload for instance; motion is kept, and so is the
+        charge unless it changed."""
         before, self.parameters = self.parameters, parameters
         configure_plant(self._plant, parameters)
         if parameters.battery_charge != before.battery_charge:
@@ -278,7 +278,7 @@ class SimulatedVehicle:
         self.charge_battery(1.0)
 
     def reset(self) -> None:
-        """Put the vehicle back where it stood at the start, level and at rest, with a full battery.
+        """Put the vehicle back at its start, level and at rest, with a full battery.
 
         Raises RefusedError unless the motors are off and nothing holds the vehicle.
         """
@@ -303,7 +303,7 @@ class SimulatedVehicle:
     def place(
         self, position_w: Sequence[float], quaternion_wb: Sequence[float] = (1.0, 0.0, 0.0, 0.0)
     ) -> None:
-        """Put the vehicle there, at rest: a start away from the origin."""
+        """Place the vehicle there, at rest: a start away from the origin."""
         self.truth["position_w"] = position_w
         self.truth["velocity_w"] = 0.0
         self.truth["quaternion_wb"] = quaternion_wb

@@ -1,8 +1,8 @@
-"""Publishes the truth as a tracking system would, and the force/torque sensor's readings on the
-bench, from a thread of its own.
+"""Publishes the truth like a tracking system, and the force/torque sensor's readings, from a
+separate thread.
 
-The network may be slow or the station away: the plant must not wait. Only the newest few states
-are kept for sending.
+The network may be slow or the station disconnected: the plant must not wait. Only the newest few
+states are queued for sending.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class TruthPublisher:
     """Encodes and sends STATE records and readings.
 
     Args:
-        connect: opens the way out and returns how to send and how to close; may block, may raise
-            LinkError, is tried again each second.
+        connect: opens the connection and returns functions to send and to close; it may block or
+            raise LinkError, and is retried each second.
         vehicle: name, for the frame ids.
     """
 
@@ -57,7 +57,7 @@ class TruthPublisher:
         self._states: queue.Queue[tuple[int, Record | ForceReading] | None] = queue.Queue(KEPT)
         self._stop = threading.Event()
         self._complained = False
-        # A daemon: opening a session can block for as long as the station is away.
+        # A daemon: opening a session can block for as long as the station is unreachable.
         self._thread = threading.Thread(target=self._run, name="truth", daemon=True)
         self._thread.start()
 
@@ -66,7 +66,7 @@ class TruthPublisher:
         self._offer(stamp_ns, state.copy())
 
     def offer_reading(self, stamp_ns: int, reading: ForceReading) -> None:
-        """Offer a reading of the force/torque sensor, as `offer` does."""
+        """Send a reading of the force/torque sensor, as `offer` does for a state."""
         self._offer(stamp_ns, reading)
 
     def _offer(self, stamp_ns: int, what: Record | ForceReading) -> None:
@@ -78,18 +78,18 @@ class TruthPublisher:
     def close(self) -> None:
         """Stop sending; waits for the session to close, at most 2 s."""
         self._stop.set()
-        with contextlib.suppress(queue.Full):  # full: it is awake, and sees the stop by itself
+        with contextlib.suppress(queue.Full):  # full: the thread is awake and checks for the stop
             self._states.put_nowait(None)
         self._thread.join(2.0)
 
     def _run(self) -> None:
         _hurry(True)
-        # Imported here: the station's message types take a while, the plant need not wait.
+        # Imported here: the message types take a while to load, and the plant need not wait.
         from vehicle_link.topics.bench import encode_bench_reading
         from vehicle_link.topics.ticks import encode_odometries
 
         while not self._stop.is_set():
-            _hurry(False)  # the network's threads are made now and are to be ordinary ones
+            _hurry(False)  # the network's threads start now, at normal priority
             try:
                 put, close = self._connect()
             except LinkError as error:
@@ -97,7 +97,7 @@ class TruthPublisher:
                 self._stop.wait(RETRY_S)
                 continue
             _hurry(True)
-            with contextlib.suppress(queue.Empty):  # what waited for the session is old
+            with contextlib.suppress(queue.Empty):  # drop states from before the session
                 while True:
                     self._states.get_nowait()
             try:
@@ -125,10 +125,10 @@ class TruthPublisher:
 
 
 def _hurry(on: bool) -> None:
-    """Give this thread a real-time priority, or take it, as far as it is allowed.
+    """Give this thread a real-time priority or remove it, as far as that is allowed.
 
-    It shares the interpreter's lock with the plant: put off by others while it holds the lock, it
-    would stop the plant, whatever priority that has.
+    It shares the interpreter lock with the plant: preempted while it holds the lock, it would stop
+    the plant, whatever the plant's own priority.
     """
     policy, priority = (os.SCHED_FIFO, PRIORITY) if on else (os.SCHED_OTHER, 0)
     with contextlib.suppress(OSError):
@@ -136,8 +136,8 @@ def _hurry(on: bool) -> None:
 
 
 def _sure(topic: Topic) -> Topic:
-    """Return the topic made reliable in lockstep: the next truth may wait until this one has come,
-    so none may be lost.
+    """Return the topic, reliable in lockstep: the next truth may wait for this one, so none may
+    be lost.
     """
     from vehicle_link.transport.rmw_keys import RELIABLE
 
@@ -149,8 +149,8 @@ def connect_to_station(
 ) -> Callable[[], tuple[Put, Callable[[], None]]]:
     """Return `connect` of a TruthPublisher: its topics of /<vehicle> through the station's router.
 
-    The parameters of the simulator are served the same way, as those of /<vehicle>/simulator, and
-    so is what a person would do at the vehicle, as /<vehicle>/simulator/simulation.
+    The simulator's parameters are served the same way below /<vehicle>/simulator, and manual
+    actions at the vehicle as /<vehicle>/simulator/simulation.
     """
 
     def connect() -> tuple[Put, Callable[[], None]]:
@@ -166,7 +166,7 @@ def connect_to_station(
         publishers = {topic: node.advertise(_sure(TOPICS[topic])) for topic in PUBLISHED}
         changes, instance = node.advertise(TOPICS["parameter_changes"]), new_instance()
 
-        def tell(
+        def publish_change(
             name: str, old: ParameterValue, value: ParameterValue, requester: str, revision: int
         ) -> None:
             stamp_ns = clock.time_ns()
@@ -197,7 +197,7 @@ def connect_to_station(
                 return new(kind, accepted=False, reason=str(error))
             return new(kind, accepted=True)
 
-        live.on_change = tell
+        live.on_change = publish_change
         serve_parameters(node, live)
         service = SERVICES["change_parameters"]
         node.serve("simulator/change_parameters", service, change)

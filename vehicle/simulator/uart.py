@@ -1,7 +1,7 @@
-"""One serial line at its pace: 115200 Bd 8N1 carries 11,520 bytes a second each way.
+"""One serial line at its data rate: 115200 Bd 8N1 carries 11,520 bytes a second each way.
 
-What the host writes waits in its own buffer until the wire has carried it; what the
-microcontroller writes waits in a small one, and what does not fit there is lost, as on the chip.
+The host's bytes wait in its own buffer until the wire has carried them; the microcontroller's
+wait in a small ring, and what does not fit there is lost, as on the chip.
 """
 
 from __future__ import annotations
@@ -11,21 +11,21 @@ from collections.abc import Callable
 from vehicle.simulator.pseudo_terminal import PseudoTerminal
 
 BYTES_PER_SECOND = 115_200 // 10
-"""A start and a stop bit a byte."""
+"""Bits per byte, with a start and a stop bit."""
 BUFFER = 256
 """Bytes of the microcontroller's ring of either direction."""
 _END = b"\r"
 
 
 class Uart:
-    """A `vehicle_link.serial.port.Port` whose bytes take their time.
+    """A `vehicle_link.serial.port.Port` with the delay of a real serial line.
 
-    Whole frames are handed on: a host's adapter collects bytes, too, and a frame counts with
-    its last one.
+    Only whole frames are delivered: a host's adapter collects bytes, too, and a frame counts with
+    its last byte.
 
     Attributes:
         overruns: bytes the microcontroller could not queue.
-        delivered: told of the bytes that the host can read from now on.
+        delivered: called with the bytes that the host can read from now on.
     """
 
     def __init__(self, terminal: PseudoTerminal) -> None:
@@ -42,7 +42,7 @@ class Uart:
         if self._sending:
             self._out += carried
             end = self._sending.rfind(_END, 0, int(self._out)) + 1
-            if end == 0 and len(self._sending) < int(self._out):  # not frames: no end will come
+            if end == 0 and len(self._sending) < int(self._out):  # not a frame: no end to wait for
                 end = len(self._sending)
             if end:
                 self._deliver(bytes(self._sending[:end]))
@@ -70,7 +70,7 @@ class Uart:
         return data
 
     def write(self, data: bytes) -> None:
-        """Queue whole or in part."""
+        """Queue the bytes, completely or in part."""
         room = BUFFER - len(self._sending)
         self._sending += data[:room]
         self.overruns += max(0, len(data) - room)

@@ -307,13 +307,13 @@ def test_a_question_waits_for_one_yes_to_it_and_it_is_kept_who_said_so(lab: Lab)
         client.confirm("propellers off?")
         client.confirm("all clear?")
 
-    assert lab.do("confirm") == "nothing waits for a yes"
+    assert lab.do("confirm") == "no question is open"
     lab.runner.start(Scripted(script), "ada")
     lab.asked("propellers off?")
     assert lab.do("confirm", "grace", question="propellers off?") == ""
     lab.asked("all clear?")
     twice = lab.do("confirm", "grace", question="propellers off?")
-    assert twice == "another question is asked now: all clear?"
+    assert twice == "another question is open now: all clear?"
     assert lab.runner._state.phase == "flying"
     assert lab.do("confirm", "grace") == ""
     assert lab.ended().phase == "passed"
@@ -401,7 +401,7 @@ def test_without_a_run_nothing_is_begun(lab: Lab, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(lab.runs, "start", full)
     done = lab.fly(lambda client: client.tell(Progress("go")))
     assert done.phase == "refused"
-    assert done.reason == "no run can be recorded, so none is judged: only 1 MB are free"
+    assert done.reason == "no run can be recorded for judging: only 1 MB are free"
 
 
 def test_a_simulated_vehicle_is_turned_and_let_go_whatever_comes(lab: Lab) -> None:
@@ -521,7 +521,7 @@ def test_only_the_newest_proposal_can_be_decided(lab: Lab) -> None:
 def test_an_answer_that_was_lost_is_not_stored_twice(lab: Lab) -> None:
     lab.fly(lambda client: client.tell(Progress("go")))
     lab.vehicle.silent = True
-    assert "it is not known whether the vehicle took it over" in lab.do("accept")
+    assert "it is not known whether the vehicle applied it" in lab.do("accept")
     lab.vehicle.silent = False
     before = len(lab.vehicle.history)  # each of the two tries, which a vehicle tells apart by id
     assert lab.do("accept") == ""
@@ -596,7 +596,10 @@ def test_a_judgement_that_makes_no_sense_is_none(tmp_path: Path, result: Result,
     ("record", "said"),
     [
         (MeasurementError("pose 3 is missing"), "nothing is proposed: pose 3 is missing"),
-        (ZeroDivisionError("by zero"), "nothing is proposed, a defect: ZeroDivisionError"),
+        (
+            ZeroDivisionError("by zero"),
+            "nothing is proposed because of a software error: ZeroDivisionError",
+        ),
         (
             PROPOSED.model_copy(update={"figures": (Quality(name="rms", value=float("nan")),)}),
             "nothing is proposed: no calibration record: figures.0.value",

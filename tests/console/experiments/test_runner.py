@@ -600,7 +600,10 @@ def test_a_wait_in_vain_ends_hovering_with_the_reason(bench: Bench) -> None:
     assert bench.start().accepted
     done = bench.ended()
     assert done.phase == "failed"
-    assert "waited 0.3 s for rain in vain; the vehicle is armed, velocity; it brakes" in done.reason
+    assert (
+        "timed out after 0.3 s waiting for rain; the vehicle is armed, velocity; it brakes"
+        in done.reason
+    )
     assert bench.vehicle.requests[-1] == ("start_behavior", "brake", "ada")
 
 

@@ -282,7 +282,7 @@ def test_bad_logs_and_folders_get_one_line(tmp_path: Path, log: Path) -> None:
         assert "\n" not in str(caught.value)
     foreign = tmp_path / f"{log.stem}.html"
     foreign.write_text("<p>mine</p>")
-    with pytest.raises(StorageError, match="is no report of quadlab"):
+    with pytest.raises(StorageError, match="is not a report of quadlab"):
         write_report(log, tmp_path)
     assert foreign.read_text() == "<p>mine</p>"
     (tmp_path / "file").write_text("")

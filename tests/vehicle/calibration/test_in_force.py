@@ -77,7 +77,7 @@ def test_one_that_the_parameters_no_longer_allow_is_refused_whole_and_the_others
     line = found.lines[0][1]
     assert line.startswith("calibration motor of 2026-05-28 20:26 UTC by anna is not in force: ")
     assert reason in line
-    assert line.endswith("; calibrate anew")
+    assert line.endswith("; calibrate again")
 
 
 def test_a_bad_value_is_not_hidden_by_one_given_by_hand() -> None:

@@ -71,7 +71,7 @@ def test_what_cannot_be_taken_over_leaves_all_as_it_was(wired: Any, text: str, r
 
 def test_with_motors_on_or_in_flight_it_is_refused(wired: Any) -> None:
     wired.lab.arm()
-    assert "calibration not taken over: motors are on; disarm first" in wired.refused(
+    assert "calibration not applied: motors are on; disarm first" in wired.refused(
         "store", proposal()
     )
     wired.lab.start("take_off", height=0.5)

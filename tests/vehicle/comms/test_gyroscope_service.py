@@ -58,7 +58,7 @@ def test_a_vehicle_that_is_moved_meanwhile_keeps_its_drift(
     assert refusal.endswith("keep the vehicle still")
     assert drift(lab) == before
     assert lab.mode is Mode.READY
-    assert "ready: the gyroscope's drift stays: gyroscope not calibrated" in lab.said
+    assert "ready: the gyroscope bias is unchanged: gyroscope not calibrated" in lab.said
 
 
 def test_it_can_be_accepted_while_it_is_in_use_and_no_other_can(wired: Any) -> None:

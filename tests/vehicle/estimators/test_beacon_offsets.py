@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from bearing_sim.beacons import PAPER_BEACONS, PRESETS, Beacons
 from bearing_sim.emulator import perturbed
 from vehicle.estimators.beacon_offsets import BeaconOffsets, Offset
-from vehicle.estimators.suspect_beacon import UNTOLD, SuspectBeacon
+from vehicle.estimators.suspect_beacon import UNIDENTIFIED, SuspectBeacon
 from vehicle.flight.modes import Flag
 from vehicle.processes import mailbox
 
@@ -140,7 +140,7 @@ def test_it_is_told_once_at_the_beginning_and_once_at_the_end() -> None:
     assert (suspect.flags, suspect.status) == (int(Flag.BEACON_OFF), (3, 0.09, True))
     for _ in range(3):
         suspect.look(None, False, "")
-    assert (suspect.flags, suspect.status[0]) == (0, UNTOLD)
+    assert (suspect.flags, suspect.status[0]) == (0, UNIDENTIFIED)
     assert [level for _, level in said] == [mailbox.WARN, mailbox.INFO]
     assert all("beacon 3" in line for line, _ in said)
 
@@ -149,7 +149,7 @@ def test_a_beacon_that_can_be_named_later_is_told_again() -> None:
     said: list[str] = []
     suspect = SuspectBeacon(lambda line, level: said.append(line))
     suspect.look(Offset(None, 0.07), False, "")
-    assert suspect.status == (UNTOLD, 0.07, False)
+    assert suspect.status == (UNIDENTIFIED, 0.07, False)
     suspect.look(Offset(4, 0.07), False, "3 would be left")
     assert len(said) == 2
     assert "3 would be left" in said[1]

@@ -183,7 +183,7 @@ BEARINGS = bearings_sample(8, (3, 1), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), 0.02)
 
 
 class Compiled:
-    """Something compiled beside, loaded when it has arrived."""
+    """A part compiled in the background, loaded when it is there."""
 
     arrived = False
     loads = 0
@@ -370,14 +370,14 @@ def test_bytes_that_are_no_frames_are_told_apart_from_silence(
     bench.mcu.damaged = 12
     bench.nothing(600_000_000)
     (line,) = capsys.readouterr().err.splitlines()
-    assert "for 0.5 s; waiting. 12 pieces of bytes came that are no frames: is its baud" in line
+    assert "for 0.5 s; waiting. 12 pieces of bytes arrived that are not frames: is its baud" in line
 
 
 @pytest.mark.parametrize(
     ("what", "said"),
     [
-        ("late", "12 came that are older than the newest before"),
-        ("refused", "12 came with impossible values or times"),
+        ("late", "12 arrived with stamps before the newest one"),
+        ("refused", "12 arrived with impossible values or times"),
     ],
 )
 def test_samples_that_do_not_count_are_told_apart_from_silence(
@@ -404,7 +404,7 @@ def test_without_samples_an_emergency_acts_and_what_turns_motors_is_refused(benc
     )
     bench.nothing(1)
     assert bench.stack.calls == [cut]
-    refused = "refused: the microcontroller gives no samples"
+    refused = "refused: no samples from the microcontroller"
     assert bench.outbox() == [
         mailbox.Reply("r1", True),
         *(mailbox.Reply(request_id, False, refused) for request_id in ("r2", "r3", "r4")),
@@ -448,7 +448,7 @@ def test_a_port_that_is_missing_for_longer_than_a_simulator_starts_is_told_once(
         open_ports(["/nowhere/mcu0"], patience_s=2.0)
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("vehicle: serial port /nowhere/mcu0 cannot be opened: No such file")
-    assert line.endswith("; trying for 2 s")
+    assert line.endswith("; retrying for 2 s")
 
 
 def test_a_port_in_use_is_told_once_and_opened_when_it_is_free(
@@ -470,7 +470,7 @@ def test_a_port_in_use_is_told_once_and_opened_when_it_is_free(
     assert tries == 3
     assert capsys.readouterr().err == (
         f"vehicle: serial port {path} cannot be opened: busy: another program has it open; "
-        "end that one, another `quadlab vehicle` for one; trying for 60 s\n"
+        "end that one, another `quadlab vehicle` for one; retrying for 60 s\n"
     )
     port.close()
     os.close(master)

@@ -57,7 +57,7 @@ def test_not_asked_for_again_it_stops_within_the_timeout(lab: Any) -> None:
     lab.wait(0.15)
     assert now(lab).mode is Mode.READY
     assert lab.robot.firmware.references == (0, 0, 0, 0)
-    assert "motor 2 (left) stopped: not asked for again within 0.5 s" in lab.said
+    assert "motor 2 (left) stopped: not requested again within 0.5 s" in lab.said
 
 
 def test_a_flight_process_that_dies_stops_it_too(lab: Any) -> None:

@@ -151,7 +151,7 @@ def test_emergency_land_leaves_the_landing_to_the_microcontroller(height: float)
     assert lab.robot.firmware.motor_state is MotorState.EMERGENCY
     assert now(lab).control_told is ControlMode.EMERGENCY
     lab.landed()
-    assert "emergency land by anna; the microcontroller lands alone" in lab.texts()
+    assert "emergency land by anna; the microcontroller lands by itself" in lab.texts()
     assert "landed by the microcontroller" in lab.texts()
     lab.arm()
     lab.wait(0.5)
@@ -226,7 +226,7 @@ def test_a_lost_pose_is_a_descent_with_the_angles_held_by_the_microcontroller(
     registers = lab.robot.firmware.registers
     assert registers[Id.FLIGHT_CONTROL_MODE] == FlightControlMode.NEAR_HOVERING
     lab.landed()
-    assert "no pose measurement for 1.0 s; down by the barometer" in lab.texts()
+    assert "no pose measurement for 1.0 s; descending by the barometer" in lab.texts()
 
 
 def test_an_estimate_that_diverged_is_not_flown_on() -> None:
@@ -314,7 +314,7 @@ def test_the_supervisor_lands_when_a_serial_port_is_gone() -> None:
     lab = Lab().hovering()
     lab._mcu._ports.lost = 1
     lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=1.0)
-    assert "a serial port is gone" in lab.texts()
+    assert "a serial port is lost" in lab.texts()
     lab.landed()
 
 
@@ -336,4 +336,6 @@ def test_the_gyroscope_is_not_calibrated_while_the_microcontroller_lands() -> No
             assert now(lab).robot.firmware.motor_state is MotorState.OFF
     assert ready_at is not None
     assert ready_at < 0.01
-    assert any("motors run" in event.text for event in again.outbox if hasattr(event, "text"))
+    assert any(
+        "motors are running" in event.text for event in again.outbox if hasattr(event, "text")
+    )

@@ -71,8 +71,8 @@ def test_a_good_connection_is_measured_and_told(simulator: Simulator) -> None:
     assert rates is not None
     assert min(map(int, rates.groups())) > 0
     assert "damaged frames: 0 of " in text
-    assert "motors' controllers: all four answer" in text
-    assert re.search(r"round trip of a question: [\d.]+ ms p50, [\d.]+ ms at most; \d+ of", text)
+    assert "motor controllers: all four answer" in text
+    assert re.search(r"round trip of a request: [\d.]+ ms p50, [\d.]+ ms at most; \d+ of", text)
     gyroscope = re.search(r"mean (.+), (.+), (.+) deg/s, deviation (.+) deg/s$", text, re.MULTILINE)
     assert gyroscope is not None
     x, y, z, deviation = map(float, gyroscope.groups())

@@ -94,5 +94,5 @@ def test_a_port_pulled_in_flight_is_landed(failure: str) -> None:
     assert outcome.drift < 0.5
     alone = failure == "both ports"
     assert flight.frozen is alone, "the flight process ends with its last port"
-    told = any("a serial port is gone" in text for text in flight.events.texts)
+    told = any("a serial port is lost" in text for text in flight.events.texts)
     assert told == (not alone)

@@ -31,7 +31,7 @@ class Flight:
     def __init__(self, **thresholds: Any) -> None:
         self.supervisor = Supervisor(SafetyParameters(**thresholds))
         self.now_ns = 1_000_000_000
-        self.supervisor.heard(self.now_ns)
+        self.supervisor.heartbeat(self.now_ns)
         self.supervisor.begin_flight()
 
     def fly(
@@ -41,7 +41,7 @@ class Flight:
         while self.now_ns - began < seconds * 1e9:
             self.now_ns += STEP_NS
             if heard:
-                self.supervisor.heard(self.now_ns)
+                self.supervisor.heartbeat(self.now_ns)
             situation = Situation(airborne=airborne, **WELL | measured)
             verdict = self.supervisor.step(self.now_ns, situation)
             if verdict is not None:

@@ -1,1 +1,1 @@
-"""The simulated microcontroller's program: registers, bytes, and what it flies by itself."""
+"""The simulated microcontroller's firmware: registers, serial protocol, its own control modes."""

@@ -1,8 +1,8 @@
-"""The filter that always runs: Mahony's complementary filter of attitude and gyroscope drift.
+"""The firmware's attitude filter: Mahony's complementary filter with gyroscope drift.
 
 R. Mahony, T. Hamel, J.-M. Pflimlin, "Nonlinear complementary filters on the special orthogonal
-group", 2008, in its explicit form with gravity as the only direction. A rotor vehicle in the air
-feels its thrust and drag, not gravity: the correction is slow there, and quick with motors off.
+group", 2008, in its explicit form with gravity as the only direction. In flight the accelerometer
+measures thrust and drag, not gravity: the correction is slow then, and fast with motors off.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ Item = Any
 """One record `array[k]` inside compiled code."""
 
 GAIN_FLYING, GAIN_RESTING = 0.1, 4.0
-"""rad/s: how fast the accelerometer's direction is taken over."""
+"""rad/s: gain towards the accelerometer's direction, with motors off."""
 GAIN_TURNED, TURNED = 0.01, 0.1
-"""rad/s instead, in flight, when the two differ by more than this sine: a vehicle on its way
-leans, and its accelerometer does not see it."""
+"""rad/s instead, in flight, when the two differ by more than this sine: a moving vehicle is
+tilted, and its accelerometer does not measure that."""
 DRIFT_GAIN = 0.005
-"""rad/s^2 a rad: how fast the drift follows in flight."""
+"""rad/s^2 per rad: gain of the drift in flight."""
 FORCE_MARGIN = 0.3
-"""Share of g by which a specific force may differ from it and still be a direction."""
+"""Share of g by which the specific force may differ from g and still count as a direction."""
 STILL = math.radians(40.0)
-"""rad/s: with motors off a slower turn is drift, of which a cold gyroscope has much. What is learnt
-while the vehicle is carried about is forgotten in seconds, once it stands."""
+"""rad/s: with motors off a slower turn counts as drift, which a cold gyroscope has. What is learnt
+while the vehicle is carried around decays within seconds once it is at rest."""
 DRIFT_TIME = 0.5
 """s over which the drift is averaged at rest."""
 

@@ -1,6 +1,6 @@
-"""The emergency: level, down at a held rate by the barometer, motors off on the ground.
+"""The emergency descent: level, at a rate held by the barometer, motors off on the ground.
 
-It needs nothing from outside. Where it drifts to no one controls: level is all it knows.
+It needs nothing from outside. The horizontal drift is not controlled: only the attitude is.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ Registers = npt.NDArray[np.int16]
 SINK, FLARE_SINK = 0.7, 0.35
 """m/s, down."""
 FLARE_HEIGHT = 0.7
-"""m over where it stood: below it FLARE_SINK."""
+"""m above the take-off point: below it FLARE_SINK."""
 SLOWING = 2.0
-"""m/s^2: from the climb rate it had to the one it wants."""
+"""m/s^2: from the initial climb rate to the wanted one."""
 CLIMB_GAIN, LIFT_GAIN = 3.0, 3.0
 """1/s and 1/s^2."""
 THRUST_TIME = 0.5
-"""s over which the ordered thrust is averaged."""
+"""s over which the commanded thrust is averaged."""
 SUPPORT_TIME = 1.0
-"""s over which is learnt what a newton of thrust gives in the air."""
+"""s over which the specific force per newton of thrust is learnt in the air."""
 CARRIED_SHARE = 1.15
 """Specific force over that: the ground carries the rest."""
 CARRIED_TIME = 0.3
 """s."""
 STANDING_THRUST = 0.6
-"""Share of the weight below which the average thrust carries nothing: it stands."""
+"""Share of the weight below which the average thrust means that the vehicle is on the ground."""
 OVERTURNED = math.cos(math.radians(100.0))
 TILT_MIN = 0.5
 """Least cosine that thrust is divided by."""
@@ -49,7 +49,7 @@ _EMERGENCY_THRUST = int(Id.EMERGENCY_THRUST)
 
 @compiled(inner=True)
 def watch_thrust(p: Item, dt: float) -> None:
-    """Average of the ordered thrust, and what it gives in the air."""
+    """Average the commanded thrust, and the specific force it gives in the air."""
     m = p.model
     total = 0.0
     for i in range(4):
@@ -64,7 +64,7 @@ def watch_thrust(p: Item, dt: float) -> None:
 
 @compiled(inner=True)
 def descend(p: Item, registers: Registers, dt: float) -> None:
-    """Descend for one period of a PROGRAM; sets `landed` when it is over."""
+    """Run one period of the descent of a PROGRAM; sets `landed` at its end."""
     m = p.model
     weight = m.mass * GRAVITY
     _, _, cosine = angles(p)
@@ -88,7 +88,7 @@ def descend(p: Item, registers: Registers, dt: float) -> None:
 
 @compiled(inner=True)
 def begin_descent(p: Item) -> None:
-    """Begin a descent from the present motion; a vehicle on the ground has landed already."""
+    """Begin a descent from the present motion; a vehicle on the ground counts as landed."""
     p.landing, p.landed, p.carried = 1, 0, 0.0
     p.lift, p.sink = p.thrust, -p.climb
     p.angle_integral[0] = p.angle_integral[1] = 0.0

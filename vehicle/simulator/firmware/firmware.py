@@ -1,8 +1,8 @@
-"""The microcontroller's firmware: bytes in, bytes out, modes, and its watch over all above it.
+"""The microcontroller's firmware: serial protocol, modes, and supervision of the onboard computer.
 
-Commands missing, a battery at its end or a set of the motor state bring it into the emergency:
-it then ignores commands, lands by itself (vehicle.simulator.firmware.descent) and switches the
-motors off. Only *off* is obeyed there: the cut.
+Missing commands, an empty battery or a set of the motor state cause the emergency: it then
+ignores commands, lands by itself (vehicle.simulator.firmware.descent) and switches the motors
+off. The only command obeyed there is *off*, the emergency cut.
 """
 
 from __future__ import annotations
@@ -30,27 +30,27 @@ from vehicle_link.serial.ids import TIME_PERIOD_MS, FlightControlMode, Id, Motor
 
 COMMAND_TIMEOUT_MS = 250
 BATTERY_LAND = 131
-"""0.1 V, for BATTERY_TIME_MS: the emergency."""
+"""In 0.1 V: below it for BATTERY_TIME_MS, the emergency begins."""
 BATTERY_TIME_MS = 1000
 EMERGENCY_THRUST = 74
-"""Least thrust of the descent, of 110 in hover."""
+"""Least thrust of the descent, where 110 is hover."""
 LONGEST_LANDING_MS = 120_000
 ROBOT_ID = 1
 FIRMWARE_REVISION = 1
 REGISTERS = max(Id) + 1
 START_MS = 58_000
-"""Time at power-up: late enough that every run soon passes the wrap at 60 s."""
+"""Time at power-up: chosen so that every run soon passes the wrap at 60 s."""
 
 _TIME, _MOTOR_STATE, _BATTERY = int(Id.TIME), int(Id.MOTOR_STATE), int(Id.BATTERY)
 _STOPPED = (0, 0, 0, 0)
 
 
 class Firmware:
-    """One microcontroller behind `ports` serial lines; sensors write into `registers`.
+    """One microcontroller on `ports` serial lines; sensors write into `registers`.
 
     Attributes:
         registers: (65,) int16, by Id.
-        program: PROGRAM (1,), what the compiled period works on.
+        program: PROGRAM (1,), the state of the compiled period.
         command: the four bytes of the newest command, all 0 unless the motors are on.
     """
 
@@ -92,7 +92,7 @@ class Firmware:
         return tuple(self._program["references"].tolist())
 
     def receive(self, port: int, data: bytes) -> bytes:
-        """Take bytes from one line; the replies to send on it."""
+        """Process bytes from one line and return the replies to send on it."""
         decoder = self._decoders[port]
         replies = b""
         for frame in decoder.feed(data):
@@ -106,7 +106,7 @@ class Firmware:
         return replies
 
     def advance(self, elapsed_ms: int) -> None:
-        """Set the time since power-up; look whether an emergency begins or is over."""
+        """Set the time since power-up; check whether an emergency begins or ends."""
         self._ms = elapsed_ms
         if self._state is MotorState.ON:
             if self.registers[_BATTERY] > BATTERY_LAND:
@@ -120,7 +120,7 @@ class Firmware:
             self._enter(MotorState.OFF)
 
     def next_data(self) -> tuple[int, bytes]:
-        """Return (port, `D` frame) of the registers as they are; the lines take turns."""
+        """Return (port, `D` frame) of the present registers; the lines alternate."""
         port = self._turn
         self._turn = (port + 1) % len(self._decoders)
         self._unsigned[_TIME] = (START_MS + self._ms) % TIME_PERIOD_MS
@@ -147,7 +147,7 @@ class Firmware:
             self.command = instruction.references
 
     def _set(self, instruction: Instruction) -> bytes:
-        """Set a value; the echo tells what holds afterwards. A mode is set together with its
+        """Set a value; the echo has the resulting value. A mode is set together with its
         command.
         """
         id, value = instruction.id, instruction.value
@@ -164,7 +164,7 @@ class Firmware:
         if value not in ALLOWED or self._state not in ALLOWED[MotorState(value)]:
             return
         if value == MotorState.ON and self._program["missing"]:
-            return  # a bus with a hole in it does not start; ids 61…64 tell which
+            return  # the motors do not start with a controller missing; ids 61…64 show which
         self._enter(MotorState(value))
 
     def _value(self, id: int) -> bytes:

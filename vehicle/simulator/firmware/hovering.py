@@ -1,7 +1,7 @@
 """The near-hovering controller: angles, yaw rate and thrust to four motor references.
 
-Gains are registers, per unit inertia (so that they are a bandwidth, whatever the frame); a PID on
-roll and pitch, on the yaw rate a P and what damps its change.
+Gains are registers per unit inertia, which makes them bandwidths for any frame: a PID on roll and
+pitch, and on the yaw rate a P with damping of its change.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ Item = Any
 Registers = npt.NDArray[np.int16]
 
 GAIN_SCALE = 0.1
-"""1 of a gain's register."""
+"""Value of a gain's register that means 1."""
 INTEGRAL_MAX = 0.2
-"""rad s."""
+"""rad s, limit of the angle integral."""
 INTEGRATED = 0.1
 """rad: a larger error is a manoeuvre, not a trim, and is not integrated."""
 REFERENCE_MAX = 255

@@ -1,4 +1,4 @@
-"""The memory of the microcontroller from one of its periods to the next."""
+"""The state of the microcontroller that is kept between its periods."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ PROGRAM = np.dtype(
         ("height", "f8"),  # m, of the barometer's scale, 0 where the pressure is 0
         ("climb", "f8"),  # m/s
         ("climb_bias", "f8"),  # m/s^2, of the vertical specific force
-        ("ground", "f8"),  # m, height where the vehicle last stood with motors off
+        ("ground", "f8"),  # m, height of the last rest with motors off
         ("angle_integral", "f8", 2),  # rad s, roll and pitch
         ("rate_before", "f8"),  # rad/s, yaw rate one period ago
-        ("thrust", "f8"),  # N, ordered, averaged over THRUST_TIME
+        ("thrust", "f8"),  # N, commanded, averaged over THRUST_TIME
         ("support", "f8"),  # specific force along z_B over what the thrust gives in the air
         ("lift", "f8"),  # N, integral part of the descent's thrust
         ("sink", "f8"),  # m/s, wanted in the descent
         ("carried", "f8"),  # s, the ground has carried the vehicle
-        ("turning", "i8"),  # 1: motors on, whoever commands them
-        ("landing", "i8"),  # 1: the descent flies
+        ("turning", "i8"),  # 1: motors on, commanded or by itself
+        ("landing", "i8"),  # 1: the descent is in control
         ("landed", "i8"),  # 1: the descent is over
-        ("awake", "i8"),  # 1: attitude and height have begun
+        ("awake", "i8"),  # 1: attitude and height are initialised
         ("state", "i8"),  # MotorState of the last period
         ("missing", "i8"),  # bits of the motors whose controllers do not answer
         ("references", "i8", 4),  # counts, on the motors' bus

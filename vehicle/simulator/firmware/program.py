@@ -1,4 +1,4 @@
-"""One period of the microcontroller, compiled: converters to references."""
+"""One compiled period of the microcontroller: from converter counts to references."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Bytes = tuple[int, int, int, int]
 """The four bytes of the newest command, 0…255."""
 
 MISSING = -1
-"""Shown instead of the reference of a motor whose controller does not answer."""
+"""Reported instead of the reference of a motor whose controller does not answer."""
 
 _ACCELEROMETER, _GYROSCOPE = int(Id.ACCELEROMETER_X), int(Id.GYROSCOPE_X)
 _ACCELERATION, _RATE = int(Id.ACCELERATION_X), int(Id.RATE_X)
@@ -42,11 +42,11 @@ _DEGREES = 180.0 / math.pi
 
 @compiled(inner=True)
 def period(p: Item, registers: Registers, command: Bytes, dt: float) -> None:
-    """Estimate, then control what is to be controlled: `references` of a PROGRAM.
+    """Run estimation, then control: sets `references` of a PROGRAM.
 
     Args:
-        registers: (65,), the converters' counts in them.
-        command: as received; read by the present flight control mode.
+        registers: (65,), including the converters' counts.
+        command: as received; interpreted by the present flight control mode.
         dt: s.
     """
     force_b = (
@@ -112,7 +112,7 @@ def _rate(registers: Registers, axis: int) -> float:
 
 @compiled(inner=True)
 def _show(p: Item, registers: Registers) -> None:
-    """Write the estimates into the registers where they can be asked for; units in
+    """Write the estimates into the registers that can be requested; units in
     vehicle_link.serial.values.
     """
     roll, pitch, _ = angles(p)

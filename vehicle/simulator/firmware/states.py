@@ -1,4 +1,4 @@
-"""Motor states of the microcontroller and the moves between them that may be asked for."""
+"""Motor states of the microcontroller and the transitions that may be requested."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ ALLOWED = {
     MotorState.EMERGENCY: frozenset({MotorState.EMERGENCY, MotorState.ON}),
     MotorState.OFF: frozenset(MotorState),
 }
-"""From which states each may be set. Off from everywhere: the cut; from the emergency only off."""
+"""The states from which each may be set: off from all (the cut), and only off from emergency."""
 
 WRITABLE = frozenset(
     {
@@ -37,7 +37,7 @@ WRITABLE = frozenset(
         Id.PORT_PIN,
     }
 )
-"""What may be set besides the motor state; anything else is echoed as it is."""
+"""Values that may be set besides the motor state; a set of another id is echoed unchanged."""
 
 LIMITS = {
     Id.FLIGHT_CONTROL_MODE: (0, 1),
@@ -45,4 +45,4 @@ LIMITS = {
     Id.EMERGENCY_THRUST: (28, 110),
     Id.MIRROR_PERIOD: (1000, 20_000),  # us
 }
-"""Bounds, where not any number is sound."""
+"""Bounds of the values that need them."""

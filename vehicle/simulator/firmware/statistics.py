@@ -1,4 +1,4 @@
-"""The microcontroller's statistics of itself, renewed each second (ids 34…39, 51 and 53)."""
+"""The microcontroller's own statistics, updated each second (ids 34…39, 51 and 53)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Statistics:
         self._packet_ms = ms
 
     def steps(self, ms: int, count: int, step_ms: int) -> None:
-        """Count so many periods of estimation and control, `step_ms` each at most."""
+        """Count periods of estimation and control, each `step_ms` long at most."""
         self._steps += count
         self._longest_step = max(self._longest_step, step_ms)
         if ms - self._began_ms >= SECOND_MS:
@@ -43,7 +43,7 @@ class Statistics:
 
     def _publish(self, ms: int) -> None:
         seconds = (ms - self._began_ms) / SECOND_MS
-        # A gap that has not ended counts as far as it has come.
+        # A gap that has not ended counts with its length so far.
         for id, value in (
             (Id.COMMANDS_PER_SECOND, self._commands / seconds),
             (Id.LONGEST_COMMAND_GAP, max(self._command_gap, ms - self._command_ms)),

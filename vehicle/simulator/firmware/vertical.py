@@ -1,7 +1,7 @@
 """Height and climb rate by barometer and accelerometer: an observer with three equal poles.
 
 The barometer alone, 0.2 m of noise a sample, gives a climb rate only over seconds; the
-accelerometer alone drifts. The third state is what the vertical specific force is wrong by.
+accelerometer alone drifts. The third state is the bias of the vertical specific force.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Item = Any
 POLE = 1.2
 """rad/s, in flight."""
 POLE_RESTING = 4.0
-"""rad/s, motors off: it forgets where it was carried from."""
+"""rad/s, motors off: fast, as the vehicle may be carried around."""
 
 
 @compiled(inner=True)
