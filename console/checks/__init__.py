@@ -1,1 +1,1 @@
-"""The checks of the station: before each arming (`preflight`), and at its start."""
+"""The station's checks: before each arming (`preflight`), and at its start."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 
 class AlarmBoard:
-    """Thread-safe; keyed, so that a cause has one line however often it is noticed.
+    """Alarms by cause, one line each however often a cause is noticed; thread-safe.
 
     Args:
         said: called with each new line, outside the lock.

@@ -1,4 +1,4 @@
-"""All that checks at the station, in one place: what was heard, the list, the start-up checks."""
+"""The station's checks in one place: received messages, pre-flight list, start-up checks."""
 
 from __future__ import annotations
 

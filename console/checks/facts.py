@@ -14,7 +14,7 @@ Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Facts:
-    """None is what is not known, or too old to be believed."""
+    """The inputs of the checks; None means not known or too old."""
 
     link: LinkState
     clock_known: bool
@@ -44,9 +44,9 @@ class Facts:
     free_bytes: float = 0.0
     keep_free: float = 0.0  # bytes
     folder_problem: tuple[str, str] = ("", "")
-    """Why no run can be written into their folder, and what to do."""
+    """Why no run can be written to its folder, and what to do."""
     alarms: tuple[str, ...] = ()
     notices: tuple[str, ...] = field(default=())
-    """Alarms that are no reason to stay on the ground."""
+    """Alarms that do not prevent a flight."""
     deflection: float = 0.0  # of the stick that is deflected most; 0 without sticks
     sticks_dropped: bool = False

@@ -1,4 +1,4 @@
-"""A gatherer that makes the facts for the checks out of the parts of the station."""
+"""Collects the facts for the checks from the parts of the station."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from console.tracker_feed import TrackerFeed
 from vehicle_link.clock import monotonic
 
 JUDGED = ("sticks", "tracker")
-"""Alarms of what has a line of its own in the list."""
+"""Alarms with a line of their own in the list."""
 NOTICES = ("catalogue", "beacons", "history", "disk", "trash", "stick")
-"""Alarms that are no reason to stay on the ground."""
+"""Alarms that do not prevent a flight."""
 
 
 class Gatherer:
@@ -52,7 +52,7 @@ class Gatherer:
         self.link_status: Any = None
 
     def facts(self) -> Facts:
-        """Return the facts of now; looks at the disk."""
+        """Return the present facts; reads the state of the disk."""
         status, observed = self._observed.newest_status(), self._observed
         board, recorder = self._alarms.keyed(), self._recorder.status()
         noticed = [line for key, line in board.items() if key in NOTICES]
@@ -116,5 +116,5 @@ def _number(value: Any) -> float | None:
 
 
 def _length(vector: Any) -> float:
-    """Of a geometry_msgs/Vector3."""
+    """Return x, y, z of a geometry_msgs/Vector3."""
     return math.hypot(vector.x, vector.y, vector.z)

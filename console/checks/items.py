@@ -1,4 +1,4 @@
-"""The pre-flight check list: one function a line, of facts and limits alone.
+"""The pre-flight check list: one function per line, which depends on facts and limits only.
 
 The vehicle refuses by itself what is in docs/safety.md, and has the last word. Here the same is
 shown before it is asked for, with what the vehicle cannot know: disk, alarms, sticks.
@@ -17,9 +17,9 @@ from vehicle_link.checks import Check, State
 from vehicle_link.transport.heartbeat import LinkState
 
 BEHIND = 2.0
-"""s; a change of parameters is read back within one."""
+"""s; a change of parameters is read back within one second."""
 MISSED = 0.01
-"""Share of the flight loop's periods without a tick that is worth a word."""
+"""Share of the flight loop's periods without a tick that is worth a note."""
 _SILENT = "nothing heard"
 
 Item = Callable[[Facts, PreflightParameters], Check]
@@ -88,7 +88,7 @@ def estimator(f: Facts, p: PreflightParameters) -> Check:
 
 
 def measurements(f: Facts, p: PreflightParameters) -> Check:
-    """Check the pose the estimate rests on, and that the tracker goes on."""
+    """Check the pose behind the estimate, and that tracker poses keep arriving."""
     name = "measurements"
     least = p.tracker_share_min * f.tracker_nominal
     if f.tracker_rate < least:

@@ -17,17 +17,17 @@ from vehicle_link.messages import decode
 from vehicle_link.topics import TOPICS
 
 STALE = {"estimator": 0.5, "battery": 3.0, "status": 1.0, "telemetry": 0.5, "stick": 1.0}
-"""s after which what was heard is no longer believed."""
+"""s after which a received message is too old to use."""
 KEPT = ("estimator", "battery", "stick")
 STILL_WINDOW = 0.5
-"""s over which the vehicle must stand still."""
+"""s for which the vehicle must have been at rest."""
 
 Sample = tuple[float, Any, Any, Any, Any]
-"""Heard at (s); position (3,), velocity (3,), quaternion (4,), angular velocity (3,)."""
+"""Reception time (s); position (3,), velocity (3,), quaternion (4,), angular velocity (3,)."""
 
 
 class Observed:
-    """Fed by the station's subscriptions, read by its beat. Args: `clock`, s, steady."""
+    """The newest messages from subscriptions, for the checks. Args: `clock`, s, steady."""
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
@@ -38,16 +38,16 @@ class Observed:
 
     # ------------------------------------------------------------------ fed
     def status(self, status: Any) -> None:
-        """Take over a quadlab_msgs/VehicleStatus."""
+        """Store a quadlab_msgs/VehicleStatus."""
         self._status = (self._clock(), status)
 
     def message(self, name: str, payload: bytes) -> None:
-        """Keep a message of `estimator`, `battery` or `stick` as received, whoever sent it."""
+        """Store a received message of `estimator`, `battery` or `stick` from any sender."""
         if name in KEPT:
             self._payloads[name] = (self._clock(), payload)
 
     def telemetry(self, state: Record) -> None:
-        """Take over the newest STATE of a packet."""
+        """Store the newest STATE of a packet."""
         sample = (
             self._clock(),
             state["position_w"],

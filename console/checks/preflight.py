@@ -1,4 +1,4 @@
-"""The pre-flight check list: judged all the time, told at 2 Hz, and asked before each arming.
+"""The pre-flight check list: evaluated continuously, published at 2 Hz, required for arming.
 
 A thread of its own, because the disk is looked at: it may hang, and the beat must not.
 """
@@ -21,11 +21,11 @@ from vehicle_link.messages import header, new
 log = logging.getLogger(__name__)
 
 PERIOD = 0.2
-"""s between two looks; what changed is told at once."""
+"""s between two evaluations; a change is published at once."""
 EVERY = 0.5
 WARN = 30
 KEPT = 5.0
-"""s for which the list of an accepted request to arm is that of the flight that begins."""
+"""s for which the list of an accepted request to arm belongs to the flight that begins."""
 
 
 class Preflight:
@@ -67,7 +67,7 @@ class Preflight:
         self._thread.join(2.0)
 
     def before_arming(self, requester: str) -> None:
-        """Raise RefusedError with all the reasons why the vehicle is not to be armed now."""
+        """Raise RefusedError with all the reasons why the vehicle must not be armed now."""
         facts = self._gather()
         if facts.armed or not self._limits.blocks:
             return  # armed already: its own answer is the better one
@@ -82,7 +82,7 @@ class Preflight:
             self._asked = (time.monotonic(), checks)
 
     def tick(self) -> None:
-        """Look once; publish when something has changed, or when it is time."""
+        """Evaluate once; publish when something has changed or a period has passed."""
         facts = self._gather()
         checks = judged(facts, self._limits)
         with self._lock:

@@ -33,12 +33,12 @@ from vehicle_link.transport.node import Node
 log = logging.getLogger(__name__)
 
 LOOK = 1.0
-"""s between two looks at the clock."""
+"""s between two checks of the clock."""
 SETTLE, ALONE = 4, 10
 """Looks from the vehicle's connecting to the checks (rates need two seconds to count), and from
 the start where none connects."""
 TIMEOUT = 2.0
-"""s the vehicle has for its own."""
+"""s the vehicle has for its own checks."""
 INFO, WARN = 20, 30
 ANSWER = f"{SERVICES['checks']}_Response"
 
@@ -83,7 +83,7 @@ class StartupChecks:
 
     @property
     def found(self) -> list[Check]:
-        """Return what was found last, the station's checks first."""
+        """Return the latest results, the station's checks first."""
         return [*self._station, *self._vehicle]
 
     @property
@@ -167,7 +167,7 @@ class StartupChecks:
                 log.exception("start-up checks")
 
     def _tell(self) -> None:
-        """Print one line when there is something to look at."""
+        """Print one line when a check needs attention."""
         bad = [f"{one.name} ({one.place})" for one in self.found if one.state in ("warn", "fail")]
         if bad:
             failing = any(one.state == "fail" for one in self.found)

@@ -1,4 +1,4 @@
-"""Start-up checks of what only the station knows: the vehicle's clock, rates, the disk's speed."""
+"""Start-up checks made by the station: the vehicle's clock, rates, the disk's speed."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from vehicle_link.checks import Check, State
 from vehicle_link.topics import TOPICS
 
 ROUND_TRIP = 0.02
-"""s; a longer one is worth a word: every measurement is that much older at the vehicle."""
+"""s; a longer one gets a note: every measurement is that much older at the vehicle."""
 NEARLY, HALF = 0.9, 0.5
-"""Shares of a nominal rate: below the first it is worth a word, below the second it fails."""
+"""Shares of a nominal rate: below the first it gets a note, below the second it fails."""
 PROBE = 4_000_000
 SLOWEST = 5.0
 """MB/s; a run at full rate writes about a fifth of it."""
@@ -34,7 +34,7 @@ def vehicle_clock(f: Facts, link_status: Any) -> Check:
 
 
 def rates(f: Facts, p: StationParameters) -> list[Check]:
-    """Check the rates of what comes and goes against what they are meant to be."""
+    """Check the rates of received and sent messages against their nominal values."""
     packets = min(TOPICS["telemetry"].rate, f.nominal_rate)
     heard = f.mode is not None
     return [
@@ -62,7 +62,7 @@ def rates(f: Facts, p: StationParameters) -> list[Check]:
 
 
 def disk_speed(f: Facts, folder: Path, data: Path, megabytes: float = PROBE / 1e6) -> Check:
-    """Measure the disk: write a little to the disk itself, and remove it again.
+    """Measure the disk's speed with a small synced file, which is removed again.
 
     Not next to a flight: only of a vehicle that says now that it is disarmed.
     """

@@ -1,1 +1,1 @@
-"""Access to the page: accounts, sessions, the door and the gate before every route."""
+"""Access to the page: accounts, sessions, sign-in, and the gate in front of every route."""

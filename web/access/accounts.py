@@ -39,7 +39,7 @@ def check_name(name: str) -> None:
 
 
 class Accounts:
-    """Safe to use from several threads and processes; every method may raise StorageError.
+    """The accounts; safe for several threads and processes. Every method may raise StorageError.
 
     Every change but a new account ends the account's sessions: their rows go, and the account
     gets a new generation, which cookies of the old one do not carry.
@@ -93,7 +93,7 @@ class Accounts:
             return _account(row)
 
     def existing(self, name: str) -> Account:
-        """Return an existing account. Raises RefusedError, which names those there are."""
+        """Return an existing account. Raises RefusedError, which lists the existing ones."""
         with self._database.reading() as session:
             return _account(_existing(session, name))
 
@@ -145,7 +145,7 @@ class Accounts:
         return _account(row)
 
     def _rehash(self, row: AccountRow, password: str) -> None:
-        """Hash the same password under today's costs; no change of generation."""
+        """Hash the same password with the present costs; the generation does not change."""
         encoded = self._passwords.hash(password)
         with self._database.session() as session:
             session.execute(

@@ -14,7 +14,7 @@ POLICY = (
 
 
 class Answer:
-    """One reply, as an error's line, as fields (JSON) or as a page."""
+    """One reply, as a line with an error, as JSON fields or as a page."""
 
     def __init__(self, scope: Scope, send: Send) -> None:
         self._scope = scope

@@ -28,7 +28,7 @@ class _Record:
 
 
 class Attempts:
-    """Pure but for its clock (s, monotonic). Bounded memory: the longest quiet are forgotten."""
+    """Counts failures by address and name; bounded memory drops the least recent. Clock in s."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -54,12 +54,12 @@ class Attempts:
         return 0.0
 
     def succeeded(self, address: str, name: str) -> None:
-        """Forgive address and name."""
+        """Clear the failures of address and name."""
         for key in _keys(address, name):
             self._records.pop(key, None)
 
     def wait(self, address: str, name: str) -> int:
-        """Return whole seconds before another attempt would be let through."""
+        """Return the whole seconds until another attempt is allowed."""
         now = self._clock()
         return math.ceil(max(self._wait(key, now) for key in _keys(address, name)))
 

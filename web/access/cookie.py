@@ -9,7 +9,7 @@ from web.access.sessions import SESSION_AGE
 
 
 class SessionCookie:
-    """Carries the port in its name, for browsers share cookies between the ports of one host;
+    """The cookie's name contains the port, because browsers share cookies between ports of a host;
     under TLS it is Secure, and its prefix keeps other hosts from setting it."""
 
     def __init__(self, base_url: str) -> None:

@@ -25,7 +25,7 @@ READING = "quadlab_reading"
 
 
 class Base(DeclarativeBase):
-    """The base class of the tables here."""
+    """The base class of these tables."""
 
 
 class AccountRow(Base):
@@ -42,7 +42,7 @@ class AccountRow(Base):
 
 
 class SessionRow(Base):
-    """An open session; one whose row is gone is over, whatever its cookie says."""
+    """An open session; without its row a session is over, even if its cookie is valid."""
 
     __tablename__ = "sessions"
 
@@ -55,7 +55,7 @@ class SessionRow(Base):
 
 
 class CounterRow(Base):
-    """Numbers that never come back, so that a name added again has no old generation."""
+    """Numbers that are never reused, so that a name added again has no old generation."""
 
     __tablename__ = "counters"
 
@@ -64,7 +64,7 @@ class CounterRow(Base):
 
 
 class AccessDatabase:
-    """Safe to use from several threads and processes; every method may raise StorageError.
+    """The database; safe for several threads and processes. Every method may raise StorageError.
 
     Args:
         folder: `<data>/web`, made if missing.
@@ -105,7 +105,7 @@ class AccessDatabase:
 
     @contextmanager
     def reading(self) -> Iterator[Session]:
-        """Yield a transaction that only reads, and so never waits for one that writes."""
+        """Yield a read-only transaction, which never waits for a writer."""
         with self._said(), self._sessions() as session:
             session.connection(execution_options={READING: True})
             yield session
@@ -141,7 +141,7 @@ def count_accounts(folder: Path) -> int:
 
 
 def next_generation(session: Session) -> int:
-    """Return a generation no account has had."""
+    """Return a generation that no account has had."""
     row = session.get(CounterRow, "generation")
     if row is None:
         row = CounterRow(name="generation", value=0)

@@ -30,7 +30,7 @@ OPEN_AT_ONCE = 20  # unused tokens kept; each start of `quadlab up` leaves one
 
 
 class Door:
-    """Tokens and sessions of one data folder. Safe to use from several threads.
+    """Tokens and sessions of one data folder; thread-safe.
 
     Args:
         folder: `<data>/web`, made if missing.
@@ -60,7 +60,7 @@ class Door:
         return self._admin_tokens()[-1]
 
     def mint(self, role: Role) -> str:
-        """Mint a one-time token, kept until it is used."""
+        """Create a one-time token, valid until it is used."""
         with self._lock:
             token = secrets.token_urlsafe(24)
             self._state["tokens"][token] = role.value
@@ -135,7 +135,7 @@ class Door:
         return state
 
     def _save(self) -> None:
-        """Write aside and move into place: a crash leaves the old file, never half a one."""
+        """Write to a temporary file and rename it: a crash leaves the old file or the new one."""
         aside = self._path.with_suffix(".new")
         try:
             descriptor = os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)

@@ -1,4 +1,4 @@
-"""The gate every HTTP request and websocket passes: right host, own origin, signed in.
+"""The gate for every HTTP request and websocket: checks host, origin and sign-in.
 
 A plain ASGI middleware, so that nothing, static files and websockets included, is served before
 the checks. A refused websocket is answered 403 before it is accepted.
@@ -112,7 +112,7 @@ class Gate:
     async def _entrance(
         self, scope: Scope, headers: dict[str, str], receive: Receive, answer: Answer
     ) -> bool:
-        """Answer what serves to sign in; return whether it was that."""
+        """Answer a request of the sign-in; return whether it was one."""
         if scope["type"] != "http" or scope["path"] not in ("/", "/login"):
             return False
         if scope["path"] == "/login":

@@ -1,4 +1,4 @@
-"""Hashing of passwords off the event loop: two at once, and not many waiting."""
+"""Hashing of passwords outside the event loop: two at once, with a short queue."""
 
 from __future__ import annotations
 

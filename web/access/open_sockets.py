@@ -1,4 +1,4 @@
-"""Open websockets, ended when their session is: what was checked once must not hold forever."""
+"""Open websockets, closed when their session ends."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from web.access.sessions import Sessions
 PERIOD = 0.5  # s, between looks at what other processes and the clock have ended
 GRACE = 1.0  # s a socket has to end by itself
 SIGNED_OUT = 4401
-"""Close code: the page goes to the sign-in page instead of coming back."""
+"""Close code: the page goes to the sign-in page instead of reconnecting."""
 
 
 class OpenSockets:
@@ -45,7 +45,7 @@ class OpenSockets:
             guard.close()
 
     def check(self) -> None:
-        """End sockets whose session is over."""
+        """Close the sockets whose session is over."""
         for guard in list(self._guards):
             if not guard.is_over and not self._sessions.holds(guard.session):
                 guard.end()

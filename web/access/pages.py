@@ -1,4 +1,4 @@
-"""The two small pages shown at the door, and how such pages look; all else is in `static/`."""
+"""The two small pages of the sign-in and their style; all others are in `static/`."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ autocomplete="off"{focus}><button>Sign in</button></form>""",
 
 
 def signed_in_page() -> str:
-    """Go on to the page by itself.
+    """Return the page that continues to the console by itself.
 
     A page and not a redirect: a SameSite=Strict cookie is not sent along a redirect that
     began at another site (a link in a mail), but is on a navigation that begins here.

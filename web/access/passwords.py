@@ -1,4 +1,4 @@
-"""Passwords: what is accepted, and their argon2id hashes (RFC 9106)."""
+"""Passwords: the rules for new ones, and their argon2id hashes (RFC 9106)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def check_password(name: str, password: str) -> None:
 
 
 class Passwords:
-    """Hashes and compares. A call takes about 0.1 s and 64 MiB: never on an event loop.
+    """Hashes and verifies passwords. A call takes about 0.1 s and 64 MiB: never on an event loop.
 
     One lane, not RFC 9106's four: the flight process has a core of this computer.
     """
@@ -77,7 +77,7 @@ class Passwords:
 
 
 def _normal(password: str) -> str:
-    """Return one form for what keyboards write in several."""
+    """Return the normalised form of characters that keyboards write differently."""
     return unicodedata.normalize("NFKC", password)
 
 

@@ -1,4 +1,4 @@
-"""All that knows people, in one place: accounts, sessions, the door, sign-in, open sockets."""
+"""Everything about users in one place: accounts, sessions, sign-in, open sockets."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SEEN_PERIOD = 30.0  # s, between writes of when each was last seen
 
 @dataclass(frozen=True)
 class People:
-    """The people of one data folder and one page."""
+    """The users of one data folder and one page."""
 
     database: AccessDatabase
     accounts: Accounts
@@ -59,7 +59,7 @@ def open_people(
     attempts: Attempts | None = None,
     passwords: Passwords | None = None,
 ) -> People:
-    """Open the people of `<data>/web`.
+    """Open the accounts and sessions in `<data>/web`.
 
     Args:
         token: as `given` of `web.access.door.Door`.

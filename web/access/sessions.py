@@ -1,4 +1,4 @@
-"""The open sessions: asked at every request, so from memory; kept in the database.
+"""The open sessions: checked at every request from memory, stored in the database.
 
 The memory is read again whenever any process has committed to the database: `quadlab user remove`
 in a terminal signs out a browser of the running page at its next request.
@@ -35,7 +35,7 @@ class Seen:
 
 
 class Sessions:
-    """Safe to use from several threads; every method may raise StorageError."""
+    """The open sessions; thread-safe. Every method may raise StorageError."""
 
     def __init__(self, database: AccessDatabase, clock: Callable[[], float] = time.time) -> None:
         self._database = database
@@ -117,7 +117,7 @@ class Sessions:
         ]
 
     def write_seen(self) -> None:
-        """Write when each was last seen, and drop sessions that are over."""
+        """Store the time each was last seen, and drop sessions that are over."""
         seen, self._seen = self._seen, {}
         oldest = int(self._clock()) - SESSION_AGE
         with self._database.session() as transaction:

@@ -1,4 +1,4 @@
-"""Signing in: by a one-time link, or by name and password; each told as an event."""
+"""Sign-in by a one-time link, or by name and password; each is published as an event."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _log = logging.getLogger("quadlab.web")
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A refusal to sign a person in, in one line; `wait`: s before another try makes sense."""
+    """A refused sign-in with its reason; `wait`: s before the next try is allowed."""
 
     status: int
     line: str
@@ -33,11 +33,11 @@ class Refusal:
 
 
 class SignIn:
-    """The signing in of people; to be used from the event loop's thread.
+    """Signs users in; to be used from the event loop's thread.
 
     Args:
         say: level and text of a line in everyone's event list.
-        on_link: told the label of whoever used a link up.
+        on_link: called with the label of the person who used a link.
     """
 
     def __init__(

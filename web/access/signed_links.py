@@ -28,7 +28,7 @@ SUFFIX = ".mcap"  # by which viewers know what to do
 KEY = "links.key"
 METHODS = frozenset({"GET", "HEAD"})
 SITES = frozenset({"https://app.foxglove.dev", "https://lichtblick-suite.github.io"})
-"""Pages that may read the file; beside them those served by the reader's own computer."""
+"""Sites whose pages may read the file, in addition to those served by the reader's computer."""
 
 _OWN = re.compile(r"http://(localhost|127\.0\.0\.1|\[::1\])(:\d{1,5})?")
 _RUN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,119}")
@@ -36,7 +36,7 @@ _READ = b"Accept-Ranges, Content-Length, Content-Range, ETag, Last-Modified"
 
 
 class SignedLinks:
-    """Makes links and knows them again.
+    """Makes signed links and verifies them.
 
     Args:
         folder: `<data>/web`; the key lies there, mode 0600.
@@ -98,7 +98,7 @@ class SignedLinks:
 
 
 def with_sharing(headers: dict[str, str], send: Send) -> Send:
-    """Add what lets the pages of SITES read the answer."""
+    """Add the headers that let the pages of SITES read the answer."""
     shared = _shared_with(headers)
 
     async def sending(message: Message) -> None:

@@ -1,4 +1,4 @@
-"""The page's certificate: of the data folder's own authority, or one the user brings."""
+"""The page's certificate: from the data folder's own authority, or provided by the user."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SOON = 14  # days: a certificate that ends within these is worth a word
 
 @dataclass(frozen=True, slots=True)
 class Tls:
-    """A checked pair.
+    """A verified pair of certificate and key.
 
     names: hosts it is for, wildcards left out.
     authority: to be trusted once in each browser; None for a certificate the user brought.

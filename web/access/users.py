@@ -1,4 +1,4 @@
-"""Signing out, and the users an admin sees and manages: /api/session/… and /api/users."""
+"""Sign-out, and the management of users by an admin: /api/session/… and /api/users."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def _add_management(app: FastAPI, people: People) -> None:
 
     @app.post("/api/users/{name}/end_sessions")
     async def end_sessions(name: str, session: Admin) -> dict[str, str]:
-        """Sign an account out everywhere, or out who came by a link as `operator 1`."""
+        """Sign an account out everywhere, or end the session of a link such as `operator 1`."""
         if " " in name:
             await asyncio.to_thread(people.sessions.end_guests, name)
         else:

@@ -1,1 +1,1 @@
-"""Several vehicles on one page."""
+"""The page of several vehicles."""

@@ -43,12 +43,12 @@ class Fleet:
 
     @property
     def lives(self) -> dict[str, Live]:
-        """Return what came of each vehicle, by name."""
+        """Return the results of each vehicle, by name."""
         return {side.name: side.parts.live for side in self._sides}
 
     @contextlib.contextmanager
     def plotted(self) -> Iterator[None]:
-        """Count a viewer while someone looks at where they all are."""
+        """Count a viewer while someone watches the positions."""
         self._plots += 1
         try:
             yield
@@ -140,7 +140,7 @@ def _position(live: Live) -> list[float] | None:
 
 
 def _age(live: Live, topic: str) -> float | None:
-    """Return the age in s; None: never."""
+    """Return the age in s; None means never."""
     return _rounded(live.age(topic), 2)
 
 

@@ -1,4 +1,4 @@
-"""The vehicle that a request is about: `/v/quad2/…` is quad2's, all else the first one's.
+"""The vehicle that a request concerns: `/v/quad2/…` is quad2's, all others the first one's.
 
 Behind the gate, a plain ASGI application: each vehicle has the whole application for itself, as if
 it were the only one, so that who may what is the same under every address.

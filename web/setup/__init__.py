@@ -1,1 +1,1 @@
-"""The Set-up page: what this station has, who may use it, and whether all is as it should be."""
+"""The Set-up page: vehicles and users of this station, and its checks."""

@@ -74,5 +74,5 @@ def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
 
     @app.post("/api/setup/checks")
     async def check_again(session: Operator) -> dict[str, Any]:
-        """Look again; 409 while the vehicle is armed."""
+        """Run the checks again; 409 while the vehicle is armed."""
         return await found(session.label, again=True)

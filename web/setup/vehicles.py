@@ -1,4 +1,4 @@
-"""The vehicles this station knows: those it dials, those of its runs, those enrolled."""
+"""The vehicles known to this station: configured, enrolled, or found in its runs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from console.link.known_vehicles import KnownVehicles
 from web.live.latest import Live
 
 SCANNED = 1000
-"""Newest runs in which vehicles are looked for."""
+"""Number of newest runs that are searched for vehicles."""
 
 
 @dataclass(slots=True)
