@@ -12,6 +12,7 @@ from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, QuadlabError
 from quadrotor.parameters import ParameterStore, ParameterValue
+from tests.support.kept_log import KeptLog
 from vehicle.calibration.store import FOLDER, HISTORY, CalibrationStore
 from vehicle.comms.calibrations import TYPE, Calibrations
 from vehicle.flight.modes import Mode
@@ -22,19 +23,6 @@ from vehicle_link.messages import Message, new
 NS = 1_780_000_000_000_000_000
 
 
-class Events:
-    """A log that keeps what is said, in place of a file."""
-
-    def __init__(self) -> None:
-        self.texts: list[str] = []
-
-    def event(self, event: mailbox.Event) -> None:
-        self.texts.append(event.text)
-
-    def __getattr__(self, _: str) -> Callable[..., None]:
-        return lambda *_: None
-
-
 class GroundLab(SimulatedFlight):
     """Ready after 0.1 s; `found` are the outcomes of calibrations of its gyroscope."""
 
@@ -42,7 +30,7 @@ class GroundLab(SimulatedFlight):
         parameters = FlightParameters().model_copy(deep=True)
         named = {name.replace("__", "."): value for name, value in settings.items()}
         ParameterStore(parameters).preset({"safety.gyro_samples": 50} | named)
-        self.events = Events()
+        self.events = KeptLog()
         self.found: list[mailbox.GyroscopeFound] = []
         self.robot = SimulatedVehicle(parameters.simulator)
         super().__init__(parameters, self.robot, self.events)  # type: ignore[arg-type]

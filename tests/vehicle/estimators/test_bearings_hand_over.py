@@ -15,25 +15,10 @@ from bearing_sim.emulator import BearingParameters
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import OutOfBoundsError, RefusedError
 from quadrotor.parameters import ParameterStore
+from tests.support.kept_log import KeptLog
 from vehicle.flight.modes import Flag
 from vehicle.parameters import check_pairs, new_parameters
-from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-
-
-class Log:
-    def __init__(self) -> None:
-        self.events: list[mailbox.Event] = []
-        self.changes: list[mailbox.ParameterChange] = []
-
-    def event(self, event: mailbox.Event) -> None:
-        self.events.append(event)
-
-    def parameter_change(self, change: mailbox.ParameterChange) -> None:
-        self.changes.append(change)
-
-    def __getattr__(self, _: str) -> Callable[..., None]:
-        return lambda *_: None
 
 
 class Lab(SimulatedFlight):
@@ -42,7 +27,7 @@ class Lab(SimulatedFlight):
     def __init__(self, height: float = 1.0, shadow: bool = True) -> None:
         parameters = FlightParameters().model_copy(deep=True)
         parameters.seed(3)
-        self.kept = Log()
+        self.kept = KeptLog()
         self.robot = SimulatedVehicle(parameters.simulator)
         super().__init__(parameters, self.robot, self.kept)  # type: ignore[arg-type]
         if shadow:
@@ -127,7 +112,7 @@ def test_taking_off_on_bearings_is_refused_with_what_to_do() -> None:
     parameters.estimation.source = "bearings"
     parameters.estimation.estimator = "error_state"
     robot = SimulatedVehicle(parameters.simulator)
-    flight = SimulatedFlight(parameters, robot, Log())  # type: ignore[arg-type]
+    flight = SimulatedFlight(parameters, robot, KeptLog())  # type: ignore[arg-type]
     flight.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
     flight.wait(0.3)
     reason = refusal(flight.arm)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -13,23 +11,13 @@ from estimation.outcome import LATEST_NS, Agreement
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import POSE_SAMPLE, Record
+from tests.support.kept_log import KeptLog
 from vehicle.flight.modes import Flag
 from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 HOUSE = "1 1 1 0.1; 2 -1 1 0.6; 3 -1 -1 0.1; 4 1 -1 1.1; 5 0 1.4 1.5"
 """Beacons of five heights."""
-
-
-class Log:
-    def __init__(self) -> None:
-        self.events: list[mailbox.Event] = []
-
-    def event(self, event: mailbox.Event) -> None:
-        self.events.append(event)
-
-    def __getattr__(self, _: str) -> Callable[..., None]:
-        return lambda *_: None
 
 
 class Lab(SimulatedFlight):
@@ -41,7 +29,7 @@ class Lab(SimulatedFlight):
         layout = str(settings.pop("layout", "paper"))
         parameters.bearings.layout = parameters.beacons.layout = layout
         parameters.bearings.lost = str(settings.pop("lost", ""))
-        self.kept, self.robot = Log(), SimulatedVehicle(parameters.simulator)
+        self.kept, self.robot = KeptLog(), SimulatedVehicle(parameters.simulator)
         super().__init__(parameters, self.robot, self.kept)  # type: ignore[arg-type]
         self.moved, self.older_ns = np.zeros(3), 0
         self._take, self.stack.measure = self.stack.measure, self._measure  # type: ignore[method-assign]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,17 +10,13 @@ import pytest
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.records import POSE_SAMPLE, Record
 from quadrotor.vehicle_model import GRAVITY
+from tests.support.kept_log import KeptLog
 from vehicle.estimators.barometric_height import PASCALS_PER_METRE, BarometricHeight
 from vehicle.processes.mailbox import Measurement
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 GAP = 0.2
 """s, four times what the laws are stepped by at most."""
-
-
-class Nothing:
-    def __getattr__(self, _: str) -> Callable[..., None]:
-        return lambda *_: None
 
 
 class Lab(SimulatedFlight):
@@ -31,7 +26,7 @@ class Lab(SimulatedFlight):
         parameters = FlightParameters().model_copy(deep=True)
         parameters.estimation.estimator = estimator
         self.robot = SimulatedVehicle(parameters.simulator)
-        super().__init__(parameters, self.robot, Nothing())  # type: ignore[arg-type]
+        super().__init__(parameters, self.robot, KeptLog())  # type: ignore[arg-type]
         self.deaf = False
         tick, measure = self.stack.tick, self.stack.measure
 

@@ -11,6 +11,7 @@ from estimation.outcome import Agreement
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.records import ESTIMATE, POSE_SAMPLE, Record
 from tests.support.arrays import Array
+from tests.support.kept_log import KeptLog
 from tests.support.narrowing import now
 from vehicle.estimators.agreement_watch import HOLD_NS, QUIET_NS, AgreementWatch
 from vehicle.flight.modes import Flag
@@ -23,25 +24,12 @@ START = (0.0, 0.0, 1.0)
 OF_AGREEMENT = Flag.MEASUREMENTS_REFUSED | Flag.TRACKER_JUMPED | Flag.ESTIMATE_DRIFTED
 
 
-class Events:
-    """A log that keeps events alone."""
-
-    def __init__(self) -> None:
-        self.events: list[mailbox.Event] = []
-
-    def event(self, event: mailbox.Event) -> None:
-        self.events.append(event)
-
-    def __getattr__(self, _: str) -> Callable[..., None]:
-        return lambda *_: None
-
-
 class Lab(SimulatedFlight):
     """A hover over which the tracker's positions can be displaced."""
 
     def __init__(self) -> None:
         self.robot = SimulatedVehicle(FlightParameters().simulator)
-        self.log_of_events = Events()
+        self.log_of_events = KeptLog()
         parameters = FlightParameters().model_copy(deep=True)
         super().__init__(parameters, self.robot, self.log_of_events)  # type: ignore[arg-type]
         self.displace: Displace = lambda position: position

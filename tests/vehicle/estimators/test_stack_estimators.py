@@ -15,19 +15,9 @@ from estimation.parameters import PRESETS, EstimationParameters
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError, UnknownParameterError
 from quadrotor.records import Record, bearings_sample
+from tests.support.kept_log import KeptLog
 from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-
-
-class Log:
-    def __init__(self) -> None:
-        self.events: list[mailbox.Event] = []
-
-    def event(self, event: mailbox.Event) -> None:
-        self.events.append(event)
-
-    def __getattr__(self, _: str) -> Callable[..., None]:
-        return lambda *_: None
 
 
 class Lab(SimulatedFlight):
@@ -35,7 +25,7 @@ class Lab(SimulatedFlight):
 
     def __init__(self, **settings: Any) -> None:
         parameters = FlightParameters().model_copy(deep=True)
-        self.kept = Log()
+        self.kept = KeptLog()
         self.robot = SimulatedVehicle(parameters.simulator)
         super().__init__(parameters, self.robot, self.kept)  # type: ignore[arg-type]
         if settings:

@@ -13,17 +13,13 @@ from quadrotor.errors import OutOfBoundsError, RefusedError
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import Record
 from quadrotor.vehicle_model import GRAVITY, VehicleModel
+from tests.support.kept_log import KeptLog
 from vehicle.flight.control_law import Steering
 from vehicle.flight.flown_mass import USED_BY
 from vehicle.parameters import new_parameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 TRUE_MASS = 1.308
-
-
-class Silent:
-    def __getattr__(self, _: str) -> Any:
-        return lambda *_: None
 
 
 class Flight(SimulatedFlight):
@@ -34,7 +30,7 @@ class Flight(SimulatedFlight):
         ParameterStore(parameters).preset(settings)
         self.robot = SimulatedVehicle(parameters.simulator)
         self.rows: list[tuple[float, float, float]] = []
-        super().__init__(parameters, self.robot, Silent())  # type: ignore[arg-type]
+        super().__init__(parameters, self.robot, KeptLog())  # type: ignore[arg-type]
 
     def advance(self) -> None:
         super().advance()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from typing import Any
 
 import pytest
 
@@ -11,6 +10,7 @@ from control.presets import PRESETS, preset
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
+from tests.support.kept_log import KeptLog
 from vehicle.flight.configuration import check_steps
 from vehicle.parameters import new_parameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
@@ -18,17 +18,10 @@ from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 KP = "control.position.kp_xy"
 
 
-class Silent:
-    """A log that keeps nothing."""
-
-    def __getattr__(self, _: str) -> Any:
-        return lambda *_: None
-
-
 @pytest.fixture(scope="module")
 def hovering() -> SimulatedFlight:
     parameters = FlightParameters().model_copy(deep=True)
-    flight = SimulatedFlight(parameters, SimulatedVehicle(parameters.simulator), Silent())  # type: ignore[arg-type]
+    flight = SimulatedFlight(parameters, SimulatedVehicle(parameters.simulator), KeptLog())  # type: ignore[arg-type]
     flight.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
     flight.wait(0.2)
     flight.change({KP: 12.0})

@@ -10,26 +10,10 @@ import pytest
 
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError, UnknownParameterError
+from tests.support.kept_log import KeptLog
 from vehicle.flight.modes import Flag, Mode
 from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-
-
-class Record:
-    """A log that keeps events and changes, in place of a file."""
-
-    def __init__(self) -> None:
-        self.events: list[mailbox.Event] = []
-        self.changes: list[mailbox.ParameterChange] = []
-
-    def event(self, event: mailbox.Event) -> None:
-        self.events.append(event)
-
-    def parameter_change(self, change: mailbox.ParameterChange) -> None:
-        self.changes.append(change)
-
-    def __getattr__(self, _: str) -> Callable[..., None]:
-        return lambda *_: None
 
 
 class Lab(SimulatedFlight):
@@ -37,7 +21,7 @@ class Lab(SimulatedFlight):
 
     def __init__(self, **settings: Any) -> None:
         parameters = FlightParameters().model_copy(deep=True)
-        self.record = Record()
+        self.record = KeptLog()
         self.robot = SimulatedVehicle(parameters.simulator)
         self.station_alive = True
         super().__init__(parameters, self.robot, self.record)  # type: ignore[arg-type]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import pytest
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError
 from quadrotor.records import Record
+from tests.support.kept_log import KeptLog
 from tests.support.narrowing import now
 from vehicle.flight.modes import ControlMode, Mode
 from vehicle.flight.stack import FlightStack
@@ -21,25 +21,12 @@ from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 
 
-class Events:
-    """Keeps the events; takes every other message of a log and drops it."""
-
-    def __init__(self) -> None:
-        self.events: list[mailbox.Event] = []
-
-    def event(self, event: mailbox.Event) -> None:
-        self.events.append(event)
-
-    def __getattr__(self, _: str) -> Callable[..., None]:
-        return lambda *_: None
-
-
 class Lab(SimulatedFlight):
     """A flight of which parts can be made to fail."""
 
     def __init__(self, **settings: Any) -> None:
         parameters = FlightParameters().model_copy(deep=True)
-        self.record = Events()
+        self.record = KeptLog()
         self.robot = SimulatedVehicle(parameters.simulator)
         self.frozen = False
         self.held: tuple[float, float, float, float] | None = None

@@ -1,0 +1,29 @@
+"""A flight's log for tests, in place of a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from vehicle.processes import mailbox
+
+
+class KeptLog:
+    """Keeps events and parameter changes; takes every other message of a log and drops it."""
+
+    def __init__(self) -> None:
+        self.events: list[mailbox.Event] = []
+        self.changes: list[mailbox.ParameterChange] = []
+
+    @property
+    def texts(self) -> list[str]:
+        """Return the text of each event."""
+        return [event.text for event in self.events]
+
+    def event(self, event: mailbox.Event) -> None:
+        self.events.append(event)
+
+    def parameter_change(self, change: mailbox.ParameterChange) -> None:
+        self.changes.append(change)
+
+    def __getattr__(self, _: str) -> Callable[..., None]:
+        return lambda *_: None
