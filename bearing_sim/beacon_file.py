@@ -38,7 +38,7 @@ def load_beacons(path: str | Path) -> Beacons:
 
 
 def read_beacons(data: bytes, name: str | Path) -> Beacons:
-    """Return the beacons in the bytes of such a file; `name` is what its refusals call it.
+    """Return the beacons in the bytes of such a file; `name` is its name in errors.
 
     Raises MeasurementError and DegenerateGeometryError, as `load_beacons`.
     """
@@ -55,7 +55,7 @@ def read_beacons(data: bytes, name: str | Path) -> Beacons:
 
 
 class _Reader:
-    """Reads one file and says where it is wrong."""
+    """Reads one file, with errors that name the line."""
 
     def __init__(self, name: str | Path) -> None:
         self._name = name

@@ -1,4 +1,4 @@
-"""A set of beacons: who they are, where they stand, and the plane nearest to them."""
+"""A set of beacons: their ids, their positions, and the plane nearest to them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ID_MAX = 2**31 - 1
 FARTHEST = 1000.0
 """m from the world's origin on each axis; more is a wrong unit."""
 IN_LINE = 1e-3
-"""Share of the extent across which a set counts as standing on one line."""
+"""Share of the extent within which a set counts as lying on one line."""
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False, slots=True)

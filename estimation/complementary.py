@@ -101,7 +101,7 @@ class ComplementaryEstimator:
 
     @property
     def converged(self) -> bool:
-        """Return whether it is fit to be flown on; `convergence` says why."""
+        """Return whether the estimate may be used for flight; `convergence` has the reason."""
         return self.convergence.reached
 
     @property

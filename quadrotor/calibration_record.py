@@ -12,7 +12,7 @@ from quadrotor.parameters import ParameterValue
 
 
 class Quality(BaseModel):
-    """One figure that says how good it is."""
+    """One figure of the quality of a calibration."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

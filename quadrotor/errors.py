@@ -67,7 +67,7 @@ class StorageError(QuadlabError):
 
 
 class LogFormatError(QuadlabError):
-    """A log is torn, foreign or not what its name says."""
+    """The log is torn, or the file is not a log of the expected kind."""
 
 
 class JobError(QuadlabError):

@@ -155,7 +155,7 @@ TICK = np.dtype(
 
 
 def offset_of(record: np.dtype[np.void], field: str) -> int:
-    """Return how many bytes of a record stand before one of its fields."""
+    """Return the offset of a field in a record, in bytes."""
     assert record.fields is not None
     return int(record.fields[field][1])
 

@@ -1,4 +1,4 @@
-"""The accelerometer's calibration from a log: the poses that were held in it, and what they say."""
+"""The accelerometer's calibration from a log: the held poses and the result."""
 
 from __future__ import annotations
 

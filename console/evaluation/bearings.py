@@ -1,4 +1,4 @@
-"""A flight on bearings as its log tells it: when, how near to truth and reference."""
+"""A flight on bearings from its log: its times, and its errors to truth and reference."""
 
 from __future__ import annotations
 
@@ -293,7 +293,7 @@ def _places(values: Mapping[str, ParameterValue]) -> dict[int, list[float]]:
 
 
 def _noise(values: Mapping[str, ParameterValue]) -> ErrorStateParameters:
-    """Return the IMU noise the vehicle assumes; defaults for what the log does not name."""
+    """Return the IMU noise the vehicle assumes, with defaults for values not in the log."""
     noise = ErrorStateParameters()
     for name, default in ErrorStateParameters():
         told = values.get(f"estimation.error_state.{name}", default)

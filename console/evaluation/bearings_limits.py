@@ -1,4 +1,4 @@
-"""The largest errors on bearings that are good: multiples of what the flown sensor allows.
+"""Limits of the errors on bearings: multiples of what the sensor used allows.
 
 They scale with the Cramér-Rao bound of the very flight (`console.evaluation.bearings_bound`), and
 with it with sigma, rate and view of the sensor, the beacons' places and the way flown.

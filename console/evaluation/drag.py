@@ -66,7 +66,7 @@ class DragFlight:
         return float(self.pieces.std(ddof=1)) / math.sqrt(PIECES)
 
     def metrics(self) -> dict[str, float]:
-        """Return the metrics in N s/m, m/s, N, s; what is not known is left out."""
+        """Return the metrics in N s/m, m/s, N, s, without unknown ones."""
         found = {
             "drag_N_s_m": self.found,
             "truth_N_s_m": self.truth,

@@ -21,7 +21,7 @@ RATES = tuple(f"twist.twist.angular.{axis}" for axis in "xyz")
 THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
 WANTED = {"state": RATES, "actuators": THRUSTS, "status": ("airborne", "behavior")}
 GUESS = 0.03
-"""kg m², what every axis begins with: nothing of the model's own inertia is taken over."""
+"""kg m², initial value of every axis, independent of the model's inertia."""
 ERROR_MAX = 0.03
 """Share of the truth."""
 SPREAD_MAX = 0.02
@@ -84,7 +84,7 @@ class InertiaFlight:
         return np.array([late[k] if k < len(late) else math.inf for k in after])
 
     def metrics(self) -> dict[str, float]:
-        """Return the metrics in kg m², shares, s; what is not known is left out."""
+        """Return the metrics in kg m², shares, s, without unknown ones."""
         error_b = np.abs(self.found_b / self.truth_b - 1.0)
         out = {
             f"inertia_{axis}_kg_m2": float(v) for axis, v in zip(AXES, self.found_b, strict=True)

@@ -93,7 +93,7 @@ class MassFlight:
         return float(time[after] - self.lift_off) if after < len(time) else math.inf
 
     def metrics(self) -> dict[str, float]:
-        """Return the metrics in kg, s, shares; what is not known is left out."""
+        """Return the metrics in kg, s, shares, without unknown ones."""
         found = {
             "mass_kg": self.found,
             "truth_kg": self.truth,
@@ -211,7 +211,7 @@ def _stretch(behaviors: list[tuple[float, str]], end: float) -> tuple[float, flo
 
 
 def _truth(parameters: FlownParameters) -> float:
-    """Return the true mass (kg): what thrust commanded over thrust needed comes to."""
+    """Return the true mass (kg), from commanded over needed thrust."""
     truth = parameters.truth
     if "mass" not in truth:
         return math.nan

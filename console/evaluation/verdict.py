@@ -47,5 +47,5 @@ def settled(result: Result) -> Result:
 
 
 def evaluated(experiment: Experiment, log: Path) -> Result:
-    """Return what an experiment of any origin makes of a log. Raises as its `evaluate` does."""
+    """Return the result of an experiment of any origin for a log. Raises as its `evaluate` does."""
     return settled(experiment.evaluate(log))

@@ -34,15 +34,15 @@ from quadrotor.errors import MeasurementError, QuadlabError, RefusedError
 from quadrotor.parameters import Parameters, parameter
 
 LOOK = 0.02
-"""s between two looks at the samples."""
+"""s between two reads of the samples."""
 LISTEN = 0.5
-"""s, to see how many samples come."""
+"""s in which the sample rate is measured."""
 MOST = 3
-"""Times the poses asked for, before what there is must do."""
+"""Multiple of the requested poses after which the present ones have to do."""
 
 
 class AccelerometerOptions(Parameters):
-    """Where attitudes come from, and how many poses."""
+    """Options: the source of attitudes, and the number of poses."""
 
     method: str = parameter(
         "tracker",
@@ -84,7 +84,7 @@ class AccelerometerOptions(Parameters):
 
 @dataclass
 class _Progress:
-    """The progress so far: what has been held."""
+    """The progress so far: the held poses."""
 
     finder: StillPoses
     since: float  # s, of the newest pose
@@ -112,11 +112,11 @@ class Accelerometer:
 
     @property
     def planned(self) -> float:
-        """Return the planned time in s, about; a person is slower."""
+        """Return the approximate planned time in s; a person is slower."""
         return 5.0 + self._count * (self.parameters.hold + 4.0)
 
     def check(self) -> None:
-        """Accept all options: none can be chosen wrongly."""
+        """Accept all options: every combination is valid."""
 
     @property
     def _count(self) -> int:
@@ -179,7 +179,7 @@ class Accelerometer:
             )
 
     def _look(self, client: Client, state: _Progress) -> bool:
-        """Take the samples since the last look; whether a pose came of them."""
+        """Add the samples since the last call; return whether they complete a pose."""
         assert self._in_force is not None
         readings, seen = client.imu(), None
         if self.parameters.method == "tracker":
@@ -202,7 +202,7 @@ class Accelerometer:
         return came
 
     def _take(self, state: _Progress, pose: StillPose, time: float) -> bool:
-        """Keep a pose, or say why not."""
+        """Store a pose, or report why not."""
         face, up = "", pose.up_b
         if self.parameters.method == "faces":
             try:

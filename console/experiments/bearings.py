@@ -1,4 +1,4 @@
-"""Fly on bearings to beacons alone (Secs. 6.2 and 7, Fig. 6): taken over in flight, handed back.
+"""Flight on bearings to beacons alone (Secs. 6.2 and 7, Fig. 6), with hand-overs in flight.
 
 The vehicle takes off on the tracker, an estimator runs beside on the bearings until the vehicle
 accepts it, a manoeuvre is flown on it, and the tracker takes over again for the landing.
@@ -29,11 +29,11 @@ SETTLE = 2.0
 """s after the hand-over before the manoeuvre."""
 PERIOD = 8.0
 PATIENCE = 40.0
-"""s, how long the hand-over is asked for."""
+"""s for which the hand-over is requested."""
 
 
 class BearingsOptions(Parameters):
-    """What to fly, on what."""
+    """Options: the manoeuvre and the source of measurements."""
 
     manoeuvre: str = parameter(
         "hover",
@@ -98,7 +98,7 @@ class BearingsExperiment:
 
     # ------------------------------------------------------------------ flight
     def fly(self, client: Client) -> None:
-        """Raise RefusedError with the vehicle's reason when it will not, or as `check`.
+        """Fly. Raises RefusedError with the vehicle's reason when it refuses, or as `check`.
 
         A vehicle that goes back to the tracker or lands by itself ends the manoeuvre.
         """
@@ -229,7 +229,7 @@ class BearingsExperiment:
         return {f"estimation.{name}": value for name, value in gains.items()}
 
     def _changed_on_board(self) -> tuple[str, ...]:
-        """Return the names of what is put back after landing."""
+        """Return the names of the parameters restored after landing."""
         papers = self.parameters.gains == "paper"
         extra = [f"estimation.{name}" for name in ESTIMATION_PRESETS["paper"]] if papers else []
         return (

@@ -17,14 +17,14 @@ LANDING = 30.0
 
 
 def missing_place(view: VehicleView) -> str:
-    """Return why it may not begin, in words; empty when it may."""
+    """Return why it may not begin, as text; empty when it may."""
     if not np.isfinite(view.position_w).all():
         return "the vehicle does not know where it is; check the tracker"
     return ""
 
 
 def come_down(client: Client) -> None:
-    """Land when it flies, and wait until the motors are off. Raises RefusedError."""
+    """Land if in flight, and wait until the motors are off. Raises RefusedError."""
     view = client.view()
     if view.mode == "armed" and view.behavior not in ("ground", "land"):
         client.start("land")

@@ -18,7 +18,7 @@ from quadrotor.parameters import Parameters, ParameterValue
 
 @dataclass(frozen=True, slots=True)
 class VehicleView:
-    """The vehicle as its newest telemetry shows it."""
+    """The state of the vehicle in its newest telemetry."""
 
     time: float  # s, vehicle clock
     mode: str
@@ -31,7 +31,7 @@ class VehicleView:
 
 
 class ExperimentEndedError(QuadlabError):
-    """Stopped, or somebody took over: the experiment may command no more, landing included."""
+    """The experiment was stopped or a person took over: it may send no commands, not even land."""
 
 
 class Client(Protocol):
@@ -40,7 +40,7 @@ class Client(Protocol):
 
     @property
     def finished(self) -> bool:
-        """Return whether the manoeuvre is to end now; conditions of waits may look at it."""
+        """Return whether the manoeuvre should end now; conditions of waits may use it."""
         ...
 
     @property
@@ -49,7 +49,7 @@ class Client(Protocol):
         ...
 
     def pilot_flies(self, on: bool) -> None:
-        """Let the person's sticks through, or take them back. Raises UsageError without one."""
+        """Pass the person's sticks on, or stop that. Raises UsageError without a person."""
         ...
 
     def view(self) -> VehicleView: ...
@@ -87,12 +87,12 @@ class Client(Protocol):
         ...
 
     def confirm(self, question: str) -> None:
-        """Wait for the person's yes. Raises ExperimentEndedError when it was stopped instead."""
+        """Wait for a person's confirmation. Raises ExperimentEndedError when stopped instead."""
         ...
 
     def turn(self, quaternion_wb: Sequence[float] | None) -> None:
-        """Have a simulated vehicle held in this attitude as a hand would, None lets go of it; on
-        a real one nothing happens: the instruction told is for the person."""
+        """Let a hand hold a simulated vehicle in this attitude, None lets go; no effect on a real
+        one, where the instruction is for the person."""
         ...
 
     def imu(self) -> ImuReadings: ...
@@ -102,7 +102,7 @@ class Client(Protocol):
         ...
 
     def calibrate_gyroscope(self) -> CalibrationRecord:
-        """Have the vehicle find its drift again; on the ground, motors off. Waits until then."""
+        """Let the vehicle find its gyroscope drift again, with motors off, and wait for it."""
         ...
 
     def bench(self, motor: int, reference: int) -> None:
@@ -163,7 +163,7 @@ class Experiment(Protocol):
 
 @runtime_checkable
 class Reporting(Protocol):
-    """An experiment that also writes what it found."""
+    """An experiment that also writes a report."""
 
     def report(self, log: Path, folder: Path) -> list[Path]:
         """Return the files written. Raises UsageError when something for it is not installed."""
@@ -172,7 +172,7 @@ class Reporting(Protocol):
 
 @runtime_checkable
 class Calibrating(Protocol):
-    """An experiment whose outcome may be taken over by the vehicle."""
+    """An experiment whose result the vehicle may apply as a calibration."""
 
     def proposal(self, log: Path) -> CalibrationRecord:
         """Return the proposal from the log alone; without run_id, requester and stamp, which are

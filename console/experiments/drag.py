@@ -21,7 +21,7 @@ STEPS = 3
 
 
 class DragOptions(Parameters):
-    """The circles."""
+    """Options of the circles."""
 
     radius: float = parameter(0.8, unit="m", ge=0.4, le=2.0, step=0.1, description="of the circle")
     period: float = parameter(
@@ -47,14 +47,14 @@ class DragExperiment:
         return 25.0 + p.laps * p.period
 
     def check(self) -> None:
-        """Accept all options: the vehicle refuses what is too quick."""
+        """Accept all options: the vehicle refuses speeds that are too high."""
 
     def preconditions(self, view: VehicleView) -> str:
-        """Return what is missing before it may start, in words."""
+        """Return what is missing before it may start, as text."""
         return missing_place(view)
 
     def fly(self, client: Client) -> None:
-        """Raise RefusedError with the vehicle's reason when it will not."""
+        """Fly. Raises RefusedError with the vehicle's reason when it refuses."""
         p = self.parameters
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         client.confirm(CLEAR)

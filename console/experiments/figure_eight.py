@@ -25,15 +25,15 @@ LIMITS = {
     STEADY: {"position_rms_m": 0.005, "position_max_m": 0.009, "yaw_rms_deg": 0.4},
     REST_TO_REST: {"position_rms_m": 0.020, "position_max_m": 0.040, "yaw_rms_deg": 1.0},
 }
-"""Of the true position and yaw against the reference."""
+"""Limits of the errors of the true position and yaw to the reference."""
 ACCELERATION, STEEP = "behavior.trajectory_acceleration_max", 5.2
-"""m/s²: one lap in 8 s asks for 5.0, which is more than the vehicle usually lets through."""
+"""m/s²: one lap in 8 s needs 5.0, which is more than the vehicle usually allows."""
 YAW_MAX = 0.7
-"""rad: beyond it one lap from rest to rest asks for more yaw torque than the motors have left."""
+"""rad: beyond it one lap from rest to rest needs more yaw torque than the motors have left."""
 
 
 class FigureEightOptions(Parameters):
-    """Which 8."""
+    """Options of the 8."""
 
     laps: str = parameter(
         STEADY,

@@ -1,4 +1,4 @@
-"""The gyroscope's drift, found again while the vehicle stands still (Sec. 5.1)."""
+"""The gyroscope's drift, found again while the vehicle is at rest (Sec. 5.1)."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from quadrotor.parameters import Parameters, parameter
 
 SAMPLES = "safety.gyro_samples"
 CHECK = 5.0
-"""s of standing still afterwards, in which what is left of the drift is seen."""
+"""s of rest afterwards, in which the remaining drift is measured."""
 ERROR_MAX = 0.03
-"""deg/s, of the drift."""
+"""deg/s, limit of the remaining drift."""
 RATES = ("angular_velocity.x", "angular_velocity.y", "angular_velocity.z")
 REFERENCES = tuple(f"motor_references[{motor}]" for motor in range(4))
 KEEP_STILL = "Leave the vehicle standing still; do not touch it"
 
 
 class GyroscopeOptions(Parameters):
-    """How long to listen."""
+    """Options: the duration of the measurement."""
 
     samples: int = parameter(
         500, ge=50, le=5000, step=50, description="still samples averaged (Sec. 5.1)"
@@ -33,7 +33,7 @@ class GyroscopeOptions(Parameters):
 
 
 class Gyroscope:
-    """The vehicle finds its drift; judged on what is left of it in the samples after."""
+    """The vehicle finds its drift; judged on the remaining drift afterwards."""
 
     name = "gyroscope"
 
@@ -48,10 +48,10 @@ class Gyroscope:
         return 5.0 + CHECK + self.parameters.samples / 500.0
 
     def check(self) -> None:
-        """Accept all options: none can be chosen wrongly."""
+        """Accept all options: every combination is valid."""
 
     def fly(self, client: Client) -> None:
-        """Raise RefusedError with the vehicle's reason: it moved, or motors are on."""
+        """Calibrate. Raises RefusedError with the vehicle's reason: it moved, or motors are on."""
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         client.tell(Progress(KEEP_STILL, 1, 2))
         before = client.parameter(SAMPLES)
@@ -72,7 +72,7 @@ class Gyroscope:
         self._window = (start, client.view().time)
 
     def evaluate(self, log: Path) -> Result:
-        """Judge what is left of the drift. Raises LogFormatError, MeasurementError."""
+        """Judge the remaining drift. Raises LogFormatError, MeasurementError."""
         found, rates = self._checked(log)
         left = np.degrees(np.abs(rates.mean(axis=0)).max())
         metrics = {
@@ -90,7 +90,7 @@ class Gyroscope:
         return judged(metrics, limits)
 
     def proposal(self, log: Path) -> CalibrationRecord:
-        """Return what the vehicle found and flies on already, with what is left of the drift."""
+        """Return the drift the vehicle found and already uses, with the remaining drift."""
         found, _ = self._checked(log)
         result = self.evaluate(log)
         left = Quality(

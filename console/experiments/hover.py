@@ -1,4 +1,4 @@
-"""Hover at 1 m for ten seconds: the smallest flight that shows whether a vehicle is well."""
+"""Hover at 1 m for ten seconds: the smallest flight that shows whether a vehicle works."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ class Hover:
         self._window: tuple[float, float] | None = None
 
     def check(self) -> None:
-        """Accept all options: none can be chosen wrongly."""
+        """Accept all options: every combination is valid."""
 
     def fly(self, client: Client) -> None:
-        """Raise RefusedError with the vehicle's reason when it will not."""
+        """Fly. Raises RefusedError with the vehicle's reason when it refuses."""
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         client.wait(0.5)
         client.arm()

@@ -23,15 +23,15 @@ from quadrotor.parameters import Parameters, ParameterValue, parameter
 AXES = ("x", "y", "yaw")
 REPEATS = 3
 LEVELS = 3
-"""Of a doublet: to one side, to the other, back."""
+"""Shape of a doublet: to one side, to the other, back."""
 LEAD = 0.5
 """s of rest before the first one."""
 REST = 1.2
 """s between two excitations."""
 PATIENCE = 10.0
-"""s that the vehicle is given to come to rest."""
+"""s the vehicle has to come to rest."""
 FAR = 1.0
-"""m from where it hovered, in any direction, beyond which it is ended."""
+"""m from the hover position, in any direction, beyond which the experiment ends."""
 NEAR_GROUND = 0.5
 """m, the same downwards."""
 SHAPES = {"slow": (0.25, 0.4, 0.8), "quick": (0.2, 0.4, 0.4)}
@@ -41,7 +41,7 @@ RANDOM = ((0.12, 0.25), (0.3, 0.5), (0.3, 0.7))
 
 
 class InertiaOptions(Parameters):
-    """How it is excited."""
+    """Options of the excitation."""
 
     excitation: str = parameter(
         "random",
@@ -74,14 +74,14 @@ class InertiaExperiment:
         return 20.0 + sum(_duration(one) + REST for one in self.excitations())
 
     def check(self) -> None:
-        """Accept all options: the vehicle refuses what is too large."""
+        """Accept all options: the vehicle refuses amplitudes that are too large."""
 
     def preconditions(self, view: VehicleView) -> str:
-        """Return what is missing before it may start, in words."""
+        """Return what is missing before it may start, as text."""
         return missing_place(view)
 
     def abort(self, view: VehicleView) -> str:
-        """Return why it is to be ended, in words."""
+        """Return why the experiment has to end, as text."""
         if self._place is None or not view.airborne:
             return ""
         away = view.position_w - np.array(self._place)

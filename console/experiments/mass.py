@@ -1,4 +1,4 @@
-"""The first experiment of Sec. 7: a vehicle that does not know its mass takes off and finds it.
+"""The first experiment of Sec. 7: a vehicle takes off with an unknown mass and estimates it.
 
 It flies on the estimate (eqs. 6 to 10), which begins too low: the take-off is held back until the
 error of the height makes up for it, then the estimate learns within a second. Erratic flight at
@@ -34,11 +34,11 @@ STEPS = 4
 HOVER = (5.0, 25.0)
 """s of hover after the climb: at least, and at most until the estimate has converged."""
 FAR = 1.6
-"""m from where it hovered, beyond which the erratic flight is ended."""
+"""m from the hover position beyond which the erratic flight ends."""
 
 
 class MassOptions(Parameters):
-    """How it is flown."""
+    """Options of the flight."""
 
     initial: float = parameter(
         1.0,
@@ -74,10 +74,10 @@ class MassExperiment:
         return 30.0 + p.height / p.climb + p.duration
 
     def check(self) -> None:
-        """Accept all options: none can be chosen wrongly."""
+        """Accept all options: every combination is valid."""
 
     def preconditions(self, view: VehicleView) -> str:
-        """Return what is missing before it may start, in words."""
+        """Return what is missing before it may start, as text."""
         return missing_place(view)
 
     # ------------------------------------------------------------------ flight
@@ -149,7 +149,7 @@ class MassExperiment:
             self._erratic(client)
 
     def _erratic(self, client: Client) -> None:
-        """Fly at the speeds the sequence reckons with, whatever full stick means to the vehicle."""
+        """Fly at the speeds of the sequence, independent of the vehicle's full-stick speed."""
         p = self.parameters
         full = [float(client.parameter(name)) for name in STICK_SPEEDS]
         sequence = np.clip(scripted(p.seed, p.duration) * SPEEDS / full, -1.0, 1.0)
@@ -178,7 +178,7 @@ class MassExperiment:
         timeout: float,
         what: str,
     ) -> None:
-        """Wait, and tell. A landing by the vehicle's own decision ends it. Raises RefusedError."""
+        """Wait with progress; the vehicle's own landing ends it. Raises RefusedError."""
         start = client.view().time
         told = -1.0
 

@@ -33,7 +33,7 @@ from quadrotor.parameters import Parameters, parameter
 
 LOOK = 0.1
 SILENCE = 1.0
-"""s without a reading, after which the sensor is unplugged."""
+"""s without a reading after which the sensor counts as unplugged."""
 QUESTION = (
     "Is the vehicle fixed on the bench, the {motor} motor on the sensor, and its propeller's blast "
     "clear of people and loose things? It will run up to {last} counts"
@@ -41,7 +41,7 @@ QUESTION = (
 
 
 class MotorBenchOptions(Parameters):
-    """Which motor, which references, how long; or which file."""
+    """Options: motor, references and durations, or a file."""
 
     motor: int = parameter(
         1, ge=1, le=4, step=1, description="1 front, 2 left, 3 rear, 4 right: the one on the sensor"

@@ -31,7 +31,7 @@ class Gap:
 
 
 class Collection:
-    """Ask what `question` says, give each answer to `add`, until `done`.
+    """Send each `question` and pass its answer to `add`, until `done`.
 
     Args:
         columns: names, as flight_log.tick_columns has them.
@@ -61,13 +61,13 @@ class Collection:
 
     @property
     def share(self) -> float:
-        """Return the share of the stretch that has come, 0..1."""
+        """Return the received share of the interval, 0..1."""
         if self.done:
             return 1.0
         return (self._next_ns - self._start_ns) / max(1, self._end_ns - self._start_ns)
 
     def add(self, answer: Any) -> None:
-        """Add an answer. Raises StorageError when it does not fit what was asked."""
+        """Add an answer. Raises StorageError when it does not match the request."""
         stamps = np.asarray(answer.stamps_ns, np.int64)
         width = len(self.columns)
         values = np.asarray(answer.values, np.float32)

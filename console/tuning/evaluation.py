@@ -1,4 +1,4 @@
-"""A step test, from the columns of the log to its figures and to what is drawn."""
+"""Evaluates a step test: from the columns of the log to its figures and plots."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SHOWN_BEFORE, SHOWN_AFTER = 0.4, 0.3
 
 @dataclass(frozen=True)
 class Plan:
-    """The plan of a test: what was asked of `excite`."""
+    """The plan of a test: the arguments of `excite`."""
 
     axis: str
     shape: str

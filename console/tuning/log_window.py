@@ -13,7 +13,7 @@ from vehicle_link.transport.node import Node
 
 TYPE = SERVICES["onboard_log"]
 TIMEOUT = 1.0
-"""s; who asks the station waits a little longer."""
+"""s; clients of the station wait a little longer."""
 
 
 class LogWindow:

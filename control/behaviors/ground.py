@@ -1,4 +1,4 @@
-"""Standing on the ground: the reference is where the vehicle stands."""
+"""The behavior on the ground: the reference is the vehicle's own position."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Descend at a constant speed until the vehicle stands."""
+"""Descend at a constant speed until touch-down."""
 
 from __future__ import annotations
 

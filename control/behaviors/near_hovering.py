@@ -94,7 +94,7 @@ class NearHovering(Level):
 
 
 class EmergencyLanding(Level):
-    """Level and down by the barometer, wherever that is; whoever watches the ground ends it."""
+    """Descend level by the barometer; the ground detection ends it."""
 
     name: ClassVar[BehaviorName] = BehaviorName.EMERGENCY_LANDING
     arguments: ClassVar[type[Parameters]] = NoArguments

@@ -1,4 +1,4 @@
-"""Climb straight up from where the vehicle stands."""
+"""Climb straight up from the ground."""
 
 from __future__ import annotations
 

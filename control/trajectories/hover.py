@@ -1,4 +1,4 @@
-"""Standing still."""
+"""A trajectory that holds one position."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ Stretch = tuple[float, float, int]
 """Start and end (s) and how many samples show it well."""
 
 UNKNOWN_RATE = 100.0
-"""Hz: how densely a trajectory is looked at that says nothing of its own pace."""
+"""Hz, sampling rate for checks of a trajectory that does not define its own."""
 
 SAMPLES_MAX = 200_000
 

@@ -45,7 +45,7 @@ FACE_COSINE = 0.9
 
 @dataclass(frozen=True)
 class AccelerometerCalibration:
-    """f_b = T (a_m - b), with what tells how good it is."""
+    """The calibration f_b = T (a_m - b), with figures of its quality."""
 
     matrix: Array  # T (3, 3)
     bias: Array  # b (3,), m/s^2, sensor axes

@@ -12,7 +12,7 @@ from quadrotor.errors import MeasurementError
 Array = npt.NDArray[np.float64]
 
 SAMPLES_MIN = 50
-"""Fewer do not tell a turn from noise."""
+"""Least number of samples to distinguish a turn from noise."""
 
 
 @dataclass(frozen=True)

@@ -35,14 +35,14 @@ BEFORE = 0.1
 """s of the recording before the first step of the reference: the motor must have settled by then,
 however it was started."""
 AFTER = 0.6
-"""s after a step that tell of the lag."""
+"""s after a step that are used for the lag."""
 STEP_MIN = 5.0
 """Counts."""
 APART = 0.2
 """s between steps, and as many steps, for a dead time of each."""
 STEPS_MAX = 100
 JITTER_MAX = 0.005
-"""s between the dead times of steps, more is told."""
+"""s, difference between the dead times of steps above which it is reported."""
 
 
 @dataclass(frozen=True)

@@ -156,7 +156,7 @@ class ErrorStateEstimator:
 
     @property
     def converged(self) -> bool:
-        """Return whether it is fit to be flown on; `convergence` says why."""
+        """Return whether the estimate may be used for flight; `convergence` has the reason."""
         return self.convergence.reached
 
     def reset(self) -> None:

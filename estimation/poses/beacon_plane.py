@@ -20,7 +20,7 @@ Four = tuple[int, int, int, int]
 FLATNESS = 1e-3
 """How far the beacons may leave their plane, as a share of their extent."""
 IN_LINE = 1e-3
-"""Share of the extent within which beacons count as standing on one line."""
+"""Share of the extent within which beacons count as lying on one line."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

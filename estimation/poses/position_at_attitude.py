@@ -44,7 +44,7 @@ SETTLED = 1e-12
 UNSEEN = 1e-12
 """Determinant of the information over its trace cubed below which no position is determined."""
 NEAREST = 1e-6
-"""m; distances are taken as at least this: on a beacon its bearing says nothing."""
+"""m, the least distance used: at a beacon its bearing has no information."""
 
 
 @compiled(inner=True)
