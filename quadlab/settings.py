@@ -29,7 +29,7 @@ def _estimation_preset(name: str) -> dict[str, ParameterValue]:
 
 
 SETS = {"control.preset": _control_preset, "estimation.preset": _estimation_preset}
-"""Words that stand for several parameters."""
+"""Options that set several parameters."""
 
 
 def parse_settings(

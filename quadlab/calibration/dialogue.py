@@ -33,7 +33,7 @@ class Wanted:
 
 
 class _DeclinedError(Exception):
-    """No was said to a question."""
+    """The answer to a question was no."""
 
 
 def in_force(client: StationClient) -> dict[str, CalibrationRecord]:

@@ -73,7 +73,7 @@ def beside(
 
 
 def told(record: CalibrationRecord) -> Iterable[str]:
-    """Yield what is worth knowing besides the figures."""
+    """Yield additional notes on the figures."""
     for text in record.warnings:
         yield f"warning: {text}"
     worst = max(record.residuals, key=lambda one: abs(one[1]), default=None)

@@ -197,7 +197,7 @@ def kept(error: QuadlabError, log: Path) -> QuadlabError:
 
 
 class Teller:
-    """Prints what a guided procedure tells its person, each instruction once."""
+    """Prints the instructions of a guided procedure, each once."""
 
     def __init__(self, flight: SimulatedFlight) -> None:
         self._flight = flight

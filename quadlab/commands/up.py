@@ -208,7 +208,7 @@ class Up(PageOptions):
 
 
 class _Progress:
-    """Says that the start goes on until the page answers, which from then on says it itself."""
+    """Reports the progress of the start until the page answers and reports it itself."""
 
     def __init__(self, host: str, port: int) -> None:
         self._address = host, port

@@ -1,4 +1,4 @@
-"""A folder or tar of certificates for another machine, and what to say of it."""
+"""A folder or tar of certificates for another machine, with instructions for its user."""
 
 from __future__ import annotations
 

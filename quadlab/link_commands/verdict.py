@@ -56,7 +56,7 @@ LATE_CLOCK = 1.0  # s
 
 
 def verdict(figures: Figures) -> tuple[Grade, list[str]]:
-    """Return the grade, and a line for each thing that is worth saying."""
+    """Return the grade, and a line for each finding."""
     worst, lines = 0, []
     if figures.disagreement:
         worst = 2

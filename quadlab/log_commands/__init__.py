@@ -1,1 +1,1 @@
-"""What `quadlab log` does, one file an action or two."""
+"""The actions of `quadlab log`, one or two per file."""

@@ -33,7 +33,7 @@ TRACKED_NS = 100_000_000
 """An older pose of the tracker is none."""
 BENCH_AGAIN_NS = 100_000_000
 KEPT = 60_000
-"""Ticks, or readings, that nobody looked at."""
+"""Largest number of unread ticks or readings."""
 PATIENCE = 30.0
 """s for the gyroscope's calibration, and for setting the vehicle down."""
 

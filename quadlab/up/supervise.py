@@ -19,7 +19,7 @@ from quadrotor.errors import QuadlabError
 from vehicle_link.jobs import die_with_parent, how_it_ended
 
 PARENT = "QUADLAB_PARENT"
-"""Environment variable that tells a child whose life it shares."""
+"""Environment variable with the process whose end also ends the child."""
 NICENESS = "QUADLAB_NICENESS"
 """Environment variable with the niceness a child gives itself, where it may."""
 RESTARTS_ALLOWED = 5

@@ -50,7 +50,7 @@ _decode = msgspec.msgpack.Decoder(_DragMessage).decode
 
 
 def drag_of(frame: bytes, names: frozenset[str], eye: Point | None, who: str) -> Drag | None:
-    """Return the drag of one of these nodes that a browser's message is; None for anything else."""
+    """Return a browser's message as a drag of one of these nodes; None for any other message."""
     try:
         message = _decode(frame)
     except msgspec.DecodeError:
@@ -76,7 +76,7 @@ class _Wish:
 
 
 class BeaconDrags:
-    """Follows drags by beacon id; `on_moved(id, position, who)` gets the positions."""
+    """Tracks drags by beacon id; `on_moved(id, position, who)` is called with the positions."""
 
     def __init__(self) -> None:
         self.on_moved: Callable[[int, Point, str], None] = lambda *_: None
@@ -116,7 +116,7 @@ class BeaconDrags:
                 self.on_moved(id, wish.position, wish.who)
 
     def wanted(self, places: dict[int, Point], now: float) -> dict[int, Point]:
-        """Return places asked for and not yet confirmed; `places` are the confirmed ones."""
+        """Return requested places that are not yet confirmed; `places` are the confirmed ones."""
         for id, wish in list(self._wishes.items()):
             place = places.get(id)
             has_come = wish.is_over and place is not None and _near(place, wish.position)
@@ -129,7 +129,7 @@ class BeaconDrags:
         }
 
     def forget(self) -> None:
-        """Forget refused wishes; a drag under way goes on."""
+        """Drop refused requests; a drag under way continues."""
         self._wishes.clear()
 
     def stop(self) -> None:

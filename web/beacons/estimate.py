@@ -86,5 +86,5 @@ class EstimateGhost:
 
 
 def _alike(a: Array, b: Array) -> bool:
-    """Return whether two are closer than an eye could tell; never true of NaN."""
+    """Return whether two poses look the same; always False for NaN."""
     return bool(np.abs(a - b).max() <= CHANGED * np.abs(a).max())

@@ -21,7 +21,7 @@ Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class Wish:
-    """All a map depends on."""
+    """The inputs of a map."""
 
     beacons: Beacons
     sigma: float  # rad
@@ -31,7 +31,7 @@ class Wish:
 
 
 class BoundSlice:
-    """Node `/bound`. `update` never waits: the newest wish is worked on in a thread."""
+    """The node `/bound`. `update` does not block: a thread computes the newest request."""
 
     def __init__(self, api: Any) -> None:
         self._api = api
@@ -44,7 +44,7 @@ class BoundSlice:
         self.scale: Scale | None = None
 
     def update(self, wish: Wish | None, now: float) -> bool:
-        """Begin what is to be computed and show what is ready; return whether the scale has
+        """Start the computation of a request and show a finished map; return whether the scale has
         changed.
 
         None hides the map.

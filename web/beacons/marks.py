@@ -75,7 +75,7 @@ class _Slot:
         self._handle.visible = shown
 
     def want(self, position: Point | None) -> None:
-        """Show a pale ball where the beacon was dragged to and has not been confirmed."""
+        """Show a pale ball at the unconfirmed position that a beacon was dragged to."""
         if self._wanted is None:
             if position is None:
                 return
@@ -133,7 +133,7 @@ class BeaconMarks:
         return {slot.handle_name: slot.id for slot in self._slots if slot.id is not None}
 
     def light(self, ids: frozenset[int]) -> None:
-        """Colour the beacons in view and grey the others."""
+        """Colour the visible beacons and grey the others."""
         for slot in self._slots:
             if slot.id is not None:
                 slot.ball.color = SEEN if slot.id in ids else UNSEEN

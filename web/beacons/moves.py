@@ -41,7 +41,7 @@ class BeaconMoves:
 
     @property
     def busy(self) -> bool:
-        """Return whether a step waits for its answer."""
+        """Return whether a step is still unanswered."""
         return bool(self._tasks)
 
     def moved(self, id: int, position_w: Position, who: str) -> None:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 COMPARED = "station.comparison.estimators"
 ALWAYS_SHOWN = ("none", "one frame", "vehicle")
-"""Estimates the view can show whatever is compared."""
+"""Estimates that the view can always show."""
 
 _ALLOWED = (
     'allowed is [[id, x, y, z], …] in m, {"preset": name}, or a CSV file with the header id,x,y,z'
@@ -67,7 +67,7 @@ _BODY = {
 
 
 class ViewBody(BaseModel):
-    """A change of the view; what is left out stays as it is."""
+    """A change of the view; omitted fields keep their values."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 

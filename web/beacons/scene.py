@@ -30,7 +30,7 @@ UNLIT = 0.6  # s without a bearing after which a beacon is grey
 
 @dataclass(frozen=True)
 class BeaconView:
-    """The choice of what is shown. Raises OutOfBoundsError.
+    """The options of the view. Raises OutOfBoundsError.
 
     Attributes:
         map_height: m, of the map's slice.
@@ -54,7 +54,7 @@ class BeaconView:
 
 
 class BeaconScene:
-    """Nodes `/beacons`, `/rays`, `/cones`, `/estimate` and `/bound`.
+    """The nodes `/beacons`, `/rays`, `/cones`, `/estimate` and `/bound`.
 
     `on_moved(id, position, who)`: an operator drags a beacon, at most 10 times a second, the last
     position always; nothing has moved until `set_beacons` says so. `on_legend()`: the map's scale
@@ -101,7 +101,7 @@ class BeaconScene:
         sensor: SensorSight | None = None,
         rate: float = 30.0,
     ) -> None:
-        """Set the confirmed layout, and what of the sensor the view shows.
+        """Set the confirmed layout and the sensor's parameters used by the view.
 
         Args:
             sigma_rad: on each of two tangent axes. sensor: what it sees; everything when None.

@@ -1,4 +1,4 @@
-"""Geometry of what the 3D view shows of beacons: meshes and rotations, without viser.
+"""Geometry of beacons in the 3D view: meshes and rotations, independent of viser.
 
 Quaternions are (w, x, y, z); lengths in m.
 """
@@ -19,7 +19,7 @@ Mesh = tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]
 """Vertices (V, 3) and faces (F, 3)."""
 
 DEVIATIONS = 3.0
-"""Cones and ellipsoids reach so many standard deviations."""
+"""Size of cones and ellipsoids in standard deviations."""
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
