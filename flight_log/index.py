@@ -8,29 +8,17 @@ elsewhere is read the same way.
 from __future__ import annotations
 
 import os
-import time
 import zlib
 from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 from mcap.opcode import Opcode
 
 from flight_log.file import open_log
-from flight_log.format import (
-    CHUNK_INDEX,
-    END_BYTES,
-    FOOTER,
-    LENGTH,
-    MAGIC,
-    RECORD,
-    SUMMARY_OFFSET,
-    UNREADABLE,
-    parsed,
-)
+from flight_log.format import END_BYTES, FOOTER, MAGIC, RECORD, SUMMARY_OFFSET, UNREADABLE, parsed
 from flight_log.limits import MOST_DESCRIPTION
 from quadrotor.errors import LogFormatError, StorageError
 
@@ -39,12 +27,9 @@ DAMAGED = "has a damaged index"
 RECOVERED_METADATA = "quadlab.recovered"
 _STRIDE = 1 << 20
 _MOST_OFFSETS = 256 * (RECORD.size + SUMMARY_OFFSET.size)
-_BREATH = 200
-"""Chunks after which other threads may have the interpreter: 0.2 ms."""
 
 Read = Callable[[int, int], bytes]
 """Place and length → as many bytes."""
-Numbers = npt.NDArray[np.int64]
 
 
 def reading(file: int) -> Read:
@@ -182,81 +167,29 @@ def index_names(path: Path) -> Iterator[tuple[int, bytes]]:
 
 @dataclass(frozen=True, slots=True)
 class FileIndex:
-    """Times are those of reception (log time), ns; 0 without messages.
-
-    Attributes:
-        channels: id → topic and type.
-        starts_ns, ends_ns: first and last message of each chunk, shape (N,).
-        begins, ends: bytes of each chunk with its message indexes, shape (N,).
-    """
+    """Times are those of reception (log time), ns; 0 without messages."""
 
     start_ns: int
     end_ns: int
     recovered: bool
-    channels: dict[int, tuple[str, str]] = field(default_factory=dict)
-    starts_ns: Numbers = field(default_factory=lambda: np.zeros(0, np.int64))
-    ends_ns: Numbers = field(default_factory=lambda: np.zeros(0, np.int64))
-    begins: Numbers = field(default_factory=lambda: np.zeros(0, np.int64))
-    ends: Numbers = field(default_factory=lambda: np.zeros(0, np.int64))
-
-    def stretch(self, start_ns: int, end_ns: int, late_ns: int) -> tuple[int, int]:
-        """Return (begin, end) of whole chunks with all messages stamped between, both included.
-
-        A message is received after its stamp: by `late_ns` at most, or with the first ones after
-        a pause of its writer. (0, 0) when the file has no chunks.
-        """
-        if not len(self.begins):
-            return 0, 0
-        latest = np.maximum.accumulate(self.ends_ns)
-        first = int(np.searchsorted(latest, start_ns))
-        after_pause = min(int(np.searchsorted(latest, end_ns)), len(latest) - 1)
-        bound = max(end_ns + late_ns, int(latest[after_pause]))
-        last = int(np.flatnonzero(self.starts_ns <= bound)[-1])
-        if first == len(latest):  # behind everything
-            return int(self.ends[-1]), int(self.ends[-1])
-        return int(self.begins[first]), int(self.ends[max(last, first)])
 
 
-def read_index(path: Path, *, chunks: bool = True) -> FileIndex:
-    """Read a file's index; without `chunks` and channels in a tenth of a millisecond.
+def read_index(path: Path) -> FileIndex:
+    """Read the times of a file from its index, in a tenth of a millisecond.
 
-    Next to a thread that must not wait, the walk over the chunks gives up the interpreter again and
-    again. Raises LogFormatError when there is no index, or StorageError.
+    Raises LogFormatError when there is no index, or StorageError.
     """
+    wanted = (Opcode.STATISTICS, Opcode.METADATA_INDEX)
+    records: dict[int, list[Any]] = {opcode: [] for opcode in wanted}
     try:
         with open_log(path) as stream:
-            return _read_index(
-                reading(stream.fileno()), os.fstat(stream.fileno()).st_size, chunks=chunks
-            )
+            file = stream.fileno()
+            for opcode, data in index_records(reading(file), os.fstat(file).st_size, wanted):
+                records[opcode].append(parsed(opcode, data))
+        [statistics] = records[Opcode.STATISTICS]
     except OSError as error:
         raise StorageError(f"cannot read {path.name}: {error.strerror}") from error
-    except (*UNREADABLE, KeyError) as error:
+    except UNREADABLE as error:
         raise LogFormatError(f"{path.name} has no index that can be read") from error
-
-
-def _read_index(read: Read, size: int, *, chunks: bool) -> FileIndex:
-    wanted = {Opcode.STATISTICS, Opcode.METADATA_INDEX}
-    if chunks:
-        wanted |= {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.CHUNK_INDEX}
-    found: dict[int, list[bytes]] = {opcode: [] for opcode in wanted}
-    rows = []
-    for opcode, data in index_records(read, size, wanted):
-        if opcode != Opcode.CHUNK_INDEX:
-            found[opcode].append(data)
-            continue
-        start_ns, end_ns, begin, length, mapped = CHUNK_INDEX.unpack_from(data)
-        indexes = LENGTH.unpack_from(data, CHUNK_INDEX.size + mapped)[0]
-        rows.append((start_ns, end_ns, begin, begin + length + indexes))
-        if len(rows) % _BREATH == 1:
-            time.sleep(0.0)
-    records = {
-        opcode: [parsed(opcode, data) for data in contents] for opcode, contents in found.items()
-    }
-    [statistics] = records[Opcode.STATISTICS]
     recovered = RECOVERED_METADATA in [one.name for one in records[Opcode.METADATA_INDEX]]
-    times = statistics.message_start_time, statistics.message_end_time, recovered
-    if not chunks:
-        return FileIndex(*times)
-    schemas = {one.id: one.name for one in records[Opcode.SCHEMA]}
-    channels = {one.id: (one.topic, schemas[one.schema_id]) for one in records[Opcode.CHANNEL]}
-    return FileIndex(*times, channels, *np.array(rows, np.int64).reshape(-1, 4).T.copy())
+    return FileIndex(statistics.message_start_time, statistics.message_end_time, recovered)

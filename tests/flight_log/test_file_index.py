@@ -1,4 +1,4 @@
-"""The index of a log read by itself: as the library reads it, and stretches of whole chunks."""
+"""The times of a log read from its index: as the library reads them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from mcap.reader import make_reader
 
 from flight_log import LogWriter, recover
-from flight_log.index import FileIndex, read_index
+from flight_log.index import read_index
 from quadrotor.errors import LogFormatError, StorageError
 
 TYPES = {"/quad1/a": "std_msgs/Header", "/quad1/b": "rcl_interfaces/Log"}
@@ -39,24 +39,6 @@ def test_it_is_what_the_library_reads(tmp_path: Path) -> None:
     assert index.start_ns == summary.statistics.message_start_time
     assert index.end_ns == summary.statistics.message_end_time
     assert not index.recovered
-    names = {s.id: s.name for s in summary.schemas.values()}
-    assert index.channels == {
-        c.id: (c.topic, names[c.schema_id]) for c in summary.channels.values()
-    }
-    chunks = summary.chunk_indexes
-    assert len(chunks) > 50
-    assert index.starts_ns.tolist() == [c.message_start_time for c in chunks]
-    assert index.ends_ns.tolist() == [c.message_end_time for c in chunks]
-    assert index.begins.tolist() == [c.chunk_start_offset for c in chunks]
-    assert index.ends[:-1].tolist() == index.begins[1:].tolist(), "nothing between two chunks"
-
-
-def test_without_chunks_it_tells_the_times_of_the_file(tmp_path: Path) -> None:
-    path = write(tmp_path / "log.mcap")
-    whole, short = read_index(path), read_index(path, chunks=False)
-    assert (short.start_ns, short.end_ns) == (whole.start_ns, whole.end_ns)
-    assert short.channels == {}
-    assert len(short.begins) == 0
 
 
 def test_a_mended_file_says_so(tmp_path: Path) -> None:
@@ -68,11 +50,10 @@ def test_a_mended_file_says_so(tmp_path: Path) -> None:
     assert read_index(path).recovered
 
 
-def test_an_empty_log_has_no_stretches(tmp_path: Path) -> None:
+def test_an_empty_log_has_no_times(tmp_path: Path) -> None:
     path = write(tmp_path / "log.mcap", 0)
     index = read_index(path)
     assert (index.start_ns, index.end_ns) == (0, 0)
-    assert index.stretch(0, 10**9, 0) == (0, 0)
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n" * 2, b"x" * 100, b"\0" * 5])
@@ -96,35 +77,3 @@ def test_a_damaged_index_is_refused_or_read_but_never_a_crash(tmp_path: Path) ->
         path.write_bytes(damaged)
         with suppress(LogFormatError):
             read_index(path)
-
-
-def index_of(*chunks: tuple[int, int]) -> FileIndex:
-    """Of chunks of 100 bytes with these first and last log times."""
-    starts, ends = np.array(chunks, np.int64).T
-    places = 1000 + 100 * np.arange(len(chunks) + 1)
-    return FileIndex(
-        int(starts[0]), int(ends[-1]), False, {}, starts, ends, places[:-1], places[1:]
-    )
-
-
-@pytest.mark.parametrize(
-    ("stretch", "chunks"),
-    [
-        ((20, 25), (1, 3)),  # within one, and what may be written late
-        ((19, 20), (0, 2)),
-        ((0, 5), (0, 1)),  # before all: what is first may have been read late
-        ((38, 90), (2, 4)),
-        ((60, 90), (4, 4)),  # behind all
-        ((0, 90), (0, 4)),
-    ],
-)
-def test_a_stretch_is_of_whole_chunks(stretch: tuple[int, int], chunks: tuple[int, int]) -> None:
-    index = index_of((10, 19), (20, 29), (30, 39), (40, 49))
-    first, last = chunks
-    assert index.stretch(*stretch, 5) == (1000 + 100 * first, 1000 + 100 * last)
-
-
-def test_what_was_read_after_a_pause_is_within_the_stretch_it_is_stamped_in() -> None:
-    index = index_of((10, 19), (20, 29), (3000, 3000), (3000, 3000), (3001, 3010))
-    begin, end = index.stretch(100, 200, 5)  # ticks of these times have come at 3000
-    assert (begin, end) == (1200, 1400)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_left
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -52,19 +52,15 @@ class Written:
     Args:
         start_ns: of its first tick.
         place: of its first chunk.
-        channels: asks those of the file so far.
 
     Attributes:
         closed: nothing will be added.
     """
 
-    def __init__(
-        self, path: Path, start_ns: int, place: int, channels: Callable[[], Channels]
-    ) -> None:
+    def __init__(self, path: Path, start_ns: int, place: int) -> None:
         self.path = path
         self.start_ns = start_ns
         self.closed = False
-        self.channels = channels
         self._places = array("q", [place])
         self._stamps = array("q", [start_ns - 1])
 
@@ -83,18 +79,6 @@ class Written:
     def place_before(self, stamp_ns: int) -> int:
         """Return where to begin to read for ticks from `stamp_ns` on."""
         return self._places[max(0, bisect_left(self._stamps, stamp_ns) - 1)]
-
-    def place_behind(self, stamp_ns: int) -> int | None:
-        """Return where to end to read for ticks up to `stamp_ns`; None while they are not all
-        there.
-        """
-        at = bisect_left(self._stamps, stamp_ns)
-        return self._places[at] if at < len(self._stamps) else None
-
-    @property
-    def last_place(self) -> int:
-        """End of the newest chunk."""
-        return self._places[-1]
 
 
 def prepare(vehicle: str) -> None:
@@ -141,7 +125,7 @@ class OnboardFile:
         self._size = self._writer.size
         self._newest_ns = start_ns - 1
         self._sync = DiskSync(path)
-        self.written = Written(path, start_ns, self._size, lambda: self._writer.channels)
+        self.written = Written(path, start_ns, self._size)
 
     @property
     def size(self) -> int:

@@ -1,8 +1,7 @@
-"""The vehicle's own logs as files: which there are, their bytes, and where in them a time stands.
+"""The vehicle's own logs as files: which there are, and their bytes.
 
-Services `onboard_files`, `onboard_part` and `onboard_index`, each on a thread of its own and with
-answers of some kilobytes: what flies goes first. Whoever asks at background priority is answered
-at that.
+Services `onboard_files` and `onboard_part`, with answers of some kilobytes: what flies goes first.
+A request at background priority is answered at that.
 """
 
 from __future__ import annotations
@@ -14,13 +13,13 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from flight_log import is_closed
-from flight_log.index import FileIndex, begins_as_log, read_index
+from flight_log.index import begins_as_log, read_index
 from quadrotor.errors import LogFormatError, QuadlabError, RefusedError, StorageError
 from vehicle.onboard_log.checksums import Checksums, Key
 from vehicle.onboard_log.file import Written
@@ -35,12 +34,7 @@ PART_BYTES = 2800
 """Of a file in an answer: two packets on the radio."""
 FILES_MAX = 100
 """In an answer, the newest: 10 kB."""
-LATE_NS = 100_000_000
-"""A message is written at most so long after its stamp; ticks are found exactly."""
-INDEXES_KEPT = 3
 FACTS_KEPT = 1000
-
-Value = TypeVar("Value")
 
 
 class Facts(NamedTuple):
@@ -75,14 +69,9 @@ class OnboardFiles:
         self._fetched = fetched or Fetched()
         self._checksums = Checksums()
         self._closed: OrderedDict[Key, Facts] = OrderedDict()
-        self._indexes: OrderedDict[Key, FileIndex] = OrderedDict()
 
     def serve(self, node: Node) -> None:
-        for service, answer in (
-            ("onboard_files", self.files),
-            ("onboard_part", self.part),
-            ("onboard_index", self.index),
-        ):
+        for service, answer in (("onboard_files", self.files), ("onboard_part", self.part)):
             node.serve(service, SERVICES[service], _Answering(SERVICES[service], answer))
 
     def files(self, request: Message) -> Message:
@@ -114,34 +103,6 @@ class OnboardFiles:
             file=facts.message(),
             data=_octets(data),
             crc32=zlib.crc32(data),
-        )
-
-    def index(self, request: Message) -> Message:
-        """Answer with the index of a log. Raises RefusedError or StorageError."""
-        start_ns, end_ns = int(request.start_ns), int(request.end_ns)
-        if end_ns < start_ns:
-            raise RefusedError(f"from {start_ns} to {end_ns} ns is no stretch of a log")
-        name = str(request.name) or self._name_with(start_ns, end_ns)
-        with self._open(name) as file:
-            facts = self._facts(name, file)
-        self._fetched.note(name)
-        self._refuse_torn(facts)
-        written = self._written_as(name)
-        if written is not None:
-            (begin, end), channels = _stretch(written, start_ns, end_ns), written.channels()
-        else:
-            index = self._index(facts)
-            (begin, end), channels = index.stretch(start_ns, end_ns, LATE_NS), index.channels
-        ids = sorted(channels)
-        return new(
-            f"{SERVICES['onboard_index']}_Response",
-            accepted=True,
-            file=facts.message(),
-            begin=begin,
-            end=end,
-            channels=ids,
-            topics=[channels[k][0] for k in ids],
-            types=[channels[k][1] for k in ids],
         )
 
     # ------------------------------------------------------------------ files
@@ -186,36 +147,17 @@ class OnboardFiles:
         if facts is None:
             facts = Facts(*key)
             if is_closed(self._folder / name):
-                index = read_index(self._folder / name, chunks=False)
+                index = read_index(self._folder / name)
                 facts = Facts(*key, index.start_ns, index.end_ns, True, index.recovered)
-                _keep(self._closed, key, facts, FACTS_KEPT)
+                self._closed[key] = facts
+                if len(self._closed) > FACTS_KEPT:
+                    self._closed.popitem(last=False)
             elif not begins_as_log(file):
                 raise LogFormatError(f"{name} is no MCAP log")
         return facts
 
     def _written_as(self, name: str) -> Written | None:
         return next((one for one in self._written() if one.path.name == name), None)
-
-    def _index(self, facts: Facts) -> FileIndex:
-        key = facts.name, facts.identity, facts.size
-        index = self._indexes.get(key)
-        if index is None:
-            index = read_index(self._folder / facts.name)
-            _keep(self._indexes, key, index, INDEXES_KEPT)
-        return index
-
-    def _name_with(self, start_ns: int, end_ns: int) -> str:
-        """Return the oldest file that has anything of the stretch. Raises RefusedError."""
-        files = self._newest()
-        for facts in reversed(files):
-            if 0 < facts.start_ns <= end_ns and (facts.end_ns >= start_ns or not facts.closed):
-                return facts.name
-        if any(not facts.start_ns and not facts.closed for facts in files):
-            raise RefusedError(f"a log was torn, and {self._mending()}; ask again later")
-        raise RefusedError(
-            "there is no onboard log of this time: one is written while the vehicle is armed, and "
-            "the oldest are removed to make room"
-        )
 
     def _checksum(self, facts: Facts) -> Message:
         self._refuse_torn(facts)
@@ -257,16 +199,6 @@ class _Answering:
             return new(f"{self._kind}_Response", accepted=False, reason=str(error))
 
 
-def _stretch(written: Written, start_ns: int, end_ns: int) -> tuple[int, int]:
-    """Return (begin, end) of whole chunks; end is 0 while that is not written."""
-    closed = written.closed  # before its places are asked: nothing is added then
-    begin = written.place_before(start_ns - LATE_NS)
-    end = written.place_behind(end_ns + LATE_NS)
-    if end is None:
-        end = written.last_place if closed else 0
-    return begin, max(begin, end) if end else 0
-
-
 def _names(folder: Path) -> list[str]:
     """Return the names, newest first. Raises StorageError."""
     found: list[tuple[int, str]] = []
@@ -285,9 +217,3 @@ def _names(folder: Path) -> list[str]:
 
 def _octets(data: bytes) -> npt.NDArray[np.uint8]:
     return np.frombuffer(data, np.uint8)
-
-
-def _keep(cache: OrderedDict[Key, Value], key: Key, value: Value, most: int) -> None:
-    cache[key] = value
-    if len(cache) > most:
-        cache.popitem(last=False)

@@ -26,7 +26,6 @@ TELLING = (
     "checks",
     "onboard_log",
     "onboard_files",
-    "onboard_index",
     "onboard_part",
     "vehicle/get_parameters",
     "vehicle/get_parameter_types",

@@ -200,7 +200,6 @@ SERVICES: dict[str, str] = {
     "onboard_log": "quadlab_msgs/srv/OnboardLog",
     "onboard_files": "quadlab_msgs/srv/OnboardFiles",
     "onboard_part": "quadlab_msgs/srv/OnboardPart",
-    "onboard_index": "quadlab_msgs/srv/OnboardIndex",
     "transfer": "quadlab_msgs/srv/Transfer",
     "checks": "quadlab_msgs/srv/Checks",
     "control": "quadlab_msgs/srv/Control",

@@ -1,22 +1,18 @@
-"""The vehicle's logs as files: their list, their bytes, and stretches of whole chunks."""
+"""The vehicle's logs as files: their list and their bytes."""
 
 from __future__ import annotations
 
 import hashlib
 import os
-import struct
 import time
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import lz4.frame
 import numpy as np
 import pytest
 
-from flight_log import read_log
-from flight_log.records import RawMessage, _split
 from quadrotor.errors import StorageError
 from quadrotor.records import TICK, Record
 from vehicle.onboard_log.file import Batch, Message
@@ -91,14 +87,6 @@ class Vehicle:
         request = decode(encode(new(f"{kind}_Request", **fields)), f"{kind}_Request")
         return decode(encode(_Answering(kind, answer)(request)), f"{kind}_Response")
 
-    def index(self, first: int, last: int, name: str = "") -> Any:
-        return self.ask(
-            "onboard_index",
-            name=name,
-            start_ns=START_NS + STEP_NS * first,
-            end_ns=START_NS + STEP_NS * last,
-        )
-
     def fetch(self, name: str, begin: int, end: int) -> bytes:
         data = bytearray()
         while begin + len(data) < end:
@@ -108,34 +96,6 @@ class Vehicle:
             assert zlib.crc32(answer.data) == answer.crc32
             data += answer.data.tobytes()
         return bytes(data)
-
-    def messages(self, answer: Any) -> list[RawMessage]:
-        """Of a stretch, as a station reads it that knows only the answer."""
-        assert answer.accepted, answer.reason
-        content = (self.log.folder / answer.file.name).read_bytes()  # parts have their own test
-        data, place, found = content[answer.begin : answer.end], 0, []
-        while place < len(data):
-            opcode, length = struct.unpack_from("<BQ", data, place)
-            record = data[place + 9 : place + 9 + length]
-            assert len(record) == length, "ends with a whole record"
-            place += 9 + length
-            if opcode == 6:  # a chunk
-                (name,) = struct.unpack_from("<I", record, 28)
-                content = lz4.frame.decompress(record[40 + name :])
-                found += [one for one in _split(content) if isinstance(one, RawMessage)]
-        return found
-
-    def numbers(self, answer: Any, topic: str = "imu") -> list[int]:
-        (channel,) = (
-            number
-            for number, its in zip(answer.channels.tolist(), answer.topics, strict=True)
-            if its == f"/quad1/{topic}"
-        )
-        return [
-            (message.publish_ns - START_NS) // STEP_NS
-            for message in self.messages(answer)
-            if message.channel_id == channel
-        ]
 
     def name(self) -> str:
         (only,) = self.ask("onboard_files").files
@@ -164,47 +124,6 @@ def test_a_file_comes_over_byte_by_byte_with_its_checksum(vehicle: Vehicle) -> N
     assert digest == hashlib.sha256(path.read_bytes()).digest()
 
 
-@pytest.mark.parametrize("known", ["being written", "closed", "of an earlier process"])
-def test_any_stretch_has_every_tick_and_little_more(vehicle: Vehicle, known: str) -> None:
-    vehicle.fly(0, 400)
-    vehicle.event(400)
-    vehicle.fly(400, 600)
-    late = BATCH * 200  # read in one go after a pause of 2 s
-    part = ticks(1000, late)
-    vehicle.log._store([Batch(part, int(part["imu"]["stamp_ns"][-1]))])
-    vehicle.fly(1000 + late, 1000)
-    if known != "being written":
-        vehicle.land()
-    if known == "of an earlier process":
-        vehicle.start()
-    random = np.random.default_rng(1)
-    for _ in range(12):
-        first, last = sorted(random.integers(0, 2900, 2).tolist())
-        answer = vehicle.index(first, last)
-        found = vehicle.numbers(answer)
-        assert found == list(range(found[0], found[-1] + 1)), "no tick twice, none left out"
-        assert found[0] <= first
-        assert found[-1] >= last
-        is_by_log_time = known == "of an earlier process" and first < 1000 + late
-        if not is_by_log_time or last < 950:
-            assert found[-1] - found[0] < last - first + 200, "0.4 s more"
-    whole = vehicle.numbers(vehicle.index(0, 2900))
-    assert whole[:2900] == list(range(2900))
-
-
-def test_the_end_is_told_once_it_is_written(vehicle: Vehicle) -> None:
-    vehicle.fly(0, 500)
-    assert vehicle.index(100, 600).end == 0
-    before = vehicle.index(100, 300)
-    assert before.end > before.begin
-    vehicle.fly(500, 200)
-    assert vehicle.numbers(vehicle.index(100, 600))[-1] >= 600
-    vehicle.land()
-    closed = vehicle.index(100, 10_000)
-    assert vehicle.numbers(closed)[-1] == 699, "what follows the flight is no hole"
-    assert vehicle.index(300, 400).begin < closed.end < closed.file.size
-
-
 def test_a_file_keeps_its_identity_while_it_grows_and_is_closed(vehicle: Vehicle) -> None:
     vehicle.fly(0, 500)
     (begun,) = vehicle.ask("onboard_files").files
@@ -227,16 +146,12 @@ def test_a_mended_file_is_another_content(vehicle: Vehicle) -> None:
     name = vehicle.name()
     (torn,) = vehicle.ask("onboard_files").files
     assert (torn.closed, torn.start_ns) == (False, 0)
-    for asked in (name, ""):
-        reason = vehicle.index(100, 200, asked).reason
-        told = "was torn, and is mended once the vehicle stands disarmed; ask again later"
-        assert reason == f"{asked or 'a log'} {told}"
-    assert vehicle.ask("onboard_part", name=name).reason == f"{name} {told}"
+    told = f"{name} was torn, and is mended once the vehicle stands disarmed; ask again later"
+    assert vehicle.ask("onboard_part", name=name).reason == told
     list(recover_logs(torn_logs(vehicle.folder)))
     (mended,) = vehicle.ask("onboard_files").files
     assert mended.identity != torn.identity
     assert (mended.closed, mended.recovered) == (True, True)
-    assert set(range(100, 201)) <= set(vehicle.numbers(vehicle.index(100, 200)))
 
 
 def test_a_log_torn_in_this_process_is_told_to_be_so(vehicle: Vehicle) -> None:
@@ -250,38 +165,9 @@ def test_a_log_torn_in_this_process_is_told_to_be_so(vehicle: Vehicle) -> None:
     (torn,) = vehicle.ask("onboard_files").files
     assert (torn.closed, torn.start_ns) == (False, 0)
     told = f"{name} was torn, and is mended once the vehicle stands disarmed; ask again later"
-    answer = vehicle.ask("onboard_index", name=name)  # as a station asks for the reason
+    answer = vehicle.ask("onboard_part", name=name)  # as a station asks for the reason
     assert (answer.accepted, answer.reason) == (False, told)
     assert vehicle.ask("onboard_part", name=name, length=100).accepted, "its bytes are there"
-
-
-def test_the_channels_of_a_stretch_are_all_told(vehicle: Vehicle) -> None:
-    vehicle.fly(0, 500)
-    assert "/quad1/events" not in vehicle.index(0, 300).topics
-    vehicle.event(500)
-    vehicle.fly(500, 500)
-    answer = vehicle.index(480, 520)
-    assert vehicle.numbers(answer, "events") == [500]
-    types = dict(zip(answer.topics, answer.types, strict=True))
-    name = answer.file.name
-    logged = {m.topic: m.type_name for m in read_log(vehicle.log.folder / name)}
-    assert types == logged
-    assert {m.channel_id for m in vehicle.messages(answer)} <= set(answer.channels.tolist())
-
-
-def test_without_a_name_it_is_the_flight_of_that_time(vehicle: Vehicle) -> None:
-    vehicle.fly(0, 500)
-    vehicle.land()
-    vehicle.fly(5000, 500)
-    vehicle.land()
-    newest, oldest = (file.name for file in vehicle.ask("onboard_files").files)
-    assert vehicle.index(100, 200).file.name == oldest
-    assert vehicle.index(400, 5200).file.name == oldest, "the rest is asked for next"
-    assert vehicle.index(3000, 5200).file.name == newest
-    vehicle.start()
-    assert vehicle.index(3000, 5200).file.name == newest
-    assert "there is no onboard log of this time" in vehicle.index(2000, 3000).reason
-    assert "no stretch" in vehicle.index(300, 200).reason
 
 
 @pytest.mark.parametrize(
