@@ -52,9 +52,9 @@ def test_what_one_of_them_refuses_neither_has(linked: Any) -> None:
     # As when bearings are flown on: its beacons stay where they are.
     vehicle.stack.navigation.source = "bearings"
     vehicle.microcontroller.motor_state = MotorState.ON
-    vehicle.stack.mode = Mode.ARMED
+    vehicle.stack.modes.mode = Mode.ARMED
     refused = linked.change(OURS, "wide")
-    vehicle.stack.mode = Mode.READY
+    vehicle.stack.modes.mode = Mode.READY
     vehicle.microcontroller.motor_state = MotorState.OFF
     vehicle.stack.navigation.source = "poses"
     assert not refused.accepted

@@ -102,7 +102,7 @@ def test_in_flight_only_the_shadow_may_be_chosen_and_a_refusal_changes_nothing()
     store = lab.stack.store
     before, revision, active = store.values(), store.revision, lab.stack.estimator
     assert "does not run" in refusal(lambda: lab.set(estimator="error_state"))
-    assert "flies on" in refusal(lambda: lab.set(shadow="complementary"))
+    assert "estimation.shadow = complementary" in refusal(lambda: lab.set(shadow="complementary"))
     assert (store.values(), store.revision) == (before, revision)
     assert lab.stack.estimator is active
 
