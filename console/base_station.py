@@ -38,6 +38,7 @@ from console.parameters.history import ParameterHistory
 from console.parameters.history_writer import ParameterWitness
 from console.parameters.store import StationStore
 from console.parameters.vehicle import VehicleParameters
+from console.reception import Reception
 from console.runs.housekeeping import PERIOD, Housekeeping
 from console.runs.marks import MarkService
 from console.runs.runs import RunKeeper
@@ -46,15 +47,11 @@ from console.transfers.service import Transfers
 from console.tuning.log_window import LogWindow
 from quadrotor.errors import LinkError, ParameterError, RefusedError
 from quadrotor.parameters import ParameterValue
-from vehicle_link import time_sync, topics
+from vehicle_link import time_sync
 from vehicle_link.lockstep import STATION_PROCESS, Part
-from vehicle_link.messages import decode
-from vehicle_link.parameters.authority import VEHICLE, authority_of
-from vehicle_link.parameters.messages import decode_change
 from vehicle_link.parameters.service import serve_parameters
 from vehicle_link.process_instance import new_instance
-from vehicle_link.topics import TOPICS
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
 
 log = logging.getLogger(__name__)
 
@@ -76,6 +73,7 @@ class BaseStation:
             looking, so that each run has it, and lines for the terminal need no name.
         host: of the vehicle, for datagrams next to the link; empty for none.
         instance: of this process, a number of its own (vehicle_link.process_instance).
+        endpoints: where the station listens and what it dials, in words.
     """
 
     def __init__(
@@ -90,6 +88,7 @@ class BaseStation:
         vehicles: int = 1,
         host: str = "",
         instance: int | None = None,
+        endpoints: str = "",
     ) -> None:
         self._vehicle = vehicle
         self._pace, is_alone = pace_of(vehicles), vehicles == 1
@@ -114,6 +113,7 @@ class BaseStation:
             vehicle,
             operator,
             self._calibrations.attachment,
+            self._pace.written,
         )
         self._recorder = self.runs.recorder
         self._outbox = Outbox(
@@ -123,11 +123,10 @@ class BaseStation:
             self.link.vehicle_ns,
             self.link.standing,
             speaker="station" if is_alone else f"station {vehicle}",
+            # In lockstep many more beats go by the lane: the link needs none of them.
+            beats_over_link=self._pace.beats_over_link * (5 if self._part.in_lockstep else 1),
         )
-        # In lockstep many more beats go by the lane: the link needs none of them.
-        self._outbox.beats.every = self._pace.beats_over_link * (5 if self._part.in_lockstep else 1)
-        self._recorder.period = self._pace.written
-        self._store.on_change = self._outbox.parameter_changed
+        self._store.subscribe(self._outbox.parameter_changed)
         self._alarms = AlarmBoard(partial(self._outbox.say, WARN))
         if problem:
             self._outbox.say(WARN, f"the beacons that were in force are not taken up: {problem}")
@@ -148,10 +147,10 @@ class BaseStation:
             lambda: not self.link.refusal("change_parameters"),
             vehicle_teller(self._node),
         )
-        self._store.before_change = self._layout.before_change
+        self._store.consult(self._layout.before_change)
         self._witness = ParameterWitness(history, partial(self._alarms.set, "history"))
         self._witness.begin(self._store.values())
-        self._vehicle_parameters.on_snapshot = self._witness.look
+        self._vehicle_parameters.subscribe(self._witness.look)
         self.experiments = ExperimentRunner(
             self._node,
             vehicle,
@@ -199,6 +198,7 @@ class BaseStation:
             self._alarms,
             catalogue.folder,
             lambda: self._sticks.alarm is not None,
+            endpoints,
         )
         self._status = StatusSender(
             self._outbox,
@@ -206,7 +206,7 @@ class BaseStation:
             self._tracker,
             self._recorder,
             self._alarms,
-            lambda status: setattr(self.checks.gatherer, "link_status", status),
+            self.checks.gatherer.take_link,
         )
         questions = SlowQuestions(
             self._node,
@@ -226,9 +226,9 @@ class BaseStation:
             self._outbox.say,
             self.link.vehicle_ns,
         )
-        self.runs.on_closed = self._transfers.desk.run_closed
+        self.runs.subscribe(self._transfers.desk.run_closed)
         introduction = Introduction(self._node, vehicle, self.link)
-        self._telemetry = TelemetryIn(
+        telemetry = TelemetryIn(
             vehicle,
             self.link,
             self._outbox,
@@ -238,7 +238,34 @@ class BaseStation:
             self.experiments,
             self._part.vehicle_heard,
         )
-        self._heard = self._subscriptions(host)
+        reception = Reception(
+            vehicle,
+            link=self.link,
+            outbox=self._outbox,
+            telemetry=telemetry,
+            observed=self.checks.observed,
+            parameters=self._vehicle_parameters,
+            history=self._witness,
+            runs=self.runs,
+            experiments=self.experiments,
+            comparison=self._comparison,
+            calibrations=self._calibrations,
+            sticks=self._sticks,
+            tracker=self._tracker,
+            part=self._part,
+        )
+        self._subscriptions = Subscriptions(
+            self._node,
+            vehicle,
+            host,
+            self.link,
+            self._alarms,
+            self.checks.observed,
+            self._recorder,
+            reception.handlers,
+            self._outbox.beats,
+            self._closing,
+        )
         self.checks.start()
         self._threads = [
             threading.Thread(target=target, name=name, daemon=True)
@@ -274,7 +301,7 @@ class BaseStation:
         self._comparison.close()
         for thread in self._threads:
             thread.join(CLOSE_PATIENCE)
-        self._heard.close()
+        self._subscriptions.close()
         self._node.close()
         self._witness.close()
 
@@ -282,50 +309,7 @@ class BaseStation:
         """Publish a warning event of this vehicle."""
         self._outbox.say(WARN, line)
 
-    # ------------------------------------------------------------------ what comes
-    def _subscriptions(self, host: str) -> Subscriptions:
-        acts: dict[str, Callable[[Received], None]] = {
-            "telemetry": self._telemetry.received,
-            "vehicle_heartbeat": self._on_beat,
-            "stick": self._on_stick,
-            "status": self._on_status,
-            "truth": self._on_truth,
-            "parameter_changes": self._on_parameter_change,
-            "events": self._on_event,
-            "estimator": lambda received: self.experiments.feed.estimate(received.payload),
-            "bench_reading": lambda received: self.experiments.readings.bench(received.payload),
-        }
-        return Subscriptions(
-            self._node,
-            self._vehicle,
-            host,
-            self.link,
-            self._alarms,
-            self.checks.observed,
-            self._recorder,
-            acts,
-            self._outbox.beats,
-            self._closing,
-        )
-
-    def _on_status(self, received: Received) -> None:
-        status = decode(received.payload, TOPICS["status"].type_name)
-        self.checks.observed.status(status)
-        self._vehicle_parameters.show(int(status.instance), int(status.parameter_revision))
-        self.runs.status(bool(status.armed))
-        self._witness.status(bool(status.armed), self._recorder.run_id)
-        self.experiments.feed.status(status)
-        self._comparison.status(bool(status.armed), str(status.mode))
-        self._calibrations.status(str(status.mode).lower())
-
-    def _on_beat(self, received: Received) -> None:
-        self.link.beat(received.payload)
-        self._part.vehicle_heard(received.source_ns)
-
-    def _on_stick(self, received: Received) -> None:
-        self.checks.observed.message("stick", received.payload)
-        self._sticks.received(received)
-
+    # ------------------------------------------------------------------ commands, measurements
     def _permit(self, command: str, requester: str) -> None:
         """Raise RefusedError when an experiment's command is not permitted now."""
         if reason := self.link.refusal(command):
@@ -340,20 +324,6 @@ class BaseStation:
             self.checks.preflight.before_arming(requester)
         self.runs.asked(command, requester)
 
-    def _on_parameter_change(self, received: Received) -> None:
-        change = decode_change(received.payload)
-        if authority_of(change.name) == VEHICLE:
-            revision, instance = change.revision, change.instance
-            self._vehicle_parameters.apply({change.name: change.new}, revision, instance)
-            self.experiments.feed.wake()
-        self._witness.changed(change, received.received_ns)
-
-    def _on_event(self, received: Received) -> None:
-        """Print on the base's terminal why the vehicle landed while no station heard it."""
-        text = str(decode(received.payload, TOPICS["events"].type_name).msg)
-        if text.startswith(topics.UNHEARD):
-            print(f"station: {self._vehicle}: {text}", flush=True)
-
     def _on_bearings(self, frame: BearingMeasurement) -> None:
         self._outbox.bearings(frame)
         self._comparison.bearings(frame)
@@ -362,15 +332,6 @@ class BaseStation:
         self._outbox.pose(pose)
         self._comparison.pose(pose)
         self.experiments.readings.pose(pose)
-
-    def _on_truth(self, received: Received) -> None:
-        stamp_ns, state = topics.decode_odometry(received.payload, self._vehicle)
-        pose = (stamp_ns, state["position_w"][0], state["quaternion_wb"][0])
-        self._comparison.truth(*pose)
-        self._tracker.truth(*pose)
-        self._part.truth(stamp_ns)
-        if self._part.in_lockstep and self.link.standing.beats:
-            self._outbox.heartbeat(0)  # what came before it has come, too, when comms hears it
 
     # ------------------------------------------------------------------ threads
     def _beat(self) -> None:

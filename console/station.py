@@ -72,9 +72,10 @@ def run_station(
             vehicles=len(vehicles),
             host=parse_endpoint(endpoint)[0],
             instance=instance,
-        )
-        station.checks.startup.endpoints = (
-            f"dials the vehicle at {endpoint}, serves page and ROS 2 at 127.0.0.1:{loopback_port}"
+            endpoints=(
+                f"dials the vehicle at {endpoint}, serves page and ROS 2 at "
+                f"127.0.0.1:{loopback_port}"
+            ),
         )
         stations.append(station)
         radio = Radio(
@@ -86,7 +87,7 @@ def run_station(
             beside=station.link.beside,
             answers=station.answers,
         )
-        station.link.radio = radio
+        station.link.follow(radio)
         radios.append(radio)
     print(f"station: dials {_dialled(vehicles)}, serves 127.0.0.1:{loopback_port}", flush=True)
     while not stopping.wait(1.0):

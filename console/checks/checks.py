@@ -20,7 +20,9 @@ from vehicle_link.transport.node import Node
 
 
 class CheckDesk:
-    """Args: the station's parts; `folder` of its runs; `sticks_dropped` of their watchdog."""
+    """Args: the station's parts; `folder` of its runs; `sticks_dropped` of their watchdog;
+    `endpoints` in words.
+    """
 
     def __init__(
         self,
@@ -34,6 +36,7 @@ class CheckDesk:
         alarms: AlarmBoard,
         folder: Path,
         sticks_dropped: Callable[[], bool],
+        endpoints: str,
     ) -> None:
         self.observed = Observed()
         self.gatherer = Gatherer(
@@ -50,7 +53,9 @@ class CheckDesk:
         self.preflight = Preflight(
             self.gatherer.facts, parameters.preflight, outbox, link.vehicle_ns, vehicle.refresh
         )
-        self.startup = StartupChecks(node, folder.parent, self.gatherer, parameters, outbox.say)
+        self.startup = StartupChecks(
+            node, folder.parent, self.gatherer, parameters, outbox.say, endpoints
+        )
 
     def start(self) -> None:
         self.preflight.start()

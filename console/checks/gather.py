@@ -51,6 +51,10 @@ class Gatherer:
         self._in_step: float | None = None
         self.link_status: Any = None
 
+    def take_link(self, status: Any) -> None:
+        """Take the newest quadlab_msgs/LinkStatus."""
+        self.link_status = status
+
     def facts(self) -> Facts:
         """Return the present facts; reads the state of the disk."""
         status, observed = self._observed.newest_status(), self._observed

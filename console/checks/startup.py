@@ -49,9 +49,7 @@ class StartupChecks:
     Args:
         data: the station's data folder.
         say: (level, line), an event.
-
-    Attributes:
-        endpoints: where the station listens and whom it dials, in words.
+        endpoints: where the station listens and what it dials, in words.
     """
 
     def __init__(
@@ -61,9 +59,10 @@ class StartupChecks:
         gatherer: Gatherer,
         parameters: StationParameters,
         say: Callable[[int, str], None],
+        endpoints: str = "",
     ) -> None:
         self._data, self._gatherer, self._parameters, self._say = data, gatherer, parameters, say
-        self.endpoints = ""
+        self._endpoints = endpoints
         self._watch = ClockWatch()
         self._looking = threading.Lock()
         self._vehicle_client = node.client("checks", SERVICES["checks"])
@@ -120,7 +119,7 @@ class StartupChecks:
             station_items.disk_speed(self._gatherer.facts(), runs, self._data),
             governor_check("station"),
             certificate_check("station", self._data / "certificates", "station"),
-            Check("ports", "ok" if self.endpoints else "unknown", self.endpoints or "not told"),
+            Check("ports", "ok" if self._endpoints else "unknown", self._endpoints or "not known"),
             Check("version", "ok", _short(provenance()["git_revision"])),
             Check("libraries", "ok", _libraries()),
         ]

@@ -36,7 +36,6 @@ class LinkMonitor:
     ) -> None:
         self.standing = Standing(vehicle, instance)
         self.radio: Radio | None = None
-        """Set once it is dialled."""
         self.path = ""
         """How telemetry came the last time: datagram or quic."""
         self._carried: float | None = None
@@ -47,6 +46,10 @@ class LinkMonitor:
         self._steady_ns = steady_ns
         self._started_ns = steady_ns()
         self._outages = Outages(self._started_ns)
+
+    def follow(self, radio: Radio) -> None:
+        """Take the state of this radio from now on: it has been dialled."""
+        self.radio = radio
 
     def carried(self) -> None:
         """Note that something came from the vehicle over its Zenoh session."""

@@ -37,6 +37,8 @@ class Outbox:
         vehicle_ns: the vehicle's clock, with which everything is stamped.
         standing: whether the vehicle takes anything from us.
         speaker: of lines for the terminal.
+        beats_over_link: of the heartbeats that the lane carries, one in so many goes over Zenoh
+            too.
 
     Attributes:
         beats: publishes our heartbeats.
@@ -50,6 +52,7 @@ class Outbox:
         vehicle_ns: Callable[[], int],
         standing: Standing,
         speaker: str = "station",
+        beats_over_link: int = 1,
     ) -> None:
         self._speaker = speaker
         self._vehicle = vehicle
@@ -61,6 +64,7 @@ class Outbox:
         self._look_due = 0.0
         self._publishers = {name: node.advertise(TOPICS[name]) for name in names}
         self.beats = self._publishers["station_heartbeat"]
+        self.beats.every = beats_over_link
 
     def put(self, name: str, payload: bytes, source_ns: int) -> None:
         """Publish, and record what is recorded as it is sent. Raises LinkError when closed.

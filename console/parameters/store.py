@@ -23,9 +23,6 @@ class StationStore:
     Args:
         on_change: called once for each value that really changed, in the order of the revisions;
             it may read here but not change.
-
-    Attributes:
-        before_change: has a say in sound values before they are applied; outside any lock.
     """
 
     def __init__(self, on_change: OnChange = lambda *_: None) -> None:
@@ -35,8 +32,8 @@ class StationStore:
         self._store = ParameterStore(self._tree)
         self._lock = threading.Lock()
         self._telling = threading.Lock()
-        self.before_change: BeforeChange = lambda *_: None
-        self.on_change = on_change
+        self._before_change: BeforeChange = lambda *_: None
+        self._on_change = on_change
 
     @property
     def parameters(self) -> StationParameters:
@@ -53,8 +50,18 @@ class StationStore:
     def values(self) -> dict[str, ParameterValue]:
         return self._store.values()
 
+    def subscribe(self, on_change: OnChange) -> None:
+        """Call `on_change` from now on, in place of the one before."""
+        self._on_change = on_change
+
+    def consult(self, before_change: BeforeChange) -> None:
+        """Call `before_change` with sound values before they are applied, outside any lock; it may
+        raise ParameterError.
+        """
+        self._before_change = before_change
+
     def check(self, values: Mapping[str, object]) -> None:
-        """Raise ParameterError when `change` would, but for `before_change`."""
+        """Raise ParameterError when `change` would, but for what `consult` set."""
         self._checked(values)
 
     def preset(self, values: Mapping[str, object]) -> None:
@@ -67,7 +74,7 @@ class StationStore:
         """Change values, all or nothing; return (applied values, revision). Raises
         ParameterError.
         """
-        self.before_change(self._checked(values), requester)
+        self._before_change(self._checked(values), requester)
         with self._telling:
             with self._lock:
                 before = self._store.values()
@@ -75,7 +82,7 @@ class StationStore:
                 revision = self._store.revision
             for name, value in applied.items():
                 if value != before[name]:
-                    self.on_change(name, before[name], value, requester, revision)
+                    self._on_change(name, before[name], value, requester, revision)
         return applied, revision
 
     def _checked(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:

@@ -17,9 +17,6 @@ class VehicleParameters(ParameterReplica):
 
     Args:
         known: of an earlier station, from the history.
-
-    Attributes:
-        on_snapshot: called with each snapshot, on the thread that fetched it.
     """
 
     def __init__(self, node: Node, vehicle: str, known: Mapping[str, ParameterValue]) -> None:
@@ -27,7 +24,11 @@ class VehicleParameters(ParameterReplica):
         self._client = ParameterClient(node, f"/{vehicle}/vehicle", timeout=1.0)
         self._fetching = threading.Lock()
         self._defaults: dict[str, ParameterValue] = {}
-        self.on_snapshot: Callable[[Snapshot], None] = lambda _: None
+        self._on_snapshot: Callable[[Snapshot], None] = lambda _: None
+
+    def subscribe(self, on_snapshot: Callable[[Snapshot], None]) -> None:
+        """Call `on_snapshot` with each snapshot, on the thread that fetched it."""
+        self._on_snapshot = on_snapshot
 
     def refresh(self) -> None:
         """Fetch all values when a snapshot is due. Raises LinkError."""
@@ -35,7 +36,7 @@ class VehicleParameters(ParameterReplica):
             if not self.is_due or self.shown is None:
                 return
             (instance, revision), since = self.shown, self.clock
-            self.on_snapshot(self.load(self._client.values(), revision, instance, since))
+            self._on_snapshot(self.load(self._client.values(), revision, instance, since))
 
     def learn_defaults(self) -> None:
         """Fetch those of parameters that are new here: at first, and of another version of the

@@ -48,8 +48,6 @@ class Recorder:
             beginning, and again until one begins: whether one is to begin.
         on_watch: asked once a second; what is wrong with all that is kept, "" for nothing.
         queue_limit: messages that may wait for the disk.
-
-    Attributes:
         period: s between two writes.
     """
 
@@ -61,6 +59,7 @@ class Recorder:
         queue_limit: int = QUEUE_LIMIT,
         on_again: Callable[[], None] = lambda: None,
         on_watch: Callable[[], str] = lambda: "",
+        period: float = PERIOD,
     ) -> None:
         self._folder = folder
         self._on_start, self._on_end, self._on_again = on_start, on_end, on_again
@@ -82,7 +81,7 @@ class Recorder:
         self._asked = 0.0
         self._lock = threading.Lock()
         self._chores = DiskChores("recorder-chores", self._rest)
-        self.period = PERIOD
+        self._period = period
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
@@ -194,7 +193,7 @@ class Recorder:
                 if closing and self._open is None and not self._queue:
                     return
                 # Polled while recording, so that no one who puts pays for waking us.
-                self._wake.wait(self.period if self._open else WATCH_PERIOD)
+                self._wake.wait(self._period if self._open else WATCH_PERIOD)
                 self._wake.clear()
         except BaseException as error:
             self._alarms["run"] = f"recorder: stopped by a defect, see the station's log: {error!r}"

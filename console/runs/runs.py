@@ -14,7 +14,7 @@ from console.catalogue.catalogue import Catalogue, RunEntry, run_name
 from console.catalogue.completeness import Completeness, keep_completeness
 from console.parameters.store import StationStore
 from console.parameters.vehicle import VehicleParameters
-from console.runs.recorder import Recorder
+from console.runs.recorder import PERIOD, Recorder
 from console.runs.recording_rules import Decision, RecordingPolicy
 from console.runs.run import Run, RunEnd
 from flight_log.provenance import provenance
@@ -32,6 +32,7 @@ class RunKeeper:
     Args:
         operator: written into runs no one asked for by name.
         calibrations: the file of those in force, for each run's log; never waits.
+        period: s between two writes of the recorder.
     """
 
     def __init__(
@@ -42,6 +43,7 @@ class RunKeeper:
         vehicle: str,
         operator: str,
         calibrations: Callable[[], bytes],
+        period: float = PERIOD,
     ) -> None:
         self._catalogue = catalogue
         self._calibrations = calibrations
@@ -56,15 +58,19 @@ class RunKeeper:
         self._lock = threading.Lock()
         self._names: set[str] = set()  # given by this process; their files come a little later
         self._provenance = provenance()
-        self.on_closed: Callable[[str], None] = lambda run_id: None
-        """Told the id of each run that ended, in the recorder's thread."""
+        self._on_closed: Callable[[str], None] = lambda run_id: None
         self.recorder = Recorder(
             catalogue.folder,
             self._started,
             self._ended,
             on_again=self._again,
             on_watch=lambda: catalogue.problem,
+            period=period,
         )
+
+    def subscribe(self, on_closed: Callable[[str], None]) -> None:
+        """Call `on_closed` with the id of each run that ends, in the recorder's thread."""
+        self._on_closed = on_closed
 
     def asked(self, command: str, requester: str) -> None:
         """Note who asked for this command; whoever arms is the run's operator."""
@@ -196,7 +202,7 @@ class RunKeeper:
             problem=problem,
         )
         self._catalogue.add(entry)
-        self.on_closed(end.run.run_id)
+        self._on_closed(end.run.run_id)
 
     def _entry(self, run: Run) -> RunEntry:
         return RunEntry(

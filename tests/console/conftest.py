@@ -160,7 +160,7 @@ class LinkedBench:
         self._radio = Radio(
             f"127.0.0.1:{self._relay.port}", files, loopback, self.station.link.silent
         )
-        self.station.link.radio = self._radio
+        self.station.link.follow(self._radio)
         self._session = loopback_session(loopback)
         self.page = Node(self._session, "/quad1", "page")
         self.vehicle: Vehicle | None = None

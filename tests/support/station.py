@@ -60,7 +60,7 @@ class LinkedStation:
         self.station = BaseStation(
             self._link.session, self.catalogue, settings=settings, **arguments
         )
-        self.station.link.radio = self._link.radio
+        self.station.link.follow(self._link.radio)
         self._page_session = loopback_session(self.loopback)
         self.page = Node(self._page_session, "/quad1", "page")
         self._clients: dict[str, Any] = {}

@@ -52,7 +52,7 @@ def layout(store: StationStore, vehicle: Vehicle) -> BeaconLayout:
         vehicle.tell,
         lambda: vehicle.now,
     )
-    store.before_change = made.before_change
+    store.consult(made.before_change)
     return made
 
 
@@ -61,7 +61,7 @@ def test_a_new_layout_is_the_vehicles_before_it_is_the_stations(
     store: StationStore, vehicle: Vehicle
 ) -> None:
     changes: list[Any] = []
-    store.on_change = lambda *change: changes.append((*change[:4], vehicle.layout))
+    store.subscribe(lambda *change: changes.append((*change[:4], vehicle.layout)))
     store.change({OURS: "eight"}, "ada")
     assert vehicle.told == [("eight", "ada")]
     assert changes == [(OURS, "paper", "eight", "ada", "eight")]

@@ -37,7 +37,7 @@ class Station:
         loopback = free_port(socket.SOCK_STREAM)
         self.hub: Any = hub_session(loopback)
         self.link = LinkMonitor("quad1", 1)
-        self.link.radio = Radio(f"127.0.0.1:{port}", tls, loopback, lambda: silent)
+        self.link.follow(Radio(f"127.0.0.1:{port}", tls, loopback, lambda: silent))
         asks = Introduction(Node(self.hub, "/quad1", "station"), "quad1", self.link)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=asks.run, args=(self._closing, lambda act: act()))

@@ -1,0 +1,112 @@
+"""What the station does with each message it receives, before the message is recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from console.calibrations import Calibrations
+from console.checks.observed import Observed
+from console.commands.stick_control import StickDesk
+from console.comparison.feed import ComparisonFeed
+from console.experiment_running.runner import ExperimentRunner
+from console.link.monitor import LinkMonitor
+from console.link.outbox import Outbox
+from console.link.telemetry import TelemetryIn
+from console.parameters.history_writer import ParameterWitness
+from console.parameters.vehicle import VehicleParameters
+from console.runs.runs import RunKeeper
+from console.tracker_feed import TrackerFeed
+from vehicle_link import topics
+from vehicle_link.lockstep import Part
+from vehicle_link.messages import decode
+from vehicle_link.parameters.authority import VEHICLE, authority_of
+from vehicle_link.parameters.messages import decode_change
+from vehicle_link.topics import TOPICS
+from vehicle_link.transport.node import Received
+
+
+class Reception:
+    """The handlers of one vehicle's messages.
+
+    Args:
+        part: of the simulation, which waits for what the station received.
+
+    Attributes:
+        handlers: by topic; each may raise LinkError or MeasurementError for what makes no sense.
+    """
+
+    def __init__(
+        self,
+        vehicle: str,
+        *,
+        link: LinkMonitor,
+        outbox: Outbox,
+        telemetry: TelemetryIn,
+        observed: Observed,
+        parameters: VehicleParameters,
+        history: ParameterWitness,
+        runs: RunKeeper,
+        experiments: ExperimentRunner,
+        comparison: ComparisonFeed,
+        calibrations: Calibrations,
+        sticks: StickDesk,
+        tracker: TrackerFeed,
+        part: Part,
+    ) -> None:
+        self._vehicle, self._link, self._outbox, self._observed = vehicle, link, outbox, observed
+        self._parameters, self._history, self._runs = parameters, history, runs
+        self._experiments, self._comparison = experiments, comparison
+        self._calibrations, self._sticks = calibrations, sticks
+        self._tracker, self._part = tracker, part
+        self.handlers: Mapping[str, Callable[[Received], None]] = {
+            "telemetry": telemetry.received,
+            "vehicle_heartbeat": self._heartbeat,
+            "stick": self._stick,
+            "status": self._status,
+            "truth": self._truth,
+            "parameter_changes": self._parameter_change,
+            "events": self._event,
+            "estimator": lambda received: experiments.feed.estimate(received.payload),
+            "bench_reading": lambda received: experiments.readings.bench(received.payload),
+        }
+
+    def _status(self, received: Received) -> None:
+        status = decode(received.payload, TOPICS["status"].type_name)
+        self._observed.status(status)
+        self._parameters.show(int(status.instance), int(status.parameter_revision))
+        self._runs.status(bool(status.armed))
+        self._history.status(bool(status.armed), self._runs.recorder.run_id)
+        self._experiments.feed.status(status)
+        self._comparison.status(bool(status.armed), str(status.mode))
+        self._calibrations.status(str(status.mode).lower())
+
+    def _heartbeat(self, received: Received) -> None:
+        self._link.beat(received.payload)
+        self._part.vehicle_heard(received.source_ns)
+
+    def _stick(self, received: Received) -> None:
+        self._observed.message("stick", received.payload)
+        self._sticks.received(received)
+
+    def _parameter_change(self, received: Received) -> None:
+        change = decode_change(received.payload)
+        if authority_of(change.name) == VEHICLE:
+            revision, instance = change.revision, change.instance
+            self._parameters.apply({change.name: change.new}, revision, instance)
+            self._experiments.feed.wake()
+        self._history.changed(change, received.received_ns)
+
+    def _event(self, received: Received) -> None:
+        """Print on the base's terminal why the vehicle landed while it received no station."""
+        text = str(decode(received.payload, TOPICS["events"].type_name).msg)
+        if text.startswith(topics.UNHEARD):
+            print(f"station: {self._vehicle}: {text}", flush=True)
+
+    def _truth(self, received: Received) -> None:
+        stamp_ns, state = topics.decode_odometry(received.payload, self._vehicle)
+        pose = (stamp_ns, state["position_w"][0], state["quaternion_wb"][0])
+        self._comparison.truth(*pose)
+        self._tracker.truth(*pose)
+        self._part.truth(stamp_ns)
+        if self._part.in_lockstep and self._link.standing.beats:
+            self._outbox.heartbeat(0)  # what came before it has come, too, when comms receives it
