@@ -7,6 +7,7 @@ is not compared yet stands in the catalogue, a download next to its part file.
 
 from __future__ import annotations
 
+import itertools
 import logging
 import threading
 import time
@@ -66,6 +67,7 @@ class TransferDesk:
         self._link_state, self._parameters, self._say = link_state, parameters, say
         self.folder = catalogue.folder.parent / ONBOARD / vehicle
         self._jobs: list[Job] = []
+        self._ids = itertools.count(1)
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._closing = threading.Event()
@@ -88,9 +90,9 @@ class TransferDesk:
         if self._parameters.backfill:
             self.ask("backfill", run_id)
 
-    def ask(self, kind: Kind, name: str, by_person: bool = False) -> None:
-        """Ask for a transfer, made once however often it is asked for. Raises RefusedError or
-        StorageError.
+    def ask(self, kind: Kind, name: str, by_person: bool = False) -> int:
+        """Ask for a transfer and return its number; one that is under way is not begun twice.
+        Raises RefusedError or StorageError.
         """
         if kind == "download":
             check_name(name)
@@ -102,11 +104,15 @@ class TransferDesk:
                 raise RefusedError(f"run {name} is of {whose}, not {self._vehicle}; ask its page")
             keep_completeness(self._catalogue, name, Completeness("open"))
         with self._lock:
-            if any(job.kind == kind and job.name == name and not job.is_over for job in self._jobs):
-                return
-            self._jobs = [job for job in self._jobs if (job.kind, job.name) != (kind, name)]
-            self._jobs.append(Job(kind, name, by_person))
+            same = [job for job in self._jobs if (job.kind, job.name) == (kind, name)]
+            for job in same:
+                if not job.is_over:
+                    return job.id
+                self._jobs.remove(job)
+            job = Job(next(self._ids), kind, name, by_person)
+            self._jobs.append(job)
         self._wake.set()
+        return job.id
 
     def cancel(self, name: str) -> None:
         """Cancel a transfer. Raises RefusedError when nothing of that name is under way."""

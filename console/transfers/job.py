@@ -30,6 +30,7 @@ class Job:
     """One thread works on it, others look and cancel.
 
     Attributes:
+        id: tells it from an earlier one of the same name.
         name: of the file on board, or of the run.
         asked: by a person, who gets what is missing told again.
         rate: bytes/s.
@@ -37,6 +38,7 @@ class Job:
         ended: s, monotonic, when it came to its end.
     """
 
+    id: int
     kind: Kind
     name: str
     asked: bool = False
@@ -64,5 +66,5 @@ class Job:
 
     def message(self) -> Any:
         """Return quadlab_msgs/Transfer."""
-        names = ("kind", "name", "phase", "bytes", "total_bytes", "rate", "problem")
+        names = ("id", "kind", "name", "phase", "bytes", "total_bytes", "rate", "problem")
         return new("quadlab_msgs/Transfer", **{name: getattr(self, name) for name in names})

@@ -59,12 +59,12 @@ class Transfers:
 
     def _transfer(self, request: Any) -> Any:
         kind = f"{SERVICES['transfer']}_Response"
-        name = str(request.name)
+        name, number = str(request.name), 0
         try:
             if request.action == "cancel":
                 self.desk.cancel(name)
             elif request.action in ("download", "backfill"):
-                self.desk.ask(request.action, name, by_person=True)
+                number = self.desk.ask(request.action, name, by_person=True)
             else:
                 raise RefusedError(
                     f"transfer: no action {request.action!r:.40}; allowed are download, backfill "
@@ -72,7 +72,7 @@ class Transfers:
                 )
         except QuadlabError as error:
             return new(kind, accepted=False, reason=str(error))
-        return new(kind, accepted=True)
+        return new(kind, accepted=True, id=number)
 
     def _list(self, request: Any) -> Any:
         reason = "the link to the vehicle is lost; its logs cannot be listed"

@@ -89,11 +89,11 @@ def _fetch(client: StationClient, name: str) -> int:
     """Follow the transfer to its end. Raises LinkError when the station falls silent."""
     heard = client.listen("transfers")
     began = time.monotonic()
-    client.ask("transfer", action="download", name=name)
+    number = int(client.ask("transfer", action="download", name=name).id)
     said, size = "", 0
     with progress_of(f"fetching {name}") as progress:
         while True:
-            transfer = _of(heard, name)
+            transfer = _report(heard, number, name)
             size = int(transfer.total_bytes) or size
             if transfer.total_bytes:
                 progress(transfer.bytes / transfer.total_bytes)
@@ -110,8 +110,8 @@ def _fetch(client: StationClient, name: str) -> int:
     return 0
 
 
-def _of(heard: queue.SimpleQueue[Any], name: str) -> Any:
-    """Return the station's next report of this download."""
+def _report(heard: queue.SimpleQueue[Any], number: int, name: str) -> Any:
+    """Return the station's next report of the transfer with this number."""
     end = time.monotonic() + SILENT
     while (left := end - time.monotonic()) > 0.0:
         try:
@@ -119,8 +119,8 @@ def _of(heard: queue.SimpleQueue[Any], name: str) -> Any:
         except queue.Empty:
             break
         for one in message.transfers:
-            if one.kind == "download" and one.name == name:
+            if one.id == number:
                 return one
     raise LinkError(
-        f"the station has not told of {name} for {SILENT:g} s; ask again, it goes on by itself"
+        f"the station has not reported on {name} for {SILENT:g} s; it goes on by itself, ask again"
     )

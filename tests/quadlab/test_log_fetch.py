@@ -53,7 +53,8 @@ def port(tmp_path: Path) -> Iterator[int]:
     closing = threading.Event()
 
     def beat() -> None:
-        while not closing.wait(0.05):
+        """Report so often that an ended transfer's report lies before each new request."""
+        while not closing.wait(0.001):
             transfers.tick(0)
 
     beating = threading.Thread(target=beat)

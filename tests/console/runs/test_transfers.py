@@ -93,7 +93,7 @@ def in_process(function: Callable[..., Any], *arguments: Any, check: Any) -> Any
 def download_of(link: Link, folder: Path, name: str = "flight.mcap") -> Download:
     files = LinkedFiles(link)  # type: ignore[arg-type]
     fetcher = Fetcher(files, lambda count: None)
-    job = Job("download", name)
+    job = Job(1, "download", name)
 
     def wait(seconds: float) -> None:  # for the checksum, which the vehicle's thread computes
         threading.Event().wait(seconds)
