@@ -37,7 +37,7 @@ from console.link.monitor import LinkMonitor
 from console.station import SWITCH_INTERVAL
 from console.transfers.fetcher import Fetcher
 from console.transfers.part_file import PartFile
-from console.transfers.vehicle_files import LinkedFiles, VehicleFile
+from console.transfers.vehicle_files import VehicleFile, VehicleFiles
 from quadrotor.errors import LinkError
 from quadrotor.records import POSE_SAMPLE, TICK
 from vehicle.comms.lane import CommsLane
@@ -283,7 +283,7 @@ class Download:
     def __init__(self, program: Program, node: Node) -> None:
         self._ending = program.ending
         self._notes = program.note("download", 2, 2000.0)
-        self._fetcher = Fetcher(LinkedFiles(node), self._came)
+        self._fetcher = Fetcher(VehicleFiles(node), self._came)
         self._part = PartFile(program.folder, LOG)
 
     def start(self) -> None:
@@ -295,7 +295,7 @@ class Download:
     def _run(self) -> None:
         while not self._ending.is_set():
             with suppress(LinkError):  # an outage
-                self._fetcher.fetch(self._part, [(0, LOG.size)])
+                self._fetcher.fetch(self._part)
 
 
 if __name__ == "__main__":

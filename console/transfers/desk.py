@@ -21,7 +21,7 @@ from console.runs.disk import check_folder, folder_problem, free_bytes, make_aga
 from console.transfers.download import Download
 from console.transfers.fetcher import ChangedError, Fetcher, Rate
 from console.transfers.job import CancelledError, Job, Kind, NotYetError
-from console.transfers.part_file import NoRoomError, PartFile, unwant, want, wanted_downloads
+from console.transfers.part_file import NoRoomError, discard, unwant, want, wanted_downloads
 from console.transfers.run_logs import complete_run, into_folder
 from console.transfers.vehicle_files import VehicleFiles, check_name
 from flight_log.index import is_closed
@@ -252,7 +252,7 @@ class TransferDesk:
                 path.unlink(missing_ok=True)
             self._keep(job.name, Completeness("unknown", why="filling it was cancelled"))
         else:
-            PartFile.discard(self.folder, job.name)
+            discard(self.folder, job.name)
         job.end("cancelled")
 
     def _keep(self, run_id: str, found: Completeness) -> None:

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from console.transfers.fetcher import ChangedError, Fetcher
 from console.transfers.job import Job, NotYetError
-from console.transfers.part_file import PartFile, unwant
-from console.transfers.vehicle_files import VehicleFile, VehicleFiles, why_open
+from console.transfers.part_file import PartFile, discard
+from console.transfers.vehicle_files import VehicleFile, VehicleFiles
 from flight_log.file import sync_folder
 from quadrotor.errors import StorageError
 
@@ -46,7 +46,7 @@ class Download:
         """Fetch the log that the job names into the folder."""
         file, _ = self.files.part(self.job.name, 0, 8)
         is_here = self.fetch(file, self.folder, file.name, [self.folder / file.name])
-        unwant(self.folder, file.name)
+        discard(self.folder, file.name)
         self.job.end("done", "it was here already" if is_here else "")
 
     def fetch(self, file: VehicleFile, folder: Path, name: str, copies: Iterable[Path]) -> bool:
@@ -55,7 +55,7 @@ class Download:
         """
         job = self.job
         if not file.closed:
-            raise NotYetError(why_open(self.files, file))
+            raise NotYetError(self.files.why_open(file))
         same_size = [one for one in copies if one.exists() and one.stat().st_size == file.size]
         job.phase = "checking" if same_size else "fetching"
         for copy in same_size:
@@ -69,15 +69,15 @@ class Download:
                 job.problem = "another file has this name on board now; begun again"
             job.bytes, job.total_bytes, job.phase = part.size, file.size, "fetching"
             self.room(file.size - part.size)
-            self.fetcher.fetch(part, [(0, file.size)])
+            self.fetcher.fetch(part)
             self.room(0)  # the folder itself may have vanished meanwhile
             job.phase = "checking"
             part.sync()
             if sum_of(part.path, job.check) != self._sum_on_board(file):
-                part.remove()
-                raise ChangedError(file)
+                discard(folder, file.name)
+                raise ChangedError(f"what came of {file.name} has not the checksum of the vehicle")
             os.replace(part.path, free_place(folder / name))
-            part.remove()
+            discard(folder, file.name)
             sync_folder(folder)
         except OSError as error:
             raise StorageError(f"cannot write into {folder}: {error.strerror}") from error
@@ -91,7 +91,7 @@ class Download:
             self.job.check()
             now, digest = self.files.sha256(file.name)
             if now.identity != file.identity:
-                raise ChangedError(now)
+                raise ChangedError(f"{file.name} is another file on board now")
             if digest:
                 return digest
             self.wait(SUM_PAUSE)

@@ -1,4 +1,4 @@
-"""Brings ranges of a file on board into its part file, several questions in the air.
+"""Brings a file on board into its part file, several questions in the air.
 
 Telemetry waits behind what is in the air, so there are no more than gain something (window).
 """
@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 
-from console.transfers.part_file import PartFile, Range
+from console.transfers.part_file import PartFile
 from console.transfers.vehicle_files import VehicleFile, VehicleFiles
 from console.transfers.window import MOST, Window
 from quadrotor.errors import LinkError, QuadlabError
@@ -20,11 +20,7 @@ RATE_WINDOW = 3.0
 
 
 class ChangedError(QuadlabError):
-    """Another content has the same name on board now: `file`."""
-
-    def __init__(self, file: VehicleFile) -> None:
-        super().__init__(f"{file.name} is another file on board now")
-        self.file = file
+    """What came is not, or not any more, the file of that name on board."""
 
 
 class Rate:
@@ -58,12 +54,12 @@ class Fetcher:
     def close(self) -> None:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
-    def fetch(self, part: PartFile, ranges: Sequence[Range]) -> None:
-        """Fetch what `part` lacks of the ranges; what came stays, whatever is raised.
+    def fetch(self, part: PartFile) -> None:
+        """Fetch what `part` lacks; what came stays, whatever is raised.
 
         Raises ChangedError, LinkError, RefusedError, StorageError.
         """
-        pieces = part.pieces(ranges)
+        pieces = part.pieces()
         asked: deque[tuple[int, int, Future[tuple[VehicleFile, bytes]]]] = deque()
         try:
             while True:
@@ -73,30 +69,21 @@ class Fetcher:
                 if not asked:
                     return
                 offset, length, question = asked.popleft()
-                self._keep(part, offset, length, *question.result())
+                file, data = question.result()
+                if file.identity != part.file.identity:
+                    raise ChangedError(f"{file.name} is another file on board now")
+                if len(data) != length:
+                    raise LinkError(
+                        f"{len(data)} bytes of {file.name} at {offset} came instead of {length}"
+                    )
+                part.put(data)
+                self._came(length)
         finally:
             for _, _, question in asked:
                 question.cancel()
-
-    def read(self, part: PartFile, offset: int, length: int) -> bytes:
-        """Read as from a file, fetching what is missing. Raises as `fetch` does."""
-        self.fetch(part, [(offset, offset + length)])
-        return part.read(offset, length)
 
     def _ask(self, name: str, offset: int, length: int) -> tuple[VehicleFile, bytes]:
         size, began = self._window.size, time.monotonic()
         answer = self._files.part(name, offset, length)
         self._window.answered(size, time.monotonic() - began)
         return answer
-
-    def _keep(
-        self, part: PartFile, offset: int, length: int, file: VehicleFile, data: bytes
-    ) -> None:
-        if file.identity != part.file.identity:
-            raise ChangedError(file)
-        if len(data) != length:
-            raise LinkError(
-                f"{len(data)} bytes of {part.file.name} at {offset} came instead of {length}"
-            )
-        part.put(offset, data)
-        self._came(length)

@@ -10,7 +10,7 @@ from console.catalogue.completeness import WORTH_TELLING, Completeness, State
 from console.runs.report_folders import report_folder
 from console.transfers.download import Download
 from console.transfers.job import NotYetError
-from console.transfers.vehicle_files import VehicleFile, why_open
+from console.transfers.vehicle_files import VehicleFile
 from flight_log.comparison import EDGE_NS, Comparison
 from flight_log.file import sync_folder
 from flight_log.merge import LEAD_NS, merge
@@ -43,7 +43,7 @@ def complete_run(
     torn = [file for file in on_board if not file.closed and not file.start_ns]
     for file in (*wanted, *torn * (not is_covered)):
         if not file.closed:
-            raise NotYetError(why_open(download.files, file))
+            raise NotYetError(download.files.why_open(file))
     for file in wanted:
         copies = [*vehicle_logs(folder), download.folder / file.name]
         copies += (path for one in folder.parent.iterdir() for path in vehicle_logs(one))

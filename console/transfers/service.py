@@ -8,7 +8,7 @@ from typing import Any
 from console.catalogue.catalogue import Catalogue
 from console.parameters.station import RecorderParameters
 from console.transfers.desk import TransferDesk
-from console.transfers.vehicle_files import LinkedFiles
+from console.transfers.vehicle_files import VehicleFiles
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from vehicle_link.messages import new
 from vehicle_link.topics import SERVICES, TOPICS
@@ -40,7 +40,7 @@ class Transfers:
         vehicle_ns: Callable[[], int],
     ) -> None:
         self._link_state, self._vehicle_ns = link_state, vehicle_ns
-        self._files = LinkedFiles(node)
+        self._files = VehicleFiles(node)
         self.desk = TransferDesk(catalogue, vehicle, self._files, link_state, parameters, say)
         self._publisher = node.advertise(TOPICS["transfers"])
         node.serve("station/transfer", SERVICES["transfer"], Idempotent(self._transfer))

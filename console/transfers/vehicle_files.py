@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import zlib
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from quadrotor.errors import LinkError, RefusedError
 from vehicle_link.messages import new
@@ -33,18 +33,11 @@ class VehicleFile:
     recovered: bool = False
 
 
-class VehicleFiles(Protocol):
-    """Every method raises LinkError without an answer, RefusedError with the vehicle's reason."""
+class VehicleFiles:
+    """The files of the vehicle of `node`; thread-safe.
 
-    def files(self) -> list[VehicleFile]: ...
-
-    def part(self, name: str, offset: int, length: int) -> tuple[VehicleFile, bytes]: ...
-
-    def sha256(self, name: str) -> tuple[VehicleFile, bytes]: ...
-
-
-class LinkedFiles:
-    """VehicleFiles of the vehicle of `node`. Its methods may be called from several threads."""
+    Every method raises LinkError without an answer, RefusedError with the vehicle's reason.
+    """
 
     def __init__(self, node: Node) -> None:
         self._clients = {
@@ -53,7 +46,7 @@ class LinkedFiles:
         }
 
     def listed(self, request: Any) -> Any:
-        """Return the vehicle's own answer. Raises LinkError."""
+        """Return the vehicle's own answer to a request for its files."""
         return self._clients["onboard_files"].call(request, timeout=TIMEOUT)
 
     def files(self) -> list[VehicleFile]:
@@ -71,27 +64,23 @@ class LinkedFiles:
         answer = self._ask("onboard_part", SUM_TIMEOUT, name=name, offset=0, length=0)
         return _file(answer.file), bytes(answer.sha256)
 
+    def why_open(self, file: VehicleFile) -> str:
+        """Return why a file is not closed; for a torn one the vehicle knows when it is mended."""
+        name = check_name(file.name)
+        if file.start_ns:
+            return f"{name} is still being written on board; it is fetched when it is closed"
+        try:
+            self.sha256(name)
+        except RefusedError as error:
+            return str(error)
+        return f"{name} is not closed on board yet; it is fetched when it is"
+
     def _ask(self, service: str, timeout: float = TIMEOUT, **fields: Any) -> Any:
         request = new(f"{SERVICES[service]}_Request", requester="station", **fields)
         answer = self._clients[service].call(request, timeout=timeout)
         if not answer.accepted:
             raise RefusedError(str(answer.reason) or f"the vehicle refused {service}")
         return answer
-
-
-def why_open(files: VehicleFiles, file: VehicleFile) -> str:
-    """Return why a file is not closed; for a torn one the vehicle knows when it is mended.
-
-    Raises LinkError, RefusedError for what is no name of a log.
-    """
-    name = check_name(file.name)
-    if file.start_ns:
-        return f"{name} is still being written on board; it is fetched when it is closed"
-    try:
-        files.sha256(name)
-    except RefusedError as error:
-        return str(error)
-    return f"{name} is not closed on board yet; it is fetched when it is"
 
 
 def check_name(name: str) -> str:
@@ -102,12 +91,4 @@ def check_name(name: str) -> str:
 
 
 def _file(message: Any) -> VehicleFile:
-    return VehicleFile(
-        str(message.name),
-        int(message.size),
-        int(message.identity),
-        int(message.start_ns),
-        int(message.end_ns),
-        bool(message.closed),
-        bool(message.recovered),
-    )
+    return VehicleFile(**{name: getattr(message, name) for name in VehicleFile.__slots__})

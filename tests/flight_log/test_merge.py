@@ -16,11 +16,14 @@ from flight_log.check import check_log
 from flight_log.comparison import Comparison
 from flight_log.file import LogFile
 from flight_log.merge import merge
+from flight_log.run import read_run
 from flight_log.run_folder import MERGED, STATION, VEHICLE, log_of, run_bytes
 from flight_log.tick_columns import TICK_TOPICS
+from flight_log.topic_columns import ColumnReader
 from flight_log.writer import FILLED_METADATA, LogWriter
 from tests.flight_log.drop_outs import OFFSET_NS, START_NS, Flight, flown, with_holes
 from vehicle_link import topics
+from vehicle_link.messages import definition
 
 
 def run_of(folder: Path, flight: Flight, heard: frozenset[int] = frozenset()) -> Path:
@@ -199,6 +202,56 @@ def test_a_log_of_another_run_is_left_out(tmp_path: Path, which: str) -> None:
     found = spoiled(run, f"{VEHICLE} {'is of quad2' if which == 'vehicle' else 'has no tick'}")
     assert found.messages == 0
     assert list(read_log(run)) == recorded
+
+
+def test_a_vehicle_s_log_of_an_older_version_is_merged_with_the_fields_it_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flight = Flight(flown(400), with_holes(400, 3))
+    run = run_of(tmp_path, flight)
+    now = list(read_log(run / VEHICLE))
+    (run / VEHICLE).unlink()
+    whole = definition("quadlab_msgs/Actuators")
+    older = whole.replace("float64 scaling\n", "")
+    assert older != whole
+    with monkeypatch.context() as before, LogWriter(run / VEHICLE, {"vehicle": "quad1"}, {}) as log:
+        before.setattr(
+            "vehicle_link.messages.definition",
+            lambda kind: older if kind.endswith("Actuators") else definition(kind),
+        )
+        for m in now:
+            payload = m.payload[:-8] if m.topic.endswith("actuators") else m.payload
+            log.write(m.topic, m.type_name, payload, m.log_ns, m.publish_ns)
+    vehicle = (run / VEHICLE).read_bytes()
+    found = merge(run)
+    assert (found.missing, found.problems) == (0.0, [])
+    assert (run / VEHICLE).read_bytes() == vehicle
+    for topic in TICK_TOPICS:
+        assert stamps_of(run, topic) == flight.stamps.tolist()
+    actuators = read_run(ColumnReader(run)).topics["actuators"]
+    motors = flight.ticks["actuators"]["motor_references"][:, 0].astype(np.float32)
+    assert actuators.values("motor_references[0]").tolist() == motors.tolist()
+    assert np.isnan(actuators.values("scaling")).all()
+
+
+def test_a_merge_while_the_vehicle_s_log_is_still_coming_makes_nothing_and_spoils_nothing(
+    tmp_path: Path,
+) -> None:
+    flight = Flight(flown(400), with_holes(400, 3))
+    run = run_of(tmp_path, flight)
+    part = run / "quad1_1.mcap.part"
+    (run / VEHICLE).rename(part)
+    whole = part.read_bytes()
+    part.write_bytes(whole[:5000])
+    found = merge(run)
+    assert (found.messages, found.filled) == (0, 0.0)
+    assert log_of(run).name == STATION
+    assert sorted(path.name for path in run.iterdir()) == [part.name, STATION]
+    assert part.read_bytes() == whole[:5000]
+    part.write_bytes(whole)
+    part.rename(run / VEHICLE)
+    merge(run)
+    assert stamps_of(run, "state") == flight.stamps.tolist()
 
 
 def test_a_run_without_a_log_of_the_vehicle_is_the_station_s(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from console.transfers.job import Job, NotYetError
 from console.transfers.part_file import NoRoomError, PartFile
 from console.transfers.run_logs import complete_run
 from console.transfers.service import Transfers
-from console.transfers.vehicle_files import LinkedFiles
+from console.transfers.vehicle_files import VehicleFiles
 from flight_log import read_log, read_metadata, recover
 from flight_log.run_folder import MERGED, STATION, VEHICLE, run_bytes
 from flight_log.tick_columns import TICK_TOPICS
@@ -91,7 +91,7 @@ def in_process(function: Callable[..., Any], *arguments: Any, check: Any) -> Any
 
 
 def download_of(link: Link, folder: Path, name: str = "flight.mcap") -> Download:
-    files = LinkedFiles(link)  # type: ignore[arg-type]
+    files = VehicleFiles(link)  # type: ignore[arg-type]
     fetcher = Fetcher(files, lambda count: None)
     job = Job(1, "download", name)
 
@@ -126,58 +126,55 @@ def test_a_fetch_that_is_cut_off_anywhere_goes_on_with_what_is_lacking(
     print("seed", seed)
     random = np.random.default_rng(seed)
     data = random_file(onboard, 60_000, seed)
-    files = LinkedFiles(link)  # type: ignore[arg-type]
+    files = VehicleFiles(link)  # type: ignore[arg-type]
     file = files.files()[0]
     fetcher = Fetcher(files, lambda count: None)
-    came: set[tuple[int, int]] = set()
     for _ in range(8):
         link.cut_at = len(link.asked) + int(random.integers(1, 4))
         part = PartFile(tmp_path / "here", file)
         with pytest.raises(LinkError):
-            fetcher.fetch(part, [(0, file.size)])
+            fetcher.fetch(part)
         kept = part.size
         part.close()
-        # Killed in the middle of a line, or of a piece the machine had not put on the disk.
-        journal = part.journal.read_bytes()
-        cut = len(journal) - int(random.integers(0, 30))
-        if cut > journal.index(b"\n"):
-            part.journal.write_bytes(journal[:cut])
-        came.update(link.asked)
-        assert PartFile(tmp_path / "here", file).size >= kept - 2 * 2800
+        # Killed in the middle of a piece, or before the machine had put it on the disk.
+        data_here = part.path.read_bytes()
+        part.path.write_bytes(data_here[: max(0, kept - int(random.integers(0, 4000)))])
+        assert PartFile(tmp_path / "here", file).size >= kept - 4000
     link.cut_at = None
     before = len(link.asked)
     part = PartFile(tmp_path / "here", file)
     lacking = file.size - part.size
-    fetcher.fetch(part, [(0, file.size)])
+    fetcher.fetch(part)
     assert sum(length for _, length in link.asked[before:]) == lacking
     assert part.path.read_bytes() == data
 
 
-def test_bytes_that_do_not_have_their_checksum_are_asked_for_again(
-    tmp_path: Path, link: Link, onboard: Path
+def test_what_came_and_has_not_the_vehicle_s_checksum_is_fetched_again(
+    bench: Bench, onboard: Path, link: Link
 ) -> None:
     data = random_file(onboard, 40_000)
-    files = LinkedFiles(link)  # type: ignore[arg-type]
-    file = files.files()[0]
-    part = PartFile(tmp_path / "here", file)
-    fetcher = Fetcher(files, lambda count: None)
-    fetcher.fetch(part, [(0, file.size)])
-    part.close()
-    spoiled = bytearray(data)
-    spoiled[3000:3010] = bytes(10)  # the journal came to the disk and the data did not
-    part.path.write_bytes(spoiled)
-    link.asked.clear()
-    part = PartFile(tmp_path / "here", file)
-    fetcher.fetch(part, [(0, file.size)])
-    assert link.asked == [(2800, 2800)]
-    assert part.path.read_bytes() == data
+    link.cut_at = 4
+    bench.desk.start()
+    bench.desk.ask("download", "flight.mcap")
+    assert until(lambda: "cut" in bench.desk.jobs()[0].problem)
+    bench.desk.close()
+    part = bench.desk.folder / "flight.mcap.part"
+    spoiled = bytearray(part.read_bytes())
+    spoiled[3000:3010] = bytes(10)  # the disk lost them
+    part.write_bytes(spoiled)
+    link.cut_at = None
+    bench.desk = bench.new_desk()
+    bench.desk.start()
+    assert ended(bench, "flight.mcap").phase == "done"
+    assert (bench.desk.folder / "flight.mcap").read_bytes() == data
+    assert link.asked.count((2800, 2800)) == 2
 
 
 def test_another_content_under_the_name_is_begun_again(
     tmp_path: Path, link: Link, onboard: Path
 ) -> None:
     random_file(onboard, 40_000)
-    files = LinkedFiles(link)  # type: ignore[arg-type]
+    files = VehicleFiles(link)  # type: ignore[arg-type]
 
     def replaced(number: int) -> None:
         if number == 4:
@@ -191,11 +188,12 @@ def test_another_content_under_the_name_is_begun_again(
     part = PartFile(tmp_path / "here", file)
     fetcher = Fetcher(files, lambda count: None)
     with pytest.raises(ChangedError) as changed:
-        fetcher.fetch(part, [(0, file.size)])
+        fetcher.fetch(part)
     part.close()
-    part = PartFile(tmp_path / "here", changed.value.file)
+    assert "another file" in str(changed.value)
+    part = PartFile(tmp_path / "here", files.files()[0])
     assert part.restarted
-    fetcher.fetch(part, [(0, part.file.size)])
+    fetcher.fetch(part)
     assert part.path.read_bytes() == (onboard / "flight.mcap").read_bytes()
 
 
@@ -373,7 +371,7 @@ class Bench:
         return TransferDesk(
             self.catalogue,
             vehicle,
-            LinkedFiles(self.link),  # type: ignore[arg-type]
+            VehicleFiles(self.link),  # type: ignore[arg-type]
             lambda: self.state,
             self.parameters,
             lambda level, line: self.lines.append(line),
@@ -517,14 +515,14 @@ def test_no_room_for_a_piece_is_told_as_such(
     tmp_path: Path, link: Link, onboard: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     random_file(onboard, 40_000)
-    part = PartFile(tmp_path / "here", LinkedFiles(link).files()[0])  # type: ignore[arg-type]
+    part = PartFile(tmp_path / "here", VehicleFiles(link).files()[0])  # type: ignore[arg-type]
 
     def full(*_: Any) -> int:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("os.pwrite", full)
+    monkeypatch.setattr("os.write", full)
     with pytest.raises(NoRoomError, match="No space"):
-        part.put(0, b"x")
+        part.put(b"x")
 
 
 def test_a_file_that_is_gone_meanwhile_is_one_clear_line(
