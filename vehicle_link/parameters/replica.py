@@ -16,7 +16,8 @@ from vehicle_link.clock import monotonic
 from vehicle_link.parameters.authority import VEHICLE, authority_of
 
 MISSED = 0.5
-"""s after which a revision that the vehicle shows and no change brought needs a snapshot."""
+"""s after which a revision that the vehicle shows needs a snapshot, when no change brought it or
+one before it."""
 
 
 class Snapshot(NamedTuple):
@@ -54,6 +55,8 @@ class ParameterReplica:
         self._instances: dict[str, int] = {}  # by authority, whose revisions are kept
         self.is_whole = False
         self._behind_since: float | None = None
+        self._complete = -1  # the vehicle's revision up to which no change is missing
+        self._beyond: set[int] = set()  # revisions that came after a missing one
         self.revision = -1
         self.instance: int | None = None
         self.shown: tuple[int, int] | None = None
@@ -101,6 +104,8 @@ class ParameterReplica:
                 if name not in newer and authority_of(name) == VEHICLE:
                     self._revisions[name] = max(self._revisions.get(name, -1), revision)
             self.revision = max(self.revision, revision)
+            self._complete = max(self._complete, revision)
+            self._close_ranks()
             self.instance, self.is_whole, self._behind_since = instance, True, None
             return Snapshot(before, dict(self._values), revision, instance, instance_before)
 
@@ -122,6 +127,8 @@ class ParameterReplica:
                 if known != instance:
                     self._forget(authority)
                     self._instances[authority] = instance or 0
+                if authority == VEHICLE:
+                    self._beyond.add(revision)
                 if revision < self._revisions.get(name, -1):
                     continue
                 self._revisions[name], self._taken[name] = revision, self.clock
@@ -129,6 +136,7 @@ class ParameterReplica:
                     self.revision = max(self.revision, revision)
                 if self._values.get(name) != value:
                     self._values[name] = news[name] = value
+            self._close_ranks()
         return news
 
     # ------------------------------------------------------------------ read
@@ -167,7 +175,15 @@ class ParameterReplica:
     # ------------------------------------------------------------------ inside
     def _is_behind(self) -> bool:
         instance, revision = self.shown or (None, -1)
-        return self.instance is None or instance != self.instance or revision > self.revision
+        return self.instance is None or instance != self.instance or revision > self._complete
+
+    def _close_ranks(self) -> None:
+        """Advance `_complete` over the revisions that follow it without a gap: each change has
+        the next number.
+        """
+        while self._complete + 1 in self._beyond:
+            self._complete += 1
+        self._beyond = {revision for revision in self._beyond if revision > self._complete}
 
     def _forget(self, authority: str) -> None:
         """Forget the revisions of a process that is gone."""
@@ -175,7 +191,8 @@ class ParameterReplica:
             del self._revisions[name]
             self._taken.pop(name, None)
         if authority == VEHICLE:
-            self.revision = -1
+            self.revision = self._complete = -1
+            self._beyond.clear()
 
     def _newest(self) -> int:
         """Return the vehicle's newest revision that is known by name."""

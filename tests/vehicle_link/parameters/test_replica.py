@@ -68,6 +68,28 @@ def test_a_change_that_was_missed_needs_a_snapshot(
     assert (replica.in_step, replica.is_due) == (True, False)
 
 
+def test_a_newer_change_does_not_hide_one_that_was_missed(
+    replica: ParameterReplica, later: list[float]
+) -> None:
+    replica.apply({KP: 5.0}, 5, 1)
+    replica.show(1, 5)
+    assert (replica.in_step, replica.is_due) == (False, False)
+    later[0] = 1.1 * MISSED
+    assert replica.is_due
+    replica.load({KP: 5.0, KV: 9.0}, 5, 1)
+    assert (replica.in_step, replica.is_due, replica.value(KV)) == (True, False, 9.0)
+
+
+def test_changes_may_overtake_each_other(replica: ParameterReplica, later: list[float]) -> None:
+    replica.apply({KP: 5.0}, 6, 1)
+    replica.apply({KV: 9.0}, 4, 1)
+    replica.apply({KP: 4.5}, 5, 1)
+    replica.show(1, 6)
+    later[0] = 10 * MISSED
+    assert (replica.in_step, replica.is_due) == (True, False)
+    assert (replica.value(KP), replica.value(KV)) == (5.0, 9.0)
+
+
 def test_another_process_needs_a_snapshot_at_once(replica: ParameterReplica) -> None:
     replica.apply({KP: 5.0}, 40, 1)
     replica.show(2, 0)

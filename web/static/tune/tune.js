@@ -106,7 +106,7 @@ export class Tune {
     const turn = (this.turn = (this.turn ?? 0) + 1);
     const chosen = this.runs.filter((run) => this.chosen.has(run.id)).reverse(); // oldest first
     const letters = chosen.map((_, i) => LETTERS[i]), colors = colorsOf(chosen);
-    this.list.show(this.runs, new Map(chosen.map((run, i) => [run.id, letters[i]])), new Map(chosen.map((run, i) => [run.id, colors[i]])));
+    if (this.isKnown) this.list.show(this.runs, new Map(chosen.map((run, i) => [run.id, letters[i]])), new Map(chosen.map((run, i) => [run.id, colors[i]])));
     this.figures.replaceChildren(figuresTable(chosen, letters, colors));
     this.gains.replaceChildren(gainsTable(chosen, letters, colors, (run) => this.putBack(run), this.isOperator));
     if (this.place.hidden) return; // the chart has no size; drawn when the tab is opened

@@ -20,6 +20,7 @@ def tab(open_page: Any, tune_site: Any) -> Iterator[Any]:
     """A page with the tab open, on a vehicle in hover."""
     page = open_page(tune_site)
     page.click("[data-tab=tune]")
+    page.wait_for_selector("#tab-tune .tests li")  # the kept tests have been read
     vehicle = tune_site.vehicle
     yield page
     vehicle.behavior, vehicle.airborne, vehicle.log_problem = "hover", True, ""
