@@ -18,8 +18,10 @@ import numpy.typing as npt
 from flight_log.topic_columns import ColumnReader, Columns
 from quadrotor.errors import LogFormatError
 
-Floats = npt.NDArray[np.float32]
+Floats = npt.NDArray[np.floating[Any]]
 Stamps = npt.NDArray[np.int64]
+
+HEADER_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
 OBJECT_BYTES = 80
 """Size of a text or payload besides its letters."""
@@ -57,11 +59,11 @@ class Growing:
 
 
 class Column:
-    """float32 numbers, NaN where a message has none."""
+    """Numbers of one kind, NaN where a message has none."""
 
-    def __init__(self, path: Path | None) -> None:
-        self._first = np.float32(np.nan)
-        self._values = Growing(np.float32, path)
+    def __init__(self, path: Path | None, dtype: np.dtype[Any]) -> None:
+        self._first = dtype.type(np.nan)
+        self._values = Growing(dtype, path)
         self.count = 0
 
     @property
@@ -80,7 +82,7 @@ class Column:
             return
         if not self._values.count:
             if self.count == 0:
-                self._first = np.float32(values[0])
+                self._first = values[0]
             same = np.isnan(values) if np.isnan(self._first) else values == self._first
             if same.all():
                 self.count += len(values)
@@ -92,7 +94,7 @@ class Column:
     def fill(self, count: int) -> None:
         """Add NaN up to `count` values, for messages without this number."""
         if count > self.count:
-            self.extend(np.full(count - self.count, np.nan, np.float32))
+            self.extend(np.full(count - self.count, np.nan, self._first.dtype))
 
     def read(self) -> Floats:
         """Return all of it, shape (count,), not to be written into."""
@@ -108,6 +110,7 @@ class Topic:
         folder: where its columns are kept; None for in memory.
         most_payloads: how many payloads of a topic wanted whole are kept.
         received: whether the stamps of reception are kept too.
+        dtype: of its numbers.
 
     Attributes:
         texts: of each the places (index, text) where it changes.
@@ -120,8 +123,9 @@ class Topic:
         most_payloads: int = 0,
         *,
         received: bool = True,
+        dtype: npt.DTypeLike = np.float32,
     ) -> None:
-        self.type_name = type_name
+        self.type_name, self._dtype = type_name, np.dtype(dtype)
         self.columns: dict[str, Column] = {}
         self.texts: dict[str, list[tuple[int, str]]] = {}
         self.payloads: list[bytes] = []
@@ -147,7 +151,9 @@ class Topic:
                     continue
                 made += 1
                 name = str(len(self.columns))
-                column = self.columns[path] = Column(self._folder and self._folder / name)
+                column = self.columns[path] = Column(
+                    self._folder and self._folder / name, self._dtype
+                )
             column.fill(before)
             column.extend(values)
         payloads = columns.payloads[: max(self._most_payloads - len(self.payloads), 0)]
@@ -174,6 +180,14 @@ class Topic:
         """Return the stamps of the source, (N,)."""
         return self._publish_ns.read()
 
+    @property
+    def header_ns(self) -> Stamps:
+        """Return the stamps in the messages' headers, (N,), where HEADER_STAMP was read as
+        float64.
+        """
+        seconds, rest = (self.values(name).astype(np.int64) for name in HEADER_STAMP)
+        return seconds * 1_000_000_000 + rest
+
     def give_up_stamps(self) -> None:
         """Free the stamps after their last use: of a long log they are most of it."""
         self._log_ns, self._publish_ns = Growing(np.int64, None), Growing(np.int64, None)
@@ -182,13 +196,13 @@ class Topic:
         """Return a number, (N,), NaN where there is none; not to be written into."""
         column = self.columns.get(name)
         if column is None:
-            return np.broadcast_to(np.float32(np.nan), len(self))
+            return np.broadcast_to(np.array(np.nan, self._dtype), len(self))
         column.fill(len(self))
         return column.read()
 
     def take(self, names: Collection[str]) -> Floats:
         """Return (N, len(names)), NaN for a number the topic does not have; free the columns."""
-        out = np.empty((len(self), len(names)), np.float32)
+        out = np.empty((len(self), len(names)), self._dtype)
         for k, name in enumerate(names):
             out[:, k] = self.values(name)
             self.columns.pop(name, None)
@@ -220,22 +234,27 @@ def gather(
             if topic is None:
                 place = folder and folder / f"topic{len(topics)}"
                 topic = topics[columns.topic] = Topic(
-                    columns.type_name, place, most_payloads, received=received
+                    columns.type_name, place, most_payloads, received=received, dtype=reader.dtype
                 )
             if topic.type_name == columns.type_name:
                 most_columns -= topic.extend(columns, most_columns)
         if sum(one.size for one in topics.values()) > most_bytes:
             raise LogFormatError(
                 f"{reader.log.path.name} has more than {most_bytes / 1e6:.0f} MB of times and "
-                "values to hold at once: cut it with `mcap filter --output-compression lz4 "
-                "--start … --end …`, or export it with `quadlab log export`"
+                "values to hold at once: cut it with `mcap filter --include-attachments "
+                "--output-compression lz4 --start … --end …`, or export it with `quadlab log "
+                "export`"
             )
         look(topics, batch.share)
     return topics
 
 
 def read_topics(
-    log: Path, vehicle: str, wanted: Mapping[str, Collection[str]], whole: tuple[str, ...] = ()
+    log: Path,
+    vehicle: str,
+    wanted: Mapping[str, Collection[str]],
+    whole: tuple[str, ...] = (),
+    dtype: npt.DTypeLike = np.float32,
 ) -> dict[str, Topic]:
     """Return topics of one vehicle, by name without namespace; one without messages is empty.
 
@@ -245,6 +264,6 @@ def read_topics(
 
     Raises LogFormatError or StorageError.
     """
-    found = gather(ColumnReader(log, whole, wanted), received=False)
+    found = gather(ColumnReader(log, whole, wanted, dtype=dtype), received=False)
     names = dict.fromkeys((*wanted, *(one.lstrip("/") for one in whole)))
     return {name: found.get(f"/{vehicle}/{name}") or Topic("") for name in names}

@@ -32,7 +32,8 @@ MOST_NUMBERS = 4000
 """Most numbers of one payload that become signals."""
 MOST_TEXT = 1_000_000
 """Bytes of one text, and of a sequence's texts together."""
-_NAMELESS = frozenset({"header", "stamp"})  # times have their own way
+HEADERS = frozenset({"header", "stamp"})
+"""Fields that are no signals: times have their own way."""
 _LENGTH = struct.Struct("<I")
 _OCTETS = {"byte": "uint8", "char": "uint8", "bool": "uint8", "octet": "uint8"}
 
@@ -58,13 +59,17 @@ class PayloadLayout:
 class SchemaLayouts:
     """Layouts of one schema.
 
+    Args:
+        stamps: whether the numbers and texts of headers are wanted too.
+
     Attributes:
         grows: whether a message may have more numbers than another one.
 
     Raises LogFormatError when it is of a kind not read here.
     """
 
-    def __init__(self, schema: Schema) -> None:
+    def __init__(self, schema: Schema, *, stamps: bool = False) -> None:
+        self._unwanted = frozenset() if stamps else HEADERS
         if schema.encoding != "ros2msg":
             raise LogFormatError(
                 f"{schema.name} is described in {schema.encoding!r}; only ros2msg is read"
@@ -111,7 +116,7 @@ class SchemaLayouts:
                 and self._grows(str(details[0][1]))
             )
             for key, (kind, details) in self._types[name][1]
-            if key not in _NAMELESS
+            if key not in HEADERS
         )
 
     def of(self, payload: bytes) -> PayloadLayout:
@@ -120,7 +125,7 @@ class SchemaLayouts:
         """
         if len(payload) < 4 or payload[1] != 1:
             raise LogFormatError(f"{self._name}: only little-endian CDR is read")
-        walk = _Walk(payload, self._types)
+        walk = _Walk(payload, self._types, self._unwanted)
         try:
             walk.message(self._name, "", shown=True)
         except (struct.error, KeyError, RecursionError) as error:
@@ -129,9 +134,8 @@ class SchemaLayouts:
 
 
 class _Walk:
-    def __init__(self, payload: bytes, types: Mapping[str, Any]) -> None:
-        self._payload = payload
-        self._types = types
+    def __init__(self, payload: bytes, types: Mapping[str, Any], unwanted: frozenset[str]) -> None:
+        self._payload, self._types, self._unwanted = payload, types, unwanted
         self._at = 4
         self._parts = 0
         self.layout = PayloadLayout(len(payload))
@@ -140,7 +144,7 @@ class _Walk:
         self._count_part()
         for key, (kind, details) in self._types[name][1]:
             path = f"{prefix}{key}"
-            wanted = shown and key not in _NAMELESS
+            wanted = shown and key not in self._unwanted
             if kind == Nodetype.BASE:
                 self._base(str(details[0]), path, shown=wanted)
             elif kind == Nodetype.NAME:

@@ -68,7 +68,7 @@ class ColumnReader:
     Args:
         whole: ends of topic names (`/events`) whose payloads are wanted too.
         wanted: paths of the numbers and texts to be read by last part of the topic's name; of
-            other topics only the times. None for all there are.
+            other topics only the times. None for all there are but those of headers.
         topics: only these; None for all.
         dtype: of the numbers; float64 keeps them as they are, whole ones beyond 2^53 apart.
 
@@ -91,7 +91,7 @@ class ColumnReader:
         self._wanted = wanted
         self.problems: dict[str, str] = {}
         self.foreign: set[str] = set()
-        self._whole, self._chosen, self._dtype = whole, topics, np.dtype(dtype)
+        self._whole, self._chosen, self.dtype = whole, topics, np.dtype(dtype)
         self._topics: dict[int, _TopicReader | None] = {}
 
     def __iter__(self) -> Iterator[Batch]:
@@ -128,7 +128,7 @@ class ColumnReader:
                     )
                 if schema is NO_SCHEMA:
                     raise LogFormatError("the log does not describe its messages")
-                layouts = SchemaLayouts(schema)
+                layouts = SchemaLayouts(schema, stamps=self._wanted is not None)
                 self.foreign.update(layouts.foreign)
                 paths = None
                 if self._wanted is not None:
@@ -140,7 +140,7 @@ class ColumnReader:
                     layouts,
                     is_whole,
                     paths,
-                    self._dtype,
+                    self.dtype,
                 )
             except LogFormatError as error:
                 self.problems[channel.topic] = str(error)

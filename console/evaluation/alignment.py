@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import numpy.typing as npt
 
@@ -14,31 +12,19 @@ LARGEST_GAP_NS = 20_000_000
 """Between messages farther apart nothing is interpolated."""
 
 
-def at_stamps(stamps: Stamps, messages: Mapping[int, Array]) -> tuple[Array, npt.NDArray[np.bool_]]:
+def between(
+    stamps: Stamps, given: Stamps, values: npt.NDArray[np.floating]
+) -> tuple[Array, npt.NDArray[np.bool_]]:
     """Interpolate linearly between the neighbours; exactly a message where one has the very stamp.
 
     In simulated time the stamps of all topics meet; over a link each source has its own.
 
     Args:
-        stamps: (N,) ns. messages: stamp in ns → (K,) values; quaternions in them must not flip
+        stamps: (N,) ns. given: (M,) ns, rising. values: (M, K); quaternions in them must not flip
             their sign between neighbours farther than they turn.
 
     Returns:
         (N, K) values, and (N,) which of them are known; the others are NaN.
-    """
-    if not messages:
-        return np.full((len(stamps), 0), np.nan), np.zeros(len(stamps), bool)
-    given = np.array(sorted(messages), np.int64)
-    return between(stamps, given, np.array([messages[int(ns)] for ns in given]))
-
-
-def between(
-    stamps: Stamps, given: Stamps, values: npt.NDArray[np.floating]
-) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Interpolate as `at_stamps` does, for messages in columns.
-
-    Args:
-        given: (M,) ns, rising. values: (M, K).
     """
     if not len(given):
         return np.full((len(stamps), values.shape[1]), np.nan), np.zeros(len(stamps), bool)

@@ -8,12 +8,22 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from console.evaluation.alignment import at_stamps
-from flight_log.reader import read_log
+from console.evaluation.alignment import between
+from flight_log.gathered import HEADER_STAMP, Topic, read_topics
 from quadrotor.errors import LogFormatError
-from vehicle_link.topics import decode_odometry, decode_pose, decode_reference
 
 Array = npt.NDArray[np.float64]
+Stamps = npt.NDArray[np.int64]
+
+POSE = (
+    *(f"pose.position.{axis}" for axis in "xyz"),
+    *(f"pose.orientation.{axis}" for axis in "wxyz"),
+)
+WANTED = {
+    "truth": (*HEADER_STAMP, *(f"pose.{name}" for name in POSE)),
+    "tracker_pose": (*HEADER_STAMP, *POSE),
+    "reference": (*HEADER_STAMP, "position.x", "position.y", "position.z", "yaw"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,39 +51,34 @@ def tracking_errors(log: Path, vehicle: str, start: float, end: float) -> Tracki
     Where there is no truth, the tracker's poses count as it. Raises LogFormatError when either or
     the reference is missing there.
     """
-    found: dict[str, dict[int, Array]] = {"truth": {}, "tracker_pose": {}, "reference": {}}
-    for message in read_log(log, {f"/{vehicle}/{topic}" for topic in found}):
-        if not start <= message.publish_ns * 1e-9 <= end:
-            continue
-        topic = message.topic.rsplit("/", 1)[1]
-        if topic == "reference":
-            stamp_ns, wanted = decode_reference(message.payload)
-            yaw = float(wanted["yaw"][0])
-            turn = (np.cos(yaw), np.sin(yaw))
-            position_w = wanted["position_w"][0]
-        else:
-            if topic == "truth":
-                stamp_ns, pose = decode_odometry(message.payload)
-            else:
-                pose = decode_pose(message.payload)
-                stamp_ns = int(pose["stamp_ns"][0])
-            w, x, y, z = pose["quaternion_wb"][0]
-            turn = (1 - 2 * (y * y + z * z), 2 * (w * z + x * y))
-            position_w = pose["position_w"][0]
-        found[topic][stamp_ns] = np.array([*position_w, *turn])
-    truth, reference = found["truth"] or found["tracker_pose"], found["reference"]
-    stamps = np.array(sorted(truth), np.int64)
-    wanted_at, known = at_stamps(stamps, reference)
+    found = read_topics(log, vehicle, WANTED, dtype=np.float64)
+    topic = "truth" if len(found["truth"]) else "tracker_pose"
+    stamps, pose = _rows(found[topic], WANTED[topic], start, end)
+    if topic == "tracker_pose":
+        pose[:, 5:] /= np.linalg.norm(pose[:, 5:], axis=1, keepdims=True)
+    given, reference = _rows(found["reference"], WANTED["reference"], start, end)
+    yaw = reference[:, 5]
+    turns = np.column_stack([np.cos(yaw), np.sin(yaw)])
+    wanted, known = between(stamps, given, np.hstack([reference[:, 2:5], turns]))
     if not known.any():
         raise LogFormatError(
-            f"{log.name} has {len(truth)} truth and {len(reference)} reference messages between "
+            f"{log.name} has {len(stamps)} truth and {len(given)} reference messages between "
             f"{start:.1f} s and {end:.1f} s, none at common times; was it flown to the end?"
         )
-    true_at = np.array([truth[int(ns)] for ns in stamps[known]])
-    wanted_at = wanted_at[known]
-    yaw_error = np.arctan2(true_at[:, 4], true_at[:, 3]) - np.arctan2(
-        wanted_at[:, 4], wanted_at[:, 3]
+    position_w, (w, x, y, z) = pose[known, 2:5], pose[known, 5:].T
+    wanted = wanted[known]
+    yaw_error = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) - np.arctan2(
+        wanted[:, 4], wanted[:, 3]
     )
     wrapped: Array = (yaw_error + np.pi) % (2 * np.pi) - np.pi
-    times = stamps[known].astype(np.float64) * 1e-9
-    return TrackingErrors(times, true_at[:, :3] - wanted_at[:, :3], wrapped)
+    return TrackingErrors(
+        stamps[known].astype(np.float64) * 1e-9, position_w - wanted[:, :3], wrapped
+    )
+
+
+def _rows(topic: Topic, names: tuple[str, ...], start: float, end: float) -> tuple[Stamps, Array]:
+    """Return the messages of a window (s) by rising stamps: these, (N,), and numbers."""
+    time = topic.publish_ns * 1e-9
+    inside = (start <= time) & (time <= end)
+    stamps, first = np.unique(topic.header_ns[inside], return_index=True)
+    return stamps, topic.take(names)[inside][first].astype(np.float64, copy=False)

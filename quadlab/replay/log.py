@@ -4,39 +4,48 @@ parameters.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import partial
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from flight_log import LogMessage, read_attachments, read_log
 from flight_log.attached import json_value, logged_value
-from flight_log.records import ReadState
-from quadlab.replay.gathered import Columns, Gathered
+from flight_log.gathered import HEADER_STAMP, Topic, gather
+from flight_log.index import NO_END, is_closed
+from flight_log.topic_columns import ColumnReader
 from quadlab.simulated.flight import FlightParameters
-from quadrotor.errors import LinkError, LogFormatError, MeasurementError, ParameterError
+from quadrotor.errors import LogFormatError, MeasurementError, ParameterError
 from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.plain_rotations import rotate
 from quadrotor.records import IMU_SAMPLE, STATE, Record
 from vehicle_link.messages import decode, stamp_of
-from vehicle_link.topics import decode_bearings, decode_odometry, decode_pose
-from vehicle_link.topics.ticks import FROM_ROS, SECOND_NS, WORLD, body_frame, layout
+from vehicle_link.topics import decode_bearings, decode_pose
+from vehicle_link.topics.ticks import FROM_ROS, SECOND_NS, WORLD, layout
 
 Stamps = npt.NDArray[np.int64]
+Floats = npt.NDArray[np.float64]
 
-WANTED = (
-    "imu",
-    "state",
-    "truth",
-    "tracker_pose",
-    "bearings",
-    "status",
-    "events",
-    "parameter_changes",
+IMU = tuple(f"{of}.{axis}" for of in ("linear_acceleration", "angular_velocity") for axis in "xyz")
+ODOMETRY = (
+    *(f"pose.pose.position.{axis}" for axis in "xyz"),
+    *(f"pose.pose.orientation.{axis}" for axis in "wxyz"),
+    *(f"twist.twist.{of}.{axis}" for of in ("linear", "angular") for axis in "xyz"),
 )
+WANTED = {
+    "imu": (*HEADER_STAMP, *IMU),
+    "state": (*HEADER_STAMP, *ODOMETRY),
+    "truth": (*HEADER_STAMP, *ODOMETRY),
+    "status": (*HEADER_STAMP, "airborne"),
+}
+EVENTS = ("tracker_pose", "bearings", "events", "parameter_changes")
+WHOLE = tuple(f"/{name}" for name in EVENTS)
+MOST_BYTES = 200_000_000
+"""Largest size of what is held: half an hour's flight at 400 Hz."""
 CALIBRATED = "ready: gyroscope bias"
 """The event at whose sample the vehicle's estimators forget what they learnt."""
 UNIT = 1e-14
@@ -91,79 +100,64 @@ def read_recording(path: Path) -> Recording:
     """Read a log for a replay. Raises StorageError or LogFormatError that say what is missing or
     how to mend it.
     """
-    vehicle, found = _messages(path)
-    [samples] = found.records("imu")
-    samples = _newest(samples["stamp_ns"], samples)
-    state_ns, state = found.records("state")
-    truth_ns, truth = found.records("truth")
-    truth = _newest(truth_ns, truth)
-    truth_ns = _newest(truth_ns, truth_ns)
-    whole = found.whole
-    return Recording(
-        path,
-        vehicle,
-        samples,
-        state_ns,
-        state,
-        truth_ns,
-        truth,
-        poses=_arrivals(whole["tracker_pose"], _pose),
-        bearings=_arrivals(whole["bearings"], decode_bearings),
-        parameters=_parameters(path),
-        changes=sorted(map(_change, whole["parameter_changes"]), key=lambda one: one[:2]),
-        resets=_calibrations(whole["events"]),
-        airborne=[_airborne(message) for message in whole["status"]],
-    )
-
-
-def _messages(path: Path) -> tuple[str, Gathered]:
-    """Return the vehicle of the log's IMU, and its messages by topic without namespace."""
-    read = ReadState()
-    spaces = (
-        message.topic.rpartition("/")[0]
-        for message in read_log(path, state=read)
-        if message.topic.rpartition("/")[2] == "imu"
-    )
-    space = next(spaces, None)
+    reader = ColumnReader(path, WHOLE, WANTED, dtype=np.float64)
+    found = gather(reader, most_bytes=MOST_BYTES)
+    _check_whole(path, reader)
+    space = next((name.rpartition("/")[0] for name in found if name.endswith("/imu")), None)
     if space is None:
-        _check_whole(path, read)
         raise LogFormatError(
             f"{path} has no IMU samples (topic /…/imu); "
             "replay a log of `quadlab fly`, or one of the vehicle's folder onboard/"
         )
-    vehicle = space.strip("/")
-    odometries = partial(_odometries, vehicle=vehicle)
-    samples = partial(_samples, vehicle=vehicle)
-    found = Gathered(path, {"imu": samples, "state": odometries, "truth": odometries})
-    read = ReadState()
-    for message in read_log(path, state=read):
-        of, _, name = message.topic.rpartition("/")
-        if name in WANTED and of.strip("/") == vehicle:
-            found.add(name, message)
-    _check_whole(path, read)
-    return vehicle, found
+    topics = {name: found.get(f"{space}/{name}") or Topic("") for name in (*WANTED, *EVENTS)}
+    for name in ("imu", "state", "truth"):
+        if problem := reader.problems.get(f"{space}/{name}"):
+            raise LogFormatError(f"{path}: {name} cannot be read: {problem}")
+    samples_ns, imu = _stamped(topics["imu"], IMU)
+    samples = np.zeros(len(imu), IMU_SAMPLE)
+    samples["stamp_ns"] = samples_ns
+    samples["specific_force_b"], samples["angular_velocity_b"] = imu[:, :3], imu[:, 3:]
+    state_ns, state = _states(topics["state"])
+    truth_ns, truth = _states(topics["truth"])
+    status_ns, airborne = _stamped(topics["status"], ("airborne",))
+    return Recording(
+        path,
+        space.strip("/"),
+        _newest(samples_ns, samples),
+        state_ns,
+        state,
+        _newest(truth_ns, truth_ns),
+        _newest(truth_ns, truth),
+        poses=_arrivals(topics["tracker_pose"], _pose),
+        bearings=_arrivals(topics["bearings"], decode_bearings),
+        parameters=_parameters(path, reader.log.attachments),
+        changes=sorted(map(_change, _messages(topics["parameter_changes"])), key=itemgetter(0, 1)),
+        resets=_calibrations(topics["events"]),
+        airborne=list(zip(status_ns.tolist(), (airborne[:, 0] > 0.0).tolist(), strict=True)),
+    )
 
 
-def _check_whole(path: Path, read: ReadState) -> None:
+def _check_whole(path: Path, reader: ColumnReader) -> None:
     """Raise LogFormatError when something of the log could not be read."""
-    if not read.closed:
+    log = reader.log
+    if log.tear or not is_closed(path):
         raise LogFormatError(
-            f"{path} is torn: it {read.tear}; "
+            f"{path} is torn: it {log.tear or NO_END}; "
             f"`quadlab log recover {path}` mends it, then replay it again"
         )
-    if read.damaged_chunks or read.damaged_records:
+    if log.damaged_chunks or log.damaged_records:
         raise LogFormatError(
-            f"{path} is damaged ({read.damaged_chunks} chunks, {read.damaged_records} other "
+            f"{path} is damaged ({log.damaged_chunks} chunks, {log.damaged_records} other "
             "records), so a replay would not be of this flight; see: quadlab log check"
         )
 
 
-def _parameters(path: Path) -> FlightParameters:
+def _parameters(path: Path, attachments: Mapping[str, bytes]) -> FlightParameters:
     """Return the parameters at the start of the flight; names that are no longer known are left
     out.
     """
     parameters = FlightParameters().model_copy(deep=True)
-    attached = read_attachments(path).get("parameters.json")
+    attached = attachments.get("parameters.json")
     if attached is None:
         return parameters
     store = ParameterStore(parameters)
@@ -180,40 +174,24 @@ def _parameters(path: Path) -> FlightParameters:
     return parameters
 
 
-def _samples(payloads: list[bytes], vehicle: str) -> Columns:
-    """Return IMU_SAMPLE (N,)."""
-    imu = layout("sensor_msgs/Imu", body_frame(vehicle)).decode_many(payloads)
-    samples = np.zeros(len(imu), IMU_SAMPLE)
-    samples["stamp_ns"] = _stamps(imu)
-    samples["specific_force_b"] = imu["linear_acceleration"]
-    samples["angular_velocity_b"] = imu["angular_velocity"]
-    return [samples]
+def _stamped(topic: Topic, names: Sequence[str]) -> tuple[Stamps, Floats]:
+    """Return the stamps of the headers, (N,), and numbers, (N, len(names)). Raises
+    LogFormatError.
+    """
+    for name in (*HEADER_STAMP, *names):
+        if len(topic) and name not in topic.columns:
+            raise LogFormatError(f"a {topic.type_name} without {name} cannot be replayed")
+    return topic.header_ns, topic.take(names).astype(np.float64, copy=False)
 
 
-def _odometries(payloads: list[bytes], vehicle: str) -> Columns:
-    """Return stamps (N,) and STATE (N,)."""
-    states = np.zeros(len(payloads), STATE)
-    if not payloads:
-        return [np.zeros(0, np.int64), states]
-    try:
-        read = layout("nav_msgs/Odometry", WORLD, body_frame(vehicle)).decode_many(payloads)
-    except LinkError:  # other frames: a foreign node's
-        each = [decode_odometry(payload, vehicle) for payload in payloads]
-        stamps = np.array([stamp for stamp, _ in each], np.int64)
-        return [stamps, np.concatenate([one for _, one in each])]
-    states["position_w"] = read["pose.pose.position"]
-    states["quaternion_wb"] = read["pose.pose.orientation"][:, FROM_ROS]
-    states["velocity_w"] = np.column_stack(
-        rotate(states["quaternion_wb"].T, read["twist.twist.linear"].T)
-    )
-    states["angular_velocity_b"] = read["twist.twist.angular"]
-    return [_stamps(read), states]
-
-
-def _stamps(messages: Record) -> Stamps:
-    seconds = messages["header.stamp.sec"].astype(np.int64)
-    stamps: Stamps = seconds * SECOND_NS + messages["header.stamp.nanosec"]
-    return stamps
+def _states(topic: Topic) -> tuple[Stamps, Record]:
+    """Return stamps (N,) and STATE (N,) of odometries."""
+    stamps, rows = _stamped(topic, ODOMETRY)
+    states = np.zeros(len(rows), STATE)
+    states["position_w"], states["quaternion_wb"] = rows[:, :3], rows[:, 3:7]
+    states["velocity_w"] = np.column_stack(rotate(states["quaternion_wb"].T, rows[:, 7:10].T))
+    states["angular_velocity_b"] = rows[:, 10:]
+    return stamps, states
 
 
 def _newest(stamps_ns: Stamps, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -223,14 +201,12 @@ def _newest(stamps_ns: Stamps, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return rows if newer.all() else rows[newer]
 
 
-def _arrivals(messages: list[LogMessage], read: Any) -> list[Arrival]:
+def _arrivals(topic: Topic, read: Callable[[bytes], Record]) -> list[Arrival]:
     """Return the measurements the vehicle could use: it drops the others when they arrive."""
     out = []
-    for message in messages:
-        try:
-            out.append(Arrival(message.log_ns, read(message.payload)))
-        except MeasurementError:
-            continue
+    for log_ns, payload in zip(topic.log_ns.tolist(), topic.payloads, strict=True):
+        with suppress(MeasurementError):
+            out.append(Arrival(log_ns, read(payload)))
     return out
 
 
@@ -244,21 +220,18 @@ def _pose(payload: bytes) -> Record:
     return pose
 
 
-def _change(message: LogMessage) -> Change:
-    change = decode(message.payload, message.type_name)
+def _messages(topic: Topic) -> Iterator[Any]:
+    return (decode(payload, topic.type_name) for payload in topic.payloads)
+
+
+def _change(change: Any) -> Change:
     value = logged_value(change.new_value)
     return Change(stamp_of(change), int(change.revision), change.name, value)
 
 
-def _calibrations(messages: list[LogMessage]) -> set[int]:
-    events = (decode(message.payload, "rcl_interfaces/Log") for message in messages)
+def _calibrations(events: Topic) -> set[int]:
     return {
         event.stamp.sec * SECOND_NS + event.stamp.nanosec
-        for event in events
+        for event in _messages(events)
         if event.msg.startswith(CALIBRATED)
     }
-
-
-def _airborne(message: LogMessage) -> tuple[int, bool]:
-    status = decode(message.payload, message.type_name)
-    return stamp_of(status), bool(status.airborne)

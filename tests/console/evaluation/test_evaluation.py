@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from console.evaluation.alignment import at_stamps
+from console.evaluation.alignment import between
 from console.experiment_running.evaluation import Job, judge
 from console.experiments.bearings import BearingsExperiment
 from console.experiments.hover import Hover
@@ -106,10 +106,10 @@ def test_values_between_messages_are_interpolated_and_never_over_a_gap() -> None
         50 * ms: np.array([9.0, 9.0]),
     }
     stamps = np.array([-1, 0, ms, 2 * ms, 30 * ms, 50 * ms, 51 * ms])
-    values, known = at_stamps(stamps, messages)
+    values, known = between(stamps, np.array(list(messages)), np.array(list(messages.values())))
     assert known.tolist() == [False, True, True, True, False, True, False]
     assert values[1:4].tolist() == [[0.0, 1.0], [0.5, 2.0], [1.0, 3.0]]
     assert np.isnan(values[[0, 4, 6]]).all()
-    nothing, unknown = at_stamps(stamps, {})
-    assert nothing.shape == (7, 0)
+    nothing, unknown = between(stamps, np.zeros(0, np.int64), np.zeros((0, 2)))
+    assert nothing.shape == (7, 2)
     assert not unknown.any()
