@@ -124,11 +124,7 @@ def assemble(
         ByVehicle(apps),
         base_url=base_url,
         hosts=allowed_hosts(base_url, names),
-        door=people.door,
-        cookie=people.cookie,
-        accounts=people.accounts,
-        sign_in=people.sign_in,
-        sockets=people.sockets,
+        people=people,
         links=links,
     )
 

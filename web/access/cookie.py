@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
 from urllib.parse import urlsplit
 
-from web.access.answer import Headers
+from starlette.responses import Response
+
 from web.access.sessions import SESSION_AGE
 
 
@@ -16,13 +18,10 @@ class SessionCookie:
         place = urlsplit(base_url)
         secure = place.scheme == "https"
         self.name = f"{'__Host-' if secure else ''}quadlab_{place.port}"
-        self._flags = f"Path=/; HttpOnly; SameSite=Strict{'; Secure' if secure else ''}"
+        self._flags: dict[str, Any] = {"secure": secure, "httponly": True, "samesite": "strict"}
 
-    def set(self, value: str) -> Headers:
-        return self._header(f"{self.name}={value}; Max-Age={SESSION_AGE}; {self._flags}")
+    def set(self, answer: Response, value: str) -> None:
+        answer.set_cookie(self.name, value, SESSION_AGE, **self._flags)
 
-    def clear(self) -> Headers:
-        return self._header(f"{self.name}=; Max-Age=0; {self._flags}")
-
-    def _header(self, text: str) -> Headers:
-        return ((b"set-cookie", text.encode("latin-1")),)
+    def clear(self, answer: Response) -> None:
+        answer.delete_cookie(self.name, **self._flags)

@@ -4,6 +4,12 @@ from __future__ import annotations
 
 from html import escape
 
+from starlette.responses import HTMLResponse
+
+POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; form-action 'self'; "
+    "frame-ancestors 'none'; base-uri 'none'"
+)
 _STYLE = """
 html{color-scheme:dark}body{margin:0;min-height:100vh;display:grid;place-items:center;
 background:#0d1115;color:#d5dbe1;font:15px/1.55 system-ui,sans-serif}
@@ -65,6 +71,14 @@ def signed_in_page() -> str:
         '<meta http-equiv="refresh" content="0;url=/"><h1>Signed in.</h1>'
         '<p><a href="/" style="color:inherit">Go to the page</a></p>',
     )
+
+
+def page_response(
+    page: str, status: int = 200, headers: dict[str, str] | None = None
+) -> HTMLResponse:
+    """Return a small page as an answer that is never kept."""
+    own = {"content-security-policy": POLICY, "cache-control": "no-store"}
+    return HTMLResponse(page, status, {**own, **(headers or {})})
 
 
 def small_page(title: str, body: str) -> str:

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from starlette.responses import Response
+
 from quadrotor.errors import StorageError
 from web.access.accounts import Accounts
 from web.access.attempts import Attempts
@@ -17,6 +19,7 @@ from web.access.door import Door
 from web.access.hashing import Hashing
 from web.access.open_sockets import OpenSockets
 from web.access.passwords import Passwords
+from web.access.roles import Session
 from web.access.sessions import Sessions
 from web.access.sign_in import SignIn
 
@@ -35,6 +38,11 @@ class People:
     hashing: Hashing
     sign_in: SignIn
     sockets: OpenSockets
+
+    def signed_in(self, answer: Response, session: Session) -> Response:
+        """Return the answer with the session's cookie."""
+        self.cookie.set(answer, self.door.sign(session))
+        return answer
 
     async def run(self) -> None:
         """Keep when each was last seen; a disk that is full for a while is no reason to end."""

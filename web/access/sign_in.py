@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
-from urllib.parse import parse_qs
+from urllib.parse import parse_qsl
 
-from starlette.types import Receive
+from starlette.requests import ClientDisconnect, HTTPConnection, Request
 
 from web.access.accounts import Account, Accounts
 from web.access.attempts import Attempts
@@ -118,27 +117,24 @@ class SignIn:
         _log.log(logging.WARNING if level == "warn" else logging.INFO, "%s", text)
 
 
-def address_of(scope: Mapping[str, Any]) -> str:
+def address_of(came: HTTPConnection) -> str:
     """Return the address of the connection itself: a header could name any."""
-    client = scope.get("client")
-    return str(client[0]) if client else "unknown"
+    return came.client.host if came.client else "unknown"
 
 
-async def read_form(receive: Receive) -> dict[str, str]:
+async def read_form(request: Request) -> dict[str, str]:
     """Read the fields of a form's body. Raises ValueError with the reason."""
     body = bytearray()
     try:
         async with asyncio.timeout(FORM_TIME):
-            more = True
-            while more:
-                message = await receive()
-                if message["type"] != "http.request":
-                    raise ValueError("the form did not arrive whole")
-                body += message.get("body", b"")
+            async for chunk in request.stream():
+                body += chunk
                 if len(body) > LARGEST_FORM:
                     raise ValueError(f"the form is too large; allowed are {LARGEST_FORM} bytes")
-                more = message.get("more_body", False)
     except TimeoutError:
         raise ValueError("the form did not arrive in time") from None
-    fields = parse_qs(body.decode("utf-8", "replace"), keep_blank_values=True, max_num_fields=8)
-    return {name: values[0] for name, values in fields.items()}
+    except ClientDisconnect:
+        raise ValueError("the form did not arrive whole") from None
+    return dict(
+        parse_qsl(body.decode("utf-8", "replace"), keep_blank_values=True, max_num_fields=8)
+    )

@@ -17,22 +17,22 @@ from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import parse_qs, urlencode
 
-from starlette.types import Message, Scope, Send
+from starlette.middleware.cors import CORSMiddleware
+from starlette.types import ASGIApp, Scope
 
 from quadrotor.errors import StorageError
-from web.access.answer import Headers
 
 AGE = 600  # s
 FOLDER = "/signed/runs/"
 SUFFIX = ".mcap"  # by which viewers know what to do
 KEY = "links.key"
-METHODS = frozenset({"GET", "HEAD"})
+METHODS = frozenset({"GET", "HEAD", "OPTIONS"})  # the last before a browser reads
 SITES = frozenset({"https://app.foxglove.dev", "https://lichtblick-suite.github.io"})
 """Sites whose pages may read the file, in addition to those served by the reader's computer."""
 
-_OWN = re.compile(r"http://(localhost|127\.0\.0\.1|\[::1\])(:\d{1,5})?")
+_OWN = r"http://(localhost|127\.0\.0\.1|\[::1\])(:\d{1,5})?"
 _RUN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,119}")
-_READ = b"Accept-Ranges, Content-Length, Content-Range, ETag, Last-Modified"
+_READ = ("Accept-Ranges", "Content-Length", "Content-Range", "ETag", "Last-Modified")
 
 
 class SignedLinks:
@@ -59,10 +59,10 @@ class SignedLinks:
         query = urlencode({"expires": expires, "signature": self._sign(run_id, str(expires))})
         return f"{FOLDER}{run_id}{SUFFIX}?{query}"
 
-    def opens(self, scope: Scope, methods: frozenset[str] = METHODS) -> bool:
+    def opens(self, scope: Scope) -> bool:
         """Return whether this request carries a valid signature for exactly what it asks."""
         path = scope["path"]
-        if scope["type"] != "http" or scope["method"] not in methods:
+        if scope["type"] != "http" or scope["method"] not in METHODS:
             return False
         run_id = path.removeprefix(FOLDER).removesuffix(SUFFIX)
         if path != f"{FOLDER}{run_id}{SUFFIX}" or not _RUN.fullmatch(run_id):
@@ -76,48 +76,23 @@ class SignedLinks:
             return False
         return self._clock() <= int(until[0])  # ours: it was signed
 
-    def preflight(self, scope: Scope, headers: dict[str, str]) -> Headers | None:
-        """Return the headers of the answer to a browser's preflight request; None when this is not
-        one.
-        """
-        shared = _shared_with(headers)
-        if not shared or not self.opens(scope, frozenset({"OPTIONS"})):
-            return None
-        asked = "access-control-request-private-network" in headers
-        return (
-            *shared,
-            (b"access-control-allow-methods", b"GET, HEAD"),
-            (b"access-control-allow-headers", b"Range"),
-            (b"access-control-max-age", b"%d" % AGE),
-            *(((b"access-control-allow-private-network", b"true"),) if asked else ()),
+    @staticmethod
+    def sharing(app: ASGIApp) -> ASGIApp:
+        """Return `app` with the headers that let the pages of SITES read its answers."""
+        return CORSMiddleware(
+            app,
+            allow_origins=SITES,
+            allow_origin_regex=_OWN,
+            allow_methods=("GET", "HEAD"),
+            allow_headers=("Range",),
+            allow_private_network=True,
+            expose_headers=_READ,
+            max_age=AGE,
         )
 
     def _sign(self, run_id: str, expires: str) -> str:
         signed = hmac.digest(self._key, f"run\n{run_id}\n{expires}".encode(), hashlib.sha256)
         return base64.urlsafe_b64encode(signed).rstrip(b"=").decode()
-
-
-def with_sharing(headers: dict[str, str], send: Send) -> Send:
-    """Add the headers that let the pages of SITES read the answer."""
-    shared = _shared_with(headers)
-
-    async def sending(message: Message) -> None:
-        if message["type"] == "http.response.start":
-            message = {**message, "headers": [*message.get("headers", []), *shared]}
-        await send(message)
-
-    return sending
-
-
-def _shared_with(headers: dict[str, str]) -> Headers:
-    origin = headers.get("origin", "")
-    if origin not in SITES and not _OWN.fullmatch(origin):
-        return ()
-    return (
-        (b"access-control-allow-origin", origin.encode()),
-        (b"access-control-expose-headers", _READ),
-        (b"vary", b"Origin"),
-    )
 
 
 def _key(path: Path) -> bytes:

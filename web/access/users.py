@@ -6,7 +6,7 @@ import asyncio
 from typing import Any
 
 from fastapi import FastAPI, HTTPException, Request
-from fastapi.responses import JSONResponse
+from fastapi.responses import JSONResponse, Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from quadrotor.errors import RefusedError
@@ -60,17 +60,15 @@ def _add_session(app: FastAPI, people: People) -> None:
             people.sign_in.tell("info", f"{session.label} signed out")
         people.sockets.check()
         answer = JSONResponse({"signed_out": True})
-        answer.raw_headers.extend(people.cookie.clear())
+        people.cookie.clear(answer)
         return answer
 
     @app.put("/api/session/password")
-    async def change_own(body: OwnPasswordBody, session: Asker, request: Request) -> JSONResponse:
+    async def change_own(body: OwnPasswordBody, session: Asker, request: Request) -> Response:
         """Set a new password for one's own account; other browsers of it are signed out."""
         if not session.has_account:
             raise RefusedError(f"{session.label} came by a link and has no password")
-        account = await people.sign_in.verify(
-            session.label, body.current, address_of(request.scope)
-        )
+        account = await people.sign_in.verify(session.label, body.current, address_of(request))
         if isinstance(account, Refusal):
             status = 403 if account.status == 401 else account.status
             wait = {"Retry-After": str(account.wait)} if account.wait else None
@@ -82,9 +80,7 @@ def _add_session(app: FastAPI, people: People) -> None:
         again = await people.sign_in.open(changed)
         people.sign_in.tell("info", f"{session.label} has a new password")
         people.sockets.check()
-        answer = JSONResponse({"changed": True})
-        answer.raw_headers.extend(people.cookie.set(people.door.sign(again)))
-        return answer
+        return people.signed_in(JSONResponse({"changed": True}), again)
 
 
 def _add_management(app: FastAPI, people: People) -> None:
@@ -142,24 +138,13 @@ def _everyone(people: People) -> list[dict[str, Any]]:
     online = people.sessions.people()
     sessions = {one.label: one.sessions for one in online if one.has_account}
     known = [
-        {
-            "name": one.name,
-            "role": one.role.value,
-            "account": True,
-            "sessions": sessions.get(one.name, 0),
-            "last_seen": one.last_seen,
-        }
+        (one.name, one.role, True, sessions.get(one.name, 0), one.last_seen)
         for one in people.accounts.all()
     ]
     guests = [
-        {
-            "name": one.label,
-            "role": one.role.value,
-            "account": False,
-            "sessions": one.sessions,
-            "last_seen": one.last_seen,
-        }
+        (one.label, one.role, False, one.sessions, one.last_seen)
         for one in online
         if not one.has_account
     ]
-    return known + guests
+    names = ("name", "role", "account", "sessions", "last_seen")
+    return [dict(zip(names, one, strict=True)) for one in known + guests]

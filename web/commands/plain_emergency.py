@@ -14,11 +14,10 @@ from html import escape
 from typing import Any
 
 from fastapi import FastAPI, Request
-from fastapi.responses import HTMLResponse, RedirectResponse, Response
+from fastapi.responses import RedirectResponse, Response
 
 from quadrotor.errors import QuadlabError
-from web.access.answer import POLICY
-from web.access.pages import small_page
+from web.access.pages import page_response, small_page
 from web.access.roles import Role, Session
 from web.access.sign_in import read_form
 from web.app_parts import Parts
@@ -52,7 +51,7 @@ def add_plain_emergency(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
     @app.post("/emergency", include_in_schema=False)
     async def press(session: Asker, request: Request) -> Response:
         try:
-            form = await read_form(request.receive)
+            form = await read_form(request)
         except ValueError as error:
             return _page(f"Nothing was done: {error}.", "", _buttons(session), status=400)
         action = form.get("action", "")
@@ -108,5 +107,4 @@ def _fleet_told(vehicles: list[dict[str, Any]]) -> str:
 def _page(said: str, again: str, buttons: str, status: int = 200) -> Response:
     form = f'<form method="post" action="emergency">{buttons}</form>' if buttons else ""
     body = f"{_STYLE}{again}<h1>{escape(said)}</h1>{form}{_BACK}"
-    headers = {"content-security-policy": POLICY.decode(), "cache-control": "no-store"}
-    return HTMLResponse(small_page("quadlab: emergency", body), status, headers)
+    return page_response(small_page("quadlab: emergency", body), status)

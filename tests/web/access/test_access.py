@@ -163,8 +163,8 @@ def test_every_route_of_the_application_is_in_the_table(site: Any) -> None:
 @pytest.fixture(scope="module")
 def cookie(site: Any) -> Cookie:
     """The Cookie header of a caller, whose session is opened once and again after its end."""
-    door, sessions = site.gate._door, site.gate._door._sessions
-    name = site.gate._cookie.name
+    door, sessions = site.gate._people.door, site.gate._people.sessions
+    name = site.gate._people.cookie.name
     made: dict[str, str] = {}
 
     def value_of(caller: str) -> str:

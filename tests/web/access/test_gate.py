@@ -154,7 +154,7 @@ def test_the_cookie_is_out_of_reach_of_scripts_and_other_sites(site: Any) -> Non
     with site.browser() as client:
         cookie = client.get("/", params={"token": site.token}).headers["set-cookie"]
     assert "HttpOnly" in cookie
-    assert "SameSite=Strict" in cookie
+    assert "SameSite=strict" in cookie
     assert cookie.startswith(f"quadlab_{site.host.split(':')[1]}=")
 
 

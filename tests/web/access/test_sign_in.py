@@ -83,7 +83,7 @@ def test_a_name_and_its_password_open_a_session_of_its_role(
     assert answer.json() == {"label": name.strip().lower(), "role": role}
     cookie = answer.headers["set-cookie"]
     assert "HttpOnly" in cookie
-    assert "SameSite=Strict" in cookie
+    assert "SameSite=strict" in cookie
     assert answer.headers["cache-control"] == "no-store"
     with browser_of(place, name) as client:
         session = client.get("/api/session").json()

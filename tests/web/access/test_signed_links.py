@@ -62,7 +62,7 @@ def test_the_viewers_pages_may_read_it_and_see_that_ranges_work(
     }
     allowed = stranger.options(link["url"], headers=asked)
     assert allowed.status_code == 200
-    assert allowed.headers["access-control-allow-headers"] == "Range"
+    assert "Range" in allowed.headers["access-control-allow-headers"].split(", ")
     assert allowed.headers["access-control-allow-methods"] == "GET, HEAD"
 
 
@@ -85,7 +85,7 @@ def test_no_other_page_may_read_it(
         stranger.options(link["url"], headers=headers),
     ):
         assert "access-control-allow-origin" not in answer.headers
-    assert stranger.options(link["url"], headers=headers).status_code == 401
+    assert stranger.options(link["url"], headers=headers).status_code == 400
 
 
 def test_the_deep_links_carry_the_whole_link(link: dict[str, Any]) -> None:
@@ -182,7 +182,7 @@ def test_a_link_ends_after_ten_minutes(links: SignedLinks, clock: list[float]) -
     assert links.opens(scope(url))
     clock[0] += 1.0
     assert not links.opens(scope(url))
-    assert links.preflight(scope(url, "OPTIONS"), {"origin": FOXGLOVE}) is None
+    assert not links.opens(scope(url, "OPTIONS"))
 
 
 def test_the_key_is_the_owners_alone_and_another_key_opens_nothing(
