@@ -19,15 +19,19 @@ from estimation.parameters import EstimationParameters
 from estimation.poses.planar_pose import planar_pose
 from estimation.refusals import refuse_bearings, refuse_pose
 from quadrotor.errors import DegenerateGeometryError, MeasurementError, UndeterminedStartError
-from quadrotor.plain_rotations import rotate
 from quadrotor.records import POSE_SAMPLE, Record
 
 Array = npt.NDArray[np.float64]
 
 ANCHOR_NS = 200_000_000
 """Without a measurement for so long the covariance is brought to the present by itself."""
-LOST_AFTER_NS = 500_000_000
-"""LOST_REFUSALS measurements in a row, for so long, mean that the filter is wrong."""
+JUMP_WAIT_NS, DRIFT_WAIT_NS = 500_000_000, 200_000_000
+"""LOST_REFUSALS measurements in a row, for so long, mean that the filter is wrong: when they were
+suddenly far from it, or when none were used for a while before."""
+SHORTEST_RUN = 0.1
+"""s over which the motion of such poses is taken, at least."""
+RUN_LEAST = 4
+"""Refused poses that have to agree with each other for a start from them."""
 START = np.repeat([0.05, math.radians(3.0), 0.5, 0.01, 0.1], 3)
 """Deviations at a start: m, rad, m/s (taken to be at rest), rad/s, m/s^2."""
 DETERMINED = 4
@@ -196,6 +200,7 @@ class ErrorStateEstimator:
         m["now"] = x
         m["initialized"], m["consistency"], m["applied"], m["refused"] = 1, 1.0, 0, 0
         m["restarted"], m["freedom"], m["innovation"] = 0, 0, 0.0
+        m["refused_share"], m["run_count"], m["last_unit"] = 0.0, 0, 0.0
         m["outcomes"][Outcome.APPLIED] += 1
         m["event_count"], m["event_order"][0], m["event_kind"][0] = 1, 0, 0
         m["event_ns"][0] = m["base_ns"]
@@ -289,14 +294,19 @@ class ErrorStateEstimator:
         outcome = apply_one(m, self._noise[0])
         if outcome != Outcome.OUTLIER or m["refused"] < LOST_REFUSALS:
             return
-        lost_ns = int(m["stamp_ns"] - m["measurement_ns"])
-        if lost_ns <= LOST_AFTER_NS:
+        lost_ns = int(m["stamp_ns"] - m["refused_ns"])
+        if lost_ns <= (JUMP_WAIT_NS if m["at_once"] else DRIFT_WAIT_NS):
             return
         refused, before, innovation = int(m["refused"]), m["now"].copy(), m["innovation"].copy()
         if measurement.dtype == POSE_SAMPLE:
-            # A world that was moved, or a vehicle that was lost: only then is its motion unknown.
-            known = _moved_along(before, measurement["quaternion_wb"][0]) if m["at_once"] else None
-            self.initialize(measurement, velocity_w=known)
+            if m["run_count"] < RUN_LEAST:  # they contradict each other, too
+                return
+            # The velocity by which the poses left the prediction, in a world that was turned, too.
+            lasted = max(1e-9 * float(m["run_ns"] - m["run_start_ns"]), SHORTEST_RUN)
+            missed_w = (m["run_last"] - m["run_first"])[:3] / lasted
+            deviations = START.copy()
+            deviations[6:9] = np.maximum(START[6:9], np.linalg.norm(missed_w))
+            self.initialize(measurement, deviations, before[3:6] + missed_w)
         else:
             self._start_from(measurement)
         m["restarted"], m["consistency"] = 1, NOT_YET_CONSISTENT
@@ -338,13 +348,6 @@ class ErrorStateEstimator:
     def _refused(self, error: MeasurementError) -> MeasurementError:
         self._memory["outcomes"][0, Outcome.INVALID] += 1
         return error
-
-
-def _moved_along(x: Array, quaternion_wb: Array) -> Array:
-    """Return the velocity (3,) of a nominal state (16,), its world turned to that attitude."""
-    # Not compiled: what was never called would be compiled in the middle of a flight.
-    velocity_b = rotate((x[6:10] * (1.0, -1.0, -1.0, -1.0)).tolist(), x[3:6].tolist())
-    return np.array(rotate(quaternion_wb.tolist(), velocity_b))
 
 
 assert len(START) == ERRORS

@@ -33,11 +33,15 @@ ROWS = 2 * MAX_BEACONS
 NOTHING, POSE, BEARINGS = 0, 1, 2
 """Kinds of an event. One that measures nothing only brings the filter to its time."""
 
+FORCE, RATE, POSITION, ATTITUDE, BEARING = range(5)
+"""Noises whose variance is adapted: of accelerometer, gyroscope, poses, bearings."""
+NOISES = 5
+
 ERROR_STATE_MEMORY = np.dtype(
     [
         ("initialized", "u1"),
         ("stamp_ns", "i8"),  # of the newest IMU sample
-        ("measurement_ns", "i8"),  # of the newest measurement applied
+        ("measurement_ns", "i8"),  # of the newest measurement within the gate
         ("now", "f8", NOMINAL),  # nominal state at stamp_ns
         ("filtered_rate_b", "f8", 3),  # rad/s
         # The filter proper, as of the newest event.
@@ -70,17 +74,34 @@ ERROR_STATE_MEMORY = np.dtype(
         ("freedom", "i8"),  # numbers it gave, 2 a bearing, 6 a pose; 0: it was refused
         ("nis", "f8"),  # normalised innovation squared, of `freedom` degrees
         ("consistency", "f8"),  # mean of nis / freedom over the last few dozen
+        ("refused_share", "f8"),  # of the last few dozen measurements
         ("applied", "i8"),  # since the start
-        ("refused", "i8"),  # in a row
+        ("refused", "i8"),  # since one was within the gate
+        ("refused_ns", "i8"),  # the first of them
+        ("believed", "u1"),  # the newest one was within the gate
         ("at_once", "u1"),  # the first of them came close behind one that was applied
         ("restarted", "u1"),  # by measurements refused, and not consistent with them since
         ("outcomes", "i8", len(Outcome)),  # measurements since the reset, by Outcome
+        # Noise as it is met, by `adaptation`, in the order of FORCE to BEARING.
+        ("noise_scale", "f8", NOISES),  # factor on the variance stated
+        ("evidence", "f8", NOISES),  # for it
+        ("last_ns", "i8"),
+        ("last_unit", "f8", POSE_ERRORS),  # innovation at that time in deviations, bounded
+        # Refused poses that agree with each other, by `estimation.error_state.gate`.
+        ("run_count", "i8"),
+        ("run_start_ns", "i8"),
+        ("run_ns", "i8"),  # of the newest
+        ("run_first", "f8", POSE_ERRORS),  # innovation of the first: m, rad, world axes
+        ("run_last", "f8", POSE_ERRORS),  # of the newest
         # Room to work in.
         ("used", "u1", MAX_BEACONS),  # pairs of rows that passed the gate
         ("step", "f8", ERRORS),  # the correction
         ("row", "f8", (ROWS, POSE_ERRORS)),  # Jacobian of each number measured
         ("rest", "f8", ROWS),  # its residual
         ("variance", "f8", ROWS),
+        ("expected", "f8", ROWS),  # variance of the residual by prior and measurement
+        ("doubt", "f8", ROWS),  # variance added to it, the farther it is from its prediction
+        ("distance", "f8", MAX_BEACONS),  # of a pair of rows from its prediction, chi-square of 2
         ("prior", "f8", (ERRORS, ERRORS)),
         ("trial", "f8", NOMINAL),
         ("found", "f8", ERRORS),
@@ -95,4 +116,5 @@ def new_memory(count: int = 1) -> Record:
     memory = np.zeros(count, ERROR_STATE_MEMORY)
     memory["now"][:, 6] = memory["base"][:, 6] = 1.0
     memory["consistency"] = 1.0
+    memory["noise_scale"] = 1.0
     return memory

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from estimation.error_state.memory import ERRORS, SAMPLES
+from estimation.error_state.memory import ERRORS, FORCE, RATE, SAMPLES
 from quadrotor.compiled import compiled
 from quadrotor.vectors import (
     Vector,
@@ -58,11 +58,12 @@ def move(x: Array, start_b: Vector, end_b: Vector, rate_b: Vector, dt: float) ->
 
 
 @compiled(inner=True)
-def spread(P: Array, x: Array, force_b: Vector, g: Any, dt: float) -> None:
+def spread(P: Array, x: Array, force_b: Vector, g: Any, noise_scale: Array, dt: float) -> None:
     """Propagate the covariance P (15, 15) -> F P F^T + Q over dt (s) about the nominal state x
     (16,).
 
     What a gyroscope bias does to the velocity within dt is left out: of second order in dt.
+    noise_scale: factors on the noise variances of g, by kind of noise.
     """
     axes = axes_of((x[6], x[7], x[8], x[9]))
     a = to_world(axes, subtract(force_b, (x[13], x[14], x[15])))
@@ -80,8 +81,8 @@ def spread(P: Array, x: Array, force_b: Vector, g: Any, dt: float) -> None:
             for j in range(i):
                 P[i, j], P[j, i] = P[j, i], P[i, j]
     for i in range(3):
-        P[3 + i, 3 + i] += dt * g.gyroscope_noise**2
-        P[6 + i, 6 + i] += dt * g.accelerometer_noise**2
+        P[3 + i, 3 + i] += dt * noise_scale[RATE] * g.gyroscope_noise**2
+        P[6 + i, 6 + i] += dt * noise_scale[FORCE] * g.accelerometer_noise**2
         P[9 + i, 9 + i] += dt * g.gyroscope_bias_walk**2
         P[12 + i, 12 + i] += dt * g.accelerometer_bias_walk**2
 
@@ -115,7 +116,7 @@ def walk(m: Any, x: Array, from_ns: int, to_ns: int, g: Any, with_covariance: bo
         bend = subtract(vector(new), rate)
         dt = 1e-9 * (end - t)
         if with_covariance:
-            spread(m.covariance, x, add(force, scale(0.5 * (s + e), slope)), g, dt)
+            spread(m.covariance, x, add(force, scale(0.5 * (s + e), slope)), g, m.noise_scale, dt)
         start, stop = add(force, scale(s, slope)), add(force, scale(e, slope))
         move(x, start, stop, add(rate, scale(0.5 * (s + e), bend)), dt)
         t, i = end, j

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from estimation.error_state.memory import POSE
+from estimation.error_state.memory import ATTITUDE, BEARING, POSE, POSITION
 from quadrotor.compiled import compiled
 from quadrotor.vectors import (
     axes_of,
@@ -52,9 +52,10 @@ def linearize(m: Any, slot: int, x: Array, g: Any) -> int:
             for j in range(6):
                 rows[i, j] = 1.0 if i == j else 0.0
             rest[i] = data[0, i] - x[i] if i < 3 else turn[i - 3]
-            variance[i] = (g.pose_position_sigma if i < 3 else g.pose_attitude_sigma) ** 2
+            sigma = g.pose_position_sigma if i < 3 else g.pose_attitude_sigma
+            variance[i] = m.noise_scale[POSITION if i < 3 else ATTITUDE] * sigma * sigma
         return 3
-    sigma = max(m.event_sigma[slot], g.bearing_sigma_floor)
+    sigma = max(m.event_sigma[slot], g.bearing_sigma_floor) * math.sqrt(m.noise_scale[BEARING])
     axes = axes_of((x[6], x[7], x[8], x[9]))
     for k in range(m.event_beacons[slot]):
         away = subtract(vector(data[k]), vector(x))

@@ -106,6 +106,6 @@ def _apply(m: Any, g: Any) -> int:
         for i in range(ERRORS):
             for j in range(ERRORS):
                 m.after_covariance[event, i, j] = P[i, j]
-    if outcome == _APPLIED and m.new_kind != NOTHING:
+    if outcome == _APPLIED and m.new_kind != NOTHING and m.believed:
         m.measurement_ns = max(m.measurement_ns, m.new_ns)
     return outcome

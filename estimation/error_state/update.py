@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from estimation.error_state.adaptation import learn_from_bearings, learn_from_pose
+from estimation.error_state.gate import along, gate, project, run
 from estimation.error_state.memory import BEARINGS, ERRORS, NOMINAL, NOTHING, POSE_ERRORS
 from estimation.error_state.rows import linearize
 from quadrotor.compiled import compiled
@@ -37,29 +39,6 @@ BROAD = 0.5
 
 
 @compiled(inner=True)
-def project(P: Array, row: Array, out: Array) -> float:
-    """Compute out (15,) = P[:, :6] row, with the symmetric P (15, 15), and return row . out."""
-    total = 0.0
-    for i in range(ERRORS):
-        out[i] = 0.0
-    for j in range(POSE_ERRORS):
-        for i in range(ERRORS):
-            out[i] += row[j] * P[j, i]
-    for j in range(POSE_ERRORS):
-        total += row[j] * out[j]
-    return total
-
-
-@compiled(inner=True)
-def along(row: Array, error: Array) -> float:
-    """Return the product row (6,) . error (n,)."""
-    total = 0.0
-    for j in range(POSE_ERRORS):
-        total += row[j] * error[j]
-    return total
-
-
-@compiled(inner=True)
 def displace(x: Array, error: Array, out: Array) -> None:
     """Write out (16,) = nominal state x (16,) corrected by an error (15,)."""
     phi = turned((1.0, 0.0, 0.0, 0.0), (error[3], error[4], error[5]))
@@ -69,22 +48,6 @@ def displace(x: Array, error: Array, out: Array) -> None:
     out[6], out[7], out[8], out[9] = q
     for i in range(6):
         out[10 + i] = x[10 + i] + error[9 + i]
-
-
-@compiled(inner=True)
-def gate(m: Any, pairs: int, all_or_none: bool, largest: float) -> int:
-    """Mark in `used` the pairs of rows that the prior allows, and return how many."""
-    P, gain = m.prior, m.gain
-    count = 0
-    for k in range(pairs):
-        a = project(P, m.row[2 * k], gain[0]) + m.variance[2 * k]
-        c = project(P, m.row[2 * k + 1], gain[1]) + m.variance[2 * k + 1]
-        b = along(m.row[2 * k + 1], gain[0])
-        p, q = m.rest[2 * k], m.rest[2 * k + 1]
-        distance = (c * p * p - 2.0 * b * p * q + a * q * q) / (a * c - b * b)
-        m.used[k] = 1 if distance < largest else 0  # NaN is not
-        count += m.used[k]
-    return count if count == pairs or not all_or_none else 0
 
 
 @compiled(inner=True)
@@ -100,7 +63,7 @@ def absorb(m: Any, pairs: int) -> float:
             P[i, j] = prior[i, j]
     for k in range(2 * pairs):
         if m.used[k // 2]:
-            s = project(P, row[k], gain) + m.variance[k]
+            s = project(P, row[k], gain) + m.variance[k] + m.doubt[k]
             nu = m.rest[k] + along(row[k], m.step) - along(row[k], found)
             nis += nu * nu / s
             for i in range(ERRORS):
@@ -169,6 +132,51 @@ def tell_innovation(m: Any, pairs: int, kind: int, count: int) -> None:
 
 
 @compiled(inner=True)
+def believed(m: Any, pairs: int) -> int:
+    """Return 1 when a pair of rows is used as it is, within the gate; else 0."""
+    for k in range(pairs):
+        if m.used[k] and m.doubt[2 * k] == 0.0:
+            return 1
+    return 0
+
+
+@compiled(inner=True)
+def doubted(m: Any, pairs: int) -> float:
+    """Return the chi-square of the pairs used that are beyond the gate, as it was before they were
+    believed less.
+    """
+    total = 0.0
+    for k in range(pairs):
+        if m.used[k] and m.doubt[2 * k] > 0.0:
+            total += m.distance[k]
+    return total
+
+
+@compiled(inner=True)
+def judge(m: Any, pairs: int, kind: int, count: int) -> None:
+    """Take note of what the newest measurement says about the filter, the gate having passed
+    `count` of its pairs.
+    """
+    tell_innovation(m, pairs, kind, count)
+    m.freedom, m.nis = 2 * count, 0.0
+    m.refused_share += MEMORY * (1.0 - count / pairs - m.refused_share)
+    if count == 0 and m.refused == 0:
+        m.at_once = 1 if m.base_ns - m.measurement_ns < AT_ONCE_NS else 0
+        m.refused_ns = m.base_ns
+    m.believed = believed(m, pairs)
+    if m.believed == 1:
+        m.refused = 0
+    elif count == 0:
+        m.refused += 1
+    if kind == BEARINGS:
+        learn_from_bearings(m, pairs)
+    else:
+        # A tracker that jumped says nothing about the IMU.
+        learn_from_pose(m, count > 0 or m.at_once == 0)
+        run(m, count == 0)
+
+
+@compiled(inner=True)
 def fuse(m: Any, slot: int, g: Any, newest: bool) -> bool:
     """Update base and covariance with one event at `base_ns`; False when it was an outlier.
 
@@ -183,23 +191,17 @@ def fuse(m: Any, slot: int, g: Any, newest: bool) -> bool:
         for j in range(ERRORS):
             m.prior[i, j] = P[i, j]
     pairs = linearize(m, slot, x, g)
-    # chi-square of two degrees: as improbable as so many deviations of a Gaussian, nearly.
-    count = gate(m, pairs, kind != BEARINGS, 2.0 * (8.0 / 9.0 + g.gate / 3.0) ** 3)
+    count = gate(m, pairs, kind != BEARINGS, g.gate)
     if newest:
-        tell_innovation(m, pairs, kind, count)
-        m.freedom = 2 * count
-        m.nis = 0.0
-        if count == 0 and m.refused == 0:
-            m.at_once = 1 if m.base_ns - m.measurement_ns < AT_ONCE_NS else 0
-        m.refused = m.refused + 1 if count == 0 else 0
+        judge(m, pairs, kind, count)
     if count == 0:
         return False
     for iteration in range(MAX_STEPS):
         nis = absorb(m, pairs)
         if newest and iteration == 0:
-            m.nis = nis
+            m.nis = max(nis, doubted(m, pairs))
             m.applied += 1
-            m.consistency += MEMORY * (nis / m.freedom - m.consistency)
+            m.consistency += MEMORY * (m.nis / m.freedom - m.consistency)
             if m.applied >= FIT_UPDATES and m.consistency < FIT_CONSISTENCY:
                 m.restarted = 0
         bent = 0.0

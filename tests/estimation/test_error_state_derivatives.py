@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
-from estimation.error_state.memory import BEARINGS, POSE, new_memory
+from estimation.error_state.memory import BEARINGS, NOISES, POSE, new_memory
 from estimation.error_state.motion import move, spread
 from estimation.error_state.parameters import ErrorStateParameters, noise_record
 from estimation.error_state.rows import linearize
@@ -80,14 +80,14 @@ def test_transition_of_the_covariance_is_that_of_the_motion(rng: np.random.Gener
         root = rng.normal(size=(15, 15))
         P = root @ root.T
         wanted = F @ P @ F.T
-        spread(P, x, tuple(force), silent[0], dt)
+        spread(P, x, tuple(force), silent[0], np.ones(NOISES), dt)
         np.testing.assert_allclose(P, wanted, atol=20.0 * dt * dt * np.abs(wanted).max())
         np.testing.assert_allclose(P, P.T, atol=1e-12)
 
 
 def test_noise_grows_with_time_alone(rng: np.random.Generator) -> None:
     P, x = np.zeros((15, 15)), nominal(rng)
-    spread(P, x, (0.0, 0.0, 9.81), NOISE[0], 0.002)
+    spread(P, x, (0.0, 0.0, 9.81), NOISE[0], np.ones(NOISES), 0.002)
     for block, name in (
         (3, "gyroscope_noise"),
         (6, "accelerometer_noise"),

@@ -1,0 +1,120 @@
+"""Noise as it is met: factors on the variances that the parameters state, learnt from innovations.
+
+Innovations of a filter with the right noise are white and as large as it expects. Two things are
+held against that, for poses' positions, poses' attitudes and bearings apart:
+
+- Successive innovations that point the same way say that the prediction moves away from what is
+  measured: the noise of the IMU is larger than stated (vibration, a lagging gyroscope). Those of a
+  position raise the accelerometer's, those of an attitude the gyroscope's.
+- Innovations too large that do not point the same way say that the measurement is noisier.
+
+Each step is bounded whatever the innovation, so that less than half of the measurements being
+outliers raises little, and refused measurements count like used ones, so that a filter that
+believes too much in itself is talked out of it. A factor moves only once its evidence has summed to
+more than chance does, is at least 1 and at most LARGEST, and falls again when the cause is gone.
+Noise that is as stated is therefore left exactly as stated.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from estimation.error_state.memory import ATTITUDE, BEARING, FORCE, POSITION, RATE
+from quadrotor.compiled import compiled
+from quadrotor.vectors import Vector, add, dot, scale, vector
+
+CHANCE = 1.0
+"""Evidence, in logarithms of a variance, that chance sums up to less than once in hours."""
+LARGEST = 900.0
+"""Of a factor: noise 30 times as stated."""
+PROCESS_PACE, MEASUREMENT_PACE = 0.06, 0.03
+"""Largest change of the logarithm of a factor by one measurement."""
+HURRY = 3
+"""Measurements refused in a row, and times as fast the noise of poses then grows."""
+WHITE = 0.15
+"""Correlation of successive innovations up to which they count as white."""
+USUAL_PAIR, USUAL_TRIPLE = 1.02, 1.87
+"""The squares of two, three numbers of unit variance that 3 of 5 exceed."""
+FARTHEST = 3.0
+"""Deviations to which an innovation is cut before it is compared with the last."""
+FRESH_NS = 200_000_000
+"""Innovations farther apart in time are not compared."""
+
+
+@compiled(inner=True)
+def gather(m: Any, kind: int, step: float) -> None:
+    """Add a step to the evidence about one factor and set it."""
+    most = CHANCE + math.log(LARGEST)
+    m.evidence[kind] = min(max(m.evidence[kind] + step, 0.0), most)
+    m.noise_scale[kind] = math.exp(max(0.0, m.evidence[kind] - CHANCE))
+
+
+@compiled(inner=True)
+def learn(m: Any, first: int, u: Vector, of_process: bool) -> bool:
+    """Adapt a noise of the IMU to three innovations, in deviations, of the position (`first` 0) or
+    the attitude (3); return whether they point the same way as the last ones did.
+    """
+    fresh = m.base_ns - m.last_ns < FRESH_NS
+    squares, last_squares, product = 0.0, 0.0, 0.0
+    for i in range(3):
+        bounded, last = min(max(u[i], -FARTHEST), FARTHEST), m.last_unit[first + i]
+        squares += bounded * bounded
+        last_squares += last * last
+        product += bounded * last
+        m.last_unit[first + i] = bounded
+    if not fresh:
+        return False
+    if of_process:
+        step = min(max(product / 3.0, -1.0), 1.0)
+        gather(m, FORCE if first == 0 else RATE, PROCESS_PACE * (step - WHITE))
+    return product > 0.5 * math.sqrt(squares * last_squares)
+
+
+@compiled(inner=True)
+def learn_from_pose(m: Any, of_process: bool) -> None:
+    """Adapt to the innovation of a pose whose rows are linearised at the prediction; the prior and
+    the variances are those it is expected with.
+
+    of_process: whether it says something about the noise of the IMU, too.
+    """
+    pace = MEASUREMENT_PACE * (HURRY if m.refused > HURRY else 1.0)
+    for first in (0, 3):
+        u = (unit(m, first), unit(m, first + 1), unit(m, first + 2))
+        aligned = learn(m, first, u, of_process)
+        rises = dot(u, u) > USUAL_TRIPLE and not aligned
+        gather(m, POSITION if first == 0 else ATTITUDE, pace if rises else -MEASUREMENT_PACE)
+    m.last_ns = m.base_ns
+
+
+@compiled(inner=True)
+def unit(m: Any, i: int) -> float:
+    """Return the innovation of one number of a pose in deviations."""
+    deviations: float = m.rest[i] / math.sqrt(m.expected[i])
+    return deviations
+
+
+@compiled(inner=True)
+def learn_from_bearings(m: Any, pairs: int) -> None:
+    """Adapt to the bearings of one frame: a noise of the IMU by the pose errors that they ask for
+    together, theirs by their squared distances from the prediction.
+    """
+    aligned = False
+    for first in (0, 3):
+        pull, weight = (0.0, 0.0, 0.0), (1e-12, 1e-12, 1e-12)
+        for k in range(2 * pairs):
+            deviation = math.sqrt(m.expected[k])
+            u = min(max(m.rest[k] / deviation, -FARTHEST), FARTHEST)
+            row = scale(1.0 / deviation, vector(m.row[k, first:]))
+            pull = add(pull, scale(u, row))
+            weight = add(weight, (row[0] * row[0], row[1] * row[1], row[2] * row[2]))
+        along = (
+            pull[0] / math.sqrt(weight[0]),
+            pull[1] / math.sqrt(weight[1]),
+            pull[2] / math.sqrt(weight[2]),
+        )
+        aligned = learn(m, first, along, True) or aligned
+    m.last_ns = m.base_ns
+    for k in range(pairs):
+        rises = m.distance[k] > USUAL_PAIR and not aligned
+        gather(m, BEARING, 0.5 * MEASUREMENT_PACE if rises else -MEASUREMENT_PACE)
