@@ -42,6 +42,7 @@ FOLDERS = {
         "identification",
         "disturbances",
         "starved",
+        "real_flights",
     ),
     "page": ("replay", "sticks", "parameter_page", "run_list", "page_notice"),
     "link": ("link",),
@@ -57,6 +58,7 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="fewer samples: a look, not a result")
     parser.add_argument("--count", type=int, help="of fuzz_logs: how many logs")
     parser.add_argument("--seed", type=int, help="of fuzz_logs: number of the first mutated log")
+    parser.add_argument("--data", type=Path, help="of real_flights: folder of recorded flights")
     parser.add_argument("--out", type=Path, help="folder for performance.md, JSON and plots")
     options = parser.parse_args()
     unknown = [name for name in options.names if name not in NAMES]
@@ -66,6 +68,10 @@ def main() -> int:
     more = {name: value for name, value in chosen.items() if value is not None}
     if more and options.names != ["fuzz_logs"]:
         parser.error("--count and --seed belong to fuzz_logs alone")
+    if options.data and options.names != ["real_flights"]:
+        parser.error("--data belongs to real_flights alone")
+    if options.data:
+        more["data"] = options.data
     conditions = machine()
     reports: list[Report] = []
     asked: list[str] = options.names or list(NAMES)

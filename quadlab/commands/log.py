@@ -9,6 +9,7 @@ import tyro
 
 from quadlab.log_commands.export import Export
 from quadlab.log_commands.fetch import Fetch
+from quadlab.log_commands.import_ import Import
 from quadlab.log_commands.look import Check, Info
 from quadlab.log_commands.recover import Recover
 from quadlab.log_commands.report import Report
@@ -19,14 +20,15 @@ Action = (
     | Annotated[Recover, tyro.conf.subcommand("recover")]
     | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Fetch, tyro.conf.subcommand("fetch")]
+    | Annotated[Import, tyro.conf.subcommand("import")]
     | Annotated[Report, tyro.conf.subcommand("report")]
 )
 
 
 @dataclass
 class LogCommand:
-    """Look at a log, check it, mend it, fetch one from the vehicle, or write it as tables or as a
-    report."""
+    """Look at a log, check it, mend it, fetch one from the vehicle, import a flight of another
+    system, or write it as tables or as a report."""
 
     action: tyro.conf.OmitArgPrefixes[tyro.conf.OmitSubcommandPrefixes[Action]]
     """what to do"""

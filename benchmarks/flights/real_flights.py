@@ -1,0 +1,151 @@
+"""Estimators over recorded flights of real vehicles, which somebody has put into a folder.
+
+Nothing is downloaded: docs/importing.md names public sets, which of their files are read and their
+licences. Each flight is imported, then each estimator is run as `quadlab replay` does, on poses and
+on bearings that are made of the truth, and held against the truth; so is the vehicle's own
+estimate where the log has one.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.harness import Report, Row, Target
+from estimation import registry
+from flight_log.imports.importing import NewRun, read_flight
+from quadlab.replay.errors import Truth
+from quadlab.replay.lines import plan_runs
+from quadlab.replay.log import Recording, read_recording
+from quadlab.replay.measurements import MeasurementStore
+from quadlab.replay.report import Value, recorded_row, run_row
+from quadlab.replay.run import replay
+from quadlab.replay.window import Window
+from quadrotor.errors import QuadlabError
+
+BY_ENDING = {".hdf5": "blackbird", ".h5": "blackbird"}
+"""Mapping of files that have none of their own, by the ending."""
+POSES = ("tracker.rate=100", "tracker.position_noise=0.0015", "tracker.attitude_noise=0.3")
+BEARINGS = ("bearings.rate=30", "bearings.sigma=1.5")
+SETTLE_NS = 2_000_000_000
+"""These logs begin in flight, an estimator begins at rest: it is judged from then on."""
+LIMITS = {
+    ("blackbird", "poses"): {
+        "position mm": 3.0,
+        "velocity mm/s": 30.0,
+        "attitude deg": 0.5,
+        "refused %": 2.0,
+    },
+    ("blackbird", "bearings"): {"position mm": 45.0, "velocity mm/s": 60.0},
+}
+"""Of the error-state filter, by vehicle and measurement."""
+
+
+def run(*, quick: bool = False, data: Path | None = None) -> Report:
+    """Import and judge all flights of a folder; `quick`: one of each kind."""
+    report = Report(
+        "real_flights",
+        "Estimators on recorded flights of real vehicles",
+        [
+            f"flights of {data}, each from {SETTLE_NS / 1e9:g} s after its first sample on",
+            f"poses: {', '.join(POSES)}, made of the truth",
+            f"bearings: {', '.join(BEARINGS)}, of 4 beacons around the area flown, of the truth",
+            "settings are this version's defaults; position, velocity and attitude are rms errors",
+        ],
+    )
+    if data is None or not data.is_dir():
+        report.notes.append(
+            "nothing was run: --data FOLDER names the folder with recorded flights "
+            "(docs/importing.md says which); nothing is downloaded"
+        )
+        return report
+    seen: set[str] = set()
+    with tempfile.TemporaryDirectory() as folder:
+        for path, mapping in flights(data):
+            if quick and f"{mapping}" in seen:
+                continue
+            seen.add(f"{mapping}")
+            name = str(path.relative_to(data))
+            try:
+                imported = read_flight(path, mapping)
+                log = NewRun(imported, path).write(
+                    Path(folder), f"flight{len(seen)}{len(report.rows)}"
+                )
+                _judge(report, name, imported.vehicle, read_recording(log))
+            except QuadlabError as error:
+                report.notes.append(f"{name}: not judged: {error}")
+    if not seen:
+        report.notes.append(f"nothing was run: {data} has no flight that is known here")
+    return report
+
+
+def flights(data: Path) -> Iterator[tuple[Path, str | None]]:
+    """Yield each flight of a folder with its mapping: FILE.toml beside it, else by its ending."""
+    for path in sorted(data.rglob("*")):
+        own = path.with_name(f"{path.name}.toml")
+        if own.is_file():
+            yield path, str(own)
+        elif path.is_file() and path.suffix in BY_ENDING:
+            yield path, BY_ENDING[path.suffix]
+
+
+def _judge(report: Report, name: str, vehicle: str, recording: Recording) -> None:
+    if len(recording.truth) < 2:
+        report.notes.append(f"{name}: it has no truth, so nothing is judged")
+        return
+    truth = Truth(recording.truth_ns, recording.truth)
+    stamps = recording.imu["stamp_ns"]
+    window = Window(int(stamps[0]) + SETTLE_NS, int(stamps[-1]), "")
+    if len(recording.state):
+        row = recorded_row(recording, truth, window)
+        report.rows.append(Row(f"{name}: the vehicle's own filter", _figures(row.values)))
+    layout = f"'bearings.layout={_beacons(recording)}'"
+    asked = [
+        (kind, estimator, f"{estimator} {' '.join(words)}")
+        for kind, words in (("poses", POSES), ("bearings", (*BEARINGS, layout)))
+        for estimator in registry.names()
+    ]
+    store = MeasurementStore(recording, truth)
+    for kind, estimator, words in asked:
+        [one] = plan_runs(recording, (), [words], (), None)
+        row = run_row(recording, truth, window, one, replay(recording, one, store.of(one)))
+        figures = _figures(row.values)
+        report.rows.append(Row(f"{name}: {estimator} on {kind}", figures))
+        if row.note:
+            report.notes.append(f"{name}, {estimator} on {kind}: {row.note}")
+        if estimator != "error_state":
+            continue
+        for figure, limit in LIMITS.get((vehicle, kind), {}).items():
+            reached = figures[figure]
+            found = float("inf") if isinstance(reached, str) else reached
+            report.targets.append(Target(f"{name}, {kind}: {figure}", found, limit))
+
+
+def _figures(values: dict[str, Value]) -> dict[str, float | str]:
+    wanted = (
+        ("position mm", "position_rms_m", 1e3),
+        ("largest", "position_max_m", 1e3),
+        ("velocity mm/s", "velocity_rms_m_s", 1e3),
+        ("attitude deg", "attitude_rms_deg", 1.0),
+        ("refused %", "rejected_share", 1e2),
+        ("NIS", "nis", 1.0),
+    )
+    found = {name: (values[key], unit) for name, key, unit in wanted}
+    return {
+        name: "-" if value is None else unit * float(value) for name, (value, unit) in found.items()
+    }
+
+
+def _beacons(recording: Recording) -> str:
+    """Return a layout of 4 beacons at the corners of the flown area, 0.1 m below its lowest
+    point.
+    """
+    place = recording.truth["position_w"]
+    low, high = np.percentile(place, 1.0, axis=0), np.percentile(place, 99.0, axis=0)
+    corners = ((high[0], high[1]), (low[0], high[1]), (low[0], low[1]), (high[0], low[1]))
+    return "; ".join(
+        f"{k} {x:.2f} {y:.2f} {low[2] - 0.1:.2f}" for k, (x, y) in enumerate(corners, start=1)
+    )

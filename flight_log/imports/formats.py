@@ -1,0 +1,45 @@
+"""Formats by the first bytes of their files."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+
+from flight_log.imports.tables import Hdf5Table, NumpyTable, Source, TextTable
+from quadrotor.errors import LogFormatError, StorageError
+
+MAGIC = {b"\x89HDF\r\n\x1a\n": "hdf5", b"\x93NUMPY": "npy"}
+TEXT = "csv"
+
+
+def format_of(path: Path) -> str:
+    """Return the format of a file or folder. Raises LogFormatError or StorageError."""
+    try:
+        if not path.exists():
+            raise StorageError(f"{path} is no file")
+        if path.is_dir():
+            raise LogFormatError(f"{path} is a folder; give one file of it")
+        with path.open("rb") as file:
+            head = file.read(4096)
+    except OSError as error:
+        raise StorageError(f"cannot read {path}: {error.strerror}") from error
+    if not head:
+        raise LogFormatError(f"{path.name} is empty")
+    found = next((name for magic, name in MAGIC.items() if head.startswith(magic)), None)
+    if found is None and b"\0" in head:
+        raise LogFormatError(
+            f"{path.name} is of no format known here; "
+            f"there are {', '.join(dict.fromkeys([*MAGIC.values(), TEXT]))}"
+        )
+    return found or TEXT
+
+
+def open_source(path: Path, wanted: Collection[str]) -> Source:
+    """Open a file; of one with many tables those `wanted` are read. Raises as `format_of`."""
+    match format_of(path):
+        case "hdf5":
+            return Hdf5Table(path)
+        case "npy":
+            return NumpyTable(path)
+        case _:
+            return TextTable(path)

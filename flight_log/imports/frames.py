@@ -1,0 +1,96 @@
+"""Axes by their letters, and quaternions of N rows."""
+
+from __future__ import annotations
+
+from itertools import permutations, product
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.errors import UsageError
+
+Array = npt.NDArray[np.float64]
+
+LETTERS = {
+    **dict.fromkeys("FE", (1.0, 0.0, 0.0)),
+    **dict.fromkeys("BW", (-1.0, 0.0, 0.0)),
+    **dict.fromkeys("LN", (0.0, 1.0, 0.0)),
+    **dict.fromkeys("RS", (0.0, -1.0, 0.0)),
+    "U": (0.0, 0.0, 1.0),
+    "D": (0.0, 0.0, -1.0),
+}
+"""Forward, left and up in a body; east, north and up in a world; and their opposites."""
+
+
+def axes(letters: str, what: str) -> Array:
+    """Return the matrix that takes a vector with these axes into FLU or ENU, (3, 3).
+
+    Raises UsageError when the letters are no right-handed axes.
+    """
+    if len(letters) == 3 and set(letters.upper()) <= set(LETTERS):
+        matrix = np.array([LETTERS[one] for one in letters.upper()]).T
+        if abs(np.linalg.det(matrix) - 1.0) < 1e-9:
+            return matrix
+    raise UsageError(
+        f"{what} {letters!r}: three letters of right-handed axes are needed, like FLU or FRD of a "
+        "body (forward, left, up, back, right, down), ENU or NED of a world"
+    )
+
+
+def bodies() -> list[str]:
+    """Return the letters of all 24 right-handed bodies, the common ones first."""
+    every = ("".join(one) for axes_ in permutations(("FB", "LR", "UD")) for one in product(*axes_))
+    found = [one for one in every if np.linalg.det(np.array([LETTERS[k] for k in one]).T) > 0.0]
+    return sorted(found, key=lambda one: ("FLU", "FRD").index(one) if one in ("FLU", "FRD") else 2)
+
+
+def matrices(quaternions: Array) -> Array:
+    """Return the rotation matrices (N, 3, 3) of unit quaternions (w, x, y, z), (N, 4)."""
+    w, x, y, z = quaternions.T
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def product_of(one: Array, other: Array) -> Array:
+    """Return the products of quaternions, (N, 4); either may have one row."""
+    w, v = one[:, :1], one[:, 1:]
+    u, q = other[:, :1], other[:, 1:]
+    scalar = w * u - np.sum(v * q, axis=1, keepdims=True)
+    return np.concatenate([scalar, w * q + u * v + np.cross(v, q)], axis=1)
+
+
+def quaternion_of(matrix: Array) -> Array:
+    """Return the quaternion of a rotation matrix, (1, 4)."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(matrix).as_quat()
+    return np.array([[w, x, y, z]])
+
+
+def conjugate(quaternions: Array) -> Array:
+    found: Array = quaternions * np.array([1.0, -1.0, -1.0, -1.0])
+    return found
+
+
+def continuous(quaternions: Array) -> Array:
+    """Return the same attitudes with signs that do not jump."""
+    flips = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0
+    signs = np.where(np.concatenate([[0], np.cumsum(flips)]) % 2 == 1, -1.0, 1.0)
+    found: Array = quaternions * signs[:, None]
+    return found
+
+
+def angular_velocity(seconds: Array, quaternions: Array) -> Array:
+    """Return the angular velocity (rad/s, body axes) of attitudes at N times, (N, 3)."""
+    turns = product_of(conjugate(quaternions[:-1]), quaternions[1:])
+    turns *= np.where(turns[:, :1] < 0.0, -1.0, 1.0)
+    length = np.linalg.norm(turns[:, 1:], axis=1, keepdims=True)
+    angle = 2.0 * np.arctan2(length, turns[:, :1])
+    vectors = turns[:, 1:] * np.where(length > 1e-9, angle / np.maximum(length, 1e-9), 2.0)
+    rates = vectors / np.diff(seconds)[:, None]
+    middle = 0.5 * (rates[1:] + rates[:-1])
+    return np.concatenate([rates[:1], middle, rates[-1:]])

@@ -1,0 +1,96 @@
+"""A recorded flight of another make becomes a run."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from flight_log.imports.checks import settle
+from flight_log.imports.flight import ImportedFlight
+from flight_log.imports.formats import format_of
+from flight_log.imports.mapping import Mapping, load_mapping, names
+from flight_log.imports.raw import read_raw
+from flight_log.imports.run_writer import write_run
+from flight_log.run_folder import STATION
+from quadrotor.errors import StorageError, UsageError
+
+DEFAULT_VEHICLE = "imported"
+EXAMPLE = "--mapping NAME_OR_FILE"
+
+
+def read_flight(
+    path: Path, mapping: str | None = None, *, truth: Path | None = None, torn: bool = False
+) -> ImportedFlight:
+    """Read and check a recorded flight.
+
+    Args:
+        mapping: name or file; None: that of the format.
+        truth: the file of its [truth], in place of the one that the mapping names.
+        torn: whether one that is cut off is read up to there.
+
+    Raises LogFormatError, StorageError or UsageError with what was found and what to try.
+    """
+    kind = format_of(path)
+    if mapping is None:
+        if kind not in names():
+            raise UsageError(
+                f"{path.name} is {kind}, whose columns can be anything: say with {EXAMPLE} which "
+                f"are what; there are {', '.join(names())} (docs/importing.md)"
+            )
+        mapping = kind
+    found = load_mapping(mapping)
+    if truth is not None:
+        found = _with_truth(found, truth, mapping)
+    raw = read_raw(path, found, torn=torn)
+    vehicle = re.sub(r"[^a-z0-9_]", "_", found.vehicle.lower()) or DEFAULT_VEHICLE
+    modified_ns = path.stat().st_mtime_ns
+    return settle(raw, vehicle, f"{kind}, mapping {Path(mapping).name}", modified_ns)
+
+
+def _with_truth(mapping: Mapping, truth: Path, chosen: str) -> Mapping:
+    if mapping.truth is None:
+        raise UsageError(
+            f"--truth {truth}: the mapping {chosen} has no [truth] that says its columns"
+        )
+    rows = mapping.truth.model_copy(update={"file": str(truth.absolute()), "optional": False})
+    return mapping.model_copy(update={"truth": rows})
+
+
+@dataclass(frozen=True)
+class NewRun:
+    """A run that is to be made: its start and vehicle give it its name."""
+
+    flight: ImportedFlight
+    original: Path
+
+    @property
+    def start(self) -> datetime:
+        return datetime.fromtimestamp(int(self.flight.imu.stamps_ns[0]) * 1e-9, UTC)
+
+    def write(self, folder: Path, run_id: str, operator: str = "") -> Path:
+        """Write `folder`/`run_id`, at once and whole or not at all. Raises StorageError."""
+        metadata = {
+            "run_id": run_id,
+            "operator": operator,
+            "started": self.start.isoformat(),
+            "imported_from": self.original.name,
+            "imported_as": self.flight.source,
+            "import_notes": "; ".join(self.flight.notes),
+        }
+        try:
+            making = Path(tempfile.mkdtemp(prefix=".import-", dir=folder.parent))
+        except OSError as error:
+            raise StorageError(f"cannot write in {folder.parent}: {error.strerror}") from error
+        try:
+            made = making / run_id
+            write_run(made / STATION, self.flight, metadata)
+            made.rename(folder / run_id)
+        except OSError as error:
+            raise StorageError(f"cannot make {folder / run_id}: {error.strerror}") from error
+        finally:
+            shutil.rmtree(making, ignore_errors=True)
+        return folder / run_id

@@ -1,0 +1,180 @@
+"""Mappings: which columns of a file are what, in which frames and units (TOML).
+
+What a mapping states is checked; what it leaves out is found by `flight_log.imports.checks`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from flight_log.imports.frames import axes
+from quadrotor.errors import LogFormatError, UsageError
+
+HERE = Path(__file__).parent / "mappings"
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+FORCE_UNITS = {"m/s^2": 1.0, "g": 9.80665, "mg": 9.80665e-3}
+RATE_UNITS = {"rad/s": 1.0, "deg/s": 0.017453292519943295, "mdeg/s": 1.7453292519943295e-5}
+LENGTH_UNITS = {"m": 1.0, "cm": 0.01, "mm": 1e-3, "ft": 0.3048}
+ORDERS = {"wxyz": [0, 1, 2, 3], "xyzw": [3, 0, 1, 2]}
+
+Columns = str | int | list[str | int]
+Positive = Annotated[float, Field(gt=0.0)]
+
+
+class Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Rows(Strict):
+    """Rows of a table with their time."""
+
+    file: str = ""  # beside the file that is imported; default: that one
+    table: str = ""
+    time: str | int | None = None
+    time_unit: Literal["s", "ms", "us", "ns"] = "s"
+    rate: Positive | None = None  # Hz, of rows without a time
+    time_offset: float | None = None  # s, added to the stamps; default: found
+    time_scale: Positive = 1.0  # of this clock to the IMU's
+    optional: bool = False  # left out where the file has no such table
+
+
+class ImuRows(Rows):
+    angular_velocity: Columns
+    angular_velocity_unit: Literal["rad/s", "deg/s", "mdeg/s"] | Positive | None = None
+    specific_force: Columns
+    specific_force_unit: Literal["m/s^2", "g", "mg"] | Positive | None = None
+    body: str | None = None
+
+
+class AttitudeRows(Rows):
+    quaternion: Columns
+    quaternion_order: Literal["wxyz", "xyzw"] | None = None
+    quaternion_maps: Literal["body to world", "world to body"] | None = None
+
+
+class TrackRows(Rows):
+    position: Columns
+    position_unit: Literal["m", "cm", "mm", "ft"] | Positive | None = None
+    velocity: Columns | None = None  # in the world's axes, position_unit a second
+    quaternion: Columns | None = None
+    quaternion_order: Literal["wxyz", "xyzw"] | None = None
+    quaternion_maps: Literal["body to world", "world to body"] | None = None
+    attitude: AttitudeRows | None = None  # where it stands in a table of its own
+    world: str | None = None
+    body: str | None = None
+
+
+class BatteryRows(Rows):
+    voltage: str | int
+
+
+class Mapping(Strict):
+    """A mapping file."""
+
+    description: str = ""
+    vehicle: str = ""
+    imu: ImuRows
+    truth: TrackRows | None = None
+    estimate: TrackRows | None = None
+    battery: BatteryRows | None = None
+
+    def tables(self) -> set[str]:
+        """Return the names of all tables it asks for."""
+        tracks = [one for one in (self.truth, self.estimate) if one]
+        rows: list[Rows | None] = [self.imu, self.battery, *tracks]
+        rows += [one.attitude for one in tracks]
+        return {one.table for one in rows if one}
+
+
+def names() -> list[str]:
+    """Return the names of the mappings that come with quadlab."""
+    return sorted(path.stem for path in HERE.glob("*.toml"))
+
+
+def load_mapping(chosen: str) -> Mapping:
+    """Return a mapping that comes with quadlab, by name, or one of a file.
+
+    Raises UsageError.
+    """
+    path = Path(chosen)
+    if chosen in names():
+        path = HERE / f"{chosen}.toml"
+    elif not path.is_file():
+        raise UsageError(f"no mapping {chosen!r}: give a TOML file, or one of {', '.join(names())}")
+    try:
+        found = Mapping.model_validate(tomllib.loads(path.read_text()))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise UsageError(f"mapping {path.name} cannot be read: {error}") from None
+    except ValidationError as error:
+        raise UsageError(f"mapping {path.name}: {_first(error)}") from None
+    for section, rows in (("imu", found.imu), ("truth", found.truth), ("estimate", found.estimate)):
+        for word in ("body", "world"):
+            if letters := getattr(rows, word, None):
+                axes(letters, f"mapping {path.name}, [{section}] {word}")
+        if rows is not None and rows.time is None and rows.rate is None:
+            raise UsageError(f"mapping {path.name}: [{section}] needs time or rate")
+    return found
+
+
+def _first(error: ValidationError) -> str:
+    """Return the first mistake of a mapping in one line."""
+    mistakes = error.errors()
+    one = next((one for one in mistakes if one["type"] == "extra_forbidden"), mistakes[0])
+    *sections, name = [str(part) for part in one["loc"]] or [""]
+    where = f"[{'.'.join(sections)}] {name}" if sections else f"[{name}]"
+    model: Any = Mapping
+    if one["type"] == "extra_forbidden":
+        for part in sections:
+            model = _model(model, part)
+        known = list(model.model_fields)
+        near = difflib.get_close_matches(name, known, 1)
+        return f"{where} is not known" + (
+            f"; did you mean {near[0]}?" if near else (f"; there are {', '.join(known)}")
+        )
+    if one["type"] == "missing":
+        return f"{where} is missing"
+    return f"{where}: {one['msg']}, not {one['input']!r:.60}"
+
+
+def _model(model: Any, part: str) -> Any:
+    kind = model.model_fields[part].annotation
+    return next((one for one in getattr(kind, "__args__", (kind,)) if one is not type(None)), kind)
+
+
+def column_names(asked: Columns, known: list[str], count: int, where: str) -> list[str]:
+    """Return the columns that a mapping names, `count` of them.
+
+    A name may stand for all its columns NAME[0], NAME[1], …, and NAME[3:7] for some of them.
+    Raises LogFormatError.
+    """
+    found: list[str] = []
+    for word in asked if isinstance(asked, list) else [asked]:
+        text = str(word)
+        part = re.fullmatch(r"(.+)\[(\d+):(\d+)\]", text)
+        if text in known:
+            found.append(text)
+        elif part:
+            found += [f"{part[1]}[{k}]" for k in range(int(part[2]), int(part[3]))]
+        else:
+            found += [one for one in known if re.fullmatch(re.escape(text) + r"\[\d+\]", one)] or [
+                text
+            ]
+    if missing := [one for one in found if one not in known]:
+        near = difflib.get_close_matches(missing[0], known, 3, 0.5)
+        shown = near or known[:12]
+        more = f" and {len(known) - 12} more" if not near and len(known) > 12 else ""
+        raise LogFormatError(
+            f"{where}: there is no column {missing[0]!r}; "
+            f"{'near it are' if near else 'there are'} {', '.join(shown)}{more}"
+        )
+    if len(found) != count:
+        raise LogFormatError(
+            f"{where}: {count} columns are needed, {', '.join(found)} are {len(found)}"
+        )
+    return found

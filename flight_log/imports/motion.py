@@ -1,0 +1,98 @@
+"""Motion on a common grid: what lets two sensors of one flight be compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+STEP = 0.01
+"""s between points of the grid."""
+SMOOTH = 0.05
+"""s, standard deviation of the Gaussian that both sides are smoothed with."""
+
+
+def interpolated(at: Any, seconds: Any, values: Array) -> Array:
+    """Return columns at other times, linearly; values (N, K)."""
+    return np.stack([np.interp(at, seconds, one) for one in values.T], axis=1)
+
+
+def on_grid(grid: Array, seconds: Array, values: Array) -> Array:
+    """Return columns at the times of the grid, linearly and smoothed; values (N, K)."""
+    return smoothed(interpolated(grid, seconds, values))
+
+
+def smoothed(values: Array, width: float = SMOOTH) -> Array:
+    """Return columns (N, K) on the grid, smoothed by a Gaussian of `width` s."""
+    half = round(4 * width / STEP)
+    kernel = np.exp(-0.5 * (np.arange(-half, half + 1) * STEP / width) ** 2)
+    kernel /= kernel.sum()
+    padded = np.pad(values, ((half, half), (0, 0)), mode="edge")
+    return np.stack([np.convolve(one, kernel, mode="valid") for one in padded.T], axis=1)
+
+
+def accelerations(position: Array) -> Array:
+    """Return the second derivative of positions on the grid, (N, 3)."""
+    found: Array = np.gradient(np.gradient(position, STEP, axis=0), STEP, axis=0)
+    return found
+
+
+def best_lag(one: Array, other: Array, most: int) -> tuple[float, float]:
+    """Return by how many points of the grid `other` is late, to a share of one, and how well both
+    then agree (correlation).
+
+    Args:
+        one, other: (N, K) and (M, K), of which the products are summed over K.
+        most: largest shift looked for.
+    """
+    a, b = one - one.mean(axis=0), other - other.mean(axis=0)
+    size = len(a) + len(b)
+    spectrum = np.fft.rfft(b, size, axis=0) * np.conj(np.fft.rfft(a, size, axis=0))
+    found = np.fft.irfft(spectrum.sum(axis=1), size)
+    shifts = np.arange(-most, most + 1)
+    # Against the energy of the part that overlaps, not of all.
+    energy_a = np.concatenate([[0.0], np.cumsum((a**2).sum(axis=1))])
+    energy_b = np.concatenate([[0.0], np.cumsum((b**2).sum(axis=1))])
+    low = np.clip(np.maximum(0, -shifts), 0, len(a))
+    high = np.clip(np.minimum(len(a), len(b) - shifts), low, len(a))
+    ea = energy_a[high] - energy_a[low]
+    eb = energy_b[np.clip(high + shifts, 0, len(b))] - energy_b[np.clip(low + shifts, 0, len(b))]
+    enough = high - low > 0.3 * min(len(a), len(b))
+    share = np.where(enough, found[shifts % size] / np.sqrt(np.maximum(ea * eb, 1e-12)), -1.0)
+    k = int(np.argmax(share))
+    shift = float(shifts[k])
+    if 0 < k < len(share) - 1:
+        left, middle, right = share[k - 1 : k + 2]
+        bend = left - 2.0 * middle + right
+        shift += 0.5 * (left - right) / bend if bend < 0.0 else 0.0
+    return shift, float(share[k])
+
+
+@dataclass(frozen=True)
+class Turn:
+    """The rotation and scale that best take vectors into others, and the share it explains."""
+
+    matrix: Array  # (3, 3)
+    scale: float
+    explained: float  # 0…1
+
+    @property
+    def angle(self) -> float:
+        """Return its angle, rad."""
+        return float(np.arccos(np.clip(0.5 * (np.trace(self.matrix) - 1.0), -1.0, 1.0)))
+
+
+def best_turn(one: Array, other: Array) -> Turn:
+    """Return the turn with other ≈ scale · matrix @ one, both (N, 3)."""
+    u, s, vt = np.linalg.svd(other.T @ one)
+    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    matrix = (u * sign) @ vt
+    energy = float((one**2).sum())
+    fit = float((s * sign).sum())
+    scale = fit / max(energy, 1e-12)
+    explained = max(0.0, fit) ** 2 / max(energy * float((other**2).sum()), 1e-12)
+    return Turn(matrix, scale, explained)

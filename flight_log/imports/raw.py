@@ -1,0 +1,237 @@
+"""The columns that a mapping names, as they stand in the files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from flight_log.imports.formats import open_source
+from flight_log.imports.frames import continuous
+from flight_log.imports.mapping import (
+    ORDERS,
+    TIME_UNITS,
+    AttitudeRows,
+    Columns,
+    ImuRows,
+    Mapping,
+    Rows,
+    TrackRows,
+    column_names,
+)
+from flight_log.imports.tables import Source
+from quadrotor.errors import LogFormatError, StorageError
+
+Array = npt.NDArray[np.float64]
+
+FEWEST = 50
+"""Rows of IMU or truth below which nothing is imported."""
+
+
+@dataclass
+class RawImu:
+    """Samples in the file's units and axes; `seconds` after the flight's base."""
+
+    rows: ImuRows
+    seconds: Array  # (N,), rising
+    specific_force: Array  # (N, 3)
+    angular_velocity: Array  # (N, 3)
+
+
+@dataclass
+class RawTrack:
+    """Poses in the file's units, axes and order."""
+
+    name: str  # section of the mapping
+    rows: TrackRows
+    seconds: Array  # (N,), rising
+    position: Array  # (N, 3)
+    velocity: Array | None  # (N, 3)
+    quaternion: Array | None  # (N, 4), unit
+
+
+@dataclass
+class RawFlight:
+    """A file by its mapping; times in s after `base`, by which the IMU's first sample has 0."""
+
+    base: float  # s
+    epoch_ns: int | None
+    imu: RawImu
+    tracks: list[RawTrack]
+    battery: tuple[Array, Array] | None = None  # s, V
+    events: list[tuple[float, int, str]] = field(default_factory=list)  # s, level, text
+    notes: list[str] = field(default_factory=list)
+
+
+class _Files:
+    """The files of one import, each opened once."""
+
+    def __init__(self, path: Path, mapping: Mapping, *, torn: bool) -> None:
+        self._path, self._wanted, self._torn = path, mapping.tables(), torn
+        self._opened: dict[Path, Source] = {}
+        self.notes: list[str] = []
+
+    def source(self, rows: Rows) -> Source:
+        path = self._path.parent / rows.file if rows.file else self._path
+        if path not in self._opened:
+            if rows.file and not path.exists():
+                raise StorageError(f"{path}, which the mapping names, is no file")
+            self._opened[path] = open_source(path, self._wanted)
+        return self._opened[path]
+
+    def read(
+        self, rows: Rows, section: str, columns: dict[str, tuple[Columns, int]]
+    ) -> list[Array]:
+        """Return the times (N,), s, then each of `columns`, which says how many it needs."""
+        source = self.source(rows)
+        where = f"{source.path.name}, [{section}]"
+        if rows.table not in source.tables():
+            tables = ", ".join(sorted(source.tables())[:20]) or "none"
+            raise LogFormatError(f"{where}: there is no table {rows.table!r}; there are {tables}")
+        known = source.columns(rows.table)
+        if rows.time is not None:
+            columns = {"time": (rows.time, 1), **columns}
+        names = {
+            word: column_names(asked, known, count, f"{where} {word}")
+            for word, (asked, count) in columns.items()
+        }
+        table = source.read(rows.table, [one for found in names.values() for one in found])
+        self._check_whole(source)
+        edges = np.cumsum([len(found) for found in names.values()])[:-1]
+        parts = dict(zip(names, np.split(table, edges, axis=1), strict=True))
+        if rows.time is None:
+            seconds = np.arange(len(table)) / (rows.rate or 1.0)
+        else:
+            seconds = parts.pop("time")[:, 0] * TIME_UNITS[rows.time_unit]
+        known_rows = np.isfinite(seconds) & np.isfinite(table).all(axis=1)
+        if lost := int((~known_rows).sum()):
+            self.notes.append(f"{where}: {lost} of {len(seconds)} rows without numbers left out")
+        seconds = self._rising(seconds[known_rows], where)
+        kept = self._kept
+        return [seconds * rows.time_scale, *(one[known_rows][kept] for one in parts.values())]
+
+    def _rising(self, seconds: Array, where: str) -> Array:
+        """Return rising times without repeated ones. Raises LogFormatError."""
+        if len(seconds) < FEWEST:
+            raise LogFormatError(f"{where}: {len(seconds)} rows; at least {FEWEST} are needed")
+        steps = np.diff(seconds)
+        if back := np.flatnonzero(steps < 0.0).tolist():
+            k = back[0]
+            raise LogFormatError(
+                f"{where}: stamps go back {len(back)} times, first from {seconds[k]:.6f} s to "
+                f"{seconds[k + 1]:.6f} s in row {k + 2}; is time the right column, or are it two "
+                "flights in one file? Cut it there"
+            )
+        self._kept = np.concatenate([[True], steps > 0.0])
+        if same := int((~self._kept).sum()):
+            self.notes.append(f"{where}: {same} rows with the stamp of the row before left out")
+        found: Array = seconds[self._kept]
+        if len(found) < FEWEST:
+            raise LogFormatError(f"{where}: {len(found)} different stamps in {len(seconds)} rows")
+        return found
+
+    def _check_whole(self, source: Source) -> None:
+        if not source.torn:
+            return
+        if not self._torn:
+            raise LogFormatError(
+                f"{source.path.name} is not whole: {source.torn}; --torn imports what is before"
+            )
+        note = f"{source.path.name} is not whole: {source.torn}; imported up to there"
+        if note not in self.notes:
+            self.notes.append(note)
+
+
+def read_raw(path: Path, mapping: Mapping, *, torn: bool) -> RawFlight:
+    """Read a file by its mapping; `torn`: also one that is cut off.
+
+    Raises LogFormatError or StorageError.
+    """
+    files = _Files(path, mapping, torn=torn)
+    rows = mapping.imu
+    seconds, force, rate = files.read(
+        rows,
+        "imu",
+        {
+            "specific_force": (rows.specific_force, 3),
+            "angular_velocity": (rows.angular_velocity, 3),
+        },
+    )
+    base = float(seconds[0])
+    tracks = [
+        track
+        for name in ("truth", "estimate")
+        if (track := _track(files, name, getattr(mapping, name))) is not None
+    ]
+    for track in tracks:
+        track.seconds -= base
+    battery = None
+    if mapping.battery and not _left_out(files, mapping.battery):
+        voltage = (mapping.battery.voltage, 1)
+        found = files.read(mapping.battery, "battery", {"voltage": voltage})
+        battery = (found[0] - base, found[1][:, 0])
+    source = files.source(rows)
+    events = [(time - base, level, text) for time, level, text in source.events]
+    imu = RawImu(rows, seconds - base, force, rate)
+    return RawFlight(base, source.epoch_ns, imu, tracks, battery, events, files.notes)
+
+
+def _track(files: _Files, name: str, rows: TrackRows | None) -> RawTrack | None:
+    if rows is None or _left_out(files, rows):
+        return None
+    columns: dict[str, tuple[Columns, int]] = {"position": (rows.position, 3)}
+    if rows.velocity is not None:
+        columns["velocity"] = (rows.velocity, 3)
+    if rows.quaternion is not None:
+        columns["quaternion"] = (rows.quaternion, 4)
+    seconds, position, *more = files.read(rows, name, columns)
+    velocity = more.pop(0) if rows.velocity is not None else None
+    quaternion = _unit(more.pop(0), name) if rows.quaternion is not None else None
+    track = RawTrack(name, rows, seconds, position, velocity, quaternion)
+    if rows.attitude is not None and not _left_out(files, rows.attitude):
+        _join_attitude(files, track, rows.attitude)
+    return track
+
+
+def _join_attitude(files: _Files, track: RawTrack, rows: AttitudeRows) -> None:
+    """Interpolate the attitude of another table at the track's stamps, and cut the track to it."""
+    section = f"{track.name}.attitude"
+    times, found = files.read(rows, section, {"quaternion": (rows.quaternion, 4)})
+    found = continuous(_unit(found, section))
+    inside = (track.seconds >= times[0]) & (track.seconds <= times[-1])
+    if inside.sum() < FEWEST:
+        raise LogFormatError(f"[{section}] and [{track.name}] have no stamps in common")
+    track.seconds, track.position = track.seconds[inside], track.position[inside]
+    if track.velocity is not None:
+        track.velocity = track.velocity[inside]
+    turned = np.stack([np.interp(track.seconds, times, one) for one in found.T], axis=1)
+    track.quaternion = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    more = {"quaternion_order": rows.quaternion_order, "quaternion_maps": rows.quaternion_maps}
+    track.rows = track.rows.model_copy(update=more)
+
+
+def _left_out(files: _Files, rows: Rows) -> bool:
+    return rows.optional and rows.table not in files.source(rows).tables()
+
+
+def _unit(quaternions: Array, section: str) -> Array:
+    """Return unit quaternions in the file's order. Raises LogFormatError."""
+    length = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    if not (np.abs(length - 1.0) < 0.05).all():
+        k = int(np.argmax(np.abs(length - 1.0)))
+        raise LogFormatError(
+            f"[{section}] quaternion has the length {length[k, 0]:.3g} in row {k + 1}; "
+            "unit quaternions are needed: are these the right columns?"
+        )
+    unit: Array = quaternions / length
+    return unit
+
+
+def ordered(quaternion: Array, order: str, maps: str) -> Array:
+    """Return quaternions as (w, x, y, z), body to world, with signs that do not jump."""
+    found = quaternion[:, ORDERS[order]]
+    if maps == "world to body":
+        found = found * np.array([1.0, -1.0, -1.0, -1.0])
+    return continuous(found)

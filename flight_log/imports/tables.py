@@ -1,0 +1,199 @@
+"""Tables of numbers by column: CSV and the like, HDF5, NumPy; and the protocol of all formats."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.errors import LogFormatError
+
+Array = npt.NDArray[np.float64]
+
+HEAD_LINES = 2000
+"""Lines of a text in which its first row of numbers is looked for."""
+
+
+class Source(Protocol):
+    """An opened file: tables by name, each with columns of one length."""
+
+    path: Path
+    epoch_ns: int | None
+    """When its stamps were 0, ns; None: unknown."""
+    torn: str
+    """Where it is cut off; empty: it is whole."""
+    events: list[tuple[float, int, str]]
+    """Time as in its tables (s), level and text."""
+
+    def tables(self) -> list[str]: ...
+
+    def columns(self, table: str) -> list[str]: ...
+
+    def read(self, table: str, names: list[str]) -> Array:
+        """Return (N, len(names)), NaN where a number is missing. Raises LogFormatError."""
+        ...
+
+
+class FileTables:
+    """What all files have."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.epoch_ns: int | None = None
+        self.torn = ""
+        self.events: list[tuple[float, int, str]] = []
+
+    def tables(self) -> list[str]:
+        return [""]
+
+
+class TextTable(FileTables):
+    """CSV, also with ; or spaces; columns by their header, else by their number from 0."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises LogFormatError."""
+        super().__init__(path)
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            before: list[str] = []
+            for number, line in enumerate(file):
+                self._delimiter = next((one for one in ",;\t" if one in line), None)
+                row = self._split(line)
+                if len(row) > 1 and _number(row[0]) and sum(map(_number, row)) > len(row) / 2:
+                    break
+                before = row or before
+                if number > HEAD_LINES:
+                    raise _no_numbers(path)
+            else:
+                raise _no_numbers(path)
+        self._skip, self._width = number, len(row)
+        names = [re.sub(r"\s+[\[(][^\])]*[\])]$", "", one) for one in before]
+        # A comment's sign may stand before the names as a word of its own.
+        names = names[1:] if len(names) == len(row) + 1 and not names[0] else names
+        found = names if len(names) == len(row) else [str(k) for k in range(len(row))]
+        self._names = found
+        with path.open("rb") as file:
+            file.seek(-min(4096, path.stat().st_size), 2)
+            *_, last = file.read().decode(errors="replace").rstrip("\n").splitlines()
+        self._rows = None
+        if len(values := self._split(last)) < self._width:
+            self.torn = f"its last line has {len(values)} of {self._width} values"
+            with path.open("rb") as file:
+                self._rows = sum(1 for _ in file) - number - 1
+
+    def columns(self, table: str) -> list[str]:
+        return self._names
+
+    def read(self, table: str, names: list[str]) -> Array:
+        wanted = [self._names.index(one) for one in names]
+        try:
+            found: Array = np.loadtxt(
+                self.path,
+                delimiter=self._delimiter,
+                skiprows=self._skip,
+                usecols=wanted,
+                max_rows=self._rows,
+                ndmin=2,
+                comments=None,
+                converters=_value,
+                encoding="utf-8-sig",
+            )
+        except (ValueError, IndexError) as error:
+            raise LogFormatError(
+                f"{self.path.name} is not whole: {error}; cut it off behind its last whole line"
+            ) from None
+        return found
+
+    def _split(self, line: str) -> list[str]:
+        return [one.strip(' "#\r\n') for one in line.split(self._delimiter)] if line.strip() else []
+
+
+def _number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _value(text: str) -> float:
+    return float(text.strip(' "') or "nan")
+
+
+def _no_numbers(path: Path) -> LogFormatError:
+    return LogFormatError(f"{path.name} has no rows of numbers in its first {HEAD_LINES} lines")
+
+
+class Hdf5Table(FileTables):
+    """Every dataset is a column, one of K columns is K: NAME[0], NAME[1], …"""
+
+    def __init__(self, path: Path) -> None:
+        """Raises LogFormatError."""
+        import h5py
+
+        super().__init__(path)
+        self._widths: dict[str, int] = {}
+
+        def note(name: str, found: object) -> None:
+            if (
+                isinstance(found, h5py.Dataset)
+                and found.dtype.kind in "fiu"
+                and found.ndim in (1, 2)
+            ):
+                self._widths[name] = found.shape[1] if found.ndim == 2 else 0
+
+        try:
+            with h5py.File(path) as file:
+                file.visititems(note)
+        except (OSError, RuntimeError, KeyError) as error:
+            raise LogFormatError(f"{path.name} is no whole HDF5 file: {error!s:.120}") from None
+
+    def columns(self, table: str) -> list[str]:
+        return [
+            one
+            for name, width in self._widths.items()
+            for one in ([f"{name}[{k}]" for k in range(width)] if width else [name])
+        ]
+
+    def read(self, table: str, names: list[str]) -> Array:
+        import h5py
+
+        found = []
+        try:
+            with h5py.File(self.path) as file:
+                for name in names:
+                    stem, _, item = name.partition("[")
+                    found.append(file[stem][:, int(item[:-1])] if item else file[stem][:])
+        except (OSError, RuntimeError) as error:
+            raise LogFormatError(f"{self.path.name} is damaged: {error!s:.120}") from None
+        lengths = {name: len(one) for name, one in zip(names, found, strict=True)}
+        if len(set(lengths.values())) > 1:
+            told = ", ".join(f"{name} {length}" for name, length in lengths.items())
+            raise LogFormatError(f"{self.path.name}: columns of several lengths: {told}")
+        return np.stack(found, axis=1).astype(np.float64)
+
+
+class NumpyTable(FileTables):
+    """An array (N, K) of a .npy file; columns by their number from 0, or by their names."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises LogFormatError."""
+        super().__init__(path)
+        try:
+            found = np.load(path, allow_pickle=False)
+        except (ValueError, OSError, EOFError) as error:
+            raise LogFormatError(f"{path.name} is no whole NumPy file: {error!s:.120}") from None
+        if found.dtype.names:
+            self._columns = {name: found[name] for name in found.dtype.names}
+        elif found.ndim == 2:
+            self._columns = {str(k): column for k, column in enumerate(found.T)}
+        else:
+            raise LogFormatError(f"{path.name} has the shape {found.shape}; rows are needed")
+
+    def columns(self, table: str) -> list[str]:
+        return list(self._columns)
+
+    def read(self, table: str, names: list[str]) -> Array:
+        return np.stack([self._columns[name] for name in names], axis=1).astype(np.float64)

@@ -1,0 +1,291 @@
+"""Truth and estimate of a recorded flight held against its IMU: order, frames, units and clock."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+
+import numpy as np
+import numpy.typing as npt
+
+from flight_log.imports import motion
+from flight_log.imports.attitude_fit import FITS, GRAVITY, angle_between, fit_order, nearest_body
+from flight_log.imports.flight import Track
+from flight_log.imports.frames import angular_velocity, axes, matrices, product_of, quaternion_of
+from flight_log.imports.mapping import LENGTH_UNITS
+from flight_log.imports.motion import STEP, best_lag, best_turn, interpolated, on_grid
+from flight_log.imports.raw import RawTrack, ordered
+from flight_log.imports.trajectory import derivative
+from quadrotor.errors import LogFormatError
+from quadrotor.records import STATE
+
+Array = npt.NDArray[np.float64]
+
+CALM = 0.15
+"""m/s² rms below which acceleration tells nothing."""
+NEAR = 5.0
+"""s by which stamps of one clock may be off."""
+TOLD_OFFSET = 5e-4
+"""s: a smaller offset is none."""
+WORLDS = ("ENU", "NED")
+
+
+class Checked:
+    """A track whose order, frames, units and clock are settled.
+
+    Args:
+        seconds, force, turning: of the IMU, FLU; (N,), (N, 3) m/s², (N, 3) in its own unit.
+        notes: what is found is added here.
+
+    Attributes:
+        rate_scale: numbers of the gyroscope a rad/s of this attitude; None: not to be told.
+
+    Raises LogFormatError.
+    """
+
+    def __init__(
+        self, seconds: Array, force: Array, turning: Array, raw: RawTrack, notes: list[str]
+    ) -> None:
+        self.raw = raw
+        self.rate_scale: float | None = None
+        self._seconds, self._force, self._turning = seconds, force, turning
+        self._notes = notes
+        self._offset = raw.rows.time_offset or 0.0
+        self._body = axes(raw.rows.body or "FLU", "body")
+        self._world = axes(raw.rows.world or "ENU", "world")
+        self._unit = 1.0
+        self._order: tuple[str, str] = (
+            raw.rows.quaternion_order or "wxyz",
+            raw.rows.quaternion_maps or "body to world",
+        )
+        if raw.quaternion is not None:
+            self._fit_attitude()
+            self._fit_position()
+        else:
+            self._fit_position_alone()
+
+    def track(self, base_ns: int) -> Track:
+        """Return the track in our frames; `base_ns` is when the IMU began."""
+        raw = self.raw
+        states = np.zeros(len(raw.seconds), STATE)
+        states["position_w"] = self._unit * raw.position @ self._world.T
+        known = raw.velocity is not None
+        if raw.velocity is not None:
+            states["velocity_w"] = self._unit * raw.velocity @ self._world.T
+        else:
+            states["velocity_w"] = derivative(raw.seconds, states["position_w"])
+        if raw.quaternion is None:
+            states["quaternion_wb"] = states["angular_velocity_b"] = math.nan
+        else:
+            turned = product_of(quaternion_of(self._world), ordered(raw.quaternion, *self._order))
+            turned = product_of(turned, quaternion_of(self._body.T))
+            states["quaternion_wb"] = turned
+            states["angular_velocity_b"] = angular_velocity(raw.seconds, turned)
+        stamps = np.round((raw.seconds + self._offset) * 1e9).astype(np.int64) + base_ns
+        return Track(raw.name, stamps, states, raw.quaternion is not None, known)
+
+    def _fit_attitude(self) -> None:
+        """Settle order, clock and body by the turning."""
+        raw, rows = self.raw, self.raw.rows
+        mine, theirs = self._grids()
+        imu = (self._seconds, self._force, self._turning)
+        fit, tells = fit_order(
+            raw,
+            (mine, theirs),
+            imu,
+            lambda one, other: self._lag(one, other, mine, theirs),
+            self._offset,
+        )
+        self._order = fit.order, fit.way
+        if not tells:
+            self._notes.append(f"[{raw.name}] hardly turns: attitude and clock are not checked")
+            return
+        if rows.quaternion_order is None or rows.quaternion_maps is None:
+            self._notes.append(f"[{raw.name}] quaternions are {fit.order}, {fit.way}")
+        self.rate_scale = fit.turn.scale
+        self._settle_body(fit.turn)
+        gyro = on_grid(mine, self._seconds, self._turning)
+        turned = fit.rate @ fit.turn.matrix.T * fit.turn.scale
+        self._settle_clock(gyro, turned, mine, theirs)
+
+    def _settle_body(self, turn: motion.Turn) -> None:
+        raw = self.raw
+        best = nearest_body(turn.matrix)
+        if raw.rows.body is None:
+            self._body = axes(best, "body")
+            self._notes.append(f"[{raw.name}] its body is {best}, as the gyroscope turns")
+        rest = math.degrees(angle_between(turn.matrix, self._body))
+        if rest > 30.0:
+            raise LogFormatError(
+                f"[{raw.name}] its body is turned by {rest:.0f} deg against the IMU's, as both "
+                f'turn: write body = "{best}", or is another body of the [imu] right?'
+            )
+        if rest > 1.0:
+            self._notes.append(f"[{raw.name}] its body is turned by {rest:.1f} deg to the IMU's")
+
+    def _settle_clock(self, one: Array, other: Array, mine: Array, theirs: Array) -> None:
+        """Find the offset of the stamps; both sides are turned into each other already."""
+        lag = self._lag(one, other, mine, theirs)
+        name, stated = self.raw.name, self.raw.rows.time_offset
+        share = best_lag(one, other, 0)[1] if len(one) == len(other) else 1.0
+        apart = mine[0] > theirs[-1] or theirs[0] > mine[-1]
+        if apart and stated is None:
+            raise LogFormatError(
+                f"[{name}] has stamps of another clock than [imu]: {theirs[0]:.1f} to "
+                f"{theirs[-1]:.1f} s after the IMU's first sample, which ends at {mine[-1]:.1f} s; "
+                f"the motion of both fits with time_offset = {lag:.3f} in [{name}]"
+            )
+        if stated is not None:
+            if abs(lag) > 2 * STEP and share < 0.98:
+                self._notes.append(
+                    f"[{name}] time_offset = {stated:g} is kept; the motion says {stated + lag:.4f}"
+                )
+            return
+        if abs(lag) >= TOLD_OFFSET:
+            self._offset = lag
+            self._notes.append(
+                f"[{name}] its stamps are {-lag * 1e3:.1f} ms late against the IMU's, by the "
+                "motion of both: corrected"
+            )
+        else:
+            self._notes.append(f"[{name}] its clock is the IMU's, within {TOLD_OFFSET * 1e3:g} ms")
+        half = len(one) // 2
+        if len(one) == len(other) and half * STEP > 10.0:
+            parts = [
+                best_lag(one[s], other[s], 20)[0] * STEP for s in (slice(half), slice(half, None))
+            ]
+            drift = (parts[0] - parts[1]) / (half * STEP)
+            if abs(drift) * 2 * half * STEP > 0.02:
+                self._notes.append(
+                    f"[{name}] its clock drifts by {drift * 1e6:.0f} ppm against the IMU's; "
+                    f"time_scale = {self.raw.rows.time_scale * (1.0 + drift):.7f} corrects it"
+                )
+
+    def _fit_position(self) -> None:
+        """Settle world and unit of the positions by the acceleration of the attitudes' world."""
+        raw, rows = self.raw, self.raw.rows
+        assert raw.quaternion is not None
+        at = raw.seconds + self._offset
+        grid = _common(self._seconds, at)
+        turned = ordered(raw.quaternion, *self._order)
+        turned = interpolated(grid, at, turned)
+        turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+        force = interpolated(grid, self._seconds, self._force) @ self._body
+        force = np.einsum("nij,nj->ni", matrices(turned), force)
+        mean = force.mean(axis=0)
+        fits = [one for one in WORLDS if (axes(one, "") @ mean)[2] > 0.9 * np.linalg.norm(mean)]
+        told = f"[{raw.name}] turned by its attitude the mean specific force is " + (
+            f"({', '.join(f'{one:.2f}' for one in mean)}) m/s^2"
+        )
+        if not fits:
+            raise LogFormatError(
+                f"{told}: neither z up nor z down; does quaternion_maps say the right way, "
+                "and is [imu] body right?"
+            )
+        if rows.world is None:
+            self._world = axes(fits[0], "world")
+            self._notes.append(f"{told}: its world is {fits[0]}")
+        elif (self._world @ mean)[2] < 0.0:
+            raise LogFormatError(f'{told}: its world is not {rows.world}; write "{fits[0]}"')
+        if abs(np.linalg.norm(mean) / GRAVITY - 1.0) > 0.05:
+            self._notes.append(f"{told}, not 9.81: the accelerometer's scale is off")
+        gravity = self._world.T @ np.array([0.0, 0.0, GRAVITY])
+        own = motion.smoothed(force - gravity, 2 * motion.SMOOTH)
+        flown = motion.accelerations(
+            motion.smoothed(interpolated(grid, at, raw.position), 2 * motion.SMOOTH)
+        )
+        inner = slice(50, -50)
+        own, flown = own[inner] - own[inner].mean(axis=0), flown[inner] - flown[inner].mean(axis=0)
+        if len(own) < 100 or np.sqrt((own**2).sum(axis=1).mean()) < CALM:
+            self._notes.append(f"[{raw.name}] too calm: its positions' world and unit not checked")
+            self._unit = self._stated_unit() or 1.0
+            return
+        turn = best_turn(flown, own)
+        share = math.sqrt(turn.explained)
+        if share < FITS:
+            raise LogFormatError(
+                f"[{raw.name}] positions and specific force agree by {share:.2f} only (1: wholly): "
+                "are they of one flight, in one world, and the columns in the right order?"
+            )
+        if turn.angle > 0.6:
+            raise LogFormatError(
+                f"[{raw.name}] the positions' world is turned by {math.degrees(turn.angle):.0f} "
+                "deg against that of the quaternions: give both in one world"
+            )
+        self._settle_unit(turn.scale)
+
+    def _fit_position_alone(self) -> None:
+        """Settle clock, unit and vertical of positions by the length of the specific force."""
+        raw, rows = self.raw, self.raw.rows
+        mine, theirs = self._grids()
+        force = np.linalg.norm(on_grid(mine, self._seconds, self._force), axis=1, keepdims=True)
+        flown = motion.accelerations(on_grid(theirs, raw.seconds + self._offset, raw.position))
+        worlds = [rows.world] if rows.world else list(WORLDS)
+        units = [self._stated_unit()] if rows.position_unit else [1.0, 1e-3]
+        fits = []
+        for world, unit in product(worlds, units):
+            assert unit is not None
+            wanted = unit * flown @ axes(world, "").T + np.array([0.0, 0.0, GRAVITY])
+            own = np.linalg.norm(wanted, axis=1, keepdims=True)
+            lag = self._lag(force, own, mine, theirs)
+            one, other = _joined(mine, force, theirs + lag, own)
+            share = float(np.corrcoef(one[:, 0], other[:, 0])[0, 1])
+            fits.append((share, world, unit, own, float(np.std(own)), lag))
+        share, world, self._unit, own, moved, _ = max(fits, key=lambda one: one[0])
+        self._world = axes(world, "world")
+        if moved < CALM or share < FITS:
+            self._notes.append(
+                f"[{raw.name}] its clock and world could not be checked: its positions are "
+                f"accelerated as the specific force by {share:.2f} only (1: wholly)"
+            )
+            return
+        if len(fits) > 1:
+            self._notes.append(f"[{raw.name}] its world is {world}, its unit {self._unit:g} m")
+        self._settle_clock(force, own, mine, theirs)
+
+    def _stated_unit(self) -> float | None:
+        stated = self.raw.rows.position_unit
+        return LENGTH_UNITS[stated] if isinstance(stated, str) else stated
+
+    def _settle_unit(self, scale: float) -> None:
+        """Settle the unit; `scale` is m a number, as the specific force says."""
+        name, stated = self.raw.name, self._stated_unit()
+        found = next((k for k, unit in LENGTH_UNITS.items() if 0.6 < scale / unit < 1.6), None)
+        told = f"[{name}] positions move by {scale:.3g} m a number, as the specific force says"
+        if stated is None:
+            if found is None:
+                raise LogFormatError(f"{told}: no unit known here; write position_unit")
+            self._unit = LENGTH_UNITS[found]
+            if found != "m":
+                self._notes.append(f"{told}: in {found}")
+            return
+        if not 0.6 < scale / stated < 1.6:
+            hint = f'write "{found}"' if found else "are these the right columns?"
+            raise LogFormatError(f"{told}, not in {self.raw.rows.position_unit}: {hint}")
+        self._unit = stated
+
+    def _grids(self) -> tuple[Array, Array]:
+        """Return the grid of the IMU and that of the track: one, where their clocks overlap."""
+        at = self.raw.seconds + self._offset
+        if min(self._seconds[-1], at[-1]) - max(self._seconds[0], at[0]) > 5.0:
+            grid = _common(self._seconds, at)
+            return grid, grid
+        return np.arange(self._seconds[0], self._seconds[-1], STEP), np.arange(at[0], at[-1], STEP)
+
+    def _lag(self, one: Array, other: Array, mine: Array, theirs: Array) -> float:
+        """Return by what the track's stamps are to be moved, s: by lengths if it is turned."""
+        if other.shape[1] > 1 and self.rate_scale is None:
+            one, other = (np.linalg.norm(x, axis=1, keepdims=True) for x in (one, other))
+        most = round(NEAR / STEP) if mine is theirs else max(len(one), len(other))
+        shift, _ = best_lag(one, other, min(most, len(one) // 2) if mine is theirs else most)
+        return float(mine[0] - theirs[0] - shift * STEP)
+
+
+def _common(one: Array, other: Array) -> Array:
+    return np.arange(max(one[0], other[0]), min(one[-1], other[-1]), STEP)
+
+
+def _joined(mine: Array, one: Array, theirs: Array, other: Array) -> tuple[Array, Array]:
+    """Return both sides where they overlap."""
+    inside = (mine >= theirs[0]) & (mine <= theirs[-1])
+    return one[inside], interpolated(mine[inside], theirs, other)

@@ -1,0 +1,59 @@
+"""`quadlab log import FILE`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from quadlab.commands.processes import File, Folder, check_name
+from quadlab.data_folder import open_data_folder
+
+
+@dataclass
+class Import:
+    """Make a run of a flight that another system recorded, after a check of units, frames and
+    clocks against gravity and motion (docs/importing.md)."""
+
+    file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")]
+    """the recorded flight: CSV, HDF5, NumPy"""
+    mapping: Annotated[str | None, tyro.conf.arg(metavar="NAME_OR_FILE")] = None
+    """which columns are what: one that comes with quadlab, or a TOML file of your own"""
+    truth: File = None
+    """file of the mapping's [truth], in place of the one it names"""
+    name: str | None = None
+    """name of the vehicle (default: the mapping's)"""
+    torn: bool = False
+    """import a file that is cut off, up to there"""
+    data: Folder = None
+    """data folder whose runs it joins"""
+
+    def run(self) -> int:
+        if self.name is not None:
+            check_name(self.name)
+        from console.catalogue.catalogue import Catalogue, run_name
+        from console.runs.adoption import described
+        from flight_log.imports.importing import NewRun, read_flight
+
+        flight = read_flight(self.file, self.mapping, truth=self.truth, torn=self.torn)
+        flight.vehicle = self.name or flight.vehicle
+        new = NewRun(flight, self.file)
+        catalogue = Catalogue(open_data_folder(self.data))
+        try:
+            run_id = run_name(new.start, flight.vehicle, catalogue.folder)
+            run = new.write(catalogue.folder, run_id)
+            catalogue.add(described(run, None))
+        finally:
+            catalogue.close()
+        imu = flight.imu.stamps_ns
+        seconds = 1e-9 * float(imu[-1] - imu[0])
+        print(f"{self.file.name} ({flight.source}): {seconds:.1f} s, {len(imu)} IMU samples")
+        for note in flight.notes:
+            print(f"  {note}")
+        lacks = [name for name in ("truth", "estimate") if getattr(flight, name) is None]
+        if lacks:
+            print(f"  it has no {' and no '.join(lacks)}")
+        print(run)
+        return 0

@@ -1,0 +1,246 @@
+"""A flight of another system becomes a run: units, frames and clocks are found or refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from flight_log import check
+from flight_log.imports.flight import ImportedFlight
+from flight_log.imports.importing import NewRun, read_flight
+from flight_log.imports.mapping import load_mapping, names
+from quadlab.__main__ import main
+from quadlab.replay.log import read_recording
+from quadrotor.errors import LogFormatError, QuadlabError, StorageError, UsageError
+from tests.flight_log.foreign_flight import (
+    FRD,
+    NED,
+    Array,
+    ForeignFlight,
+    columns_of,
+    make_flight,
+    write_csv,
+    write_mapping,
+)
+
+FLIGHT = make_flight()
+
+
+def imported(
+    folder: Path, columns: dict[str, Array], imu: str = "", truth: str = ""
+) -> ImportedFlight:
+    path = write_csv(folder / "flight.csv", columns)
+    return read_flight(path, str(write_mapping(folder / "mapping.toml", imu, truth)))
+
+
+def turned(
+    flight: ForeignFlight, body: Array | None = None, world: Array | None = None
+) -> ForeignFlight:
+    """Return the flight with its vectors in the axes of another body and another world."""
+    from scipy.spatial.transform import Rotation
+
+    body = np.eye(3) if body is None else body
+    world = np.eye(3) if world is None else world
+    return ForeignFlight(
+        flight.seconds,
+        flight.position @ world.T,
+        flight.velocity @ world.T,
+        Rotation.from_matrix(world @ flight.rotation.as_matrix() @ body.T),
+        flight.force @ body.T,
+        flight.rate @ body.T,
+    )
+
+
+def is_the_flight(found: ImportedFlight, offset: float = 0.0) -> None:
+    """Check an import against what was flown."""
+    assert found.truth is not None
+    assert np.allclose(found.imu.specific_force_b, FLIGHT.force, atol=1e-6)
+    assert np.allclose(found.imu.angular_velocity_b, FLIGHT.rate, atol=1e-6)
+    assert np.allclose(found.truth.states["position_w"], FLIGHT.position, atol=1e-6)
+    same = np.abs((found.truth.states["quaternion_wb"] * FLIGHT.quaternion).sum(axis=1))
+    assert same.min() > 1.0 - 1e-9
+    late = (found.truth.stamps_ns - found.imu.stamps_ns) * 1e-9
+    assert np.abs(late - offset).max() < 2e-3
+    inner = slice(10, -10)
+    velocity = found.truth.states["velocity_w"] - FLIGHT.velocity
+    assert np.abs(velocity[inner]).max() < 0.01
+
+
+def test_what_a_mapping_leaves_out_is_found(tmp_path: Path) -> None:
+    columns = columns_of(turned(FLIGHT, FRD, NED))
+    for name in ("ax", "ay", "az"):
+        columns[name] = columns[name] / 9.80665
+    for name in ("gx", "gy", "gz"):
+        columns[name] = np.degrees(columns[name])
+    found = imported(tmp_path, columns)
+    is_the_flight(found)
+    told = "; ".join(found.notes)
+    for word in ("in g", "in deg/s", "FRD", "NED", "wxyz"):
+        assert word in told
+
+
+def test_stated_units_and_frames_that_are_right_are_taken(tmp_path: Path) -> None:
+    imu = 'angular_velocity_unit = "rad/s"\nspecific_force_unit = "m/s^2"\nbody = "FLU"'
+    truth = 'quaternion_order = "wxyz"\nworld = "ENU"\nbody = "FLU"\nposition_unit = "m"'
+    is_the_flight(imported(tmp_path, columns_of(FLIGHT), imu, truth))
+
+
+@pytest.mark.parametrize(
+    ("imu", "truth", "hint"),
+    [
+        ('specific_force_unit = "g"', "", "m/s^2"),
+        ('angular_velocity_unit = "deg/s"', "", "rad/s"),
+        ('body = "FRD"', "", "FLU"),
+        ("", 'world = "NED"', "ENU"),
+        ("", 'body = "FRD"', "FLU"),
+        ("", 'quaternion_order = "xyzw"', "wxyz"),
+        ("", 'quaternion_maps = "world to body"', "body to world"),
+        ("", 'position_unit = "mm"', '"m"'),
+        ('body = "FLL"', "", "FRD"),
+    ],
+)
+def test_a_stated_unit_or_frame_that_is_wrong_is_refused_with_what_fits(
+    tmp_path: Path, imu: str, truth: str, hint: str
+) -> None:
+    with pytest.raises(QuadlabError) as refused:
+        imported(tmp_path, columns_of(FLIGHT), imu, truth)
+    assert hint in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_stamps_of_the_truth_that_are_late_are_corrected_and_told(tmp_path: Path) -> None:
+    columns = columns_of(FLIGHT)
+    write_csv(tmp_path / "truth.csv", {**columns, "t": columns["t"] + 0.137})
+    found = imported(tmp_path, columns, truth='file = "truth.csv"')
+    is_the_flight(found)
+    assert any("late" in note for note in found.notes)
+    kept = imported(tmp_path, columns, truth='file = "truth.csv"\ntime_offset = 0.0')
+    is_the_flight(kept, 0.137)
+
+
+def test_two_clocks_are_refused_with_the_offset_that_fits(tmp_path: Path) -> None:
+    columns = columns_of(FLIGHT)
+    write_csv(tmp_path / "truth.csv", {**columns, "t": columns["t"] - columns["t"][0]})
+    with pytest.raises(LogFormatError, match=r"time_offset = 1700000000\.0"):
+        imported(tmp_path, columns, truth='file = "truth.csv"')
+    is_the_flight(imported(tmp_path, columns, truth='file = "truth.csv"\ntime_offset = 1.7e9'))
+
+
+def test_a_log_without_truth_is_imported_and_says_so(tmp_path: Path) -> None:
+    mapping = write_mapping(tmp_path / "m.toml", 'angular_velocity_unit = "rad/s"')
+    mapping.write_text(mapping.read_text().partition("[truth]")[0])
+    found = read_flight(write_csv(tmp_path / "f.csv", columns_of(FLIGHT)), str(mapping))
+    assert found.truth is None
+    assert any("no truth" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda c: c | {"t": np.roll(c["t"], 1)}, "go back"),
+        (lambda c: c | {"t": 0.0 * c["t"]}, "stamp"),
+        (lambda c: {k: v[:20] for k, v in c.items()}, "rows"),
+        (lambda c: {k: v for k, v in c.items() if k != "ax"}, "'ax'"),
+        (lambda c: c | {"az": c["az"] - 9.8}, "gravity"),
+        (lambda c: c | {"qw": c["qw"] + 3.0}, "unit quaternions"),
+        (lambda c: c | {"gx": c["gz"] ** 2, "gy": c["gx"], "gz": c["gy"]}, "turning"),
+        (lambda c: c | {"px": c["py"], "py": -c["pz"], "pz": c["px"]}, "world"),
+    ],
+)
+def test_what_no_flight_can_be_made_of_is_refused_in_one_line(
+    tmp_path: Path, change: object, words: str
+) -> None:
+    assert callable(change)
+    with pytest.raises(LogFormatError) as refused:
+        imported(tmp_path, change(columns_of(FLIGHT)))
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_half_a_file_is_refused_and_its_whole_lines_imported_when_asked(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "flight.csv", columns_of(FLIGHT))
+    path.write_bytes(path.read_bytes()[:300_000].rsplit(b",", 1)[0])
+    mapping = str(write_mapping(tmp_path / "m.toml"))
+    with pytest.raises(LogFormatError, match="not whole"):
+        read_flight(path, mapping)
+    whole = path.read_text().count("\n") - 1
+    assert len(read_flight(path, mapping, torn=True).imu.stamps_ns) == whole
+
+
+def test_hdf5_by_columns_of_its_datasets(tmp_path: Path) -> None:
+    path = tmp_path / "data.hdf5"
+    flight = turned(FLIGHT, FRD)
+    with h5py.File(path, "w") as file:
+        file["ts"], file["gyro_raw"], file["accel_raw"] = flight.seconds, flight.rate, flight.force
+        file["traj_target"] = np.concatenate(
+            [flight.position, flight.quaternion[:, [1, 2, 3, 0]]], axis=1
+        )
+    is_the_flight(read_flight(path, "blackbird"))
+    path.write_bytes(path.read_bytes()[:50_000])
+    with pytest.raises(LogFormatError):
+        read_flight(path, "blackbird")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[imu]\nbodi = 1", "bodi"),
+        ("[imu]\ntime = 't'", "missing"),
+        ("[imu", "cannot be read"),
+        ("[imu]\nangular_velocity = 'g'\nspecific_force = 'a'\n", "time or rate"),
+        (
+            "[imu]\ntime = 't'\nangular_velocity = 'g'\nspecific_force = 'a'\n"
+            "specific_force_unit = 'ounces'",
+            "specific_force_unit",
+        ),
+    ],
+)
+def test_a_wrong_mapping_says_where(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "m.toml"
+    path.write_text(text)
+    with pytest.raises(UsageError) as refused:
+        load_mapping(str(path))
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_every_mapping_that_comes_with_quadlab_is_one() -> None:
+    assert "blackbird" in names()
+    assert all(load_mapping(name).imu for name in names())
+
+
+def test_a_run_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    found = imported(tmp_path, columns_of(FLIGHT))
+    runs = tmp_path / "data" / "runs"
+    runs.mkdir(parents=True)
+    run = NewRun(found, Path("flight.csv")).write(runs, "one")
+    sound = check.check_log(run)
+    assert not sound.problems
+    recording = read_recording(run)
+    assert np.allclose(recording.imu["specific_force_b"], FLIGHT.force, atol=1e-6)
+    assert found.truth is not None
+    assert np.allclose(recording.truth["velocity_w"], found.truth.states["velocity_w"])
+    assert len(recording.poses) == len(FLIGHT.seconds)
+    with pytest.raises(StorageError):
+        NewRun(found, Path("flight.csv")).write(runs, "one")
+    assert [path.name for path in (tmp_path / "data").iterdir()] == ["runs"]
+
+
+def test_the_command_imports_into_the_catalogue_and_refuses_without_a_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_csv(tmp_path / "flight.csv", columns_of(FLIGHT))
+    mapping = write_mapping(tmp_path / "mapping.toml")
+    data = tmp_path / "data"
+    words = ["log", "import", str(path), "--data", str(data)]
+    assert main([*words, "--mapping", str(mapping)]) == 0
+    run = Path(capsys.readouterr().out.splitlines()[-1])
+    assert run.parent == data / "runs"
+    assert run.name == "20231114T221320Z_foreign"
+    assert main(words) == 2
+    assert main([*words, "--mapping", str(write_mapping(mapping, 'body = "FRD"'))]) == 1
+    assert len(capsys.readouterr().err.splitlines()) == 2
+    assert list(run.parent.iterdir()) == [run]
