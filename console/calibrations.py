@@ -13,7 +13,7 @@ import time
 from typing import Any
 
 from quadrotor.calibration_record import CalibrationRecord, parse_record
-from quadrotor.errors import LinkError, MeasurementError
+from quadrotor.errors import LinkError, MeasurementError, RefusedError
 from vehicle_link.messages import new
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.node import Node
@@ -142,19 +142,14 @@ class Calibrations:
 
     def _answer(self, request: Any) -> Any:
         """Answer with the calibrations as they were read last."""
-        answer = f"{SERVICE}_Response"
         if request.action not in TOLD:
-            return new(
-                answer,
-                accepted=False,
-                reason=f"the station serves only {' and '.join(TOLD)} here, not "
-                f"{request.action!r:.40}; calibrations are made and accepted through its "
-                "experiments",
+            raise RefusedError(
+                f"the station serves only {' and '.join(TOLD)} here, not {request.action!r:.40}; "
+                "calibrations are made and accepted through its experiments"
             )
         with self._lock:
             records, problem = self._records, self._problem
         if records is None:
-            reason = f"the vehicle's calibrations are not known: {problem}"
-            return new(answer, accepted=False, reason=reason)
+            raise RefusedError(f"the vehicle's calibrations are not known: {problem}")
         told = [one.model_dump_json() for one in records[request.action]]
-        return new(answer, accepted=True, records=told)
+        return new(f"{SERVICE}_Response", accepted=True, records=told)

@@ -21,7 +21,7 @@ from console.checks import station_items
 from console.checks.gather import Gatherer
 from console.parameters.station import StationParameters
 from flight_log.provenance import provenance
-from quadrotor.errors import LinkError, QuadlabError
+from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from vehicle_link.checks import Check, from_messages, to_messages
 from vehicle_link.machine_checks import ClockWatch, clock_check, disk_check, governor_check
 from vehicle_link.messages import new
@@ -100,8 +100,7 @@ class StartupChecks:
 
     def _answer(self, request: Any) -> Any:
         if request.again and self._gatherer.facts().armed:
-            reason = "the vehicle is armed; checks are made on the ground"
-            return new(ANSWER, accepted=False, reason=reason)
+            raise RefusedError("the vehicle is armed; checks are made on the ground")
         if request.again:
             self.look()
         return new(ANSWER, accepted=True, checked=self._checked, checks=to_messages(self.found))

@@ -13,12 +13,13 @@ from functools import partial
 from typing import Any
 
 from console.parameters.store import PREFIX, StationStore
-from quadrotor.errors import NoAnswerError, ParameterError, RefusedError, StorageError
+from quadrotor.errors import LinkError, NoAnswerError, ParameterError, RefusedError
 from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import new
 from vehicle_link.parameters.authority import SIMULATOR, authority_of
 from vehicle_link.parameters.messages import from_parameters, to_parameters
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.client import ServiceClient
 from vehicle_link.transport.idempotent import Idempotent
 from vehicle_link.transport.node import Node
 
@@ -65,25 +66,22 @@ class CommandGateway:
     def _forward(self, name: str, request: Any) -> Any:
         # Sent into a lost link it may be carried out late, which would surprise.
         if COMMANDS[name].at == "vehicle" and (reason := self._refusal(name)):
-            return _refused(name, reason)
-        try:
-            self._permit(name, request.requester)
-            self._on_asked(name, request.requester)
-            return self._ask(name, request)
-        except RefusedError as error:
-            return _refused(name, str(error))
+            raise RefusedError(reason)
+        self._permit(name, request.requester)
+        self._on_asked(name, request.requester)
+        return self._ask(name, request)
 
     def _ask(self, name: str, request: Any) -> Any:
         """Return the answer of who carries it out.
 
-        Raises LinkError, which is no refusal: it is not known what became of the command.
+        Raises NoAnswerError, which is no refusal: it is not known what became of the command.
         RefusedError when link or control are lost meanwhile.
         """
         patience, tries = COMMANDS[name].patience, COMMANDS[name].tries
         began, asked = time.monotonic(), 0
         while True:
             try:
-                return self._clients[name].call(request, timeout=patience)
+                return _answer(self._clients[name], request, patience)
             except NoAnswerError:
                 asked += 1
                 if asked == tries:
@@ -96,15 +94,12 @@ class CommandGateway:
     def _change_parameters(self, request: Any) -> Any:
         """Change the station's parameters here and all others at the vehicle; all or nothing."""
         name = "change_parameters"
-        try:
-            self._permit(name, request.requester)
-            values = from_parameters(request.parameters)
-            own = {key: value for key, value in values.items() if key.startswith(PREFIX)}
-            self._store.check(own)
-            if any(authority_of(key) == SIMULATOR for key in values):
-                return self._change_simulator(request, values)
-        except (ParameterError, RefusedError) as error:
-            return _refused(name, str(error))
+        self._permit(name, request.requester)
+        values = from_parameters(request.parameters)
+        own = {key: value for key, value in values.items() if key.startswith(PREFIX)}
+        self._store.check(own)
+        if any(authority_of(key) == SIMULATOR for key in values):
+            return self._change_simulator(request, values)
         applied, revision = {}, self._store.revision
         others = {key: value for key, value in values.items() if key not in own}
         if others:
@@ -119,10 +114,7 @@ class CommandGateway:
                 return response
             applied, revision = from_parameters(response.applied), int(response.revision)
         if own:
-            try:
-                mine, own_revision = self._store.change(own, request.requester)
-            except ParameterError as error:  # changed by someone else since the check
-                return _refused(name, str(error))
+            mine, own_revision = self._store.change(own, request.requester)
             applied = {**applied, **mine}
             revision = revision if others else own_revision
         return new(
@@ -133,23 +125,26 @@ class CommandGateway:
         )
 
     def _change_simulator(self, request: Any, names: Iterable[str]) -> Any:
-        """Change parameters of the simulator. Raises ParameterError, LinkError."""
+        """Change parameters of the simulator. Raises ParameterError, NoAnswerError."""
         others = [name for name in names if authority_of(name) != SIMULATOR]
         if others:
             raise ParameterError(
                 f"{others[0]} and parameters of the simulator cannot be changed in one step; "
                 "change them apart"
             )
-        return self._simulator.call(request, timeout=COMMANDS["change_parameters"].patience)
+        return _answer(self._simulator, request, COMMANDS["change_parameters"].patience)
 
     def _start_or_stop(self, request: Any) -> Any:
-        try:
-            self._permit("record", request.requester)
-            run_id = self._record(bool(request.start), request.requester)
-        except (RefusedError, StorageError) as error:
-            return _refused("record", str(error))
+        self._permit("record", request.requester)
+        run_id = self._record(bool(request.start), request.requester)
         return new(f"{SERVICES['record']}_Response", accepted=True, run_id=run_id)
 
 
-def _refused(name: str, reason: str) -> Any:
-    return new(f"{SERVICES[name]}_Response", accepted=False, reason=reason)
+def _answer(client: ServiceClient, request: Any, timeout: float) -> Any:
+    """Return the answer. Raises NoAnswerError, also for a defect: it may have been carried out."""
+    try:
+        return client.call(request, timeout=timeout)
+    except NoAnswerError:
+        raise
+    except LinkError as error:
+        raise NoAnswerError(str(error)) from error

@@ -13,7 +13,7 @@ from typing import Any
 
 from console.commands.lease import ControlLease
 from console.link.outbox import Outbox
-from quadrotor.errors import RefusedError, UsageError
+from quadrotor.errors import UsageError
 from vehicle_link.messages import decode, header, new
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.idempotent import Idempotent
@@ -90,8 +90,6 @@ class ControlDesk:
         try:
             with self._lock:
                 self._do(request.action, request.requester or "somebody", self._clock())
-        except (RefusedError, UsageError) as error:
-            return new(ANSWER, accepted=False, reason=str(error))
         finally:
             self._tell()
         return new(ANSWER, accepted=True)

@@ -12,7 +12,7 @@ from console.experiment_running.file_check import Described
 from console.experiments.catalogue import EXPERIMENTS, find
 from console.experiments.client import Calibrating, Experiment
 from console.experiments.user_file import mistakes_told
-from quadrotor.errors import QuadlabError, UsageError
+from quadrotor.errors import UsageError
 from quadrotor.parameters import ParameterStore
 from vehicle_link.messages import new
 from vehicle_link.parameters.messages import from_parameters, to_descriptor
@@ -63,11 +63,8 @@ class ExperimentService:
         node.serve("station/experiment", SERVICES["experiment"], Idempotent(self._answer))
 
     def _answer(self, request: Any) -> Any:
-        try:
-            with self._lock:
-                return self._do(request)
-        except QuadlabError as error:
-            return new(ANSWER, accepted=False, reason=str(error))
+        with self._lock:
+            return self._do(request)
 
     def _do(self, request: Any) -> Any:
         requester = request.requester or "somebody"

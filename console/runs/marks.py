@@ -16,7 +16,7 @@ from console.catalogue.catalogue import Catalogue
 from console.catalogue.marks import LONGEST, OLDEST, Mark, find_mark, keep_mark
 from console.link.outbox import Outbox
 from console.runs.run import RecorderStatus
-from quadrotor.errors import QuadlabError, RefusedError
+from quadrotor.errors import RefusedError
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import encode, header, new
 from vehicle_link.topics import SERVICES, TOPICS
@@ -64,12 +64,9 @@ class MarkService:
         node.serve("station/mark", SERVICES["mark"], Idempotent(self._answer))
 
     def _answer(self, request: Any) -> Any:
+        with self._lock:
+            mark, logged = self._take(request)
         kind = f"{SERVICES['mark']}_Response"
-        try:
-            with self._lock:
-                mark, logged = self._take(request)
-        except QuadlabError as error:
-            return new(kind, accepted=False, reason=str(error))
         return new(kind, accepted=True, run_id=mark.run_id, time=mark.time, logged=logged)
 
     def _take(self, request: Any) -> tuple[Mark, bool]:

@@ -9,7 +9,7 @@ from console.catalogue.catalogue import Catalogue
 from console.parameters.station import RecorderParameters
 from console.transfers.desk import TransferDesk
 from console.transfers.vehicle_files import VehicleFiles
-from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from quadrotor.errors import LinkError, RefusedError
 from vehicle_link.messages import new
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.heartbeat import LinkState
@@ -58,27 +58,22 @@ class Transfers:
                 self._publisher.put(payload, stamp_ns)
 
     def _transfer(self, request: Any) -> Any:
-        kind = f"{SERVICES['transfer']}_Response"
         name, number = str(request.name), 0
-        try:
-            if request.action == "cancel":
-                self.desk.cancel(name)
-            elif request.action in ("download", "backfill"):
-                number = self.desk.ask(request.action, name, by_person=True)
-            else:
-                raise RefusedError(
-                    f"transfer: no action {request.action!r:.40}; allowed are download, backfill "
-                    "and cancel"
-                )
-        except QuadlabError as error:
-            return new(kind, accepted=False, reason=str(error))
-        return new(kind, accepted=True, id=number)
+        if request.action == "cancel":
+            self.desk.cancel(name)
+        elif request.action in ("download", "backfill"):
+            number = self.desk.ask(request.action, name, by_person=True)
+        else:
+            raise RefusedError(
+                f"transfer: no action {request.action!r:.40}; allowed are download, backfill and "
+                "cancel"
+            )
+        return new(f"{SERVICES['transfer']}_Response", accepted=True, id=number)
 
     def _list(self, request: Any) -> Any:
-        reason = "the link to the vehicle is lost; its logs cannot be listed"
-        if self._link_state() is not LinkState.LOST:
-            try:
-                return self._files.listed(request)
-            except LinkError as error:
-                reason = str(error)
-        return new(f"{SERVICES['onboard_files']}_Response", accepted=False, reason=reason)
+        if self._link_state() is LinkState.LOST:
+            raise RefusedError("the link to the vehicle is lost; its logs cannot be listed")
+        try:
+            return self._files.listed(request)
+        except LinkError as error:
+            raise RefusedError(str(error)) from error

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from quadrotor.errors import LinkError
-from vehicle_link.messages import new
+from quadrotor.errors import LinkError, RefusedError
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.heartbeat import LinkState
 from vehicle_link.transport.node import Node
@@ -32,12 +31,8 @@ class LogWindow:
 
     def _ask(self, request: Any) -> Any:
         if self._link_state() is LinkState.LOST:
-            return _refused("the link to the vehicle is lost; its log cannot be read")
+            raise RefusedError("the link to the vehicle is lost; its log cannot be read")
         try:
             return self._client.call(request, timeout=TIMEOUT)
         except LinkError as error:
-            return _refused(str(error))
-
-
-def _refused(reason: str) -> Any:
-    return new(f"{TYPE}_Response", accepted=False, reason=reason)
+            raise RefusedError(str(error)) from error

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Protocol
 
 from flight_log.provenance import provenance
+from quadrotor.errors import RefusedError
 from vehicle.flight.realtime import PRIORITY
 from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.recovery import FOLDER
@@ -120,11 +121,12 @@ class SelfChecks:
 
     def answer(self, request: Message) -> Message:
         """Check each time: the station keeps what was found."""
-        kind, armed = f"{SERVICES['checks']}_Response", self.armed
+        armed = self.armed
         if armed:
-            reason = "the vehicle is armed; checks are made on the ground"
-            return new(kind, accepted=False, reason=reason)
+            raise RefusedError("the vehicle is armed; checks are made on the ground")
         checks = to_messages(
             self_checks(self._data, disarmed=armed is False, identity=self._identity, log=self._log)
         )
-        return new(kind, accepted=True, checked=time.time(), checks=checks)
+        return new(
+            f"{SERVICES['checks']}_Response", accepted=True, checked=time.time(), checks=checks
+        )

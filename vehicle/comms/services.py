@@ -11,17 +11,16 @@ from functools import partial
 
 from msgspec.structs import fields as fields_of
 
-from quadrotor.errors import NoAnswerError, QuadlabError
 from vehicle.comms.calibrations import Calibrations
 from vehicle.comms.commands import FlightMailbox, FlightParameters
 from vehicle.comms.vehicle_clock import VehicleClock
 from vehicle_link.commands import COMMANDS, Command
-from vehicle_link.messages import Message, decode, encode, new
+from vehicle_link.messages import Message, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters
 from vehicle_link.parameters.service import serve_parameters
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES
-from vehicle_link.transport.idempotent import Idempotent
+from vehicle_link.transport.idempotent import Idempotent, prepare
 from vehicle_link.transport.node import Node
 
 CALIBRATIONS = 3
@@ -50,30 +49,9 @@ def serve(
 def serve_command(
     node: Node, service: str, handler: Callable[[Message], Message], at_once: int
 ) -> None:
-    """Serve a command, once a request id; what the handler refuses is an answer."""
-    srv_type = SERVICES[service]
-    _prepare(srv_type)
-    node.serve(service, srv_type, Idempotent(_refusing(srv_type, handler)), at_once=at_once)
-
-
-def _prepare(srv_type: str) -> None:
-    """Make the serialisers now: rosbags writes them on first use, which takes up to 0.1 s."""
-    encode(new(f"{srv_type}_Response"))
-    decode(encode(new(f"{srv_type}_Request")), f"{srv_type}_Request")
-
-
-def _refusing(srv_type: str, handler: Callable[[Message], Message]) -> Callable[[Message], Message]:
-    """Make a handler whose refusals are answers: not accepted, with the error as the reason."""
-
-    def handle(request: Message) -> Message:
-        try:
-            return handler(request)
-        except NoAnswerError:
-            raise  # it is not known what became of it
-        except QuadlabError as error:
-            return new(f"{srv_type}_Response", accepted=False, reason=str(error))
-
-    return handle
+    """Serve a command, once a request id."""
+    prepare(SERVICES[service])
+    node.serve(service, SERVICES[service], Idempotent(handler), at_once=at_once)
 
 
 def _ask_flight(flight: FlightMailbox, command: Command, request: Message) -> Message:

@@ -26,8 +26,9 @@ from vehicle.onboard_log.file import Written
 from vehicle.onboard_log.file_identity import identity_of
 from vehicle.onboard_log.mending import LATER
 from vehicle.onboard_log.ring import Fetched, free_bytes
-from vehicle_link.messages import Message, decode, encode, new
+from vehicle_link.messages import Message, new
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.idempotent import prepare
 from vehicle_link.transport.node import Node
 
 PART_BYTES = 2800
@@ -72,7 +73,8 @@ class OnboardFiles:
 
     def serve(self, node: Node) -> None:
         for service, answer in (("onboard_files", self.files), ("onboard_part", self.part)):
-            node.serve(service, SERVICES[service], _Answering(SERVICES[service], answer))
+            prepare(SERVICES[service])
+            node.serve(service, SERVICES[service], answer)
 
     def files(self, request: Message) -> Message:
         """Answer which logs there are. Raises StorageError."""
@@ -181,22 +183,6 @@ class OnboardFiles:
             return self._free(self._folder if self._folder.exists() else self._folder.parent)
         except OSError as error:
             raise StorageError(f"cannot use {self._folder}: {error.strerror}") from error
-
-
-class _Answering:
-    """A handler whose errors are answers with their reason."""
-
-    def __init__(self, kind: str, answer: Callable[[Message], Message]) -> None:
-        self._kind, self._answer = kind, answer
-        # Serialisers are written on first use, which takes up to 0.1 s.
-        encode(new(f"{kind}_Response"))
-        decode(encode(new(f"{kind}_Request")), f"{kind}_Request")
-
-    def __call__(self, request: Message) -> Message:
-        try:
-            return self._answer(request)
-        except QuadlabError as error:
-            return new(f"{self._kind}_Response", accepted=False, reason=str(error))
 
 
 def _names(folder: Path) -> list[str]:

@@ -10,11 +10,12 @@ import time
 from collections.abc import Callable
 
 from flight_log.tick_columns import Columns, read_columns
-from quadrotor.errors import QuadlabError, RefusedError
+from quadrotor.errors import RefusedError
 from vehicle.onboard_log.file import Written
 from vehicle.onboard_log.onboard_log import OnboardLog
-from vehicle_link.messages import Message, decode, encode, new
+from vehicle_link.messages import Message, new
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.idempotent import prepare
 
 TYPE = SERVICES["onboard_log"]
 COLUMNS_MAX = 48
@@ -35,18 +36,10 @@ class OnboardReader:
         self._log = log
         self._vehicle = vehicle
         self._wait = wait
-        # Serialisers are written on first use, which takes up to 0.1 s.
-        encode(new(f"{TYPE}_Response"))
-        decode(encode(new(f"{TYPE}_Request")), f"{TYPE}_Request")
+        prepare(TYPE)
 
     def answer(self, request: Message) -> Message:
-        """Answer as the service's handler; an error is an answer with its reason."""
-        try:
-            return self._answer(request)
-        except QuadlabError as error:
-            return new(f"{TYPE}_Response", accepted=False, reason=str(error))
-
-    def _answer(self, request: Message) -> Message:
+        """Answer as the service's handler. Raises RefusedError, UsageError or StorageError."""
         start_ns, end_ns = int(request.start_ns), int(request.end_ns)
         if not 0 <= end_ns - start_ns <= LONGEST_NS:
             raise RefusedError(

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
-from quadrotor.errors import LinkError, ParameterError, RefusedError
+from quadrotor.errors import LinkError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
 from vehicle.simulator.attendant import Attendant
@@ -176,12 +176,7 @@ def connect_to_station(
             changes.put(change, stamp_ns)
 
         def change(request: Message) -> Message:
-            try:
-                applied, revision = live.change(
-                    from_parameters(request.parameters), request.requester
-                )
-            except ParameterError as error:
-                return new(f"{service}_Response", accepted=False, reason=str(error))
+            applied, revision = live.change(from_parameters(request.parameters), request.requester)
             return new(
                 f"{service}_Response",
                 accepted=True,
@@ -190,12 +185,8 @@ def connect_to_station(
             )
 
         def attend(request: Message) -> Message:
-            kind = f"{SERVICES['simulation']}_Response"
-            try:
-                attendant.ask(str(request.action))
-            except RefusedError as error:
-                return new(kind, accepted=False, reason=str(error))
-            return new(kind, accepted=True)
+            attendant.ask(str(request.action))
+            return new(f"{SERVICES['simulation']}_Response", accepted=True)
 
         live.on_change = publish_change
         serve_parameters(node, live)

@@ -1,6 +1,7 @@
-"""A repeated request gets the first one's answer and has no second effect.
+"""Handlers of services: a refusal is an answer, and a repeated request has no second effect.
 
-A caller whose answer was lost sends the same request id again within 5 s.
+A caller whose answer was lost sends the same request id again within 5 s, and gets the first one's
+answer.
 """
 
 from __future__ import annotations
@@ -10,10 +11,34 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future
 
-from vehicle_link.messages import Message
+from quadrotor.errors import NoAnswerError, QuadlabError
+from vehicle_link.messages import Message, decode, encode, new, stored_name, typestore
 
 KEEP = 5.0
 """s for which an answer is remembered."""
+
+
+def answering(srv_type: str, handler: Callable[[Message], Message]) -> Callable[[Message], Message]:
+    """Make a handler whose refusals are answers, where the service has `accepted`."""
+    answer = f"{srv_type}_Response"
+
+    def handle(request: Message) -> Message:
+        try:
+            return handler(request)
+        except NoAnswerError:
+            raise
+        except QuadlabError as error:
+            if "accepted" not in dict(typestore().fielddefs[stored_name(answer)][1]):
+                raise
+            return new(answer, accepted=False, reason=str(error))
+
+    return handle
+
+
+def prepare(srv_type: str) -> None:
+    """Make the serialisers now: rosbags writes them on first use, which takes up to 0.1 s."""
+    encode(new(f"{srv_type}_Response"))
+    decode(encode(new(f"{srv_type}_Request")), f"{srv_type}_Request")
 
 
 class Idempotent:

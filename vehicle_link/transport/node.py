@@ -27,6 +27,7 @@ from quadrotor.errors import LinkError, QuadlabError
 from vehicle_link import clock
 from vehicle_link.messages import Message, decode, encode
 from vehicle_link.transport.client import ServiceClient, encoding_of, peer_of, wait_for_match
+from vehicle_link.transport.idempotent import answering
 from vehicle_link.transport.in_turn import InTurn
 from vehicle_link.transport.misrouted import Topics
 from vehicle_link.transport.rmw_keys import (
@@ -233,10 +234,13 @@ class Node:
 
         With `at_once` above 1 as many at the same time: then none waits behind one that is slow.
 
-        A QuadlabError of the handler is the client's LinkError with the same text, a NoAnswerError
-        its NoAnswerError; anything else is logged with its traceback, and the client told of it.
+        A QuadlabError of the handler is an answer, not accepted and with the text as the reason,
+        where the service has such; else the client's LinkError with the same text. A NoAnswerError
+        is the client's: it is not known what became of the request. Anything else is logged with
+        its traceback, and the client told of it.
         """
         key, _ = self._announce("SS", name, srv_type, RELIABLE)
+        handle = answering(srv_type, handler)
 
         def answer(query: zenoh.Query) -> None:
             with query:  # finishes the query also when nothing was replied
@@ -244,7 +248,7 @@ class Node:
                     data = query.attachment
                     sequence, _, gid = parse_attachment(data.to_bytes() if data else b"")
                     payload = query.payload.to_bytes() if query.payload else b""
-                    response = encode(handler(decode(payload, f"{srv_type}_Request")))
+                    response = encode(handle(decode(payload, f"{srv_type}_Request")))
                     stamped = attachment(sequence, clock.time_ns(), gid)
                     query.reply(key, response, attachment=stamped)
                 except QuadlabError as error:

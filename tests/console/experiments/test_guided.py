@@ -30,6 +30,7 @@ from vehicle_link.messages import header, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters, to_value
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.heartbeat import LinkState
+from vehicle_link.transport.idempotent import answering
 
 BOUND = 60.0
 ENDED = ("passed", "failed", "stopped", "refused")
@@ -49,7 +50,7 @@ class LocalNode:
         self.handlers: dict[str, Callable[[Any], Any]] = {}
 
     def serve(self, name: str, kind: str, handler: Callable[[Any], Any], **_: Any) -> None:
-        self.handlers[name] = handler
+        self.handlers[name] = answering(kind, handler) if kind else handler
 
     def client(self, name: str, kind: str, priority: str = "") -> Any:
         return LocalClient(self, name)

@@ -15,6 +15,7 @@ from tests.support.narrowing import now
 from vehicle_link.messages import new
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.heartbeat import LinkState
+from vehicle_link.transport.idempotent import answering
 
 TYPE = SERVICES["onboard_log"]
 STEP = 2_000_000
@@ -150,7 +151,7 @@ class FakeNode:
 
     def serve(self, name: str, srv_type: str, handler: Any) -> None:
         assert (name, srv_type) == ("station/onboard_log", TYPE)
-        self.handler = handler
+        self.handler = answering(srv_type, handler)
 
 
 def test_the_station_passes_questions_on_last_of_all_and_not_over_a_lost_link() -> None:

@@ -11,9 +11,8 @@ from quadrotor.errors import MeasurementError, RefusedError, StorageError
 from quadrotor.parameters import ParameterValue
 from vehicle.calibration.store import CalibrationStore
 from vehicle.comms.calibrations import ANSWER_BYTES, TYPE
-from vehicle.comms.services import _refusing
 from vehicle.processes import mailbox
-from vehicle_link.transport.idempotent import Idempotent
+from vehicle_link.transport.idempotent import Idempotent, answering
 
 NS = 1_780_000_000_000_000_000
 VALUES: dict[str, ParameterValue] = {"model.motor_slope": 0.0127, "model.motor_offset": 14.5}
@@ -110,7 +109,7 @@ def test_values_that_cannot_be_put_back_are_told(
 
 
 def test_a_repeated_request_is_stored_once(wired: Any) -> None:
-    handler = Idempotent(_refusing(TYPE, wired.service.answer))
+    handler = Idempotent(answering(TYPE, wired.service.answer))
     request = wired.request("store", proposal(), "r1")
     first, again = handler(request), handler(request)
     assert first.accepted

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from flight_log.provenance import provenance
+from quadrotor.errors import RefusedError
 from vehicle.comms.self_checks import HEARD, SelfChecks, self_checks
 from vehicle_link.checks import Check, from_messages
 from vehicle_link.messages import new
@@ -51,10 +52,8 @@ def test_a_vehicle_without_its_certificate_says_so(tmp_path: Path) -> None:
 def test_an_armed_vehicle_refuses(tmp_path: Path) -> None:
     checks = SelfChecks(tmp_path)
     checks.heard(True)
-    answer = checks.answer(REQUEST)
-    assert not answer.accepted
-    assert "on the ground" in answer.reason
-    assert not answer.checks
+    with pytest.raises(RefusedError, match="on the ground"):
+        checks.answer(REQUEST)
 
 
 @pytest.mark.parametrize("told", [None, False, True])

@@ -16,11 +16,12 @@ import pytest
 from quadrotor.errors import StorageError
 from quadrotor.records import TICK, Record
 from vehicle.onboard_log.file import Batch, Message
-from vehicle.onboard_log.files import PART_BYTES, OnboardFiles, _Answering
+from vehicle.onboard_log.files import PART_BYTES, OnboardFiles
 from vehicle.onboard_log.onboard_log import OnboardLog
 from vehicle.onboard_log.recovery import recover_logs, torn_logs
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.idempotent import answering
 
 START_NS = 1_780_000_000_000_000_000
 STEP_NS = 2_000_000
@@ -85,7 +86,7 @@ class Vehicle:
         kind = SERVICES[service]
         answer: Callable[[Any], Any] = getattr(self.files, service.removeprefix("onboard_"))
         request = decode(encode(new(f"{kind}_Request", **fields)), f"{kind}_Request")
-        return decode(encode(_Answering(kind, answer)(request)), f"{kind}_Response")
+        return decode(encode(answering(kind, answer)(request)), f"{kind}_Response")
 
     def fetch(self, name: str, begin: int, end: int) -> bytes:
         data = bytearray()

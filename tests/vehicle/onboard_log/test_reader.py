@@ -18,6 +18,7 @@ from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.reader import VALUES_MAX, OnboardReader
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.idempotent import answering
 
 TYPE = SERVICES["onboard_log"]
 START_NS = 1_780_000_000_000_000_000
@@ -67,7 +68,7 @@ class Vehicle:
             start_ns=START_NS + STEP_NS * first,
             end_ns=START_NS + STEP_NS * last,
         )
-        answer = self.reader.answer(decode(encode(request), f"{TYPE}_Request"))
+        answer = answering(TYPE, self.reader.answer)(decode(encode(request), f"{TYPE}_Request"))
         return decode(encode(answer), f"{TYPE}_Response")
 
     def numbers(self, answer: Any) -> list[int]:

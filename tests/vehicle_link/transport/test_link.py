@@ -245,8 +245,13 @@ def test_what_a_service_raises_reaches_the_caller_as_text(
     link.vehicle.serve("breaks", SERVICES["arm"], breaks)
     refusing = link.web.client("refuses", SERVICES["arm"])
     assert refusing.wait(WAIT)
+    answer = refusing.call(new(REQUEST))
+    assert (answer.accepted, answer.reason) == (False, "the motors are hot")
+    link.vehicle.serve("whoami_refuses", SERVICES["whoami"], refuses)
+    plain = link.web.client("whoami_refuses", SERVICES["whoami"])
+    assert plain.wait(WAIT)
     with pytest.raises(LinkError, match=r"^the motors are hot$"):
-        refusing.call(new(REQUEST))
+        plain.call(new(f"{SERVICES['whoami']}_Request"))
     assert "motors are hot" not in caplog.text  # not a defect: no traceback
     breaking = link.web.client("breaks", SERVICES["arm"])
     assert breaking.wait(WAIT)
