@@ -28,6 +28,7 @@ from web.access.users import add_users
 from web.app_parts import Parts
 from web.beacons.routes import add_beacons
 from web.commands import sticks
+from web.commands.behaviors import described as described_behaviors
 from web.commands.bodies import FollowBody, InvitationBody
 from web.commands.control import add_control
 from web.commands.plain_emergency import add_plain_emergency
@@ -133,6 +134,11 @@ def _add_reading(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
     def signals() -> Response:
         """Return signals for charts and table; topics in the order of the ages in a frame."""
         return Response(described(), media_type="application/json")
+
+    @app.get("/api/behaviors")
+    def behaviors() -> list[dict[str, Any]]:
+        """Return the behaviors of the Fly tab, their arguments as the vehicle describes them."""
+        return described_behaviors()
 
     @app.get("/api/summary")
     async def summary() -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from control.behaviors.arguments import FlyToArguments
 from control.behaviors.behavior import (
     Context,
     Point,
@@ -19,26 +20,7 @@ from control.trajectories.line import Line
 from control.trajectories.polynomial import motion_of
 from control.trajectories.retarget import Retarget
 from control.trajectories.trajectory import Trajectory, sample_many
-from quadrotor.parameters import Parameters, ParameterValue, parameter
-
-
-class FlyToArguments(Parameters):
-    """The arguments of fly_to; what is left out stays as it is."""
-
-    x: float = parameter(0.0, unit="m", ge=-100.0, le=100.0, step=0.1, description="world x")
-    y: float = parameter(0.0, unit="m", ge=-100.0, le=100.0, step=0.1, description="world y")
-    z: float = parameter(1.0, unit="m", ge=-100.0, le=100.0, step=0.1, description="world z")
-    yaw: float = parameter(
-        0.0, unit="rad", ge=-6.3, le=6.3, step=0.05, description="yaw, turned the short way"
-    )
-    speed: float = parameter(
-        0.8,
-        unit="m/s",
-        ge=0.05,
-        le=5.0,
-        step=0.05,
-        description="largest speed; behavior.fly_to_speed if left out",
-    )
+from quadrotor.parameters import Parameters, ParameterValue
 
 
 class FlyTo(TrajectoryBehavior):

@@ -8,11 +8,12 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from control.behaviors.arguments import LandArguments
 from control.behaviors.behavior import Context, Joy, read_arguments
 from control.behaviors.table import BehaviorName
 from control.trajectories.velocity_filter import advance, new_velocity_filter
 from quadrotor.compiled import compiled
-from quadrotor.parameters import Parameters, ParameterValue, parameter
+from quadrotor.parameters import Parameters, ParameterValue
 from quadrotor.records import Record
 
 TOUCH_DOWN = np.dtype(
@@ -52,19 +53,6 @@ def touched_down(detector: Record, dt: float, thrust: float, state: Record) -> b
         for i in range(3):
             d.velocity_w[i] = s.velocity_w[i]
     return bool(d.time >= d.dwell)
-
-
-class LandArguments(Parameters):
-    """The arguments of land."""
-
-    speed: float = parameter(
-        0.3,
-        unit="m/s",
-        ge=0.05,
-        le=1.0,
-        step=0.05,
-        description="descent speed; behavior.landing_speed if left out",
-    )
 
 
 class Land:

@@ -9,11 +9,12 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar, Self
 
+from control.behaviors.arguments import NearHoveringArguments
 from control.behaviors.behavior import Context, Joy, NoArguments, read_arguments
 from control.behaviors.ground import stand
 from control.behaviors.table import BehaviorName
 from control.behaviors.velocity import stick_axis
-from quadrotor.parameters import Parameters, ParameterValue, parameter
+from quadrotor.parameters import Parameters, ParameterValue
 from quadrotor.records import Record
 
 
@@ -45,14 +46,6 @@ class Level:
         stand(state, reference)
         reference["velocity_w"] = state["velocity_w"]
         return False
-
-
-class NearHoveringArguments(Parameters):
-    """The arguments of near_hovering."""
-
-    hold_altitude: bool = parameter(
-        True, description="hold the climb rate by the barometer; false: the stick is thrust"
-    )
 
 
 class NearHovering(Level):

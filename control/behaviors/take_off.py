@@ -7,26 +7,11 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from control.behaviors.arguments import TakeOffArguments
 from control.behaviors.behavior import Context, TrajectoryBehavior, check_inside, read_arguments
 from control.behaviors.table import BehaviorName
 from control.trajectories.line import Line
-from quadrotor.parameters import Parameters, ParameterValue, parameter
-
-
-class TakeOffArguments(Parameters):
-    """The arguments of take_off."""
-
-    height: float = parameter(
-        1.0, unit="m", ge=0.2, le=20.0, step=0.1, description="above where it stands"
-    )
-    speed: float = parameter(
-        0.4,
-        unit="m/s",
-        ge=0.02,
-        le=2.0,
-        step=0.05,
-        description="climb speed; behavior.take_off_speed if left out",
-    )
+from quadrotor.parameters import Parameters, ParameterValue
 
 
 class TakeOff(TrajectoryBehavior):

@@ -25,9 +25,9 @@ test("what is past its deadline is marked with its age, and has its own title ag
   const ages = new Ages({ age }, { age: () => Infinity }, { battery: 3 });
   const known = new Place("battery", "volts"), unknown = new Place("tracker", "");
   const look = () => { ages.mark(known); ages.mark(unknown); return [known.isStale, known.title, unknown.isStale, unknown.title]; };
-  assert.deepEqual(look(), [false, "volts", true, "never heard"]);
+  assert.deepEqual(look(), [false, "volts", true, "never received"]);
   heard.battery = 3;
-  assert.deepEqual(look(), [true, "last heard 3.0 s ago", true, "never heard"]);
+  assert.deepEqual(look(), [true, "last received 3.0 s ago", true, "never received"]);
   heard.battery = 0;
   heard.tracker = 0.2;
   assert.deepEqual(look(), [false, "volts", false, ""]);

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 import socket
@@ -14,10 +13,13 @@ import httpx
 import pytest
 
 from control.behaviors import machine
+from control.behaviors.arguments import ARGUMENTS
+from control.behaviors.behavior import NoArguments
 from quadrotor.checkout import ROOT
 from quadrotor.errors import LinkError, UsageError
 from quadrotor.parameters import ParameterStore
 from web import app
+from web.commands.behaviors import described
 from web.live.sockets import listen
 from web.parameters.follower import flight_volume
 from web.process import print_link
@@ -76,28 +78,17 @@ def test_the_page_loads_nothing_from_elsewhere() -> None:
 
 
 def test_the_pages_behaviors_are_the_vehicles() -> None:
-    """static/fly/behaviors.json repeats names and bounds of control.behaviors: they must agree."""
     kinds = {kind.name.name.lower(): kind for kind in machine.BEHAVIORS.values()}
-    for behavior in json.loads((STATIC / "fly/behaviors.json").read_text()):
-        kind = kinds[behavior["name"]]
-        store = ParameterStore(kind.arguments())
-        assert set(behavior.get("fixed", {})) <= set(store.names)
+    for behavior in described():
+        arguments = kinds[behavior["name"]].arguments
+        assert arguments is ARGUMENTS.get(behavior["name"], NoArguments)
+        store = ParameterStore(arguments())
         for name, value in behavior.get("fixed", {}).items():
             store.check(name, value)
         for argument in behavior["arguments"]:
-            description = store.description(argument["name"])
-            if argument.get("type") in ("text", "bool"):
-                store.check(argument["name"], argument.get("value", "0 0 1"))
-                continue
-            scale = argument.get("scale", 1.0)
-            assert description.minimum is not None
-            assert description.maximum is not None
-            assert argument["min"] * scale >= description.minimum
-            assert argument["max"] * scale <= description.maximum
-            if "value" in argument:
-                store.check(argument["name"], argument["value"] * scale)
-            if scale == 1.0 and argument["unit"]:
-                assert argument["unit"] == description.unit
+            assert argument["maximum"] == store.description(argument["name"]).maximum
+            if argument["default"] != "":
+                store.check(argument["name"], argument["default"])
 
 
 def test_the_flight_volume_is_found_among_the_behavior_parameters() -> None:

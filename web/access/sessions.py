@@ -100,7 +100,7 @@ class Sessions:
             guests = SessionRow.label == label, SessionRow.generation == 0
             ended = transaction.scalars(select(SessionRow.id).where(*guests)).all()
             if not ended:
-                raise RefusedError(f"nobody is signed in as {label!r:.60}")
+                raise RefusedError(f"no one is signed in as {label!r:.60}")
             transaction.execute(delete(SessionRow).where(*guests))
 
     def people(self) -> list[Seen]:

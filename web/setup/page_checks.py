@@ -30,7 +30,7 @@ def page_checks(base_url: str, tls: Tls | None, accounts: int) -> list[Check]:
 
 def _encryption(host: str, tls: Tls | None) -> Check:
     if tls is not None:
-        found = "on: what is read and sent is seen by nobody between"
+        found = "on: the connection is encrypted"
         return Check("TLS", "ok", found, "on, or this computer only", place=PLACE)
     if is_loopback(host):
         found = "off: the page is for this computer only, and browsers trust it as such"

@@ -31,6 +31,7 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "GET /viser/": (VIEWER, None),
     "GET /api/session": (VIEWER, None),
     "GET /api/signals": (VIEWER, None),
+    "GET /api/behaviors": (VIEWER, None),
     "GET /api/summary": (VIEWER, None),
     "GET /api/events": (VIEWER, None),
     "GET /api/parameters": (VIEWER, None),

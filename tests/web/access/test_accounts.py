@@ -266,7 +266,7 @@ def test_signing_out_ends_one_session_and_a_restart_does_not_bring_it_back(
         assert of.is_open(two)
     sessions.end_guests("operator 1")
     assert not again.is_open(two)
-    with pytest.raises(RefusedError, match="nobody is signed in as 'operator 1'"):
+    with pytest.raises(RefusedError, match="no one is signed in as 'operator 1'"):
         sessions.end_guests("operator 1")
 
 

@@ -20,6 +20,7 @@ READ = [
     "/viser/",
     "/api/session",
     "/api/signals",
+    "/api/behaviors",
     "/api/summary",
     "/api/events",
     "/api/parameters",

@@ -361,7 +361,7 @@ def test_an_admin_sees_and_manages_users(place: Any) -> None:
         ("POST", "/api/users", {"name": "B", "password": WORDS}, 400, "no name for a user"),
         ("POST", "/api/users", {"name": "bob", "password": "short"}, 409, "at least 10"),
         ("POST", "/api/users", {"name": "oleg", "password": WORDS}, 409, "has an account"),
-        ("POST", "/api/users/viewer%209/end_sessions", None, 409, "nobody is signed in"),
+        ("POST", "/api/users/viewer%209/end_sessions", None, 409, "no one is signed in"),
     ],
 )
 def test_what_cannot_be_done_is_said_in_one_line(

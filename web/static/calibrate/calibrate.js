@@ -121,8 +121,8 @@ export class Calibrate {
     if (!this.isOperator) return "Viewers watch; an operator calibrates.";
     if (!this.events.connected) return "No connection to this page's server.";
     if (!this.known.length) return "The station does not tell its calibrations.";
-    if (this.chosen?.problem) return "This file cannot run; the reason stands above.";
-    if (!status) return "No vehicle is heard.";
+    if (this.chosen?.problem) return "This file cannot run; the reason is given above.";
+    if (!status) return "No data from the vehicle.";
     if (!(this.events.age("status") < FRESH)) return "The vehicle's status is old; a calibration needs the link.";
     if (this.ages.isOld(TOPIC)) return "The station does not say how its experiments stand.";
     if (RUNNING.includes(experiment?.phase)) return `${labelOf(experiment.name)} is running${experiment.requester ? `, started by ${experiment.requester}` : ""}.`;

@@ -31,7 +31,7 @@ import { View } from "./scene_view.js";
 import { $ } from "../core/dom.js";
 
 async function start() {
-  const [session, description, behaviors] = await Promise.all([get("/api/session"), get("/api/signals"), get("/static/fly/behaviors.json")]);
+  const [session, description, behaviors] = await Promise.all([get("/api/session"), get("/api/signals"), get("/api/behaviors")]);
   const events = new Events();
   const emergency = addEmergency($("emergency"), events, session); // first, whatever fails below
   const telemetry = new Telemetry(description);

@@ -1,5 +1,5 @@
 // How old every number is: what is past its deadline goes grey, gets a hollow dot and a title that
-// says when it was last heard. An element tells by data-topic which message it shows.
+// says when it was last received. An element tells by data-topic which message it shows.
 
 import { setIfChanged } from "./dom.js";
 import { seconds } from "./format.js";
@@ -36,7 +36,7 @@ export class Ages {
     if (place.classList.contains("stale") !== isOld) place.classList.toggle("stale", isOld);
     if (isOld) {
       if (!this.titles.has(place)) this.titles.set(place, place.title);
-      const text = Number.isFinite(age) ? `last heard ${seconds(Math.round(age * 10) / 10)} ago` : "never heard";
+      const text = Number.isFinite(age) ? `last received ${seconds(Math.round(age * 10) / 10)} ago` : "never received";
       setIfChanged(place, "title", text);
     } else if (this.titles.has(place)) {
       place.title = this.titles.get(place);

@@ -6,7 +6,7 @@ import { keys, onKey } from "./keys.js";
 
 const SEEN = "quadlab.help.seen";
 const STEPS = [
-  ["Look", "Mode, link and battery stand in the bar. Grey, with an age, is old: nobody has heard since."],
+  ["Look", "The bar shows mode, link and battery. A grey value with an age is out of date."],
   ["Arm", "Hold Arm until it is full. What is not ready is listed in the Fly tab, with what to do."],
   ["Take off", "It climbs to 1 m and hovers. Fly to, Figure 8, sticks and experiments are in the Fly tab."],
   ["Land", "Land comes down where it is. Emergency land comes down now, whatever runs, and need not stay in place; anybody may press it."],

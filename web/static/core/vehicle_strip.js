@@ -1,4 +1,4 @@
-// All vehicles in one line, each with how it stands, to go to its page; away when there is one only.
+// All vehicles in one line, each with its state, to go to its page; away when there is one only.
 
 import { element, setIfChanged, setText } from "./dom.js";
 import { fixed } from "./format.js";
@@ -6,13 +6,13 @@ import { onKey } from "./keys.js";
 import { Socket } from "./sockets.js";
 import { sameFor } from "./vehicle_path.js";
 
-const OLD = 1; // s: longer ago, and the vehicle is not heard
+const OLD = 1; // s: longer ago, and contact with the vehicle is lost
 const LOST = 1000; // ms without web's message
 
 // {word, tone: "", flying, warn or off} of one of /ws/fleet's `vehicles`.
 export function standing(vehicle) {
-  if (vehicle.age === null) return { word: "never heard", tone: "off" };
-  if (vehicle.age > OLD || vehicle.link?.state === "lost") return { word: "not heard", tone: "warn" };
+  if (vehicle.age === null) return { word: "no data yet", tone: "off" };
+  if (vehicle.age > OLD || vehicle.link?.state === "lost") return { word: "no contact", tone: "warn" };
   const mode = vehicle.mode?.toLowerCase() ?? "";
   if (/cut|emergency/.test(mode)) return { word: mode.replaceAll("_", " "), tone: "warn" };
   if (vehicle.airborne) return { word: "flying", tone: "flying" };

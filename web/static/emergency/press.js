@@ -100,7 +100,7 @@ export class EmergencyPress {
     }
     if (press.phase === "failed") return { tone: "failed", said: `${name} failed: ${press.reason}. Press again.`, running: "" };
     if (press.web === false && press.phase === "sent") return { tone: "waiting", said: `${name}: this page's server does not answer, trying again`, running: `, pressed ${ago} ago` };
-    const silent = this.events.age("status") > 1 ? "; the vehicle is not heard" : "";
+    const silent = this.events.age("status") > 1 ? "; no data from the vehicle" : "";
     const isTaken = press.action === "land" && this.events.summary.emergency_land === "emergency";
     const what = press.phase === "sent" ? "not acknowledged" : isTaken ? "accepted, the microcontroller not yet flying" : "accepted, not yet shown by the vehicle";
     const tries = press.try > 1 ? `, try ${press.try} of ${press.tries}` : "";

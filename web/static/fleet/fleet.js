@@ -1,4 +1,4 @@
-// The fleet page: how every vehicle stands, where it is, and one control to bring all down.
+// The fleet page: the state of every vehicle, where it is, and one control to bring all down.
 
 import { get } from "../core/api.js";
 import { $, element } from "../core/dom.js";
@@ -40,7 +40,7 @@ function connection(socket) {
   const show = async () => {
     strip.hidden = socket.connected;
     if (socket.connected) return;
-    strip.textContent = "No connection to this page's server; reconnecting. What stands here is old; Land all is tried all the same.";
+    strip.textContent = "No connection to this page's server; reconnecting. These values are out of date; Land all still tries.";
     try { await get("/api/session"); } catch (error) {
       if (error.status === 401) strip.replaceChildren("Signed out. ", element("a", { href: "/login" }, "Sign in"), " to come back.");
     }

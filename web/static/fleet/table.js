@@ -45,7 +45,7 @@ export class FleetTable extends EventTarget {
     put(cells.link, link ? `${link.state} · ${seconds(link.age)}` : NONE, link && link.state !== "good" ? "warn" : "");
     put(cells.battery, vehicle.battery === null ? NONE : `${fixed(vehicle.battery, 1)} V`, vehicle.flags.some((flag) => /battery/i.test(flag)) ? "warn" : "");
     put(cells.height, vehicle.height === null ? NONE : `${fixed(vehicle.height, 2)} m`);
-    put(cells.control, vehicle.holder || (vehicle.holder === null ? NONE : "nobody"));
+    put(cells.control, vehicle.holder || (vehicle.holder === null ? NONE : "none"));
     put(cells.recording, vehicle.recording === null ? "off" : `● ${duration(vehicle.recording)}`);
     put(cells.alarms, vehicle.alarms.length ? `⚠ ${vehicle.alarms.length}` : "none", vehicle.alarms.length ? "warn" : "");
     cells.alarms.title = vehicle.alarms.join("\n");

@@ -104,7 +104,7 @@ export class CommandNotice {
   }
 
   unknown(label) {
-    const { status } = this, shown = status ? `The vehicle shows ${words(status.mode)}, ${words(status.behavior)}.` : "The vehicle is not heard.";
+    const { status } = this, shown = status ? `The vehicle shows ${words(status.mode)}, ${words(status.behavior)}.` : "No data from the vehicle.";
     this.asked = null;
     this.show(`${label}: not known whether it was carried out. ${shown}`, "bad", BAD);
     this.state = this.stateKey();

@@ -6,8 +6,18 @@ import { flightButton } from "../core/flight_button.js";
 import { $, element, setText } from "../core/dom.js";
 import { bytes } from "../core/format.js";
 
+// An argument as its field shows it: an angle in degrees; `scale` leads back.
+function asShown(described) {
+  const { unit, minimum, maximum } = described;
+  if (minimum === null || maximum === null) return { ...described, range: "", scale: 1 };
+  const inDegrees = unit === "rad", scale = inDegrees ? Math.PI / 180 : 1;
+  const [low, high] = inDegrees ? [Math.ceil(minimum / scale), Math.floor(maximum / scale)] : [minimum, maximum];
+  const shown = inDegrees ? "°" : unit;
+  return { ...described, unit: shown, minimum: low, maximum: high, range: `${low} to ${high}${shown ? ` ${shown}` : ""}`, scale };
+}
+
 export class Fly {
-  // behaviors: static/fly/behaviors.json; the vehicle knows and checks them all.
+  // behaviors: of /api/behaviors; the vehicle knows and checks them all.
   constructor(events, behaviors, isOperator) {
     this.events = events;
     this.behaviors = behaviors;
@@ -34,16 +44,14 @@ export class Fly {
 
   row(behavior) {
     const onkeydown = (event) => { if (event.key === "Enter") this.start(behavior); };
-    const inputs = behavior.arguments.map((field) => [field, element("input", field.type === "bool" ? {
-      type: "checkbox", checked: field.value, title: behavior.title, onkeydown,
-    } : field.type === "text" ? {
-      type: "text", placeholder: field.placeholder, title: behavior.title, onkeydown,
-    } : {
-      type: "number", value: field.value ?? "", placeholder: "auto", min: field.min, max: field.max, step: field.step ?? "any",
-      title: `${field.title ?? field.name}, ${field.min} to ${field.max}${field.unit ? ` ${field.unit}` : ""}`, onkeydown,
-    })]);
+    const inputs = behavior.arguments.map((described) => {
+      const field = asShown(described), title = `${described.description}${field.range ? `; ${field.range}` : ""}`;
+      return [field, element("input", field.type === "bool" ? { type: "checkbox", checked: field.default, title, onkeydown }
+        : field.type === "str" ? { type: "text", placeholder: field.placeholder ?? "", title, onkeydown }
+          : { type: "number", value: field.default, placeholder: "auto", min: field.minimum, max: field.maximum, step: field.type === "int" ? 1 : "any", title, onkeydown })];
+    });
     this.forms.set(behavior, inputs);
-    const shown = inputs.map(([field, input]) => element("label", { className: field.type === "text" ? "argument text" : "argument" }, field.label ?? field.name, input, ...(field.unit ? [field.unit] : [])));
+    const shown = inputs.map(([field, input]) => element("label", { className: field.type === "str" ? "argument text" : "argument" }, field.label ?? field.name, input, ...(field.unit ? [field.unit] : [])));
     return element("div", { className: "behavior" }, this.button(behavior), element("div", { className: "arguments" }, ...shown));
   }
 
@@ -55,10 +63,10 @@ export class Fly {
     for (const [field, input] of this.forms.get(behavior)) {
       if (field.type === "bool") { values[field.name] = input.checked; continue; }
       if (input.value === "") continue; // the vehicle's own default
-      if (field.type === "text") { values[field.name] = input.value.trim(); continue; }
+      if (field.type === "str") { values[field.name] = input.value.trim(); continue; }
       const wrong = !input.checkValidity() || !Number.isFinite(input.valueAsNumber);
-      if (wrong) { this.refuse(`${label}: ${field.label ?? field.name} = ${input.value || "?"}; allowed ${field.min} to ${field.max} ${field.unit ?? ""}`); return; }
-      values[field.name] = input.valueAsNumber * (field.scale ?? 1);
+      if (wrong) { this.refuse(`${label}: ${field.label ?? field.name} = ${input.value || "?"}; allowed ${field.range}`); return; }
+      values[field.name] = input.valueAsNumber * field.scale;
     }
     this.attempt(async () => {
       await command("start_behavior", { name, arguments: values });

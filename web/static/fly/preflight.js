@@ -46,7 +46,7 @@ export class Preflight {
       return;
     }
     if (old) {
-      this.head("unknown", "Pre-flight checks not heard", "the station does not tell them");
+      this.head("unknown", "No pre-flight checks received", "the station does not publish them");
       this.body.replaceChildren();
       return;
     }

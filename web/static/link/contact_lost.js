@@ -17,13 +17,13 @@ const NEVER = 4; // s from the page's start until a vehicle that was never heard
 const SURE = 1.2; // s of silence until it is known that station and link are not the reason
 
 const HEADS = {
-  silent: "the vehicle is not heard",
+  silent: "no data from the vehicle",
   page: "this page's server does not answer",
   station: "the base station is gone",
   link: "no link to the vehicle",
   flight: "the vehicle's flight process is gone; its computer still answers",
 };
-const NOT_YET = { station: "The base station has not been heard yet", link: "The vehicle has not been heard yet" };
+const NOT_YET = { station: "No data from the base station yet", link: "No data from the vehicle yet" };
 
 export class Contact {
   constructor(place, { events, telemetry, ages, gains }) {

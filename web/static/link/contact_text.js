@@ -33,14 +33,14 @@ export function lastState(status, height, battery) {
 export function byItself(cause, status, silent, safety) {
   if (!status) return "";
   if (cause === "page") return status.airborne ? "What it was told goes on: it does not depend on this page. Sticks of this page were let go." : "It does not depend on this page.";
-  if (!status.armed) return "It does nothing until it is heard again.";
+  if (!status.armed) return "It does nothing until contact is back.";
   if (/emergency/i.test(status.mode)) return "Its landing goes on by itself.";
   if (cause === "flight") {
     const timeout = safety("command_timeout");
     const after = timeout === undefined ? "" : ` after ${fixed(timeout, 2)} s without commands`;
     return status.airborne ? `Its microcontroller lands it alone${after}.` : `Its microcontroller stops the motors${after}.`;
   }
-  if (!status.airborne) return "Its motors keep turning until it is heard again: nobody should go near it.";
+  if (!status.airborne) return "Its motors keep turning until contact is back: keep away from it.";
   const timeout = safety("link_timeout"), after = safety("link_land_after");
   const first = REACTIONS[safety("link_reaction")], then = REACTIONS[safety("link_land_reaction")];
   if (timeout === undefined || after === undefined || !first || !then) return "What it does by itself is not known here: its parameters have not been read.";

@@ -78,7 +78,7 @@ export class LinkPanel {
     const { link } = this.events.summary, isOld = this.ages.isOld(TOPIC), now = performance.now() / 1e3;
     for (const strip of [...Object.values(this.strips), ...Object.values(this.page)]) strip.draw(now);
     this.loop.draw();
-    setText(this.state, link ? `${SIGNS[link.state] ?? ""} ${link.state}` : "not heard of");
+    setText(this.state, link ? `${SIGNS[link.state] ?? ""} ${link.state}` : "no data yet");
     this.state.classList.toggle("warn", Boolean(link) && link.state !== "good" && !isOld);
     setText(this.since, link && !isOld ? `for ${spoken(link.state_duration)}` : "");
     setText(this.outages, link ? outages(link) : "");
@@ -111,14 +111,14 @@ export class LinkPanel {
 const spoken = (seconds) => (seconds < 60 ? `${fixed(seconds, seconds < 10 ? 1 : 0)} s` : duration(seconds));
 
 function outages({ outages: count, outage_last: last, outage_longest: longest, outage_total: total }) {
-  if (!count) return "No outage of 0.2 s or more since the vehicle was first heard.";
-  if (count === 1) return `1 outage since the vehicle was first heard: ${spoken(last)}.`;
-  return `${count} outages since the vehicle was first heard: the last ${spoken(last)}, the longest ${spoken(longest)}, together ${spoken(total)}.`;
+  if (!count) return "No outage of 0.2 s or more since the first contact with the vehicle.";
+  if (count === 1) return `1 outage since the first contact with the vehicle: ${spoken(last)}.`;
+  return `${count} outages since the first contact with the vehicle: the last ${spoken(last)}, the longest ${spoken(longest)}, together ${spoken(total)}.`;
 }
 
 // Where the vehicle is, as whom it lets the station in, and how telemetry comes.
 function way({ address, access, path, reopened }) {
-  const parts = [address && `dialled at ${address}`, access && `let in as ${access}`, path && `telemetry by ${PATHS[path] ?? path}`, reopened && `opened anew ${reopened === 1 ? "once" : `${reopened} times`}, because nothing came`].filter(Boolean);
+  const parts = [address && `dialled at ${address}`, access && `let in as ${access}`, path && `telemetry by ${PATHS[path] ?? path}`, reopened && `reopened ${reopened === 1 ? "once" : `${reopened} times`}, because nothing came`].filter(Boolean);
   const text = parts.join(", ");
   return text && `${text[0].toUpperCase()}${text.slice(1)}.`;
 }

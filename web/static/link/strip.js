@@ -41,7 +41,7 @@ export class LinkStrip {
     this.each(now, (_, value) => { if (value < low) low = value; if (value > high) high = value; });
     const isKnown = high >= low;
     setText(this.largest, !isKnown ? "" : this.zero ? `most ${this.format(high)}` : `${this.format(low)} to ${this.format(high)}`);
-    this.canvas.ariaLabel = isKnown ? `${this.label}, last five minutes: ${this.format(low)} to ${this.format(high)}` : `${this.label}: nothing heard`;
+    this.canvas.ariaLabel = isKnown ? `${this.label}, last five minutes: ${this.format(low)} to ${this.format(high)}` : `${this.label}: no data`;
     this.paint(now, low, high, isKnown);
   }
 

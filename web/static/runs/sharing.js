@@ -60,7 +60,7 @@ export class RunSharing {
       window.open(viewers[name], "_blank", "noopener,noreferrer");
       this.say(element("a", { href: viewers[name], target: "_blank", rel: "noopener noreferrer" }, `Open in ${label}`), " · ",
         element("button", { className: "link", onclick: (event) => navigator.clipboard?.writeText(url).then(() => { event.target.textContent = "Copied"; }, () => undefined) }, "Copy link"),
-        ` · until ${moment(expires).slice(11)}, for whoever has it. ${honest()}`);
+        ` · until ${moment(expires).slice(11)}, for anyone who has it. ${honest()}`);
     } catch (error) { this.say(error.message); }
   }
 }

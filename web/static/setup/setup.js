@@ -34,7 +34,7 @@ function connection(events) {
   const show = async () => {
     strip.hidden = events.connected;
     if (events.connected) return;
-    strip.textContent = "No connection to this page's server; reconnecting. What stands here is old.";
+    strip.textContent = "No connection to this page's server; reconnecting. These values are out of date.";
     try { await get("/api/session"); } catch (error) {
       if (error.status === 401) strip.replaceChildren("Signed out. ", element("a", { href: "/login" }, "Sign in"), " to come back.");
     }

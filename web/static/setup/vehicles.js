@@ -48,7 +48,7 @@ export class VehicleSection {
     const { status } = this.events.summary, isHere = ours && (link === "good" || link === "degraded");
     const state = !ours ? address ? `enrolled at ${address}` : "of earlier runs" : !isHere ? "not connected" : name !== this.session.vehicle ? "connected" : status ? `${words(status.mode)}${status.airborne ? ", in the air" : ""}` : "not connected";
     return element("tr", { className: isHere ? "" : "away" },
-      element("td", {}, element("b", {}, name)), element("td", {}, ours ? link || "not heard" : "–"),
+      element("td", {}, element("b", {}, name)), element("td", {}, ours ? link || "no contact" : "–"),
       element("td", {}, state), element("td", {}, String(runs)), element("td", {}, isHere ? "now" : ago(last_seen)));
   }
 

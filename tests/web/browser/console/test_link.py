@@ -27,7 +27,7 @@ def test_what_is_old_has_a_sign_and_says_when_it_was_heard(
     look.has_class("#mode", "stale")
     assert marked(page, "#mode")
     look.has_class("#battery", "stale")
-    assert page.get_attribute("#battery", "title").startswith("last heard ")
+    assert page.get_attribute("#battery", "title").startswith("last received ")
     look.has_class("#chart-0 .legend output >> nth=0", "stale")
     look.text("#chart-0 .legend output >> nth=0", r"\d")
     look.text("#table tbody tr >> nth=0 >> td.age", "^○")

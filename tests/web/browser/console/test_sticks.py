@@ -301,7 +301,7 @@ def test_the_round_trip_to_the_station_is_shown(
 ) -> None:
     fly(Pad(flown))
     look_at(flown).text("#sticks .trip", r"^[\d.]+ ms, 95 % below [\d.]+ ms$")
-    look_at(flown).text("#sticks .note", "the vehicle is not heard")
+    look_at(flown).text("#sticks .note", "no data from the vehicle")
 
 
 def test_keys_move_their_axis_smoothly_and_only_with_shift(
