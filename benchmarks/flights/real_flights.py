@@ -26,7 +26,7 @@ from quadlab.replay.run import replay
 from quadlab.replay.window import Window
 from quadrotor.errors import QuadlabError
 
-BY_ENDING = {".hdf5": "blackbird", ".h5": "blackbird"}
+BY_ENDING = {".hdf5": "blackbird", ".h5": "blackbird", ".ulg": "ulog"}
 """Mapping of files that have none of their own, by the ending."""
 POSES = ("tracker.rate=100", "tracker.position_noise=0.0015", "tracker.attitude_noise=0.3")
 BEARINGS = ("bearings.rate=30", "bearings.sigma=1.5")

@@ -11,11 +11,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from flight_log.imports import tracks
 from flight_log.imports.flight import ImportedFlight, Imu
 from flight_log.imports.frames import axes, bodies
 from flight_log.imports.mapping import FORCE_UNITS, RATE_UNITS
-from flight_log.imports.raw import RawFlight, RawImu
+from flight_log.imports.raw import RawFlight, RawImu, RawTrack
+from flight_log.imports.tracks import Checked
 from flight_log.imports.trajectory import align
 from quadrotor.errors import LogFormatError
 
@@ -45,7 +45,7 @@ def settle(raw: RawFlight, vehicle: str, source: str, modified_ns: int) -> Impor
     force = imu.specific_force * _force_unit(imu, notes)
     up = _body(imu, force, notes)
     force, turning = force @ up.T, imu.angular_velocity @ up.T
-    found = [tracks.Checked(imu.seconds, force, turning, one, notes) for one in raw.tracks]
+    found = [_checked(imu.seconds, force, turning, one, notes) for one in raw.tracks]
     scales = [one.rate_scale for one in found if one.rate_scale is not None]
     rate = turning * _rate_unit(imu, turning, scales, notes)
     if not raw.tracks:
@@ -68,6 +68,25 @@ def settle(raw: RawFlight, vehicle: str, source: str, modified_ns: int) -> Impor
         flight.battery = np.round(seconds * 1e9).astype(np.int64) + base_ns, voltage
     flight.events = [(base_ns + round(t * 1e9), level, text) for t, level, text in raw.events]
     return flight
+
+
+def _checked(
+    seconds: Array, force: Array, turning: Array, raw: RawTrack, notes: list[str]
+) -> Checked:
+    """Return a checked track. An estimate may be wrong, which is what its log is looked at for: of
+    one whose conventions are all stated it is told. Raises LogFormatError.
+    """
+    kept = len(notes)
+    try:
+        return Checked(seconds, force, turning, raw, notes)
+    except LogFormatError as error:
+        rows = raw.rows
+        stated = (rows.body, rows.world, rows.position_unit, rows.quaternion_order)
+        if raw.name != "estimate" or None in (*stated, rows.quaternion_maps, rows.time_offset):
+            raise
+        del notes[kept:]
+        notes.append(f"the estimate does not fit the IMU, and is kept as stated: {error}")
+        return Checked(seconds, force, turning, raw, notes, check=False)
 
 
 def _force_unit(imu: RawImu, notes: list[str]) -> float:

@@ -108,14 +108,14 @@ class _Files:
         known_rows = np.isfinite(seconds) & np.isfinite(table).all(axis=1)
         if lost := int((~known_rows).sum()):
             self.notes.append(f"{where}: {lost} of {len(seconds)} rows without numbers left out")
-        seconds = self._rising(seconds[known_rows], where)
+        seconds = self._rising(seconds[known_rows], where, 1 if section == "battery" else FEWEST)
         kept = self._kept
         return [seconds * rows.time_scale, *(one[known_rows][kept] for one in parts.values())]
 
-    def _rising(self, seconds: Array, where: str) -> Array:
+    def _rising(self, seconds: Array, where: str, fewest: int) -> Array:
         """Return rising times without repeated ones. Raises LogFormatError."""
-        if len(seconds) < FEWEST:
-            raise LogFormatError(f"{where}: {len(seconds)} rows; at least {FEWEST} are needed")
+        if len(seconds) < fewest:
+            raise LogFormatError(f"{where}: {len(seconds)} rows; at least {fewest} are needed")
         steps = np.diff(seconds)
         if back := np.flatnonzero(steps < 0.0).tolist():
             k = back[0]
@@ -128,7 +128,7 @@ class _Files:
         if same := int((~self._kept).sum()):
             self.notes.append(f"{where}: {same} rows with the stamp of the row before left out")
         found: Array = seconds[self._kept]
-        if len(found) < FEWEST:
+        if len(found) < fewest:
             raise LogFormatError(f"{where}: {len(found)} different stamps in {len(seconds)} rows")
         return found
 

@@ -36,6 +36,7 @@ class Checked:
     Args:
         seconds, force, turning: of the IMU, FLU; (N,), (N, 3) m/s², (N, 3) in its own unit.
         notes: what is found is added here.
+        check: whether it is held against the IMU, or taken as stated.
 
     Attributes:
         rate_scale: numbers of the gyroscope a rad/s of this attitude; None: not to be told.
@@ -44,7 +45,14 @@ class Checked:
     """
 
     def __init__(
-        self, seconds: Array, force: Array, turning: Array, raw: RawTrack, notes: list[str]
+        self,
+        seconds: Array,
+        force: Array,
+        turning: Array,
+        raw: RawTrack,
+        notes: list[str],
+        *,
+        check: bool = True,
     ) -> None:
         self.raw = raw
         self.rate_scale: float | None = None
@@ -53,11 +61,13 @@ class Checked:
         self._offset = raw.rows.time_offset or 0.0
         self._body = axes(raw.rows.body or "FLU", "body")
         self._world = axes(raw.rows.world or "ENU", "world")
-        self._unit = 1.0
+        self._unit = self._stated_unit() or 1.0
         self._order: tuple[str, str] = (
             raw.rows.quaternion_order or "wxyz",
             raw.rows.quaternion_maps or "body to world",
         )
+        if not check:
+            return
         if raw.quaternion is not None:
             self._fit_attitude()
             self._fit_position()
@@ -198,7 +208,6 @@ class Checked:
         own, flown = own[inner] - own[inner].mean(axis=0), flown[inner] - flown[inner].mean(axis=0)
         if len(own) < 100 or np.sqrt((own**2).sum(axis=1).mean()) < CALM:
             self._notes.append(f"[{raw.name}] too calm: its positions' world and unit not checked")
-            self._unit = self._stated_unit() or 1.0
             return
         turn = best_turn(flown, own)
         share = math.sqrt(turn.explained)

@@ -25,6 +25,7 @@ from tests.flight_log.foreign_flight import (
     write_csv,
     write_mapping,
 )
+from tests.flight_log.ulog_writer import write_ulog
 
 FLIGHT = make_flight()
 
@@ -182,6 +183,76 @@ def test_hdf5_by_columns_of_its_datasets(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:50_000])
     with pytest.raises(LogFormatError):
         read_flight(path, "blackbird")
+
+
+def topics_of(flight: ForeignFlight) -> dict[str, np.ndarray[tuple[int], np.dtype[np.void]]]:
+    """Return what PX4 would have logged of a flight that began 5 s after its start."""
+    flight = turned(flight, FRD, NED)
+    stamps = np.round((flight.seconds - flight.seconds[0] + 5.0) * 1e6)
+    count = len(stamps)
+    imu = np.zeros(
+        count, [("timestamp", "u8"), ("gyro_rad", "f4", 3), ("accelerometer_m_s2", "f4", 3)]
+    )
+    imu["gyro_rad"], imu["accelerometer_m_s2"] = flight.rate, flight.force
+    attitude = np.zeros(count, [("timestamp", "u8"), ("q", "f4", 4)])
+    attitude["q"] = flight.quaternion
+    axes = ("x", "y", "z", "vx", "vy", "vz")
+    place = np.zeros(count, [("timestamp", "u8"), *((name, "f4") for name in axes)])
+    for k, name in enumerate(axes):
+        place[name] = (flight.position if k < 3 else flight.velocity)[:, k % 3]
+    battery = np.zeros(20, [("timestamp", "u8"), ("voltage_v", "f4")])
+    battery["voltage_v"] = 15.5
+    fix = np.zeros(2, [("timestamp", "u8"), ("time_utc_usec", "u8")])
+    fix["time_utc_usec"] = [0, int(flight.seconds[0] * 1e6) + 1_000_000]
+    for rows, at in ((imu, stamps), (attitude, stamps), (place, stamps), (battery, stamps[:20])):
+        rows["timestamp"] = at
+    fix["timestamp"] = [5_500_000, 6_000_000]
+    return {
+        "sensor_combined": imu,
+        "vehicle_attitude": attitude[::4].copy(),
+        "vehicle_local_position": place[::2].copy(),
+        "battery_status": battery,
+        "vehicle_gps_position": fix,
+    }
+
+
+def test_ulog_with_the_date_of_its_receiver_and_its_own_estimate(tmp_path: Path) -> None:
+    path = write_ulog(tmp_path / "log.ulg", topics_of(FLIGHT), 5_000_000, ("[commander] Armed",))
+    found = read_flight(path)
+    assert found.truth is None
+    assert found.estimate is not None
+    assert abs(found.imu.stamps_ns[0] * 1e-9 - FLIGHT.seconds[0]) < 1e-3
+    assert np.allclose(found.imu.specific_force_b, FLIGHT.force, atol=1e-5)
+    states = found.estimate.states
+    assert np.allclose(states["position_w"], FLIGHT.position[::2][: len(states)], atol=1e-5)
+    assert np.allclose(states["velocity_w"], FLIGHT.velocity[::2][: len(states)], atol=1e-5)
+    assert found.battery is not None
+    assert np.allclose(found.battery[1], 15.5)
+    assert [text for _, _, text in found.events] == ["[commander] Armed"]
+    assert not any("does not fit" in note for note in found.notes)
+
+
+def test_an_estimate_that_is_wrong_is_kept_and_told(tmp_path: Path) -> None:
+    topics = topics_of(FLIGHT)
+    topics["vehicle_local_position"]["x"] *= -1.0
+    found = read_flight(write_ulog(tmp_path / "log.ulg", topics))
+    assert found.estimate is not None
+    assert any("does not fit" in note for note in found.notes)
+
+
+def test_a_ulog_without_imu_or_cut_off_is_refused(tmp_path: Path) -> None:
+    topics = topics_of(FLIGHT)
+    path = write_ulog(tmp_path / "log.ulg", topics)
+    path.write_bytes(path.read_bytes()[:100_003])
+    with pytest.raises(LogFormatError, match="not whole"):
+        read_flight(path)
+    assert len(read_flight(path, torn=True).imu.stamps_ns) > 500
+    del topics["sensor_combined"]
+    with pytest.raises(LogFormatError, match="sensor_combined"):
+        read_flight(write_ulog(path, topics))
+    path.write_bytes(b"ULog\x01\x12\x35\x01")
+    with pytest.raises(LogFormatError):
+        read_flight(path)
 
 
 @pytest.mark.parametrize(

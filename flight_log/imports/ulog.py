@@ -1,0 +1,85 @@
+"""ULog, the log of PX4, by its own library; a table a topic, instance K of it NAME#K."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flight_log.imports.tables import FileTables
+from quadrotor.errors import LogFormatError, StorageError
+
+Array = npt.NDArray[np.float64]
+
+DATED = "vehicle_gps_position"
+"""The topic whose `time_utc_usec` tells the date."""
+EARLIEST_US = 10**15
+"""A receiver without a date tells less (2001)."""
+ERROR, WARNING, INFO = 40, 30, 20  # levels of rcl_interfaces/Log
+
+
+class _Watched(io.BufferedReader):
+    """A file that notes where a read found less than was asked for."""
+
+    short_at: int | None = None
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        data = super().read(size)
+        # Asked for the 3 bytes of a next head there may be none.
+        if size is not None and len(data) < size and (data or size != 3):
+            self.short_at = self.tell()
+        return data
+
+
+class UlogTables(FileTables):
+    """The topics `wanted`, where the log has them."""
+
+    def __init__(self, path: Path, wanted: Collection[str]) -> None:
+        """Raises LogFormatError or StorageError."""
+        from pyulog import ULog
+        from pyulog.exceptions import ULogException
+
+        super().__init__(path)
+        topics = sorted({name.partition("#")[0] for name in wanted} | {DATED})
+        try:
+            with _Watched(io.FileIO(path)) as file:
+                log = ULog(file, topics, disable_str_exceptions=True)
+                if file.short_at is not None:
+                    self.torn = f"it ends within a message at byte {file.short_at}"
+        except OSError as error:
+            raise StorageError(f"cannot read {path}: {error.strerror}") from error
+        except (ULogException, ValueError, TypeError, KeyError, IndexError) as error:
+            raise LogFormatError(f"{path.name} is no readable ULog: {error!s:.120}") from None
+        self._data: dict[str, dict[str, npt.NDArray[Any]]] = {
+            f"{one.name}#{one.multi_id}" if one.multi_id else one.name: one.data
+            for one in log.data_list
+        }
+        if dated := self._data.pop(DATED, None):
+            utc = dated.get("time_utc_usec", np.zeros(0))
+            known = np.flatnonzero(utc > EARLIEST_US)
+            if len(known):
+                k = known[0]
+                self.epoch_ns = 1000 * (int(utc[k]) - int(dated["timestamp"][k]))
+        self.events = [
+            (1e-6 * one.timestamp, _level(one.log_level_str()), str(one.message).strip())
+            for one in log.logged_messages
+        ]
+
+    def tables(self) -> list[str]:
+        return list(self._data)
+
+    def columns(self, table: str) -> list[str]:
+        return list(self._data[table])
+
+    def read(self, table: str, names: list[str]) -> Array:
+        return np.stack([self._data[table][name].astype(np.float64) for name in names], axis=1)
+
+
+def _level(name: str) -> int:
+    if name in ("EMERGENCY", "ALERT", "CRITICAL", "ERROR"):
+        return ERROR
+    return WARNING if name == "WARNING" else INFO
