@@ -6,6 +6,7 @@ import math
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -34,36 +35,61 @@ def double(x):
 """
 
 
+SERVER = """
+import os
+import sys
+import quadrotor.compiled
+
+for _ in sys.stdin:
+    if os.fork() == 0:
+        import control.law
+        sys.stdout.flush()
+        os._exit(0)
+    print(os.wait()[1], flush=True)
+"""
+"""Imports the law afresh for each line, in a process of its own that has numba already."""
+
+
 @pytest.fixture
-def project(tmp_path: Path) -> Path:
-    """A copy of the vocabulary with one law that uses a constant and a function of a file."""
+def law(tmp_path: Path) -> Iterator[Callable[[float, float], list[str]]]:
+    """`law(gain, factor)`: what is printed by a law that uses a constant and a function of a file,
+    in a copy of the vocabulary."""
     shutil.copytree(ROOT / "quadrotor", tmp_path / "quadrotor")
     (tmp_path / "control").mkdir()
     (tmp_path / "control" / "law.py").write_text(LAW)
-    return tmp_path
-
-
-def law(project: Path, gain: float, factor: float) -> list[str]:
-    (project / "control" / "gain.py").write_text(GAIN.format(gain=gain, factor=factor))
     # -B: Python's own cache tells two versions of the same second and length not apart.
-    command = [sys.executable, "-B", "-c", "import control.law"]
-    return subprocess.run(
-        command,
-        cwd=project,
-        env={"PYTHONPATH": str(project), "PATH": ""},
-        check=True,
-        capture_output=True,
+    with subprocess.Popen(
+        [sys.executable, "-B", "-c", SERVER],
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(tmp_path), "PATH": ""},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
         text=True,
-        timeout=120,
-    ).stdout.split()
+    ) as server:
+        assert server.stdin is not None
+        assert server.stdout is not None
+        asked, answers = server.stdin, server.stdout
+
+        def ask(gain: float, factor: float) -> list[str]:
+            text = GAIN.format(gain=gain, factor=factor)
+            (tmp_path / "control" / "gain.py").write_text(text)
+            print(file=asked, flush=True)
+            printed = answers.readline().split()
+            assert answers.readline() == "0\n", "the import failed"
+            return printed
+
+        yield ask
+        asked.close()
 
 
-def test_a_changed_callee_or_constant_of_another_file_is_compiled_anew(project: Path) -> None:
-    assert law(project, 5.0, 2.0) == ["30.0", "0"]
-    assert law(project, 5.0, 2.0) == ["30.0", "1"]  # loaded
-    assert law(project, 7.0, 2.0) == ["42.0", "0"]
-    assert law(project, 7.0, 3.0) == ["63.0", "0"]
-    assert law(project, 5.0, 2.0) == ["30.0", "1"]  # the old version was kept
+def test_a_changed_callee_or_constant_of_another_file_is_compiled_anew(
+    law: Callable[[float, float], list[str]],
+) -> None:
+    assert law(5.0, 2.0) == ["30.0", "0"]
+    assert law(5.0, 2.0) == ["30.0", "1"]  # loaded
+    assert law(7.0, 2.0) == ["42.0", "0"]
+    assert law(7.0, 3.0) == ["63.0", "0"]
+    assert law(5.0, 2.0) == ["30.0", "1"]  # the old version was kept
 
 
 def test_the_digest_follows_imports_through_files() -> None:
