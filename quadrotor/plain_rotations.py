@@ -95,6 +95,16 @@ def matrix_of(q: Array) -> Array:
     return np.array(rows_of(q.tolist()))
 
 
+def matrices_of(q: Array) -> Array:
+    """Return R_wb (N, 3, 3) of unit quaternions (N, 4)."""
+    return np.moveaxis(np.array(rows_of(q.T)), 2, 0)
+
+
+def tilt_of(w: float, x: float, y: float, z: float) -> float:
+    """Return the angle (rad) between z_B and z_W of a unit quaternion."""
+    return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))
+
+
 def quaternion_of(x: float, y: float, z: float) -> Quadruple:
     """Return the unit quaternion of a rotation vector (rad)."""
     half = 0.5 * math.sqrt(x * x + y * y + z * z)

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from quadrotor.errors import LinkError
+from quadrotor.plain_rotations import tilt_of
 from quadrotor.records import Record
 from vehicle_link.clock import monotonic
 from vehicle_link.messages import decode
@@ -91,7 +92,7 @@ class Observed:
         _, position, _, quaternion, _ = samples[-1]
         return {
             "position_w": tuple(float(x) for x in position),
-            "tilt": _tilt(quaternion),
+            "tilt": tilt_of(*map(float, quaternion)),
             "speed": sum(math.hypot(*one[2]) for one in recent) / len(recent),
             "body_rate": sum(math.hypot(*one[4]) for one in recent) / len(recent),
         }
@@ -100,9 +101,3 @@ class Observed:
         if kept is None or self._clock() - kept[0] > STALE[name]:
             return None
         return kept[1]
-
-
-def _tilt(quaternion_wb: Any) -> float:
-    """Return the angle (rad) between z_B and z_W; quaternion (w, x, y, z)."""
-    _, x, y, _ = (float(part) for part in quaternion_wb)
-    return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from console.comparison.statistics import POSITION, QUATERNION, RATE, VELOCITY
+from quadrotor.plain_rotations import matrices_of
 from quadrotor.records import Record
 
 Array = npt.NDArray[np.float64]
@@ -19,7 +20,7 @@ def residuals(frame: Record, states: Array, since: float) -> Array:
         since: s from the states to the frame; they are carried on with their velocities.
     """
     position_w = states[:, POSITION] + since * states[:, VELOCITY]
-    R = _matrices(_turned(states[:, QUATERNION], since * states[:, RATE]))
+    R = matrices_of(_turned(states[:, QUATERNION], since * states[:, RATE]))
     count = frame["count"][0]
     bearings_b = frame["bearing_b"][0, :count]
     ray_w = frame["beacon_w"][0, :count] - position_w[:, None]
@@ -43,15 +44,3 @@ def _turned(q: Array, rotation_vector_b: Array) -> Array:
     )
     turned: Array = out / np.linalg.norm(out, axis=1, keepdims=True)
     return turned
-
-
-def _matrices(q: Array) -> Array:
-    """Return R_wb (E, 3, 3) of unit quaternions (E, 4)."""
-    w, x, y, z = q.T
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    ).transpose(2, 0, 1)

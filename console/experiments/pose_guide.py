@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from estimation.calibration.accelerometer import FACES
+from quadrotor.plain_rotations import rows_of
 
 Array = npt.NDArray[np.float64]
 
@@ -77,8 +78,7 @@ def face_up(name: str) -> Array:
 
 def up_of(quaternion_wb: Array) -> Array:
     """Return world z in body axes of attitudes (…, 4) in w, x, y, z."""
-    w, x, y, z = np.moveaxis(quaternion_wb, -1, 0)
-    return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1)
+    return np.stack(rows_of(np.moveaxis(quaternion_wb, -1, 0))[2], axis=-1)
 
 
 def raw_of(specific_force_b: Array, matrix: Array, bias: Array) -> Array:

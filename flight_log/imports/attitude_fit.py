@@ -9,11 +9,12 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from flight_log.imports.frames import angular_velocity, axes, bodies, matrices
+from flight_log.imports.frames import angular_velocity, axes, bodies
 from flight_log.imports.mapping import ORDERS
 from flight_log.imports.motion import Turn, best_turn, interpolated, on_grid
 from flight_log.imports.raw import RawTrack, ordered
 from quadrotor.errors import LogFormatError
+from quadrotor.plain_rotations import matrices_of
 
 Array = npt.NDArray[np.float64]
 
@@ -119,5 +120,5 @@ def _fit(
     body = axes(raw.rows.body or nearest_body(turn.matrix), "body")
     some = slice(None, None, 1 + len(at) // ROWS)
     force = interpolated(at[some] + moved, imu[0], imu[1]) @ body
-    mean = np.einsum("nij,nj->i", matrices(attitude[some]), force) / len(force)
+    mean = np.einsum("nij,nj->i", matrices_of(attitude[some]), force) / len(force)
     return Fit(order, way, turn, rate, min(1.0, abs(float(mean[2])) / GRAVITY))

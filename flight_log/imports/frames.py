@@ -44,17 +44,6 @@ def bodies() -> list[str]:
     return sorted(found, key=lambda one: ("FLU", "FRD").index(one) if one in ("FLU", "FRD") else 2)
 
 
-def matrices(quaternions: Array) -> Array:
-    """Return the rotation matrices (N, 3, 3) of unit quaternions (w, x, y, z), (N, 4)."""
-    w, x, y, z = quaternions.T
-    rows = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    )
-    return np.moveaxis(np.array(rows), 2, 0)
-
-
 def product_of(one: Array, other: Array) -> Array:
     """Return the products of quaternions, (N, 4); either may have one row."""
     w, v = one[:, :1], one[:, 1:]

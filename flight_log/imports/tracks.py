@@ -11,12 +11,13 @@ import numpy.typing as npt
 from flight_log.imports import motion
 from flight_log.imports.attitude_fit import FITS, GRAVITY, angle_between, fit_order, nearest_body
 from flight_log.imports.flight import Track
-from flight_log.imports.frames import angular_velocity, axes, matrices, product_of, quaternion_of
+from flight_log.imports.frames import angular_velocity, axes, product_of, quaternion_of
 from flight_log.imports.mapping import LENGTH_UNITS
 from flight_log.imports.motion import STEP, best_lag, best_turn, interpolated, on_grid
 from flight_log.imports.raw import RawTrack, ordered
 from flight_log.imports.trajectory import derivative
 from quadrotor.errors import LogFormatError
+from quadrotor.plain_rotations import matrices_of
 from quadrotor.records import STATE
 
 Array = npt.NDArray[np.float64]
@@ -181,7 +182,7 @@ class Checked:
         turned = interpolated(grid, at, turned)
         turned /= np.linalg.norm(turned, axis=1, keepdims=True)
         force = interpolated(grid, self._seconds, self._force) @ self._body
-        force = np.einsum("nij,nj->ni", matrices(turned), force)
+        force = np.einsum("nij,nj->ni", matrices_of(turned), force)
         mean = force.mean(axis=0)
         fits = [one for one in WORLDS if (axes(one, "") @ mean)[2] > 0.9 * np.linalg.norm(mean)]
         told = f"[{raw.name}] turned by its attitude the mean specific force is " + (

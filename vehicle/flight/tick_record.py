@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from control.behaviors.ground import stand
+from quadrotor.plain_rotations import tilt_of
 from quadrotor.records import ACTUATORS, Record, new_tick
 
 LONGEST_GAP = 1.0
@@ -57,8 +56,7 @@ class TickRecord:
     @property
     def tilt(self) -> float:
         """Return the angle (rad) between z_B and z_W."""
-        _, x, y, _ = self._quaternion_wb.tolist()
-        return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))
+        return tilt_of(*self._quaternion_wb.tolist())
 
     @property
     def saturated(self) -> bool:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from quadrotor.plain_rotations import rotate
 from quadrotor.records import ACTUATORS, IMU_SAMPLE, REFERENCE, STATE, Record
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.messages.cdr_layout import FixedLayout, Records, payloads_of
@@ -189,18 +190,7 @@ def xyz(vector: Any) -> tuple[float, float, float]:
 
 
 def _rotate(quaternions: Array, vectors: Array, *, inverse: bool) -> Array:
-    """Return r v, or R^T v, of N unit quaternions (w, x, y, z) and N vectors, shape (N, 3).
-
-    v + 2 w (u × v) + 2 u × (u × v), u the vector part, -u for the inverse; here and not in
-    quadrotor.rotations because the station must not load numba, and for N at once.
-    """
+    """Return r v, or r^T v, of N unit quaternions (w, x, y, z) and N vectors, shape (N, 3)."""
     w, x, y, z = quaternions.T
-    if inverse:
-        x, y, z = -x, -y, -z
-    a, b, c = vectors.T
-    t, u, v = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
-    out = np.empty((len(quaternions), 3))
-    out[:, 0] = a + w * t + y * v - z * u
-    out[:, 1] = b + w * u + z * t - x * v
-    out[:, 2] = c + w * v + x * u - y * t
-    return out
+    turn = (w, -x, -y, -z) if inverse else (w, x, y, z)
+    return np.column_stack(rotate(turn, vectors.T))

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from quadrotor.plain_rotations import rows_of
+
 Array = npt.NDArray[np.float64]
 Point = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -35,14 +37,7 @@ def wxyz_of(q: Any) -> Quaternion:
 
 def matrix_of(q: Sequence[float]) -> Array:
     """Return the rotation matrix of a quaternion of any length but zero."""
-    w, x, y, z = np.asarray(q, float) / math.sqrt(math.fsum(c * c for c in q))
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return np.array(rows_of(np.asarray(q, float) / math.sqrt(math.fsum(c * c for c in q))))
 
 
 def wxyz_of_matrix(R: Array) -> Quaternion:
