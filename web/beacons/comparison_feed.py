@@ -8,14 +8,13 @@ tab is open and closes it after.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import math
 from typing import Any
 
 import msgspec
 from fastapi import WebSocket
-from starlette.websockets import WebSocketDisconnect
 
+from web.live.conversation import converse
 from web.live.latest import Live
 
 RATE = 5.0  # Hz
@@ -27,21 +26,17 @@ _encode = msgspec.json.Encoder().encode
 async def serve(socket: WebSocket, live: Live) -> None:
     """Serve one page's socket until it closes."""
     await socket.accept()
-    leaving = asyncio.create_task(_wait_for_end(socket))
-    sent: Any = None
-    try:
-        while not leaving.done():
+
+    async def talk() -> None:
+        sent: Any = None
+        while True:
             message = live.current(TOPIC)
             if message is not None and message is not sent:
                 sent = message
                 await socket.send_text(_encode(as_json(message)).decode())
-            await asyncio.wait({leaving}, timeout=1.0 / RATE)
-    except (WebSocketDisconnect, OSError):
-        return
-    finally:
-        leaving.cancel()
-        with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, OSError):
-            await leaving
+            await asyncio.sleep(1.0 / RATE)
+
+    await converse(socket, talk())
 
 
 def as_json(message: Any) -> dict[str, Any]:
@@ -84,8 +79,3 @@ def _degrees(radians: float) -> float | None:
 def _short(value: float, digits: int = 4) -> float | None:
     """Return a number in few digits: JSON has no NaN, and the page shows no more."""
     return float(f"{value:.{digits}g}") if math.isfinite(value) else None
-
-
-async def _wait_for_end(socket: WebSocket) -> None:
-    while (await socket.receive())["type"] != "websocket.disconnect":
-        pass

@@ -23,9 +23,9 @@ from functools import partial
 
 import msgspec
 from fastapi import WebSocket
-from starlette.websockets import WebSocketDisconnect
 
 from web.access.roles import Role, Session
+from web.live.conversation import converse
 
 _FRAME = struct.Struct("<5f2I")
 SILENCE = 0.25  # s
@@ -182,7 +182,6 @@ async def serve(
     await socket.accept()
     hand, label = Hand(), session.label
     answers: asyncio.Queue[bytes] = asyncio.Queue()
-    sending = asyncio.create_task(_send(socket, answers))
 
     def tell(number: int, by: str, on: bool, why: str) -> None:
         while answers.qsize() >= WAITING:
@@ -204,21 +203,21 @@ async def serve(
         if was_on and cause != RELEASED:
             say("warn", f"sticks of {label} dropped: {cause}")
 
-    try:
+    async def listen() -> None:
         while (event := await socket.receive())["type"] != "websocket.disconnect":
-            try:
-                take(read_frame(event.get("bytes") or b""))
-            except ValueError as error:
-                await socket.close(1008, str(error))
-                return
+            take(read_frame(event.get("bytes") or b""))
+
+    try:
+        await converse(socket, _send(socket, answers), listen())
+    except ValueError as error:
+        await socket.close(1008, str(error))
     finally:
-        sending.cancel()
         output.release(hand)
         if hand.on:
             say("warn", f"sticks of {label} dropped: {CLOSED}")
 
 
 async def _send(socket: WebSocket, answers: asyncio.Queue[bytes]) -> None:
-    with contextlib.suppress(WebSocketDisconnect, OSError, RuntimeError):  # it has gone
+    with contextlib.suppress(RuntimeError):  # it has gone
         while True:
             await socket.send_text((await answers.get()).decode())

@@ -13,10 +13,10 @@ from typing import Any
 import msgspec
 from fastapi import FastAPI, WebSocket
 from fastapi.responses import HTMLResponse
-from starlette.websockets import WebSocketDisconnect
 
 from web.commands.bodies import CommandBody
 from web.fleet.fleet import Fleet
+from web.live.conversation import converse
 from web.requester import Asker
 from web.static_files import FILES
 
@@ -46,20 +46,11 @@ def add_fleet(app: FastAPI, fleet: Fleet) -> None:
     async def news(socket: WebSocket) -> None:
         plots = socket.query_params.get("plot") == "1"
         await socket.accept()
-        leaving = asyncio.create_task(_wait_for_end(socket))
-        talking = asyncio.create_task(_talk(socket, fleet, plots=plots))
-        try:
-            await asyncio.wait({leaving, talking}, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in (leaving, talking):
-                task.cancel()
-            for ended in await asyncio.gather(leaving, talking, return_exceptions=True):
-                if isinstance(ended, Exception):
-                    raise ended
+        await converse(socket, _talk(socket, fleet, plots=plots))
 
 
 async def _talk(socket: WebSocket, fleet: Fleet, *, plots: bool) -> None:
-    with contextlib.suppress(WebSocketDisconnect, OSError), contextlib.ExitStack() as looking:
+    with contextlib.ExitStack() as looking:
         if plots:
             looking.enter_context(fleet.plotted())
         loop = asyncio.get_running_loop()
@@ -71,8 +62,3 @@ async def _talk(socket: WebSocket, fleet: Fleet, *, plots: bool) -> None:
                 message["vehicles"] = fleet.summary()
             await socket.send_text(_encode(message).decode())
             await asyncio.sleep(PLOT_PERIOD if plots else PERIOD)
-
-
-async def _wait_for_end(socket: WebSocket) -> None:
-    while (await socket.receive())["type"] != "websocket.disconnect":
-        pass

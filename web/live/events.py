@@ -16,10 +16,10 @@ from typing import Any
 
 import msgspec
 from fastapi import WebSocket
-from starlette.websockets import WebSocketDisconnect
 
 from vehicle_link.clock import wall_time
 from web.access.roles import Session
+from web.live.conversation import converse
 from web.live.latest import CHARTED, STALE, Live
 
 Message = dict[str, Any]
@@ -108,34 +108,32 @@ async def serve(
     out.
     """
     await socket.accept()
-    with hub.subscribe() as queue:
+
+    async def talk(queue: asyncio.Queue[Message | None]) -> None:
         await _send(socket, {"type": "hello", "session": session_fields(session), **hello()})
-        leaving = asyncio.create_task(_wait_for_end(socket))
         sent: Message = {}
-        try:
-            due = 0.0
-            while not leaving.done():
-                wait = due - time.monotonic()
-                if wait <= 0.0:
-                    fresh = summary()
-                    changed = {k: v for k, v in fresh.items() if k not in sent or sent[k] != v}
-                    sent = fresh
-                    await _send(socket, {"type": "summary", **changed})
-                    due = time.monotonic() + 1.0 / RATE
-                    continue
-                with contextlib.suppress(TimeoutError):
-                    message = await asyncio.wait_for(queue.get(), wait)
-                    if message is None:
-                        await socket.close(1013, "this page did not keep up; it starts afresh")
-                        return
-                    if message is SUMMARY_NOW:
-                        due = 0.0
-                    else:
-                        await _send(socket, message)
-        except (WebSocketDisconnect, OSError):
-            return
-        finally:
-            leaving.cancel()
+        due = 0.0
+        while True:
+            wait = due - time.monotonic()
+            if wait <= 0.0:
+                fresh = summary()
+                changed = {k: v for k, v in fresh.items() if k not in sent or sent[k] != v}
+                sent = fresh
+                await _send(socket, {"type": "summary", **changed})
+                due = time.monotonic() + 1.0 / RATE
+                continue
+            with contextlib.suppress(TimeoutError):
+                message = await asyncio.wait_for(queue.get(), wait)
+                if message is None:
+                    await socket.close(1013, "this page did not keep up; it starts afresh")
+                    return
+                if message is SUMMARY_NOW:
+                    due = 0.0
+                else:
+                    await _send(socket, message)
+
+    with hub.subscribe() as queue:
+        await converse(socket, talk(queue))
 
 
 def summarize(live: Live) -> Message:
@@ -177,11 +175,6 @@ def _number(value: Any) -> Any:
 
 async def _send(socket: WebSocket, message: Message) -> None:
     await socket.send_text(_encode(message).decode())
-
-
-async def _wait_for_end(socket: WebSocket) -> None:
-    while (await socket.receive())["type"] != "websocket.disconnect":
-        pass
 
 
 def _empty(queue: asyncio.Queue[Message | None]) -> None:

@@ -19,9 +19,9 @@ from collections.abc import Callable, Sequence
 
 import msgspec
 from fastapi import WebSocket
-from starlette.websockets import WebSocketDisconnect
 
 from vehicle_link.clock import wall_time
+from web.live.conversation import converse
 from web.live.latest import STALE, Live
 from web.signals import INDEX, SIGNALS, snapshot
 
@@ -135,21 +135,9 @@ class TelemetryFeed:
                 values = [self._values[place] for place in page.places]
                 await socket.send_bytes(frame(page.identity, self._stamp, ages, values))
 
-        listening, talking = asyncio.create_task(listen()), asyncio.create_task(talk())
         try:
-            await asyncio.wait({listening, talking}, return_when=asyncio.FIRST_COMPLETED)
-            if listening.done() and (error := listening.exception()):
-                if isinstance(error, ValueError):
-                    await socket.close(1008, str(error)[:120])
-                elif not isinstance(error, WebSocketDisconnect | OSError):
-                    raise error
-            elif talking.done() and not isinstance(
-                error := talking.exception(), WebSocketDisconnect | OSError
-            ):
-                assert error is not None
-                raise error
+            await converse(socket, talk(), listen())
+        except ValueError as error:
+            await socket.close(1008, str(error)[:120])
         finally:
             del self._pages[socket]
-            for task in (listening, talking):
-                task.cancel()
-            await asyncio.gather(listening, talking, return_exceptions=True)

@@ -1,0 +1,38 @@
+"""A page's websocket: talk and listen at once until either side ends."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Coroutine
+from typing import Any
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+
+async def converse(
+    socket: WebSocket,
+    talk: Coroutine[Any, Any, None],
+    listen: Coroutine[Any, Any, None] | None = None,
+) -> None:
+    """Run both until one of them ends, and end the other; a socket that has gone is no error.
+
+    Args:
+        listen: reads until the page leaves; without it what the page sends is dropped.
+
+    Raises what either of them raises.
+    """
+    both = [asyncio.create_task(one) for one in (listen or _wait_for_end(socket), talk)]
+    try:
+        await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in both:
+            task.cancel()
+        ended = await asyncio.gather(*both, return_exceptions=True)
+    for error in ended:
+        if isinstance(error, Exception) and not isinstance(error, WebSocketDisconnect | OSError):
+            raise error
+
+
+async def _wait_for_end(socket: WebSocket) -> None:
+    while (await socket.receive())["type"] != "websocket.disconnect":
+        pass
