@@ -5,20 +5,19 @@ The page and the station share it; names from outside become paths only through 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from sqlalchemy import Engine, create_engine, event, func, select
-from sqlalchemy.exc import OperationalError, SQLAlchemyError
-from sqlalchemy.orm import Session, sessionmaker
+from sqlalchemy.orm import Session
 
 from console.catalogue.database_file import DatabaseFile
 from console.catalogue.search import RunSearch, condition
 from console.catalogue.tables import Base, RunRow, TrashRow
+from console.catalogue.transactions import transactions
 from flight_log.run_folder import log_of
 from quadrotor.errors import StorageError
 
@@ -56,6 +55,9 @@ class Catalogue:
     Args:
         data: the data folder; runs are in its `runs`.
         url: of another database (SQLAlchemy), default SQLite in the data folder.
+
+    Attributes:
+        session: begins a transaction.
     """
 
     def __init__(self, data: Path, url: str | None = None) -> None:
@@ -70,14 +72,12 @@ class Catalogue:
         self._engine = create_engine(url or f"sqlite:///{data / DATABASE}")
         if self._engine.dialect.name == "sqlite":
             event.listen(self._engine, "connect", _set_up_sqlite)
-        self._sessions = sessionmaker(self._engine, expire_on_commit=False)
-        try:
-            try:
-                Base.metadata.create_all(self._engine)
-            except OperationalError:  # another process was making the same tables
-                Base.metadata.create_all(self._engine)
-        except SQLAlchemyError as error:
-            raise _storage_error(error) from error
+        self.session = transactions(
+            self._engine,
+            Base.metadata,
+            "the catalogue of runs",
+            "; the logs themselves are not touched",
+        )
         self._file = DatabaseFile(self._engine, data)
 
     @property
@@ -163,15 +163,6 @@ class Catalogue:
             raise StorageError(f"run {run_id} was deleted; undo that on the Runs page first")
         return row
 
-    @contextmanager
-    def session(self) -> Iterator[Session]:
-        """Yield one transaction; what the database cannot do is a StorageError."""
-        try:
-            with self._sessions.begin() as session:
-                yield session
-        except SQLAlchemyError as error:
-            raise _storage_error(error) from error
-
 
 def runs_in(folder: Path) -> list[Path]:
     """Return the runs that lie in a folder: those that are folders, then single files; both in
@@ -209,13 +200,6 @@ def _update(row: RunRow, values: dict[str, Any]) -> None:
 
 def _entry(row: RunRow) -> RunEntry:
     return RunEntry(**{name: getattr(row, name) for name in RunEntry.__slots__})
-
-
-def _storage_error(error: SQLAlchemyError) -> StorageError:
-    reason = str(getattr(error, "orig", None) or error).splitlines()[0]
-    return StorageError(
-        f"the catalogue of runs cannot be used ({reason}); the logs themselves are not touched"
-    )
 
 
 def _set_up_sqlite(connection: Any, _record: Any) -> None:

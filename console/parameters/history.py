@@ -6,16 +6,14 @@ as Python writes them, so that a text and a number are told apart.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from sqlalchemy import BigInteger, Engine, String, Text, UniqueConstraint, func, select
-from sqlalchemy.exc import OperationalError, SQLAlchemyError
-from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column, sessionmaker
+from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
 
+from console.catalogue.transactions import transactions
 from flight_log.attached import literal_value
-from quadrotor.errors import StorageError
 from quadrotor.parameters import ParameterValue
 
 
@@ -102,14 +100,9 @@ class ParameterHistory:
 
     def __init__(self, engine: Engine, vehicle: str) -> None:
         self._vehicle = vehicle
-        self._sessions = sessionmaker(engine, expire_on_commit=False)
-        try:
-            try:
-                Base.metadata.create_all(engine)
-            except OperationalError:  # station and page start at once: it has just made them
-                Base.metadata.create_all(engine)
-        except SQLAlchemyError as error:
-            raise _storage_error(error) from error
+        self._session = transactions(
+            engine, Base.metadata, "the history of parameters", "; the changes act nevertheless"
+        )
 
     # ------------------------------------------------------------------ read
     def changes(
@@ -215,15 +208,6 @@ class ParameterHistory:
         for name, value in values.items():
             session.merge(KnownRow(vehicle=self._vehicle, name=name, value=repr(value)))
 
-    @contextmanager
-    def _session(self) -> Iterator[Session]:
-        """Yield one transaction; what the database cannot do is a StorageError."""
-        try:
-            with self._sessions.begin() as session:
-                yield session
-        except SQLAlchemyError as error:
-            raise _storage_error(error) from error
-
 
 def _change(row: ChangeRow) -> ParameterChange:
     return ParameterChange(
@@ -236,11 +220,4 @@ def _change(row: ChangeRow) -> ParameterChange:
         sent_ns=row.sent_ns,
         flight=row.flight,
         revision=row.revision,
-    )
-
-
-def _storage_error(error: SQLAlchemyError) -> StorageError:
-    reason = str(getattr(error, "orig", None) or error).splitlines()[0]
-    return StorageError(
-        f"the history of parameters cannot be used ({reason}); the changes act nevertheless"
     )

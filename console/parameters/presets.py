@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from sqlalchemy import BigInteger, Engine, String, Text, select
-from sqlalchemy.exc import OperationalError, SQLAlchemyError
-from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column, sessionmaker
+from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
 
-from quadrotor.errors import RefusedError, StorageError
+from console.catalogue.transactions import transactions
+from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
 
 
@@ -55,14 +54,7 @@ class ParameterPresets:
 
     def __init__(self, engine: Engine, vehicle: str) -> None:
         self._vehicle = vehicle
-        self._sessions = sessionmaker(engine, expire_on_commit=False)
-        try:
-            try:
-                Base.metadata.create_all(engine)
-            except OperationalError:  # another process was making the same table
-                Base.metadata.create_all(engine)
-        except SQLAlchemyError as error:
-            raise _storage_error(error) from error
+        self._session = transactions(engine, Base.metadata, "the presets")
 
     def all(self) -> list[Preset]:
         """Return all presets by name."""
@@ -133,20 +125,6 @@ class ParameterPresets:
             raise RefusedError(f"there is no {what} {preset_id}; the Gains tab lists all")
         return row
 
-    @contextmanager
-    def _session(self) -> Iterator[Session]:
-        """Yield one transaction; what the database cannot do is a StorageError."""
-        try:
-            with self._sessions.begin() as session:
-                yield session
-        except SQLAlchemyError as error:
-            raise _storage_error(error) from error
-
 
 def _preset(row: PresetRow) -> Preset:
     return Preset(row.id, row.name, row.requester, row.stamp_ns, json.loads(row.content))
-
-
-def _storage_error(error: SQLAlchemyError) -> StorageError:
-    reason = str(getattr(error, "orig", None) or error).splitlines()[0]
-    return StorageError(f"the presets cannot be used ({reason})")
