@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import asdict
 from typing import Any
 
 from fastapi import FastAPI, HTTPException, Request
 from fastapi.responses import JSONResponse, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from quadrotor.errors import RefusedError
 from web.access.people import People
 from web.access.roles import Role
+from web.access.sessions import Seen
 from web.access.sign_in import Refusal, address_of
+from web.body import Body
 from web.requester import Admin, Asker
 
 
-class SignOutBody(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class SignOutBody(Body):
     everywhere: bool = Field(False, description="all browsers of this account")
 
 
-class PasswordBody(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class PasswordBody(Body):
     password: str = Field(max_length=1000)
 
 
@@ -32,9 +31,7 @@ class OwnPasswordBody(PasswordBody):
     current: str = Field(max_length=1000)
 
 
-class RoleBody(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class RoleBody(Body):
     role: Role
 
 
@@ -138,13 +135,13 @@ def _everyone(people: People) -> list[dict[str, Any]]:
     online = people.sessions.people()
     sessions = {one.label: one.sessions for one in online if one.has_account}
     known = [
-        (one.name, one.role, True, sessions.get(one.name, 0), one.last_seen)
+        Seen(one.name, one.role, True, sessions.get(one.name, 0), one.last_seen)
         for one in people.accounts.all()
     ]
-    guests = [
-        (one.label, one.role, False, one.sessions, one.last_seen)
-        for one in online
-        if not one.has_account
-    ]
-    names = ("name", "role", "account", "sessions", "last_seen")
-    return [dict(zip(names, one, strict=True)) for one in known + guests]
+    return [shown(one) for one in (*known, *(one for one in online if not one.has_account))]
+
+
+def shown(one: Seen) -> dict[str, Any]:
+    """Return a person for the page; `last_seen` in s, epoch."""
+    fields = asdict(one)
+    return {"name": fields.pop("label"), "account": fields.pop("has_account"), **fields}

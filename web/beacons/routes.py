@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 from fastapi import FastAPI, Query, Request, WebSocket
 from fastapi.responses import Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from bearing_sim.beacon_file import COLUMNS, LARGEST, read_beacons
 from bearing_sim.beacons import PRESETS, Beacons, format_layout, parse_layout
@@ -20,6 +20,7 @@ from estimation.parameters import PRESETS as GAINS
 from quadrotor.errors import LinkError, MeasurementError, OutOfBoundsError
 from web.beacons import comparison_feed
 from web.beacons.moves import BeaconMoves
+from web.body import Body
 from web.live.latest import Live
 from web.parameters.replica import LAYOUT, PageParameters
 from web.requester import Operator
@@ -66,10 +67,8 @@ _BODY = {
 }
 
 
-class ViewBody(BaseModel):
+class ViewBody(Body):
     """A change of the view; omitted fields keep their values."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     rays: bool | None = Field(None, description="lines from the vehicle to the beacons")
     cones: bool | None = Field(None, description="cones of 3 sigma around them")

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Any, Literal
 
 from msgspec.structs import fields as fields_of
-from pydantic import BaseModel, ConfigDict, Field, create_model
+from pydantic import Field, create_model
 
 from vehicle_link.commands import Command
+from web.body import Body
 
 
-class CommandBody(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-
+class CommandBody(Body):
     request_id: str | None = Field(
         None, min_length=1, max_length=64, description="the same id again is the same command"
     )
@@ -33,14 +32,10 @@ def body_of(command: Command) -> type[CommandBody]:
     return create_model(f"{command.request.__name__}Body", __base__=CommandBody, **carried)
 
 
-class InvitationBody(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class InvitationBody(Body):
     role: Literal["operator", "viewer"] = "viewer"
 
 
-class FollowBody(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class FollowBody(Body):
     view: str = Field(min_length=1, max_length=64)
     follow: bool

@@ -12,9 +12,10 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from fastapi import FastAPI
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from vehicle_link.parameters.messages import from_descriptor, to_parameters
+from web.commands.bodies import CommandBody
 from web.live.latest import Live
 from web.requester import Operator
 
@@ -22,26 +23,12 @@ if TYPE_CHECKING:
     from web.app_parts import Parts
 
 
-class ExperimentBody(BaseModel):
-    """finish, stop, confirm, accept, reject."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-
-    request_id: str | None = Field(
-        None, min_length=1, max_length=64, description="the same id again is the same request"
-    )
-
-    @property
-    def fields(self) -> dict[str, str]:
-        return {"request_id": self.request_id} if self.request_id else {}
-
-
-class StartExperimentBody(ExperimentBody):
+class StartExperimentBody(CommandBody):
     name: str = Field(min_length=1, max_length=64)
     options: dict[str, bool | int | float | str] = Field({}, max_length=100)
 
 
-class ConfirmBody(ExperimentBody):
+class ConfirmBody(CommandBody):
     question: str = Field(min_length=1, max_length=500, description="a yes to no other one")
 
 
@@ -49,10 +36,10 @@ def add_experiments(app: FastAPI, parts: Parts) -> None:
     """Add the routes below /api/experiments."""
     station = parts.station
 
-    async def ask(
-        body: ExperimentBody, requester: str, action: str, **more: Any
-    ) -> dict[str, bool]:
-        await station.command("experiment", requester, action=action, **more, **body.fields)
+    async def ask(body: CommandBody, requester: str, action: str, **more: Any) -> dict[str, bool]:
+        if body.request_id:
+            more["request_id"] = body.request_id
+        await station.command("experiment", requester, action=action, **more)
         return {"accepted": True}
 
     @app.get("/api/experiments")
@@ -72,12 +59,12 @@ def add_experiments(app: FastAPI, parts: Parts) -> None:
         return await ask(body, session.label, "start", name=body.name, options=options)
 
     @app.post("/api/experiments/finish")
-    async def finish(body: ExperimentBody, session: Operator) -> dict[str, bool]:
+    async def finish(body: CommandBody, session: Operator) -> dict[str, bool]:
         """End the manoeuvre now: handed back, landed, judged."""
         return await ask(body, session.label, "finish")
 
     @app.post("/api/experiments/stop")
-    async def stop(body: ExperimentBody, session: Operator) -> dict[str, bool]:
+    async def stop(body: CommandBody, session: Operator) -> dict[str, bool]:
         """Stop the experiment's commands: the vehicle brakes and hovers."""
         return await ask(body, session.label, "stop")
 
@@ -88,12 +75,12 @@ def add_experiments(app: FastAPI, parts: Parts) -> None:
         return await ask(body, session.label, "confirm", options=options)
 
     @app.post("/api/experiments/accept")
-    async def accept(body: ExperimentBody, session: Operator) -> dict[str, bool]:
+    async def accept(body: CommandBody, session: Operator) -> dict[str, bool]:
         """Accept the proposed calibration: the vehicle takes it over, all of it or nothing."""
         return await ask(body, session.label, "accept")
 
     @app.post("/api/experiments/reject")
-    async def reject(body: ExperimentBody, session: Operator) -> dict[str, bool]:
+    async def reject(body: CommandBody, session: Operator) -> dict[str, bool]:
         """Reject the proposal; nothing changes."""
         return await ask(body, session.label, "reject")
 

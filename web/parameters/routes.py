@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from fastapi import FastAPI, HTTPException, Query, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import PlainTextResponse
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from console.parameters.presets import Preset
 from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterValue
+from web.body import Body
 from web.parameters.built_in_presets import built_in
 from web.parameters.compare import compare, differing
 from web.parameters.file import LARGEST, read_file, write_file
@@ -30,16 +31,12 @@ PLACES = (LAYOUT, "beacons.layout")
 NAME = r"^[^\x00-\x1f\x7f]+$"
 
 
-class ChangeBody(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class ChangeBody(Body):
     values: dict[str, bool | int | float | str] = Field(min_length=1, max_length=500)
     walks: bool = Field(False, description="in flight: go there in steps where one is too large")
 
 
-class PresetBody(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class PresetBody(Body):
     name: str = Field(min_length=1, max_length=60, pattern=NAME)
     parameters: list[Annotated[str, Field(max_length=200)]] = Field(min_length=1, max_length=500)
     replaces: bool = False

@@ -4,26 +4,23 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from console.catalogue.marks import LONGEST, OLDEST
+from web.body import Body
 
 RunId = Annotated[str, Field(min_length=1, max_length=120)]
 Tag = Annotated[str, Field(min_length=1, max_length=80)]
 
 
-class _Body(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-
-
-class NotesBody(_Body):
+class NotesBody(Body):
     notes: str = Field(max_length=10_000)
     seen: int | None = Field(
         None, ge=0, description="version of the notes the writer had before the eyes"
     )
 
 
-class RunsBody(_Body):
+class RunsBody(Body):
     runs: list[RunId] = Field(min_length=1, max_length=2000)
 
 
@@ -32,7 +29,7 @@ class TagsBody(RunsBody):
     remove: list[Tag] = Field([], max_length=20)
 
 
-class MarkBody(_Body):
+class MarkBody(Body):
     id: str = Field(
         pattern=r"^[A-Za-z0-9_-]{8,64}$", description="a new one marks, a known one gets the text"
     )

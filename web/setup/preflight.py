@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 from vehicle_link.checks import Check, from_messages
@@ -25,18 +26,6 @@ def preflight_summary(live: Live) -> dict[str, Any] | None:
 
 def _listed(check: Check) -> dict[str, str]:
     """Return a check in a list that is the station's; sent twice a second."""
-    fields = check_fields(check)
+    fields = asdict(check)
     fields.pop("place")
     return fields
-
-
-def check_fields(check: Check) -> dict[str, str]:
-    """Return a check as the page takes it."""
-    return {
-        "name": check.name,
-        "place": check.place,
-        "state": check.state,
-        "found": check.found,
-        "wanted": check.wanted,
-        "advice": check.advice,
-    }

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from fastapi import FastAPI
@@ -14,9 +15,9 @@ from fastapi.responses import HTMLResponse
 
 from quadrotor.errors import LinkError
 from vehicle_link.checks import Check, from_messages
+from web.access.users import shown
 from web.requester import Operator
 from web.setup.page_checks import page_checks
-from web.setup.preflight import check_fields
 from web.setup.vehicles import known_vehicles
 from web.static_files import FILES
 
@@ -40,16 +41,7 @@ def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
     @app.get("/api/setup/people")
     async def signed_in() -> list[dict[str, Any]]:
         """Return who has a browser signed in; `last_seen` in s, epoch."""
-        return [
-            {
-                "name": one.label,
-                "role": one.role.value,
-                "account": one.has_account,
-                "sessions": one.sessions,
-                "last_seen": one.last_seen,
-            }
-            for one in await asyncio.to_thread(people.sessions.people)
-        ]
+        return [shown(one) for one in await asyncio.to_thread(people.sessions.people)]
 
     async def found(requester: str, *, again: bool) -> dict[str, Any]:
         ours = page_checks(
@@ -63,7 +55,7 @@ def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
         except LinkError as error:
             advice = f"{error}; start quadlab up or quadlab station"
             told = [Check("station", "fail", "does not answer", "answers", advice, "station")]
-        return {"checked": checked or None, "checks": [check_fields(one) for one in (*told, *ours)]}
+        return {"checked": checked or None, "checks": [asdict(one) for one in (*told, *ours)]}
 
     @app.get("/api/setup/checks")
     async def checks() -> dict[str, Any]:

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Literal
 
 from fastapi import FastAPI
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from console.tuning.evaluation import Plan, drawn, evaluate
 from console.tuning.kept_runs import KeptRun, KeptRuns
@@ -14,6 +14,7 @@ from console.tuning.step_response import BAND
 from control.trajectories.multistep import AXES, SHAPES
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
+from web.body import Body
 from web.requester import Operator
 from web.tuning.bench import TuningBench
 
@@ -24,10 +25,8 @@ LIMITS = {"position": "behavior.excite_position_max", "yaw": "behavior.excite_ya
 """Parameters with the largest amplitudes, for the page's form."""
 
 
-class TestBody(BaseModel):
+class TestBody(Body):
     """The vehicle knows its limits and checks them."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     axis: Literal["x", "y", "z", "yaw"] = "x"
     shape: Literal["step", "doublet"] = "step"
