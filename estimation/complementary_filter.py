@@ -167,6 +167,9 @@ def report(memory: Record, estimate: Record) -> None:
         out.measurements_used, out.measurements_refused = n[_APPLIED], n[_OUTLIER]
         out.measurements_ignored = n[_TOO_OLD] + n[_NOT_NEWER] + n[_AHEAD] + n[_INVALID]
         out.nis, out.nis_freedom = math.nan, 0  # a filter of fixed gains has no covariance
+        out.consistency = out.refused_share = math.nan
+        out.accelerometer_noise_scale = out.gyroscope_noise_scale = math.nan
+        out.measurement_noise_scale = math.nan
         for i in range(3):
             out.position_variance_w[i] = out.velocity_variance_w[i] = math.nan
             out.attitude_variance_w[i] = math.nan

@@ -53,6 +53,11 @@ class EstimationParameters(Parameters):
         choices=("same", "poses", "bearings", "both"),
         description="measurements of the shadow; on bearings it may be handed over to in flight",
     )
+    rescue: bool = parameter(
+        True,
+        description="a shadow on the same measurements takes over from an error-state filter that "
+        "is inconsistent and hands back; on poses the complementary one runs beside it for that",
+    )
     source: str = parameter(
         "poses",
         choices=("poses", "bearings", "both"),

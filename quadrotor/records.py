@@ -102,6 +102,12 @@ ESTIMATE = np.dtype(
         # Of an estimator with a covariance; NaN and 0 of one without:
         ("nis", "f8"),  # normalised innovation squared of the newest measurement used
         ("nis_freedom", "i4"),  # its degrees: numbers measured; 0 when the newest was refused
+        ("consistency", "f8"),  # mean of nis over its degrees, of the last few dozen
+        ("refused_share", "f8"),  # of the last few dozen measurements
+        # Noise adapted to what was met, times the deviation that the parameters state:
+        ("accelerometer_noise_scale", "f8"),
+        ("gyroscope_noise_scale", "f8"),
+        ("measurement_noise_scale", "f8"),  # the largest of positions, attitudes, bearings
         ("position_variance_w", "f8", 3),  # m^2, after the newest measurement
         ("velocity_variance_w", "f8", 3),  # m^2/s^2
         ("attitude_variance_w", "f8", 3),  # rad^2, about the world's axes

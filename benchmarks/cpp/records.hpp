@@ -91,6 +91,8 @@ struct Estimate {
     uint8_t agreement;
     double nis;
     int32_t nis_freedom;
+    double consistency, refused_share;
+    double accelerometer_noise_scale, gyroscope_noise_scale, measurement_noise_scale;
     double position_variance_w[3], velocity_variance_w[3], attitude_variance_w[3];
 };
 

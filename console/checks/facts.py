@@ -4,6 +4,7 @@ judge.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from vehicle_link.transport.heartbeat import LinkState
@@ -29,6 +30,8 @@ class Facts:
     missed_share: float = 0.0  # of the flight loop's periods
     position_innovation: float | None = None  # m
     attitude_innovation: float | None = None  # rad
+    consistency: float = math.nan  # mean nis a degree of freedom; NaN without a covariance
+    refused_share: float = math.nan  # of the last measurements
     pose_age: float | None = None  # s
     tracker_rate: float = 0.0  # Hz
     bearings_rate: float = 0.0  # Hz

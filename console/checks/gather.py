@@ -76,6 +76,8 @@ class Gatherer:
             missed_share=0.0 if status is None else float(status.missed_share),
             position_innovation=_length(estimator.position_innovation) if estimator else None,
             attitude_innovation=_length(estimator.attitude_innovation) if estimator else None,
+            consistency=float(estimator.consistency) if estimator else math.nan,
+            refused_share=float(estimator.refused_share) if estimator else math.nan,
             pose_age=float(estimator.measurement_age) if estimator else None,
             voltage=float(battery.voltage) if battery else None,
             tracker_rate=self._tracker.rate,

@@ -87,6 +87,23 @@ def estimator(f: Facts, p: PreflightParameters) -> Check:
     return Check("estimator", "ok" if converged else "fail", found, wanted, advice)
 
 
+def consistency(f: Facts, p: PreflightParameters) -> Check:
+    """Check that the estimate and its measurements agree, as far as the estimator can tell."""
+    name = "consistency"
+    wanted = f"at most {p.consistency_max:g}, {100 * p.refused_share_max:.0f} % refused"
+    if f.position_innovation is None:
+        return Check(name, "unknown", _SILENT, wanted)
+    if "rescued" in f.flags:
+        advice = "look at the noise that was adapted to (chart layout Estimator)"
+        return Check(name, "warn", "on the shadow", "the estimator chosen", advice)
+    if math.isnan(f.consistency):
+        return Check(name, "ok", "not told by this estimator", wanted)
+    found = f"{f.consistency:.1f}, {100 * f.refused_share:.0f} % refused"
+    good = f.consistency <= p.consistency_max and f.refused_share <= p.refused_share_max
+    advice = "wait until it has converged; else look at the tracker's stamps, axes and noise"
+    return Check(name, "ok" if good else "fail", found, wanted, advice)
+
+
 def measurements(f: Facts, p: PreflightParameters) -> Check:
     """Check the pose behind the estimate, and that tracker poses keep arriving."""
     name = "measurements"
@@ -203,6 +220,7 @@ ITEMS: tuple[Item, ...] = (
     mode,
     gyroscope,
     estimator,
+    consistency,
     measurements,
     battery,
     level_and_still,

@@ -38,6 +38,16 @@ class PreflightParameters(Parameters):
     attitude_innovation_max: float = parameter(
         5.0, unit="deg", ge=0.1, le=45, step=0.5, description="the same of attitude"
     )
+    consistency_max: float = parameter(
+        3.0,
+        ge=1.0,
+        le=100.0,
+        step=0.5,
+        description="largest mean square of the estimate's innovations, expected: 1",
+    )
+    refused_share_max: float = parameter(
+        0.5, ge=0.0, le=1.0, step=0.05, description="largest share of measurements refused"
+    )
     battery_min: float = parameter(
         14.0,
         unit="V",

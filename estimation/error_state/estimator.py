@@ -39,6 +39,8 @@ DETERMINED = 4
 HOW_TO_START = "show it a fourth beacon in their plane, or run it beside an estimator on poses"
 FIT = Deviations(position=0.15, velocity=0.2, attitude=math.radians(3.0))
 """Largest deviations to be flown on."""
+REFUSED_MAX = 0.5
+"""Largest share of the last measurements refused of a filter that is consistent."""
 NOT_YET_CONSISTENT = 2.0 * FIT_CONSISTENCY
 """Mean consistency a filter restarts with: measurements have to bring it down."""
 
@@ -157,6 +159,31 @@ class ErrorStateEstimator:
                 f"{math.degrees(FIT.attitude):g} deg"
             )
         return Convergence(fit, text)
+
+    @property
+    def inconsistency(self) -> str:
+        """Return why its measurements contradict it, with numbers; empty while they do not, and
+        from a start to when there are enough of them to judge.
+        """
+        m = self._memory[0]
+        if not self._initialized or m["restarted"]:
+            return ""
+        if not np.isfinite(m["now"]).all():
+            return "its estimate is not a number"
+        if m["applied"] + m["refused"] < FIT_UPDATES:
+            return ""
+        refused, share = int(m["refused"]), float(m["refused_share"])
+        if refused >= LOST_REFUSALS:
+            return f"the last {refused} measurements did not agree with it"
+        if share > REFUSED_MAX:
+            return f"{share:.0%} of its measurements refused, allowed {REFUSED_MAX:.0%}"
+        consistency = float(m["consistency"])
+        if consistency >= FIT_CONSISTENCY:
+            return (
+                f"innovations {consistency:.1f} times their expected square, "
+                f"allowed {FIT_CONSISTENCY:g}"
+            )
+        return ""
 
     @property
     def converged(self) -> bool:

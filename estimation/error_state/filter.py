@@ -11,7 +11,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from estimation.error_state.memory import BEARINGS, NOTHING, POSE, SAMPLES
+from estimation.error_state.memory import (
+    ATTITUDE,
+    BEARING,
+    BEARINGS,
+    FORCE,
+    NOTHING,
+    POSE,
+    POSITION,
+    RATE,
+    SAMPLES,
+)
 from estimation.error_state.motion import move
 from estimation.error_state.timeline import apply_one
 from estimation.error_state.update import LOST_REFUSALS
@@ -119,6 +129,12 @@ def report(memory: Record, estimate: Record) -> None:
             out.velocity_variance_w[i] = P[6 + i, 6 + i] if known else math.nan
         out.nis = m.nis if m.freedom > 0 else math.nan
         out.nis_freedom = m.freedom
+        out.consistency, out.refused_share = m.consistency, m.refused_share
+        factors = m.noise_scale
+        out.accelerometer_noise_scale = math.sqrt(factors[FORCE])
+        out.gyroscope_noise_scale = math.sqrt(factors[RATE])
+        measured = max(factors[POSITION], factors[ATTITUDE], factors[BEARING])
+        out.measurement_noise_scale = math.sqrt(measured)
         out.measurement_age = math.inf
         if known:
             out.measurement_age = max(0.0, 1e-9 * (m.stamp_ns - m.measurement_ns))

@@ -26,7 +26,9 @@ MAX_STEPS = 6
 STRAIGHT = 0.02
 """rad: bearings moved by less need no other linearisation."""
 MEMORY = 0.05
-"""Weight of the newest measurement in the mean consistency."""
+"""Weight of the newest measurement in the mean consistency, and in the share refused."""
+SINGLE = 10.0
+"""Most that a single measurement counts in the mean consistency."""
 LOST_REFUSALS = 8
 """So many measurements refused in a row are no chance outliers any more."""
 AT_ONCE_NS = 200_000_000
@@ -201,7 +203,7 @@ def fuse(m: Any, slot: int, g: Any, newest: bool) -> bool:
         if newest and iteration == 0:
             m.nis = max(nis, doubted(m, pairs))
             m.applied += 1
-            m.consistency += MEMORY * (m.nis / m.freedom - m.consistency)
+            m.consistency += MEMORY * (min(m.nis / m.freedom, SINGLE) - m.consistency)
             if m.applied >= FIT_UPDATES and m.consistency < FIT_CONSISTENCY:
                 m.restarted = 0
         bent = 0.0

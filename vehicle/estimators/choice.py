@@ -23,12 +23,15 @@ AGREEMENT = Difference(position=0.25, velocity=0.4, attitude=math.radians(6.0))
 """Largest difference between an estimate and the one in use for a hand-over in flight."""
 ESTIMATOR, SHADOW, SOURCE = "estimation.estimator", "estimation.shadow", "estimation.source"
 SHADOW_SOURCE = "estimation.shadow_source"
+RESCUE = "estimation.rescue"
 NONE, SAME = "none", "same"
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """The four parameters, with the shadow's source resolved."""
+    """The four parameters, with the shadow's source resolved, and its name when it is there for a
+    rescue only.
+    """
 
     name: str
     source: str
@@ -36,7 +39,11 @@ class Choice:
     shadow_source: str
 
     @classmethod
-    def of(cls, name: str, source: str, shadow: str, shadow_source: str) -> Choice:
+    def of(
+        cls, name: str, source: str, shadow: str, shadow_source: str, rescue: bool = False
+    ) -> Choice:
+        if rescue and shadow == NONE and (name, source) == ("error_state", POSES):
+            shadow, shadow_source = "complementary", SAME
         return cls(name, source, shadow, source if shadow_source == SAME else shadow_source)
 
 
@@ -67,12 +74,12 @@ def check(
     """Return the parameters that a change implies; on the ground, compile what it needs.
 
     Args:
-        present: the four present parameters. values: the changes, which may include others.
+        present: the present parameters that choose. values: the changes, which may include others.
         state: STATE (1,) in use.
 
     Raises RefusedError with the reason and its numbers.
     """
-    if not values.keys() & {ESTIMATOR, SHADOW, SOURCE, SHADOW_SOURCE}:
+    if not values.keys() & present.keys():
         return {}
     wanted = {name: str(values.get(name, present[name])) for name in present}
     extra: dict[str, ParameterValue] = {}
@@ -103,7 +110,10 @@ def check(
 
 
 def _choice(wanted: Mapping[str, str]) -> Choice:
-    return Choice.of(wanted[ESTIMATOR], wanted[SOURCE], wanted[SHADOW], wanted[SHADOW_SOURCE])
+    rescue = wanted[RESCUE] == str(True)
+    return Choice.of(
+        wanted[ESTIMATOR], wanted[SOURCE], wanted[SHADOW], wanted[SHADOW_SOURCE], rescue
+    )
 
 
 def _left(active: Runner, wanted: Mapping[str, str]) -> str:

@@ -23,6 +23,7 @@ from vehicle.estimators.bearings_watch import BearingsWatch
 from vehicle.estimators.choice import (
     ESTIMATOR,
     NONE,
+    RESCUE,
     SHADOW,
     SHADOW_SOURCE,
     SOURCE,
@@ -31,6 +32,7 @@ from vehicle.estimators.choice import (
     check,
 )
 from vehicle.estimators.estimator_runner import BEARINGS, POSES, Runner
+from vehicle.estimators.fade import Fade
 from vehicle.estimators.measurement_rate import MeasurementRate
 from vehicle.estimators.suspect_beacon import SuspectBeacon
 from vehicle.parameters import FallBackParameters
@@ -56,6 +58,7 @@ class Navigation:
         source: its source: "poses", "bearings" or "both".
         agreement: reports whether measurements agree with it.
         suspect: reports a beacon whose bearings are off.
+        measured: whether the last step had measurements.
     """
 
     def __init__(
@@ -70,6 +73,8 @@ class Navigation:
         self.watch = BearingsWatch(fallback or FallBackParameters())
         self.agreement = AgreementWatch(say)
         self.suspect = SuspectBeacon(say)
+        self.measured = False
+        self._fade = Fade()
         self._refuses_bearings = False
         self._say = say
         self._queue: list[Record] = []
@@ -96,6 +101,12 @@ class Navigation:
         return self._seats.shadow.state
 
     @property
+    def shadow_on_same_source(self) -> Runner | None:
+        """Return the shadow if it has the measurements of the estimator in use."""
+        shadow = self._seats.shadow
+        return shadow if shadow is not None and shadow.source == self.source else None
+
+    @property
     def has_pose(self) -> bool:
         """Return whether the estimator in use has a fresh measurement."""
         return not self.active.stale
@@ -113,13 +124,15 @@ class Navigation:
         """
         active = self.active
         active.predict(imu, dt, state)
+        if self._fade.on:
+            self._fade.step(dt, state)
         for runner in self._in_parallel:
             self._step_beside(runner, imu, dt)
         if self.source != POSES:
             reserve = self._seats.reserve
             tracked = None if reserve is None else reserve.state
             self.watch.remember(imu["stamp_ns"].item(), state, tracked)
-        measured = bool(self._queue)
+        measured = self.measured = bool(self._queue)
         if measured:
             self._take_measurements(imu["stamp_ns"].item(), state, estimate)
         active.report(estimate)
@@ -146,6 +159,16 @@ class Navigation:
         """Use no more bearings until another estimator or source is chosen."""
         self._refuses_bearings = True
 
+    def take_over(self, state: Record) -> None:
+        """Write the STATE of the estimator in use, which was the shadow until now, from the one
+        written before without a jerk.
+        """
+        now = self._seats.active.state
+        self._fade.begin(state, now)
+        state[...] = now
+        if self._fade.on:
+            self._fade.step(0.0, state)
+
     def reset(self) -> None:
         """Reset all estimators: the gyroscope was calibrated again."""
         for runner in self._seats.all():
@@ -162,6 +185,7 @@ class Navigation:
             SHADOW: p.shadow,
             SOURCE: p.source,
             SHADOW_SOURCE: p.shadow_source,
+            RESCUE: p.rescue,
         }
         return check(self._seats, present, values, state, armed)
 
@@ -188,7 +212,7 @@ class Navigation:
     def configure(self, parameters: EstimationParameters) -> None:
         """Apply the present parameters; `check` has accepted the choices."""
         p = self._parameters = parameters
-        choice = Choice.of(p.estimator, p.source, p.shadow, p.shadow_source)
+        choice = Choice.of(p.estimator, p.source, p.shadow, p.shadow_source, p.rescue)
         before = str(self._seats.active)
         if choice != self._choice:  # a failed shadow is not recreated by an unrelated change
             self._choice = choice

@@ -88,3 +88,4 @@ class Flag(IntFlag):
     TRACKER_JUMPED = 2048  # refused poses agree with each other
     ESTIMATE_DRIFTED = 4096  # measurements moved away from the prediction gradually
     BEACON_OFF = 8192  # bearings of one beacon do not fit the others
+    RESCUED = 16384  # flown on the shadow: the estimator chosen is inconsistent

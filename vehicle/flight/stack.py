@@ -22,6 +22,7 @@ from quadrotor.records import Record
 from vehicle.calibration.imu import ImuCalibrator
 from vehicle.estimators.bearings_guard import BearingsGuard, WayBack
 from vehicle.estimators.navigation import Navigation
+from vehicle.estimators.rescue import Rescue
 from vehicle.flight.commands import CommandHandler
 from vehicle.flight.configuration import Configuration
 from vehicle.flight.control_law import Steering
@@ -77,6 +78,7 @@ class FlightStack:
         beacons = parse_layout(p.beacons.layout)
         self.navigation = Navigation(p.estimation, outbox.say, estimator, beacons, p.fallback)
         self.guard = BearingsGuard(p, tick.state, self.navigation, self.behaviors, self.ground)
+        self.rescue = Rescue(p.estimation, self.navigation, tick.state)
         self.modes = ModeMachine(
             safety=p.safety,
             tick=tick,
@@ -147,6 +149,7 @@ class FlightStack:
             steering=self.steering,
             supervisor=self.supervisor,
             guard=self.guard,
+            rescue=self.rescue,
             ground=self.ground,
         )
         self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
@@ -169,6 +172,8 @@ class FlightStack:
 
         airborne = self.ground.airborne
         self.navigation.step(tick.imu, since, tick.state, tick.estimate)
+        if self.navigation.measured:
+            self._rescue()
         self.model.step(sample, since, dt)
         pose_age = self.navigation.active.measurement_age
         self._follow_altitude(sample, since)
@@ -339,6 +344,15 @@ class FlightStack:
             self.configuration.apply(way.values, "vehicle")
         else:
             self.modes.land(way.why)
+
+    def _rescue(self) -> None:
+        """Change to the shadow, or back from it, when that is due."""
+        change = self.rescue.look(self._tick.stamp_ns)
+        if change is None:
+            return
+        self.say(change.why, change.level)
+        self.configuration.apply(change.values, "vehicle")
+        self.navigation.take_over(self._tick.state)
 
     def _follow_altitude(self, sample: RawSample, dt: float) -> None:
         """Estimate the altitude by the barometer in every mode: it may be needed at any time."""

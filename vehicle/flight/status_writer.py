@@ -6,6 +6,7 @@ from control.behaviors.machine import BehaviorMachine
 from estimation.parameters import EstimationParameters
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
+from vehicle.estimators.rescue import Rescue
 from vehicle.flight.control_law import Steering
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
 from vehicle.flight.mode_machine import ModeMachine
@@ -38,11 +39,13 @@ class StatusWriter:
         steering: Steering,
         supervisor: Supervisor,
         guard: BearingsGuard,
+        rescue: Rescue,
         ground: GroundContact,
     ) -> None:
         self._estimation, self._tick, self._modes = estimation, tick, modes
         self._behaviors, self._navigation, self._steering = behaviors, navigation, steering
         self._supervisor, self._guard, self._ground = supervisor, guard, ground
+        self._rescue = rescue
         self._real_time = True
         self._control_mode = modes.control_mode
         self._status = status = tick.status
@@ -79,7 +82,7 @@ class StatusWriter:
             self._control_mode = control_mode
         navigation, airborne = self._navigation, self._ground.airborne
         flags = int(self._supervisor.flags) | self._guard.flags
-        flags |= navigation.agreement.flags | navigation.suspect.flags
+        flags |= navigation.agreement.flags | navigation.suspect.flags | self._rescue.flags
         if mode is Mode.STARTING:
             flags |= _GYRO_UNCALIBRATED
         if pose_age > self._estimation.measurement_timeout:

@@ -95,6 +95,11 @@ _ESTIMATE_NUMBERS = (
     "agreement",
     "nis",
     "nis_freedom",
+    "consistency",
+    "refused_share",
+    "accelerometer_noise_scale",
+    "gyroscope_noise_scale",
+    "measurement_noise_scale",
 )
 
 

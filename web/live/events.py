@@ -31,6 +31,7 @@ KEPT = 200  # log lines a new page gets
 WAITING = 500  # messages a page may lag behind
 SUMMARY_NOW: Message = {"type": "summary now"}
 """Of the hub: every page gets its summary without waiting for the next."""
+NOISES = ("accelerometer", "gyroscope", "measurement")
 LEVELS = {10: "debug", 20: "info", 30: "warn", 40: "error", 50: "error"}
 
 _encode = msgspec.json.Encoder().encode
@@ -145,6 +146,7 @@ def summarize(live: Live) -> Message:
         "station": _fields(live.newest("station_status")),
         "link": _fields(live.newest("link_status")),
         "battery": _battery(live.newest("battery")),
+        "estimate": _estimate(live.newest("estimator")),
     }
 
 
@@ -156,6 +158,17 @@ def _battery(message: Any) -> Message | None:
     if message is None:
         return None
     return {"voltage": round(float(message.voltage), 2), "percentage": _number(message.percentage)}
+
+
+def _estimate(message: Any) -> Message | None:
+    """Return how well the estimate in use and its measurements agree, rounded so that it is news
+    only when it changes.
+    """
+    if message is None:
+        return None
+    names = ("consistency", "refused_share", *(f"{kind}_noise_scale" for kind in NOISES))
+    rounded = {name: float(f"{getattr(message, name):.2g}") for name in names}
+    return {name: _number(value) for name, value in rounded.items()}
 
 
 def _fields(message: Any) -> Message | None:

@@ -68,6 +68,14 @@ HEALTH = (
             for kind in ("used", "refused", "ignored")
         ),
     ),
+    scaled(
+        one("consistency", "consistency", "", "noise as met", "estimator/consistency"),
+        one("refused.share", "refused", "%", "noise as met", "estimator/refused_share", 100.0),
+        *(
+            one(f"noise.{kind}", f"{kind} ×", "", "noise as met", f"estimator/{kind}_noise_scale")
+            for kind in ("accelerometer", "gyroscope", "measurement")
+        ),
+    ),
     Source(
         "estimator",
         (

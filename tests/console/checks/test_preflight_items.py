@@ -49,6 +49,8 @@ FAILING: list[tuple[str, dict[str, Any], str]] = [
     ("estimator", {"position_innovation": 0.3}, "300 mm"),
     ("estimator", {"attitude_innovation": math.radians(8.0)}, "8.0°"),
     ("estimator", {"position_innovation": None}, "nothing heard"),
+    ("consistency", {"consistency": 4.2, "refused_share": 0.0}, "4.2, 0 % refused"),
+    ("consistency", {"consistency": 1.0, "refused_share": 0.7}, "70 % refused"),
     ("measurements", {"tracker_rate": 30.0}, "tracker at 30 Hz"),
     ("measurements", {"pose_age": 0.4}, "400 ms"),
     ("measurements", {"pose_age": math.inf}, "no pose yet"),
@@ -80,6 +82,7 @@ FAILING: list[tuple[str, dict[str, Any], str]] = [
     ("sticks", {"sticks_dropped": True}, "release the dead-man"),
 ]
 WARNING: list[tuple[str, dict[str, Any]]] = [
+    ("consistency", {"flags": frozenset({"rescued"})}),
     ("telemetry", {"loss": 0.2}),
     ("alarms", {"notices": ("the catalogue cannot be used",)}),
     ("flight loop", {"flags": frozenset({"not_real_time"})}),

@@ -120,6 +120,9 @@ def test_estimator_battery_and_pressure_carry_the_numbers_of_the_tick() -> None:
         ticks["estimate"][f"measurements_{name}"] = number
     ticks["estimate"]["agreement"] = 2
     ticks["estimate"]["nis"], ticks["estimate"]["nis_freedom"] = 7.5, 8
+    told = ("consistency", "refused_share", "accelerometer_noise_scale")
+    for number, name in enumerate(told, start=2):
+        ticks["estimate"][name] = number
     for k, name in enumerate(("position", "velocity", "attitude")):
         ticks["estimate"][f"{name}_variance_w"] = (k + 1.0, k + 2.0, k + 3.0)
     estimate, status = ticks["estimate"][0], ticks["status"][0]
@@ -133,6 +136,7 @@ def test_estimator_battery_and_pressure_carry_the_numbers_of_the_tick() -> None:
     assert message.measurements_ignored == estimate["measurements_ignored"] == 3
     assert message.agreement == estimate["agreement"] == 2
     assert (message.nis, message.nis_freedom) == (7.5, 8)
+    assert [getattr(message, name) for name in told] == [2.0, 3.0, 4.0]
     assert message.position_variance.x == 1.0
     assert message.velocity_variance.y == 3.0
     assert message.attitude_variance.z == 5.0

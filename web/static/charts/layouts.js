@@ -15,7 +15,7 @@ export const BUILT_IN = {
   Tracking: layout([...xyz("state.position"), ...xyz("reference.position")], xyz("error.position")),
   Attitude: layout(["state.roll", "state.pitch", "state.yaw"], xyz("state.rate")),
   Motors: layout(motors("thrust"), motors("motor"), ["thrust", "scaling"]),
-  Estimator: layout(["innovation.position", "innovation.attitude", "measurement.age"], [...xyz("bias.accelerometer"), ...xyz("bias.gyroscope")], ["mass", "nis"]),
+  Estimator: layout(["innovation.position", "innovation.attitude", "measurement.age"], [...xyz("bias.accelerometer"), ...xyz("bias.gyroscope")], ["mass", "nis"], ["noise.accelerometer", "noise.gyroscope", "noise.measurement"]),
   Link: layout(["link.round_trip", "link.jitter", "link.age"], ["link.loss", "link.rate"]),
 };
 

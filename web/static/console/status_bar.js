@@ -7,6 +7,7 @@ import { bytes, duration, fixed, NONE, seconds, words } from "../core/format.js"
 import { onHold } from "../core/hold_button.js";
 import { armNote } from "../fly/preflight.js";
 import { controlOf, isAlone } from "../core/control_authority.js";
+import { consistencyOf } from "./consistency.js";
 
 const SHOWN = { arm: ({ armed }) => armed, disarm: ({ armed, mode }) => !armed && mode?.toLowerCase() !== "cut" };
 const SLOW = 0.98; // of real time
@@ -52,6 +53,7 @@ export class StatusBar {
     this.set("battery", battery && `${fixed(battery.voltage, 1)} V`, status?.flags?.some((flag) => /battery/i.test(flag)));
     const refused = this.refused(status);
     this.set("tracker", station && (station.tracker_rate > 0 ? `${fixed(station.tracker_rate, 0)} Hz${refused}` : "none"), station?.tracker_rate < 10 || Boolean(refused));
+    this.drawEstimate(status, this.events.summary.estimate);
     this.set("recording", station && (station.recording ? recorded(station) : "off"));
     this.drawPace(station?.real_time_factor);
     const disarms = this.nextArm === "disarm";
@@ -65,6 +67,13 @@ export class StatusBar {
     this.set("control-mode", control ? `${control.tone === "alarm" ? "⚠ " : ""}${control.text}` : words(status?.control_mode), control?.tone === "warn");
     output.classList.toggle("alarm", control?.tone === "alarm" && this.fresh("status"));
     setIfChanged(output.parentElement, "title", title);
+  }
+
+  // One calm word on whether estimate and measurements agree; the numbers are in its tip.
+  drawEstimate(status, estimate) {
+    const { word, tip } = consistencyOf(status?.flags ?? [], estimate);
+    this.set("estimate", status && word, word !== "consistent");
+    setIfChanged($("estimate").parentElement, "title", tip);
   }
 
   // What the vehicle thinks of the poses it gets, while it thinks so.
