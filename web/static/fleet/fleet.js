@@ -1,7 +1,8 @@
 // The fleet page: the state of every vehicle, where it is, and one control to bring all down.
 
 import { get } from "../core/api.js";
-import { $, element } from "../core/dom.js";
+import { begin, followConnection } from "../core/connection.js";
+import { $ } from "../core/dom.js";
 import { addLandAll } from "./land.js";
 import { FleetPlot } from "./plot.js";
 import { FleetTable } from "./table.js";
@@ -32,24 +33,7 @@ async function start() {
     const silence = (performance.now() - received) / 1e3;
     if (silence > 0.8) table.show(vehicles.map((one) => ({ ...one, age: one.age === null ? null : one.age + silence })));
   }, 500);
-  connection(socket);
+  followConnection(socket, "; Land all still tries");
 }
 
-function connection(socket) {
-  const strip = $("offline");
-  const show = async () => {
-    strip.hidden = socket.connected;
-    if (socket.connected) return;
-    strip.textContent = "No connection to this page's server; reconnecting. These values are out of date; Land all still tries.";
-    try { await get("/api/session"); } catch (error) {
-      if (error.status === 401) strip.replaceChildren("Signed out. ", element("a", { href: "/login" }, "Sign in"), " to come back.");
-    }
-  };
-  socket.addEventListener("close", () => setTimeout(show, 400));
-  socket.addEventListener("open", show);
-}
-
-start().catch((error) => {
-  $("offline").hidden = false;
-  $("offline").textContent = `The page could not start: ${error.message}`;
-});
+begin(start);

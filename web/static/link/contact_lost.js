@@ -2,7 +2,7 @@
 // tells what is gone (this page's server, the base station, the link, the vehicle's flight
 // process), what was seen last and how long ago, and what the vehicle does next by itself.
 
-import { get } from "../core/api.js";
+import { showSignedOut } from "../core/connection.js";
 import { byItself, lastState } from "./contact_text.js";
 import { element, setText } from "../core/dom.js";
 import { seconds } from "../core/format.js";
@@ -86,10 +86,6 @@ export class Contact {
   }
 
   async askWhy() {
-    try { await get("/api/session"); } catch (error) {
-      if (error.status !== 401 || this.cause !== "page") return;
-      this.signedOut = this.lost.hidden = true;
-      this.head.replaceChildren("Signed out. ", element("a", { href: "/login" }, "Sign in"), " to come back");
-    }
+    if (await showSignedOut(this.head, () => this.cause === "page")) this.signedOut = this.lost.hidden = true;
   }
 }

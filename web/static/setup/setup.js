@@ -1,7 +1,8 @@
 // The Set-up page: what this station has, who may use it, and whether all is as it should be.
 
 import { get } from "../core/api.js";
-import { $, element } from "../core/dom.js";
+import { begin, followConnection } from "../core/connection.js";
+import { $ } from "../core/dom.js";
 import { head } from "../core/page_header.js";
 import { BeaconSection } from "./beacons.js";
 import { CheckSection } from "./checks.js";
@@ -24,26 +25,9 @@ async function start() {
   new TrackerSection($("tracker"), events, parameters);
   new UserSection($("users"), session);
   new CheckSection($("checks"), $("checks-summary"), isOperator, (checks) => vehicles.showChecks(checks));
-  connection(events);
+  followConnection(events);
   // The sections have their heights now: go where the address points.
   if (location.hash) $(location.hash.slice(1))?.scrollIntoView();
 }
 
-function connection(events) {
-  const strip = $("offline");
-  const show = async () => {
-    strip.hidden = events.connected;
-    if (events.connected) return;
-    strip.textContent = "No connection to this page's server; reconnecting. These values are out of date.";
-    try { await get("/api/session"); } catch (error) {
-      if (error.status === 401) strip.replaceChildren("Signed out. ", element("a", { href: "/login" }, "Sign in"), " to come back.");
-    }
-  };
-  events.addEventListener("close", () => setTimeout(show, 400));
-  events.addEventListener("open", show);
-}
-
-start().catch((error) => {
-  $("offline").hidden = false;
-  $("offline").textContent = `The page could not start: ${error.message}`;
-});
+begin(start);
