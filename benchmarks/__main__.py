@@ -44,12 +44,19 @@ FOLDERS = {
         "starved",
         "real_flights",
     ),
-    "page": ("replay", "sticks", "parameter_page", "run_list", "page_notice"),
+    "page": ("replay", "sticks", "parameter_page", "run_list", "page_notice", "up_cost"),
     "link": ("link",),
     "logs": ("killed_logs", "logs", "fuzz_logs"),
 }
 NAMES = {name: f"benchmarks.{folder}.{name}" for folder, names in FOLDERS.items() for name in names}
 """The module of each benchmark, by its name."""
+OWN_OPTIONS = {
+    "count": "fuzz_logs",
+    "seed": "fuzz_logs",
+    "data": "real_flights",
+    "against": "up_cost",
+}
+"""Options that belong to one benchmark alone."""
 
 
 def main() -> int:
@@ -59,19 +66,18 @@ def main() -> int:
     parser.add_argument("--count", type=int, help="of fuzz_logs: how many logs")
     parser.add_argument("--seed", type=int, help="of fuzz_logs: number of the first mutated log")
     parser.add_argument("--data", type=Path, help="of real_flights: folder of recorded flights")
+    parser.add_argument("--against", help="of up_cost: another checkout, measured in turns")
     parser.add_argument("--out", type=Path, help="folder for performance.md, JSON and plots")
     options = parser.parse_args()
     unknown = [name for name in options.names if name not in NAMES]
     if unknown:
         parser.error(f"no benchmark is called {unknown[0]!r}: there are {', '.join(NAMES)}")
-    chosen = {name: getattr(options, name) for name in ("count", "seed")}
-    more = {name: value for name, value in chosen.items() if value is not None}
-    if more and options.names != ["fuzz_logs"]:
-        parser.error("--count and --seed belong to fuzz_logs alone")
-    if options.data and options.names != ["real_flights"]:
-        parser.error("--data belongs to real_flights alone")
-    if options.data:
-        more["data"] = options.data
+    more: dict[str, Any] = {}
+    for name, of in OWN_OPTIONS.items():
+        if (value := getattr(options, name)) is not None:
+            more[name] = value
+            if options.names != [of]:
+                parser.error(f"--{name} belongs to {of} alone")
     conditions = machine()
     reports: list[Report] = []
     asked: list[str] = options.names or list(NAMES)

@@ -65,9 +65,7 @@ def run_web(
 
     def connect(vehicle: str, live: Live, hub: EventHub) -> Station:
         lives.append(live)
-        return Station(
-            session.open, vehicle, live, hub, lambda _: session.close(), watches=len(vehicles) == 1
-        )
+        return Station(session.open, vehicle, live, hub, lambda _: session.close())
 
     def show_link(url: str, signed_in: str | None = None) -> None:
         if token is not None and url.endswith(token):  # others print now: it stands last, alone

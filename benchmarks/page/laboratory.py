@@ -47,21 +47,23 @@ LIMITS = {
 
 
 @contextmanager
-def started(port: int, link_port: int, *words: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the process of a `quadlab up` with a data folder of its own, and its lines as they
-    come.
+def started(
+    port: int, link_port: int, *words: str, tree: Path = ROOT, lockstep: bool = False
+) -> Iterator[tuple[int, list[str]]]:
+    """Yield the process of a checkout's `quadlab up` with a data folder of its own, and its lines
+    as they come.
 
-    In real time: what is measured is not to be waited for.
+    In real time unless `lockstep`: what is measured is not to be waited for.
     """
     with tempfile.TemporaryDirectory(prefix="quadlab-benchmark-") as data:
         up = subprocess.Popen(
             [
-                sys.executable,
+                sys.executable if tree == ROOT else tree / ".venv" / "bin" / "python",
                 "-m",
                 "quadlab",
                 "up",
                 "--no-browser",
-                "--real-time",
+                *(() if lockstep else ("--real-time",)),
                 "--data",
                 data,
                 "--port",
@@ -73,7 +75,7 @@ def started(port: int, link_port: int, *words: str) -> Iterator[tuple[int, list[
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            cwd=ROOT,
+            cwd=tree,
         )
         assert up.stdout is not None
         reader, lines = up.stdout, list[str]()
@@ -105,6 +107,9 @@ class Socket:
             self._socket.send(first)
         threading.Thread(target=self._read, daemon=True).start()
 
+    def close(self) -> None:
+        self._socket.close()
+
     def _read(self) -> None:
         with contextlib.suppress(ConnectionClosed):
             for message in self._socket:
@@ -134,11 +139,16 @@ def processes(parent: int) -> dict[int, str]:
 
 
 def cpu_seconds(pids: dict[int, str]) -> dict[str, float]:
+    """Return processor seconds, those of children that have ended included."""
     out = {}
     for pid, name in pids.items():
         fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-        out[name] = (int(fields[11]) + int(fields[12])) / TICK
+        out[name] = sum(map(int, fields[11:15])) / TICK
     return out
+
+
+def threads(pids: dict[int, str]) -> dict[str, float]:
+    return {name: len(list(Path(f"/proc/{pid}/task").iterdir())) for pid, name in pids.items()}
 
 
 def memory_mb(pids: dict[int, str]) -> dict[str, float]:
@@ -205,7 +215,7 @@ def measure(parent: int, lines: list[str], began: float, cold: bool) -> dict[str
     names = [s["name"] for s in browser.get("/api/signals").json()["signals"]][:40]
     telemetry = Socket(f"{web}/ws/telemetry", cookie, json.dumps({"id": 1, "signals": names}))
     events = Socket(f"{web}/ws/events", cookie)
-    viser = Socket(f"{web}/viser?view=benchmark", cookie, subprotocols=[_viser_protocol()])
+    viser = Socket(f"{web}/viser?view=benchmark", cookie, subprotocols=[viser_protocol()])
 
     def command(command: str, /, **body: Any) -> None:
         answer = browser.post(f"/api/commands/{command}", json=body)
@@ -267,7 +277,7 @@ def _confirmed(events: Socket, value: float) -> bool:
     return any(f"{value:g}" in text for text in texts)
 
 
-def _viser_protocol() -> Any:
+def viser_protocol() -> Any:
     import viser
 
     return f"viser-v{viser.__version__}"

@@ -12,7 +12,7 @@ import pytest
 import websockets.exceptions
 
 from console.catalogue.catalogue import Catalogue
-from web.live.latest import FAST
+from web.fleet.fleet import SEEN
 
 NAMES = ("quad1", "quad2")
 
@@ -198,7 +198,7 @@ def test_what_comes_fast_is_taken_of_the_vehicle_that_is_looked_at(
     monkeypatch.setattr("web.fleet.fleet.LINGER", 0.0)
     first, second = fleet_site.stations
     with fleet_site.websocket("/v/quad2/ws/events", fleet_site.cookie(pilot)):
-        until(lambda: second._watched == FAST and first._watched == frozenset())
+        until(lambda: second._watched == SEEN and first._watched == frozenset())
     with fleet_site.websocket("/ws/fleet?plot=1", fleet_site.cookie(pilot)):
         until(lambda: first._watched == second._watched == {"state"})
     until(lambda: first._watched == second._watched == frozenset())

@@ -1,7 +1,7 @@
 """All vehicles of this page together: how each one stands, and what a page takes of it.
 
-What comes many times a second is taken only of vehicles that someone looks at, and of all their
-positions only while someone has the fleet's page open.
+What comes many times a second is taken only of vehicles that someone looks at, what is only for
+charts while one shows it, and of all their positions only while someone has the fleet's page open.
 """
 
 from __future__ import annotations
@@ -15,15 +15,17 @@ from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, QuadlabError
 from quadrotor.plain_rotations import roll_pitch_yaw
-from web.live.latest import FAST, Live
+from web.live.latest import CHARTED, FAST, Live
 from web.signals.signal import quaternion
 
 if TYPE_CHECKING:
     from web.live.vehicle_side import VehicleSide
 
-LOOK = 0.5  # s between looks at who looks at what
+LOOK = 0.2  # s between looks at who looks at what
 LINGER = 5.0  # s for which a vehicle is taken whole after the last page of it: it may be reloading
 POSITION = frozenset({"state"})
+SEEN = FAST.difference(CHARTED)
+"""Taken of a vehicle that is looked at; the others only while a chart shows them."""
 
 Message = dict[str, Any]
 
@@ -35,6 +37,7 @@ class Fleet:
         self._sides = tuple(sides)
         self._plots = 0
         self._seen = dict.fromkeys((side.name for side in sides), -math.inf)
+        self._taken: dict[str, frozenset[str]] = {}
         self._changing = ThreadPoolExecutor(1, thread_name_prefix="web-watch")
 
     @property
@@ -73,18 +76,20 @@ class Fleet:
 
     async def run(self) -> None:
         """Keep what is taken of each vehicle at what is looked at."""
-        if len(self._sides) == 1:
-            return  # its station takes everything
         loop = asyncio.get_running_loop()
         while True:
             for side in self._sides:
                 now = loop.time()
                 if side.is_looked_at:
                     self._seen[side.name] = now
-                is_seen = now - self._seen[side.name] <= LINGER
-                wanted = FAST if is_seen else POSITION if self._plots else frozenset()
+                wanted = POSITION if self._plots else frozenset()
+                if now - self._seen[side.name] <= LINGER:
+                    wanted = SEEN | side.parts.feed.topics
+                if wanted == self._taken.get(side.name, frozenset()):
+                    continue
                 with contextlib.suppress(LinkError):  # the session goes; asked again
                     await loop.run_in_executor(self._changing, side.station.watch, wanted)
+                    self._taken[side.name] = wanted
             await asyncio.sleep(LOOK)
 
     def stop(self) -> None:

@@ -53,7 +53,8 @@ class Station:
     Args:
         open_session: returns a Zenoh session or raises LinkError.
         close_session: ends what `open_session` gave; may block for long.
-        watches: takes everything from the start; else what comes fast only while `watch` says.
+
+    What comes fast is taken only while `watch` says.
     """
 
     def __init__(
@@ -63,12 +64,10 @@ class Station:
         live: Live,
         hub: EventHub,
         close_session: Callable[[Any], None] = lambda session: session.close(),
-        *,
-        watches: bool = True,
     ) -> None:
         self._open_session, self._close_session = open_session, close_session
-        self._watched = frozenset(FAST) if watches else frozenset()
-        self._view: Node | None = None  # of what is watched
+        self._watched: frozenset[str] = frozenset()
+        self._views: dict[str, Node] = {}  # of what is watched, one a topic
         self._vehicle = vehicle
         self._live = live
         self._hub = hub
@@ -104,11 +103,9 @@ class Station:
         """Take these of the topics in `FAST`, and no others of them. Blocks for some ms."""
         wanted = frozenset(topics)
         with self._making:
-            if wanted == self._watched and (self._view is not None or not wanted):
-                return
             self._watched = wanted
             if self._node is not None:
-                self._renew_view(self._node.session)
+                self._renew_views(self._node.session)
 
     async def command(self, service: str, requester: str, **fields: Any) -> Any:
         """Call one of the station's services and return its answer. Raises RefusedError with the
@@ -230,20 +227,18 @@ class Station:
         self._stick = node.advertise(TOPICS["stick"])
         self._presence = node.advertise(TOPICS["presence"])
         with self._making:
-            self._renew_view(session)
+            self._renew_views(session)
             self._node = node
 
-    def _renew_view(self, session: Any) -> None:
-        """Renew the view's node, one of its own, which can go as a whole."""
+    def _renew_views(self, session: Any) -> None:
+        """Take what is watched; each topic has a node, because a node closes as a whole."""
         from vehicle_link.transport.node import Node
 
-        view, self._view = self._view, None
-        if view is not None:
-            view.close()
-        if self._watched:
-            self._view = Node(session, f"/{self._vehicle}", "web_view")
-            for topic in self._watched:
-                self._take(self._view, topic)
+        for topic in self._views.keys() - self._watched:
+            self._views.pop(topic).close()
+        for topic in self._watched - self._views.keys():
+            self._views[topic] = Node(session, f"/{self._vehicle}", f"web_{topic}")
+            self._take(self._views[topic], topic)
 
     def _take(self, node: Node, topic: str) -> None:
         # On Zenoh's own thread: it only puts the bytes away.
@@ -283,7 +278,7 @@ class Station:
 
     def _close(self, node: Node) -> None:
         with self._making:
-            if self._view is not None:
-                self._view.close()
+            for view in self._views.values():
+                view.close()
         node.close()
         self._close_session(node.session)

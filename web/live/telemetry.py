@@ -23,9 +23,9 @@ from fastapi import WebSocket
 from vehicle_link.clock import wall_time
 from web.live.conversation import converse
 from web.live.latest import STALE, Live
-from web.signals import INDEX, SIGNALS, snapshot
+from web.signals import INDEX, SIGNALS, snapshot, topics_for
 
-RATE = 25.0  # Hz
+RATE, UNWATCHED = 25.0, 5.0  # Hz
 MOST_SIGNALS = 96  # of state table, four charts and the Beacons tab together
 NEVER = 65535
 
@@ -99,16 +99,24 @@ class TelemetryFeed:
     def pages(self) -> int:
         return len(self._pages)
 
+    @property
+    def topics(self) -> frozenset[str]:
+        """Return the topics that the open pages' signals are made of."""
+        return topics_for(self._wanted)
+
+    @property
+    def _wanted(self) -> frozenset[str]:
+        return frozenset().union(*(page.names for page in self._pages.values()))
+
     async def run(self) -> None:
         loop = asyncio.get_running_loop()
         deadline = loop.time()
         while True:
-            deadline = max(deadline + 1.0 / RATE, loop.time())
+            deadline = max(deadline + 1.0 / (RATE if self._pages else UNWATCHED), loop.time())
             await asyncio.sleep(deadline - loop.time())
             if not self._pages:
                 continue
-            wanted = frozenset().union(*(page.names for page in self._pages.values()))
-            self._values = snapshot(self._live, wanted)
+            self._values = snapshot(self._live, self._wanted)
             self._ages = {topic: self._live.age(topic) for topic in STALE}
             self._stamp = self._clock()
             async with self._tick:

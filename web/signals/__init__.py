@@ -88,6 +88,11 @@ def snapshot(live: Live, wanted: frozenset[str] | None = None) -> list[float]:
     return values
 
 
+def topics_for(wanted: frozenset[str]) -> frozenset[str]:
+    """Return the topics that the values of these signals are made of."""
+    return frozenset(source.topic for source, _, _ in _plan(wanted))
+
+
 def describe() -> dict[str, Any]:
     """Return what the page needs to list and label the signals."""
     return {

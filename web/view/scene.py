@@ -21,7 +21,7 @@ from web.view.airframe import Airframe
 from web.view.server import ViewServer
 from web.view.trails import Trail, line_color
 
-RATE, UNWATCHED = 30.0, 10.0  # Hz
+RATE, UNWATCHED = 30.0, 5.0  # Hz
 GREEN, ORANGE = (64, 192, 120), (255, 146, 43)
 AXES = ((229, 115, 107), (100, 186, 132), (106, 156, 232))  # x, y, z: as on the page
 EDGES, DROP = (84, 100, 116), (120, 134, 148)

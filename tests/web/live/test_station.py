@@ -19,7 +19,7 @@ from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.session import hub_session, loopback_session
 from web.live.events import SUMMARY_NOW, EventHub
-from web.live.latest import Live
+from web.live.latest import FAST, Live
 from web.live.sockets import listen
 from web.live.station import Station
 
@@ -105,6 +105,7 @@ class Client:
         threading.Thread(target=self.loop.run_forever, daemon=True).start()
         self.hub.attach(self.loop)
         self.station = Station(lambda: loopback_session(port), "quad1", self.live, self.hub)
+        self.station.watch(FAST)
         self.station.start()
 
     def run(self, call: Any) -> Any:

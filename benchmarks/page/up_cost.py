@@ -1,0 +1,167 @@
+"""What `quadlab up` costs: processor time, threads and memory of all its processes, and its start.
+
+    python -m benchmarks up_cost [--against TREE]
+
+One simulated vehicle hovers with no page open, then flies an 8 with one. With another checkout,
+which needs an environment of its own, both run in turns.
+
+Processor time is what the kernel counts for the processes, so other work on the machine disturbs
+it little. The page is stood in for by a client with the same three websockets, for a browser that
+draws in software would take the processor that simulated time needs.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import statistics
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from benchmarks.harness import Report, Row, Target
+from benchmarks.page.laboratory import (
+    Socket,
+    cpu_seconds,
+    memory_mb,
+    processes,
+    started,
+    threads,
+    until,
+    viser_protocol,
+)
+from quadrotor.checkout import ROOT
+
+PORT, LINK_PORT = 28090, 28460
+ROUNDS, SECONDS, SETTLED = 3, 30.0, 5.0
+QUICK_ROUNDS, QUICK_SECONDS = 1, 10.0
+LAPS, SIGNALS = 20, 40
+LIMITS = {
+    "hover: processor": 0.5,
+    "page, 8: processor": 0.7,
+    "page, 8: memory": 0.8,
+    "start to page": 1.0,
+    "start to vehicle": 1.0,
+}
+"""Largest ratios to the other checkout."""
+THREADS = 70
+
+Figures = dict[str, float]
+
+
+def run(quick: bool = False, against: str | None = None) -> Report:
+    """Measure this checkout, and in turns with it the one `against`."""
+    rounds, seconds = (QUICK_ROUNDS, QUICK_SECONDS) if quick else (ROUNDS, SECONDS)
+    trees = {"this": ROOT} | ({"other": Path(against)} if against else {})
+    found: dict[str, list[Figures]] = {name: [] for name in trees}
+    for _ in range(rounds):
+        for name, tree in trees.items():
+            began = time.monotonic()
+            with started(PORT, LINK_PORT, tree=tree, lockstep=True) as (up, lines):
+                found[name].append(measure(up, lines, began, seconds))
+    figures = {
+        name: {key: statistics.median(one.get(key, 0.0) for one in of) for key in of[0]}
+        for name, of in found.items()
+    }
+    report = Report(
+        "up_cost",
+        "What `quadlab up` costs",
+        [
+            f"one simulated vehicle in lockstep; {rounds} starts, {seconds:g} s each; medians",
+            "processor: of all its processes, in cores; memory: proportional set size, MB",
+            "page: a client with the page's three websockets, whose own time does not count",
+        ],
+    )
+    mine, other = figures["this"], figures.get("other", {})
+    for key, value in mine.items():
+        row: dict[str, float | str] = {"this checkout": value}
+        if other.get(key):
+            pairs = zip(found["this"], found["other"], strict=True)
+            ratio = statistics.median(one[key] / its[key] for one, its in pairs if its.get(key))
+            row |= {"the other": other[key], "ratio": ratio}
+            if key in LIMITS:
+                report.targets.append(Target(f"{key}, times the other's", ratio, LIMITS[key]))
+        report.rows.append(Row(key, row))
+    report.targets.append(Target("hover: threads", mine["hover: threads"], THREADS))
+    return report
+
+
+def measure(up: int, lines: list[str], began: float, seconds: float) -> Figures:
+    """Hover, then fly with a page open; return the figures of both."""
+    until(lambda: _answers(f"http://127.0.0.1:{PORT}/"))
+    figures = {"start to page": time.monotonic() - began}
+    link = until(lambda: re.findall(r"http://\S+token=\S+", "".join(lines)))[-1]
+    base = link.split("/?")[0]
+    with httpx.Client(base_url=base, headers={"origin": base}, timeout=10) as browser:
+        browser.get(link, follow_redirects=True).raise_for_status()
+
+        def summary() -> dict[str, Any]:
+            answer: dict[str, Any] = browser.get("/api/summary").json()
+            return answer
+
+        def flies(behavior: str) -> bool:
+            status = summary().get("status") or {}
+            return status.get("behavior") == behavior
+
+        def command(name: str, /, **body: Any) -> None:
+            browser.post(f"/api/commands/{name}", json=body).raise_for_status()
+
+        until(lambda: summary().get("status"))
+        figures["start to vehicle"] = time.monotonic() - began
+        until(lambda: (summary().get("preflight") or {}).get("ready"))
+        command("arm")
+        until(lambda: summary()["status"]["mode"] == "armed")
+        command("start_behavior", name="take_off")
+        until(lambda: flies("hover"))
+        figures |= counted("hover", up, seconds)
+        with page(browser, base):
+            command("start_behavior", name="follow_trajectory", arguments={"laps": LAPS})
+            until(lambda: flies("follow_trajectory"))
+            figures |= counted("page, 8", up, seconds)
+            figures["page, 8: real-time factor"] = summary()["station"]["real_time_factor"]
+    return figures
+
+
+def counted(what: str, up: int, seconds: float) -> Figures:
+    """Count for so many seconds, once the start of what is counted has settled."""
+    time.sleep(SETTLED)
+    pids = processes(up)
+    before, since = cpu_seconds(pids), time.monotonic()
+    time.sleep(seconds)
+    after, elapsed = cpu_seconds(pids), time.monotonic() - since
+    shares = {name: (after[name] - before[name]) / elapsed for name in after}
+    return {
+        **{f"{what}: processor of {name}": share for name, share in sorted(shares.items())},
+        f"{what}: processor": sum(shares.values()),
+        f"{what}: threads": sum(threads(pids).values()),
+        f"{what}: memory": sum(memory_mb(pids).values()),
+    }
+
+
+@contextmanager
+def page(browser: httpx.Client, base: str) -> Iterator[None]:
+    """Keep the three websockets of a page open."""
+    cookie = "; ".join(f"{one.name}={one.value}" for one in browser.cookies.jar)
+    web = base.replace("http", "ws")
+    names = [one["name"] for one in browser.get("/api/signals").json()["signals"]][:SIGNALS]
+    sockets = [
+        Socket(f"{web}/ws/telemetry", cookie, json.dumps({"id": 1, "signals": names})),
+        Socket(f"{web}/ws/events", cookie),
+        Socket(f"{web}/viser?view=benchmark", cookie, subprotocols=[viser_protocol()]),
+    ]
+    try:
+        yield
+    finally:
+        for socket in sockets:
+            socket.close()
+
+
+def _answers(address: str) -> bool:
+    try:
+        return httpx.get(address).status_code < 500
+    except httpx.TransportError:
+        return False
