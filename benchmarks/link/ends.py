@@ -156,7 +156,13 @@ def stamped(number: int, payload: bytes) -> bytes:
 def vehicle(folder: Path, plan: Plan) -> None:
     program = Program(folder, plan)
     node = Node(vehicle_session(QUIC_PORT, program.files), "/quad1", "vehicle")
-    radio, lane = LinkRadio(node), CommsLane(node, QUIC_PORT + 1)
+    radio = LinkRadio(node)
+
+    def came(topic: str, received: Received) -> None:
+        if topic == "station_heartbeat":
+            lane.heard()
+
+    lane = CommsLane(node, QUIC_PORT + 1, came)
     lane.send(radio.publishers)
     heard, timeout = [time.monotonic()], SafetyParameters().link_timeout
     instance, numbers, missing = new_instance(), itertools.count(), [0]
@@ -184,6 +190,7 @@ def vehicle(folder: Path, plan: Plan) -> None:
         "tracker_pose", lambda r: poses.add(*_STAMP.unpack_from(r.payload), time.monotonic_ns())
     )
     lane.take("station_heartbeat", lambda r: heard.__setitem__(0, time.monotonic()))
+    lane.start()
     serve_time_sync(node, time.time_ns)
     node.serve("arm", COMMAND, lambda request: new(f"{COMMAND}_Response", accepted=True))
     node.serve("onboard_part", PART, _FileServer().answer)

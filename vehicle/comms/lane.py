@@ -1,16 +1,19 @@
 """The vehicle's end of the lane, wired: keys by a service, topics out and in.
 
-What stations send by the lane comes over Zenoh as well, where ROS 2 nodes publish it too; of both
-the first counts, and nothing older than what came. The lane alone keeps the order between topics:
-over Zenoh each has a thread of its own.
+Poses and bearings are subscribed to over Zenoh only while the station that has the vehicle is not
+heard by the lane, so that they cross the radio once. Heartbeats and sticks come both ways always;
+of both the first counts, and nothing older than what came. The lane alone keeps the order between
+topics: over Zenoh each has a thread of its own.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Mapping
 from functools import partial
 
+from vehicle_link.clock import monotonic
 from vehicle_link.lane.datagram import HELLO, TO_STATION, TO_VEHICLE
 from vehicle_link.lane.newest_only import NewestOnly
 from vehicle_link.lane.vehicle_lane import VehicleLane
@@ -18,6 +21,12 @@ from vehicle_link.messages import Message
 from vehicle_link.security.access import LANE, PILOT_LANE
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node, Publisher, Received
+
+ONE_WAY = ("tracker_pose", "bearings")
+"""Topics that are subscribed to over Zenoh only while the lane is silent."""
+SILENT_AFTER = 0.3
+"""s without a heartbeat by the lane: several of them are missing."""
+LOOK = 0.05  # s
 
 
 class CommsLane:
@@ -37,6 +46,10 @@ class CommsLane:
         self._newest = NewestOnly()
         self._take: dict[str, tuple[threading.Lock, Callable[[Received], None]]] = {}
         self._came = came
+        self._heard = -math.inf
+        self._over_zenoh: Node | None = None
+        self._closing = threading.Event()
+        self._looking = threading.Thread(target=self._look, name="lane keeper", daemon=True)
         self._lane = VehicleLane(port, self._by_lane)
         for door, topics in ((PILOT_LANE, TO_VEHICLE), (LANE, (HELLO,))):
             node.serve(door, SERVICES[LANE], self._granting(topics))
@@ -54,8 +67,37 @@ class CommsLane:
     def take(self, topic: str, callback: Callable[[Received], None]) -> None:
         """Deliver each message of a topic once and in order, whichever way it comes first."""
         self._take[topic] = threading.Lock(), callback
-        row = TOPICS[topic]
-        self._node.subscribe(topic, row.type_name, partial(self._deliver, topic))
+        if topic not in ONE_WAY:
+            self._subscribe(self._node, topic)
+
+    def start(self) -> None:
+        """Subscribe to the rest, as `take` has been told of all."""
+        self.look()
+        self._looking.start()
+
+    def heard(self) -> None:
+        """Note that the station that has the vehicle was received by the lane."""
+        self._heard = monotonic()
+
+    def _subscribe(self, node: Node, topic: str) -> None:
+        node.subscribe(topic, TOPICS[topic].type_name, partial(self._deliver, topic))
+
+    def _look(self) -> None:
+        while not self._closing.wait(LOOK):
+            self.look()
+
+    def look(self) -> None:
+        """Subscribe over Zenoh to what the lane does not bring, and to nothing that it brings."""
+        is_heard = monotonic() - self._heard < SILENT_AFTER
+        if is_heard and self._over_zenoh is not None:
+            self._over_zenoh.close()
+            self._over_zenoh = None
+        elif not is_heard and self._over_zenoh is None:
+            # A node of its own, because a node closes as a whole.
+            name = f"{self._node.name}_measurements"
+            self._over_zenoh = Node(self._node.session, self._node.namespace, name)
+            for topic in filter(self._take.__contains__, ONE_WAY):
+                self._subscribe(self._over_zenoh, topic)
 
     def _granting(self, topics: tuple[str, ...]) -> Callable[[Message], Message]:
         """Return a service that grants new keys each time it is asked; `topics` is what their owner
@@ -64,6 +106,11 @@ class CommsLane:
         return lambda request: self._lane.grant(int(request.instance), topics)
 
     def close(self) -> None:
+        self._closing.set()
+        if self._looking.ident is not None:
+            self._looking.join(1.0)
+        if self._over_zenoh is not None:
+            self._over_zenoh.close()
         self._lane.close()
 
     def _by_lane(self, topic: str, received: Received) -> None:

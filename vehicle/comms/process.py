@@ -126,6 +126,7 @@ class Comms:
         self._lane.send(self._radio.publishers, beats_every)
         for topic in self._inbound.handlers:
             self._lane.take(topic, self._receiver(topic))
+        self._lane.start()
 
     def run(self, stopping: Ending) -> None:
         """Run until `stopping` is set; then drain once more, so that nothing read is lost."""
@@ -210,11 +211,12 @@ class Comms:
 
     def _came_by_lane(self, topic: str, received: Received) -> None:
         """Note a heartbeat of the station that has the vehicle: its poses of before are with
-        flight.
+        flight, and need not come over Zenoh.
         """
         if topic == "station_heartbeat":
             beat = topics.decode_heartbeat(received.payload)
             if beat.instance == self._inbound.holder:
+                self._lane.heard()
                 self._part.station_heard(beat.stamp_ns)
 
     def _log_received(self, topic: str, payload: bytes, stamp_ns: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import socket
 import threading
 import time
@@ -52,6 +53,7 @@ class Ends:
         self.vehicle.send(self.radio.publishers)
         for name in ("tracker_pose", "joy", "station_heartbeat"):
             self.vehicle.take(name, self.at_vehicle.setdefault(name, []).append)
+        self.vehicle.start()
         self.link = LinkMonitor()
         self.telemetry: list[Received] = []
         self.beats = at_station.advertise(TOPICS["station_heartbeat"])
@@ -171,6 +173,31 @@ def test_poses_of_station_and_ros_nodes_reach_the_vehicle_once(ends: Ends, whose
     payloads = [received.payload for received in list(came)]
     assert len(set(payloads)) == len(payloads)
     assert set(payloads) & set(sent)
+
+
+def test_poses_come_over_zenoh_only_while_the_station_is_not_heard_by_the_lane(ends: Ends) -> None:
+    lane, came = ends.vehicle, ends.at_vehicle["tracker_pose"]
+
+    numbers = itertools.count()
+
+    def is_by_the_lane_alone() -> bool:
+        lane.heard()
+        return lane._over_zenoh is None and ends.by_the_lane_alone()
+
+    def one_comes() -> bool:
+        ends.own_poses.put(b"alone %d" % next(numbers))
+        return any(received.payload.startswith(b"alone") for received in list(came))
+
+    ends.send_until(lambda: is_by_the_lane_alone() and one_comes())
+    station = ends.station._lane
+    assert station is not None
+    station.put = lambda *_, **__: False  # type: ignore[method-assign]
+    try:
+        ends.send_until(lambda: lane._over_zenoh is not None)
+        came.clear()
+        ends.send_until(one_comes)
+    finally:
+        del station.put
 
 
 def test_a_vehicles_other_process_is_asked_for_keys_by_the_station(ends: Ends) -> None:

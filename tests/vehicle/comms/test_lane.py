@@ -38,6 +38,7 @@ class Ways:
         self.by_lane = self.lane._lane._deliver
         for topic in (POSE, BEAT):
             self.lane.take(topic, partial(self._hand_on, topic))
+        self.lane._subscribe(node, POSE)
 
     def serve(self, *_: Any) -> None: ...
 
