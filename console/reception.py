@@ -24,6 +24,10 @@ from vehicle_link.parameters.messages import decode_change
 from vehicle_link.topics import TOPICS
 from vehicle_link.transport.node import Received
 
+BEAT_NS = 18_000_000
+"""Simulated time in lockstep between two heartbeats that follow a truth: well within what the
+simulator waits for (vehicle.simulator.lockstep)."""
+
 
 class Reception:
     """The handlers of one vehicle's messages.
@@ -58,6 +62,7 @@ class Reception:
         self._experiments, self._comparison = experiments, comparison
         self._calibrations, self._sticks = calibrations, sticks
         self._tracker, self._part = tracker, part
+        self._beaten_ns = 0  # stamp of the truth that a heartbeat followed
         self.handlers: Mapping[str, Callable[[Received], None]] = {
             "telemetry": telemetry.received,
             "vehicle_heartbeat": self._heartbeat,
@@ -108,5 +113,10 @@ class Reception:
         self._comparison.truth(*pose)
         self._tracker.truth(*pose)
         self._part.truth(stamp_ns)
-        if self._part.in_lockstep and self._link.standing.beats:
+        if (
+            self._part.in_lockstep
+            and self._link.standing.beats
+            and not 0 <= stamp_ns - self._beaten_ns < BEAT_NS
+        ):
+            self._beaten_ns = stamp_ns
             self._outbox.heartbeat(0)  # what came before it has come, too, when comms receives it

@@ -23,7 +23,7 @@ class Pace:
     written: float
 
 
-ALONE, MANY = Pace(0.05, 1, 0.01), Pace(0.1, SELDOM, 0.04)
+ALONE, MANY = Pace(0.05, 1, 0.02), Pace(0.1, SELDOM, 0.04)
 
 
 def pace_of(vehicles: int) -> Pace:

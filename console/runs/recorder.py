@@ -27,7 +27,9 @@ log = logging.getLogger(__name__)
 QUEUE_LIMIT = 20_000
 """Messages: 10 s at the full rate, some 15 MB."""
 
-PERIOD = 0.01
+PERIOD = 0.02
+AT_ONCE = 1000
+"""Messages written together at most: a chunk may become larger by all of them."""
 SYNC_PERIOD = 0.25
 WATCH_PERIOD = 1.0
 AGAIN_PERIOD = 3.0
@@ -203,22 +205,30 @@ class Recorder:
             raise
 
     def _drain(self) -> None:
-        queue = self._queue
+        queue, messages = self._queue, list[Message]()
         while queue:
             item = queue.popleft()
             if isinstance(item, tuple):
-                if self._open is not None:
-                    try:
-                        self._open.writer.write(*item)
-                    except Exception as error:
-                        self._fail(self._open.run, error)
-            elif item is None:
+                messages.append(item)
+                if len(messages) < AT_ONCE:
+                    continue
+            self._write(messages)
+            messages.clear()
+            if item is None:
                 self._end("")
-            else:
+            elif not isinstance(item, tuple):
                 self._begin(item)
+        self._write(messages)
         if self._open is not None:
             self._bytes = self._open.writer.size
         self._rest()
+
+    def _write(self, messages: list[Message]) -> None:
+        if self._open is not None:
+            try:
+                self._open.writer.write_many(messages)
+            except Exception as error:
+                self._fail(self._open.run, error)
 
     def _begin(self, run: Run) -> None:
         try:
