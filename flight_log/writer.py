@@ -119,8 +119,8 @@ class LogWriter:
             self._broken = error
             raise
 
-    def write_many(self, messages: Sequence[Message]) -> None:
-        """Write many messages in this order; a chunk may become larger by all of them."""
+    def write_many(self, messages: Sequence[tuple[str, str, bytes, int, int]]) -> None:
+        """Write many messages, each as of `write`, in this order; a chunk may become larger by all of them."""
         with self._guarded():
             if not messages:
                 return

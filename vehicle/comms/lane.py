@@ -8,11 +8,13 @@ topics: over Zenoh each has a thread of its own.
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 from collections.abc import Callable, Mapping
 from functools import partial
 
+from quadrotor.errors import LinkError
 from vehicle_link.clock import monotonic
 from vehicle_link.lane.datagram import HELLO, TO_STATION, TO_VEHICLE
 from vehicle_link.lane.newest_only import NewestOnly
@@ -21,6 +23,8 @@ from vehicle_link.messages import Message
 from vehicle_link.security.access import LANE, PILOT_LANE
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node, Publisher, Received
+
+log = logging.getLogger(__name__)
 
 ONE_WAY = ("tracker_pose", "bearings")
 """Topics that are subscribed to over Zenoh only while the lane is silent."""
@@ -84,7 +88,10 @@ class CommsLane:
 
     def _look(self) -> None:
         while not self._closing.wait(LOOK):
-            self.look()
+            try:
+                self.look()
+            except LinkError as error:  # the session is closing
+                log.info("lane: %s", error)
 
     def look(self) -> None:
         """Subscribe over Zenoh to what the lane does not bring, and to nothing that it brings."""
@@ -95,9 +102,10 @@ class CommsLane:
         elif not is_heard and self._over_zenoh is None:
             # A node of its own, because a node closes as a whole.
             name = f"{self._node.name}_measurements"
-            self._over_zenoh = Node(self._node.session, self._node.namespace, name)
+            node = Node(self._node.session, self._node.namespace, name)
             for topic in filter(self._take.__contains__, ONE_WAY):
-                self._subscribe(self._over_zenoh, topic)
+                self._subscribe(node, topic)
+            self._over_zenoh = node
 
     def _granting(self, topics: tuple[str, ...]) -> Callable[[Message], Message]:
         """Return a service that grants new keys each time it is asked; `topics` is what their owner
