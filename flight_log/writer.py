@@ -120,7 +120,9 @@ class LogWriter:
             raise
 
     def write_many(self, messages: Sequence[tuple[str, str, bytes, int, int]]) -> None:
-        """Write many messages, each as of `write`, in this order; a chunk may become larger by all of them."""
+        """Write many messages, each with the arguments of `write`, in this order; a chunk may
+        become larger by all of them.
+        """
         with self._guarded():
             if not messages:
                 return

@@ -25,7 +25,7 @@ from web.live.conversation import converse
 from web.live.latest import STALE, Live
 from web.signals import INDEX, SIGNALS, snapshot, topics_for
 
-RATE, UNWATCHED = 25.0, 5.0  # Hz
+RATE = 25.0  # Hz
 MOST_SIGNALS = 96  # of state table, four charts and the Beacons tab together
 NEVER = 65535
 
@@ -112,7 +112,7 @@ class TelemetryFeed:
         loop = asyncio.get_running_loop()
         deadline = loop.time()
         while True:
-            deadline = max(deadline + 1.0 / (RATE if self._pages else UNWATCHED), loop.time())
+            deadline = max(deadline + 1.0 / RATE, loop.time())
             await asyncio.sleep(deadline - loop.time())
             if not self._pages:
                 continue
