@@ -8,6 +8,7 @@ estimate where the log has one.
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -64,13 +65,13 @@ def run(*, quick: bool = False, data: Path | None = None) -> Report:
         return report
     seen: set[str] = set()
     with tempfile.TemporaryDirectory() as folder:
-        for path, mapping in flights(data):
+        for path, mapping, truth in flights(data):
             if quick and f"{mapping}" in seen:
                 continue
             seen.add(f"{mapping}")
             name = str(path.relative_to(data))
             try:
-                imported = read_flight(path, mapping)
+                imported = read_flight(path, mapping, truth=truth)
                 log = NewRun(imported, path).write(
                     Path(folder), f"flight{len(seen)}{len(report.rows)}"
                 )
@@ -82,14 +83,19 @@ def run(*, quick: bool = False, data: Path | None = None) -> Report:
     return report
 
 
-def flights(data: Path) -> Iterator[tuple[Path, str | None]]:
-    """Yield each flight of a folder with its mapping: FILE.toml beside it, else by its ending."""
+def flights(data: Path) -> Iterator[tuple[Path, str | None, Path | None]]:
+    """Yield each flight of a folder with its mapping (FILE.toml beside it, else by its ending) and
+    the file of its truth: mocapNN.npy beside a Crazyflie's logNN.
+    """
     for path in sorted(data.rglob("*")):
         own = path.with_name(f"{path.name}.toml")
         if own.is_file():
-            yield path, str(own)
+            yield path, str(own), None
         elif path.is_file() and path.suffix in BY_ENDING:
-            yield path, BY_ENDING[path.suffix]
+            yield path, BY_ENDING[path.suffix], None
+        elif path.is_file() and re.fullmatch(r"log\d+", path.name):
+            mocap = path.with_name(f"{path.name.replace('log', 'mocap')}.npy")
+            yield path, "crazyflie", mocap if mocap.is_file() else None
 
 
 def _judge(report: Report, name: str, vehicle: str, recording: Recording) -> None:
@@ -102,6 +108,9 @@ def _judge(report: Report, name: str, vehicle: str, recording: Recording) -> Non
     if len(recording.state):
         row = recorded_row(recording, truth, window)
         report.rows.append(Row(f"{name}: the vehicle's own filter", _figures(row.values)))
+    if not np.isfinite(truth.quaternion_wb).all():
+        report.notes.append(f"{name}: its truth has no attitude: no measurements are made of it")
+        return
     layout = f"'bearings.layout={_beacons(recording)}'"
     asked = [
         (kind, estimator, f"{estimator} {' '.join(words)}")

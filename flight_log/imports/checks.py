@@ -45,7 +45,8 @@ def settle(raw: RawFlight, vehicle: str, source: str, modified_ns: int) -> Impor
     force = imu.specific_force * _force_unit(imu, notes)
     up = _body(imu, force, notes)
     force, turning = force @ up.T, imu.angular_velocity @ up.T
-    found = [_checked(imu.seconds, force, turning, one, notes) for one in raw.tracks]
+    beside = next((one for one in raw.tracks if one.name == "estimate"), None)
+    found = [_checked(imu.seconds, force, turning, one, beside, notes) for one in raw.tracks]
     scales = [one.rate_scale for one in found if one.rate_scale is not None]
     rate = turning * _rate_unit(imu, turning, scales, notes)
     if not raw.tracks:
@@ -71,14 +72,20 @@ def settle(raw: RawFlight, vehicle: str, source: str, modified_ns: int) -> Impor
 
 
 def _checked(
-    seconds: Array, force: Array, turning: Array, raw: RawTrack, notes: list[str]
+    seconds: Array,
+    force: Array,
+    turning: Array,
+    raw: RawTrack,
+    beside: RawTrack | None,
+    notes: list[str],
 ) -> Checked:
     """Return a checked track. An estimate may be wrong, which is what its log is looked at for: of
     one whose conventions are all stated it is told. Raises LogFormatError.
     """
     kept = len(notes)
     try:
-        return Checked(seconds, force, turning, raw, notes)
+        other = None if raw is beside else beside
+        return Checked(seconds, force, turning, raw, notes, beside=other)
     except LogFormatError as error:
         rows = raw.rows
         stated = (rows.body, rows.world, rows.position_unit, rows.quaternion_order)

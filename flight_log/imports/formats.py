@@ -5,11 +5,17 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
+from flight_log.imports.crazyflie import CrazyflieTables
 from flight_log.imports.tables import Hdf5Table, NumpyTable, Source, TextTable
 from flight_log.imports.ulog import UlogTables
 from quadrotor.errors import LogFormatError, StorageError
 
-MAGIC = {b"\x89HDF\r\n\x1a\n": "hdf5", b"\x93NUMPY": "npy", b"ULog\x01\x12\x35": "ulog"}
+MAGIC = {
+    b"\x89HDF\r\n\x1a\n": "hdf5",
+    b"\x93NUMPY": "npy",
+    b"ULog\x01\x12\x35": "ulog",
+    b"\xbc": "crazyflie",
+}
 TEXT = "csv"
 
 
@@ -42,6 +48,8 @@ def open_source(path: Path, wanted: Collection[str]) -> Source:
             return Hdf5Table(path)
         case "npy":
             return NumpyTable(path)
+        case "crazyflie":
+            return CrazyflieTables(path)
         case "ulog":
             return UlogTables(path, wanted)
         case _:

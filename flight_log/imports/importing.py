@@ -56,7 +56,9 @@ def _with_truth(mapping: Mapping, truth: Path, chosen: str) -> Mapping:
         raise UsageError(
             f"--truth {truth}: the mapping {chosen} has no [truth] that says its columns"
         )
-    rows = mapping.truth.model_copy(update={"file": str(truth.absolute()), "optional": False})
+    rows = mapping.truth.model_copy(
+        update={"file": str(truth.absolute()), "table": "", "optional": False}
+    )
     return mapping.model_copy(update={"truth": rows})
 
 

@@ -39,7 +39,7 @@ class Rows(Strict):
     time: str | int | None = None
     time_unit: Literal["s", "ms", "us", "ns"] = "s"
     rate: Positive | None = None  # Hz, of rows without a time
-    time_offset: float | None = None  # s, added to the stamps; default: found
+    time_offset: float | Literal["motion"] | None = None  # s, added to the stamps
     time_scale: Positive = 1.0  # of this clock to the IMU's
     optional: bool = False  # left out where the file has no such table
 

@@ -35,6 +35,22 @@ def smoothed(values: Array, width: float = SMOOTH) -> Array:
     return np.stack([np.convolve(one, kernel, mode="valid") for one in padded.T], axis=1)
 
 
+def speed(position: Array) -> Array:
+    """Return the speeds of positions on the grid, (N, 1)."""
+    found = np.linalg.norm(np.gradient(position, STEP, axis=0), axis=1, keepdims=True)
+    return smoothed(found, 2 * SMOOTH)
+
+
+def common_grid(one: Array, other: Array) -> Array:
+    return np.arange(max(one[0], other[0]), min(one[-1], other[-1]), STEP)
+
+
+def joined(mine: Array, one: Array, theirs: Array, other: Array) -> tuple[Array, Array]:
+    """Return both sides where they overlap."""
+    inside = (mine >= theirs[0]) & (mine <= theirs[-1])
+    return one[inside], interpolated(mine[inside], theirs, other)
+
+
 def accelerations(position: Array) -> Array:
     """Return the second derivative of positions on the grid, (N, 3)."""
     found: Array = np.gradient(np.gradient(position, STEP, axis=0), STEP, axis=0)

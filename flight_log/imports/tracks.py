@@ -13,7 +13,16 @@ from flight_log.imports.attitude_fit import FITS, GRAVITY, angle_between, fit_or
 from flight_log.imports.flight import Track
 from flight_log.imports.frames import angular_velocity, axes, product_of, quaternion_of
 from flight_log.imports.mapping import LENGTH_UNITS
-from flight_log.imports.motion import STEP, best_lag, best_turn, interpolated, on_grid
+from flight_log.imports.motion import (
+    STEP,
+    best_lag,
+    best_turn,
+    common_grid,
+    interpolated,
+    joined,
+    on_grid,
+    speed,
+)
 from flight_log.imports.raw import RawTrack, ordered
 from flight_log.imports.trajectory import derivative
 from quadrotor.errors import LogFormatError
@@ -38,6 +47,7 @@ class Checked:
         seconds, force, turning: of the IMU, FLU; (N,), (N, 3) m/s², (N, 3) in its own unit.
         notes: what is found is added here.
         check: whether it is held against the IMU, or taken as stated.
+        beside: the vehicle's estimate: positions without attitude have their clock from its speed.
 
     Attributes:
         rate_scale: numbers of the gyroscope a rad/s of this attitude; None: not to be told.
@@ -54,12 +64,14 @@ class Checked:
         notes: list[str],
         *,
         check: bool = True,
+        beside: RawTrack | None = None,
     ) -> None:
         self.raw = raw
         self.rate_scale: float | None = None
         self._seconds, self._force, self._turning = seconds, force, turning
         self._notes = notes
-        self._offset = raw.rows.time_offset or 0.0
+        offset = raw.rows.time_offset
+        self._offset = offset if isinstance(offset, float) else 0.0
         self._body = axes(raw.rows.body or "FLU", "body")
         self._world = axes(raw.rows.world or "ENU", "world")
         self._unit = self._stated_unit() or 1.0
@@ -72,6 +84,8 @@ class Checked:
         if raw.quaternion is not None:
             self._fit_attitude()
             self._fit_position()
+        elif beside is not None:
+            self._fit_speed(beside)
         else:
             self._fit_position_alone()
 
@@ -138,7 +152,7 @@ class Checked:
         """Find the offset of the stamps; both sides are turned into each other already."""
         lag = self._lag(one, other, mine, theirs)
         name, stated = self.raw.name, self.raw.rows.time_offset
-        share = best_lag(one, other, 0)[1] if len(one) == len(other) else 1.0
+        share = best_lag(one, other, 0)[1] if mine is theirs else 1.0
         apart = mine[0] > theirs[-1] or theirs[0] > mine[-1]
         if apart and stated is None:
             raise LogFormatError(
@@ -146,7 +160,7 @@ class Checked:
                 f"{theirs[-1]:.1f} s after the IMU's first sample, which ends at {mine[-1]:.1f} s; "
                 f"the motion of both fits with time_offset = {lag:.3f} in [{name}]"
             )
-        if stated is not None:
+        if isinstance(stated, float):
             if abs(lag) > 2 * STEP and share < 0.98:
                 self._notes.append(
                     f"[{name}] time_offset = {stated:g} is kept; the motion says {stated + lag:.4f}"
@@ -161,7 +175,7 @@ class Checked:
         else:
             self._notes.append(f"[{name}] its clock is the IMU's, within {TOLD_OFFSET * 1e3:g} ms")
         half = len(one) // 2
-        if len(one) == len(other) and half * STEP > 10.0:
+        if mine is theirs and half * STEP > 10.0:
             parts = [
                 best_lag(one[s], other[s], 20)[0] * STEP for s in (slice(half), slice(half, None))
             ]
@@ -177,7 +191,7 @@ class Checked:
         raw, rows = self.raw, self.raw.rows
         assert raw.quaternion is not None
         at = raw.seconds + self._offset
-        grid = _common(self._seconds, at)
+        grid = common_grid(self._seconds, at)
         turned = ordered(raw.quaternion, *self._order)
         turned = interpolated(grid, at, turned)
         turned /= np.linalg.norm(turned, axis=1, keepdims=True)
@@ -224,6 +238,24 @@ class Checked:
             )
         self._settle_unit(turn.scale)
 
+    def _fit_speed(self, beside: RawTrack) -> None:
+        """Settle the clock by the speed of the vehicle's estimate. Raises LogFormatError."""
+        mine, theirs = self._grids()
+        one = speed(on_grid(mine, beside.seconds, beside.position))
+        own = speed(on_grid(theirs, self.raw.seconds + self._offset, self.raw.position))
+        lag = self._lag(one, own, mine, theirs)
+        mine_too, theirs_too = joined(mine, one, theirs + lag, own)
+        share = float(np.corrcoef(mine_too[:, 0], theirs_too[:, 0])[0, 1])
+        if share < FITS:
+            raise LogFormatError(
+                f"[{self.raw.name}] moves as the [estimate] by {share:.2f} only (1: wholly): "
+                "are both of the same flight?"
+            )
+        self._settle_clock(one, own, mine, theirs)
+        self._notes.append(
+            f"[{self.raw.name}] has no attitude: its clock is found by the speed of the [estimate]"
+        )
+
     def _fit_position_alone(self) -> None:
         """Settle clock, unit and vertical of positions by the length of the specific force."""
         raw, rows = self.raw, self.raw.rows
@@ -238,7 +270,7 @@ class Checked:
             wanted = unit * flown @ axes(world, "").T + np.array([0.0, 0.0, GRAVITY])
             own = np.linalg.norm(wanted, axis=1, keepdims=True)
             lag = self._lag(force, own, mine, theirs)
-            one, other = _joined(mine, force, theirs + lag, own)
+            one, other = joined(mine, force, theirs + lag, own)
             share = float(np.corrcoef(one[:, 0], other[:, 0])[0, 1])
             fits.append((share, world, unit, own, float(np.std(own)), lag))
         share, world, self._unit, own, moved, _ = max(fits, key=lambda one: one[0])
@@ -277,8 +309,9 @@ class Checked:
     def _grids(self) -> tuple[Array, Array]:
         """Return the grid of the IMU and that of the track: one, where their clocks overlap."""
         at = self.raw.seconds + self._offset
-        if min(self._seconds[-1], at[-1]) - max(self._seconds[0], at[0]) > 5.0:
-            grid = _common(self._seconds, at)
+        motion_alone = self.raw.rows.time_offset == "motion"
+        if not motion_alone and min(self._seconds[-1], at[-1]) - max(self._seconds[0], at[0]) > 5.0:
+            grid = common_grid(self._seconds, at)
             return grid, grid
         return np.arange(self._seconds[0], self._seconds[-1], STEP), np.arange(at[0], at[-1], STEP)
 
@@ -289,13 +322,3 @@ class Checked:
         most = round(NEAR / STEP) if mine is theirs else max(len(one), len(other))
         shift, _ = best_lag(one, other, min(most, len(one) // 2) if mine is theirs else most)
         return float(mine[0] - theirs[0] - shift * STEP)
-
-
-def _common(one: Array, other: Array) -> Array:
-    return np.arange(max(one[0], other[0]), min(one[-1], other[-1]), STEP)
-
-
-def _joined(mine: Array, one: Array, theirs: Array, other: Array) -> tuple[Array, Array]:
-    """Return both sides where they overlap."""
-    inside = (mine >= theirs[0]) & (mine <= theirs[-1])
-    return one[inside], interpolated(mine[inside], theirs, other)

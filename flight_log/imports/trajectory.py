@@ -8,9 +8,14 @@ import numpy.typing as npt
 from flight_log.imports.flight import Track
 from flight_log.imports.frames import product_of, quaternion_of
 from flight_log.imports.motion import best_turn, interpolated
+from flight_log.imports.raw import FEWEST
 
 Array = npt.NDArray[np.float64]
 
+GAP_NS = 100_000_000
+"""Across a longer gap of the truth nothing is compared."""
+ROUNDS = 4
+"""Of leaving out what lies far off."""
 WINDOW = 0.03
 """s to either side of what a derivative is taken over; three samples at least."""
 
@@ -28,21 +33,47 @@ def derivative(seconds: Array, values: Array) -> Array:
 
 
 def align(truth: Track, estimate: Track, notes: list[str]) -> None:
-    """Turn and move the estimate into the truth's world where its own is another one."""
-    inside = (estimate.stamps_ns >= truth.stamps_ns[0]) & (
-        estimate.stamps_ns <= truth.stamps_ns[-1]
+    """Turn and move the estimate into the truth's world where its own is another one.
+
+    The clock of a truth that has no attitude is fitted along, its offset and its rate.
+    """
+    at, moved = estimate.stamps_ns, 0.0
+    states = estimate.states
+    for _ in range(ROUNDS):
+        stamps = truth.stamps_ns
+        after_it = np.clip(np.searchsorted(stamps, at), 1, len(stamps) - 1)
+        inside = (at >= stamps[0]) & (at <= stamps[-1])
+        inside &= stamps[after_it] - stamps[after_it - 1] < GAP_NS
+        if inside.sum() < FEWEST:
+            return
+        true = interpolated(at[inside], stamps, truth.states["position_w"])
+        own = states["position_w"][inside]
+        near = np.ones(len(own), bool)
+        for _ in range(ROUNDS):  # an estimate is off for a while at its start
+            here, there = own[near].mean(axis=0), true[near].mean(axis=0)
+            matrix = best_turn(own[near] - here, true[near] - there).matrix
+            error = (own - here) @ matrix.T + there - true
+            length = np.linalg.norm(error, axis=1)
+            near = length <= max(3.0 * float(np.median(length)), 1e-6)
+        if truth.attitude_known:
+            break
+        velocity = interpolated(at[inside], stamps, truth.states["velocity_w"])[near]
+        seconds = (at[inside][near] - at[0]) * 1e-9
+        square = (velocity**2).sum(axis=1)
+        lead = np.stack([square, square * seconds], axis=1)
+        late, rate = np.linalg.lstsq(lead, (error[near] * velocity).sum(axis=1), rcond=None)[0]
+        shift = -(late + rate * (stamps - at[0]) * 1e-9)
+        truth.stamps_ns = stamps + np.round(1e9 * shift).astype(np.int64)
+        moved += float(shift[len(shift) // 2])
+    before, after = (
+        float(np.sqrt((one[near] ** 2).mean()))
+        for one in (np.linalg.norm(own - true, axis=1), length)
     )
-    if inside.sum() < 50:
-        return
-    true = interpolated(estimate.stamps_ns[inside], truth.stamps_ns, truth.states["position_w"])
-    own = estimate.states["position_w"][inside]
-    matrix = best_turn(own - own.mean(axis=0), true - true.mean(axis=0)).matrix
-    moved = (own - own.mean(axis=0)) @ matrix.T + true.mean(axis=0)
-    before, after = (float(np.sqrt(((x - true) ** 2).sum(axis=1).mean())) for x in (own, moved))
+    if not truth.attitude_known:
+        notes.append(f"[truth] its clock was moved by {1e3 * moved:.1f} ms more by its positions")
     if before < 0.1 or before < 2.0 * after:
         return
-    states = estimate.states
-    states["position_w"] = (states["position_w"] - own.mean(axis=0)) @ matrix.T + true.mean(axis=0)
+    states["position_w"] = (states["position_w"] - here) @ matrix.T + there
     states["velocity_w"] = states["velocity_w"] @ matrix.T
     if estimate.attitude_known:
         states["quaternion_wb"] = product_of(quaternion_of(matrix), states["quaternion_wb"])

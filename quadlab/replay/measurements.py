@@ -12,6 +12,7 @@ from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 from quadlab.replay.errors import Array, Stamps, Truth
 from quadlab.replay.lines import Run
 from quadlab.replay.log import Arrival, Recording
+from quadrotor.errors import LogFormatError
 from quadrotor.records import bearings_sample, pose_sample
 
 T = TypeVar("T")
@@ -49,6 +50,11 @@ class MeasurementStore:
         p = run.parameters.tracker if kind == "poses" else run.parameters.bearings
         key = f"{kind} {p!r}"
         if key not in self._made:
+            if not np.isfinite(self._truth.quaternion_wb).all():
+                raise LogFormatError(
+                    f"{self._recording.path} has a truth without attitude, and {kind} cannot be "
+                    "made of positions alone; --on poses or recorded-bearings takes what it holds"
+                )
             samples_ns = self._recording.imu["stamp_ns"]
             if isinstance(p, BearingParameters):
                 self._made[key] = emulated_bearings(self._truth, samples_ns, p)

@@ -10,11 +10,13 @@ import pytest
 
 from flight_log import check
 from flight_log.imports.flight import ImportedFlight
+from flight_log.imports.frames import axes
 from flight_log.imports.importing import NewRun, read_flight
 from flight_log.imports.mapping import load_mapping, names
 from quadlab.__main__ import main
 from quadlab.replay.log import read_recording
 from quadrotor.errors import LogFormatError, QuadlabError, StorageError, UsageError
+from tests.flight_log.crazyflie_writer import write_crazyflie
 from tests.flight_log.foreign_flight import (
     FRD,
     NED,
@@ -253,6 +255,74 @@ def test_a_ulog_without_imu_or_cut_off_is_refused(tmp_path: Path) -> None:
     path.write_bytes(b"ULog\x01\x12\x35\x01")
     with pytest.raises(LogFormatError):
         read_flight(path)
+
+
+def test_crazyflie_with_motion_capture_by_another_clock_and_in_another_world(
+    tmp_path: Path,
+) -> None:
+    from scipy.spatial.transform import Rotation
+
+    here = Rotation.from_euler("z", 0.7)
+    own = here.apply(FLIGHT.position) + np.array([1.0, -2.0, 0.1])
+    us = np.round((FLIGHT.seconds - FLIGHT.seconds[0] + 40.0) * 1e6).astype(np.int64)
+    log = write_crazyflie(
+        tmp_path / "log00",
+        "fixedFrequency",
+        us,
+        **{f"gyro_{k}": np.degrees(FLIGHT.rate[:, i]) for i, k in enumerate("xyz")},
+        **{f"acc_{k}": FLIGHT.force[:, i] / 9.80665 for i, k in enumerate("xyz")},
+        **{f"stateEstimate_{k}": own[:, i] for i, k in enumerate("xyz")},
+    )
+    fast = make_flight(step=0.004)
+    stamps = 1e3 * (fast.seconds - FLIGHT.seconds[0]) + 7000.0
+    np.save(tmp_path / "mocap00.npy", np.column_stack([stamps, fast.position]))
+    found = read_flight(log, truth=tmp_path / "mocap00.npy")
+    assert found.truth is not None
+    assert found.estimate is not None
+    assert not found.truth.attitude_known
+    late = found.truth.stamps_ns[0] - found.imu.stamps_ns[0]
+    assert abs(late) < 1_000_000
+    assert np.allclose(found.imu.angular_velocity_b, FLIGHT.rate, atol=1e-5)
+    off = found.estimate.states["position_w"] - FLIGHT.position
+    assert np.abs(off).max() < 2e-3
+    assert read_flight(log).truth is None
+    log.write_bytes(log.read_bytes()[:50_000])
+    with pytest.raises(LogFormatError, match="not whole"):
+        read_flight(log)
+    assert len(read_flight(log, torn=True).imu.stamps_ns) > 1000
+
+
+def test_euroc_as_its_folders_have_it(tmp_path: Path) -> None:
+    body = axes("URF", "").T
+    flight = turned(FLIGHT, body)
+    columns = columns_of(flight)
+    columns["t"] = columns["t"] * 1e9
+    names = {
+        "t": "#timestamp [ns]",
+        **{f"g{k}": f"w_RS_S_{k} [rad s^-1]" for k in "xyz"},
+        **{f"a{k}": f"a_RS_S_{k} [m s^-2]" for k in "xyz"},
+        **{f"p{k}": f"p_RS_R_{k} [m]" for k in "xyz"},
+        **{f"q{k}": f"q_RS_{k} []" for k in "wxyz"},
+    }
+    speeds = {f"v_RS_R_{k} [m s^-1]": flight.velocity[:, i] for i, k in enumerate("xyz")}
+    for folder, kinds in (("imu0", "tga"), ("state_groundtruth_estimate0", "tpq")):
+        (tmp_path / folder).mkdir()
+        chosen = {names[name]: one for name, one in columns.items() if name[0] in kinds}
+        write_csv(tmp_path / folder / "data.csv", chosen | (speeds if "p" in kinds else {}))
+    is_the_flight(read_flight(tmp_path / "imu0" / "data.csv", "euroc"))
+
+
+def test_the_csv_of_blackbox_decode(tmp_path: Path) -> None:
+    columns = columns_of(FLIGHT)
+    rows = {
+        "loopIteration": np.arange(len(FLIGHT.seconds)),
+        "time (us)": 1e6 * (columns["t"] - columns["t"][0]),
+        **{f"gyroADC[{k}]": np.degrees(FLIGHT.rate[:, k]) for k in range(3)},
+        **{f"accSmooth[{k}]": FLIGHT.force[:, k] / 9.80665 * 2048 for k in range(3)},
+    }
+    found = read_flight(write_csv(tmp_path / "log.01.csv", rows), "betaflight")
+    assert np.allclose(found.imu.specific_force_b, FLIGHT.force, atol=1e-5)
+    assert np.allclose(found.imu.angular_velocity_b, FLIGHT.rate, atol=1e-5)
 
 
 @pytest.mark.parametrize(
