@@ -18,7 +18,7 @@ EDGE_NS = 150_000_000
 
 @dataclass
 class Comparison:
-    """How a run compares with the vehicle's own log; times in s of ticks.
+    """The comparison of a run with the vehicle's own log; times in s of ticks.
 
     Attributes:
         messages: in the merged log; 0 when none was made.

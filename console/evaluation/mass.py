@@ -198,7 +198,7 @@ def read_mass(log: Path, vehicle: str) -> MassFlight:
 
 
 def _first(behaviors: list[tuple[float, str]], *names: str) -> float:
-    """s at which it first is one of them; NaN when it never is."""
+    """Return the time (s) at which it first is one of them; NaN when it never is."""
     return next((time for time, name in behaviors if name in names), math.nan)
 
 

@@ -17,7 +17,11 @@ EVALUATION = 60.0
 
 
 class Judging:
-    """Args: `cancelled`, an event that stops the evaluation."""
+    """The judgement of runs that have ended.
+
+    Args:
+        cancelled: an event that stops the evaluation.
+    """
 
     def __init__(self, board: ExperimentBoard, files: RunFiles, cancelled: threading.Event) -> None:
         self._board, self._files = board, files

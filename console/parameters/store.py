@@ -37,7 +37,7 @@ class StationStore:
 
     @property
     def parameters(self) -> StationParameters:
-        """The live objects, read by whoever uses them; only `change` writes."""
+        """Return the live objects, read by whoever uses them; only `change` writes."""
         return self._tree.station
 
     @property

@@ -94,7 +94,7 @@ class Recorder:
         return run.run_id if run else ""
 
     def start(self, run: Run, *, again: bool = False) -> None:
-        """Begin; messages put from now on belong to the run.
+        """Begin a recording; messages put from now on belong to the run.
 
         Args:
             again: after the disk ended one. Wants AGAIN_SPARE more room and a disk that takes a

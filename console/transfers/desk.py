@@ -78,7 +78,7 @@ class TransferDesk:
         self._thread.start()
 
     def close(self) -> None:
-        """Close; what is under way stays as far as it came, and goes on at the next start."""
+        """End the work; what is under way goes on from where it is at the next start."""
         self._closing.set()
         self._wake.set()
         if self._thread.ident is not None:

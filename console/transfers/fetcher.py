@@ -20,7 +20,7 @@ RATE_WINDOW = 3.0
 
 
 class ChangedError(QuadlabError):
-    """What came is not, or not any more, the file of that name on board."""
+    """The bytes received are not, or no longer, those of the file of that name on board."""
 
 
 class Rate:
@@ -42,8 +42,12 @@ class Rate:
 
 
 class Fetcher:
-    """Args: `files`, asked from several threads; `came`, told the bytes of each piece that is kept,
-    which may raise to end the fetch."""
+    """Fetches files in pieces.
+
+    Args:
+        files: asked from several threads.
+        came: takes the bytes of each piece that is kept; may raise to end the fetch.
+    """
 
     def __init__(self, files: VehicleFiles, came: Callable[[int], None]) -> None:
         self._files = files

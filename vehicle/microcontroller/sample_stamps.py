@@ -10,7 +10,11 @@ MS = 1_000_000
 
 
 class FineStamps:
-    """Args: `period_ns`, the sample period requested from the microcontroller."""
+    """Stamps of samples, finer than their counter.
+
+    Args:
+        period_ns: the sample period requested from the microcontroller.
+    """
 
     def __init__(self, period_ns: int) -> None:
         self._period_ns = period_ns

@@ -77,7 +77,7 @@ class Ring:
         self._free, self._now, self._clock_right = free, now, clock_right
 
     def tidy(self, keep: OnboardLogParameters) -> Iterator[str]:
-        """Remove; a line for each. Raises StorageError."""
+        """Remove the oldest logs that must go; return a line for each. Raises StorageError."""
         try:
             logs = self._logs()
             total = sum(log.size for log in logs)

@@ -75,10 +75,6 @@ class _Ring:
         """
         return self._words[HEAD] - self._words[TAIL]
 
-    def count_drop(self) -> None:
-        """Count one message that the producer gave up by itself."""
-        self._words[DROPPED] += 1
-
 
 def create(slots: int, slot_size: int, name: str = "ring") -> int:
     """Create a zeroed ring; return the inheritable descriptor for pass_fds."""
@@ -92,7 +88,7 @@ class ByteRing(_Ring):
 
     @property
     def longest(self) -> int:
-        """The longest message that fits, in bytes."""
+        """Return the size of the longest message that fits, in bytes."""
         return self.slot_size - LENGTH.size
 
     def push(self, message: bytes) -> bool:

@@ -114,7 +114,12 @@ def run(
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """Args: `periods` of the microcontroller moved at once; `truth_rate` in Hz."""
+    """The pace of a simulation.
+
+    Attributes:
+        periods: of the microcontroller, moved at once.
+        truth_rate: Hz.
+    """
 
     periods: int
     truth_rate: int

@@ -133,15 +133,9 @@ class SimulatedVehicle:
         self._obey()
         self._advance(self._periods - (self._count - 1) % self._periods if self._count else 1)
 
-    def step_period(self) -> None:
-        """Step as `step` does, but for one period of the microcontroller only, the first one
-        included.
-        """
-        self.step_periods(1)
-
     def step_periods(self, most: int) -> None:
-        """Step as `step_period` does, but several periods at once; ends with the next sample at
-        the latest.
+        """Step as `step` does, but by at most so many periods of the microcontroller, the first
+        one included; ends with the next sample at the latest.
         """
         self._obey()
         self._advance(self._at_once(most))

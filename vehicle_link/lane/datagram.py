@@ -102,7 +102,7 @@ class Opener:
 
     @property
     def newest(self) -> int:
-        """The largest counter taken, 0 before the first."""
+        """Return the largest counter taken, 0 before the first."""
         return self._window.newest
 
     def open(self, datagram: bytes) -> tuple[str, Received] | None:

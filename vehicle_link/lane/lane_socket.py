@@ -23,9 +23,10 @@ Address = Any
 
 
 class LaneSocket:
-    """Attributes:
-    port: the socket's own.
-    unsent: datagrams the machine would not take.
+    """The UDP socket of a lane's end.
+
+    Attributes:
+        port: the socket's own.
     """
 
     def __init__(self, family: int, host: str, port: int) -> None:
@@ -38,7 +39,6 @@ class LaneSocket:
             raise
         self._socket.setblocking(False)
         self.port: int = self._socket.getsockname()[1]
-        self.unsent = 0
         self._wake, self._woken = socket.socketpair()
         self._thread: threading.Thread | None = None
         for level, option, value in (
@@ -55,7 +55,6 @@ class LaneSocket:
         try:
             self._socket.sendto(datagram, address)
         except OSError:  # its buffer is full, or no way leads there just now
-            self.unsent += 1
             return False
         return True
 

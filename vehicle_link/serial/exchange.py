@@ -55,7 +55,7 @@ class Request:
 
     @property
     def told(self) -> str:
-        """The last answer, and what to try, as the end of a sentence."""
+        """Return the last answer, and what to try, as the end of a sentence."""
         advice = CHECK if self.answer.startswith("nothing") else self.advice
         return f"it answered {self.answer}{advice}"
 

@@ -25,7 +25,7 @@ class SharedSession:
             return self._session
 
     def close(self) -> None:
-        """Close; may take as long as closing a session does, for the last user."""
+        """Close the session after its last user, which takes as long as closing one does."""
         with self._lock:
             self._users -= 1
             if self._users:
