@@ -65,16 +65,14 @@ def run(*, quick: bool = False, data: Path | None = None) -> Report:
         return report
     seen: set[str] = set()
     with tempfile.TemporaryDirectory() as folder:
-        for path, mapping, truth in flights(data):
+        for number, (path, mapping, truth) in enumerate(flights(data)):
             if quick and f"{mapping}" in seen:
                 continue
             seen.add(f"{mapping}")
             name = str(path.relative_to(data))
             try:
                 imported = read_flight(path, mapping, truth=truth)
-                log = NewRun(imported, path).write(
-                    Path(folder), f"flight{len(seen)}{len(report.rows)}"
-                )
+                log = NewRun(imported, path).write(Path(folder), f"flight{number}")
                 _judge(report, name, imported.vehicle, read_recording(log))
             except QuadlabError as error:
                 report.notes.append(f"{name}: not judged: {error}")
@@ -154,6 +152,8 @@ def _beacons(recording: Recording) -> str:
     """
     place = recording.truth["position_w"]
     low, high = np.percentile(place, 1.0, axis=0), np.percentile(place, 99.0, axis=0)
+    wider = np.maximum(0.0, 1.0 - 0.5 * (high - low)) * [1.0, 1.0, 0.0]  # 2 m at least
+    low, high = low - wider, high + wider
     corners = ((high[0], high[1]), (low[0], high[1]), (low[0], low[1]), (high[0], low[1]))
     return "; ".join(
         f"{k} {x:.2f} {y:.2f} {low[2] - 0.1:.2f}" for k, (x, y) in enumerate(corners, start=1)

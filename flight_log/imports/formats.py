@@ -6,6 +6,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from flight_log.imports.crazyflie import CrazyflieTables
+from flight_log.imports.ros_bags import BagTables
 from flight_log.imports.tables import Hdf5Table, NumpyTable, Source, TextTable
 from flight_log.imports.ulog import UlogTables
 from quadrotor.errors import LogFormatError, StorageError
@@ -15,6 +16,7 @@ MAGIC = {
     b"\x93NUMPY": "npy",
     b"ULog\x01\x12\x35": "ulog",
     b"\xbc": "crazyflie",
+    b"#ROSBAG V2": "rosbag",
 }
 TEXT = "csv"
 
@@ -24,6 +26,8 @@ def format_of(path: Path) -> str:
     try:
         if not path.exists():
             raise StorageError(f"{path} is no file")
+        if (path / "metadata.yaml").is_file():
+            return "rosbag"
         if path.is_dir():
             raise LogFormatError(f"{path} is a folder; give one file of it")
         with path.open("rb") as file:
@@ -50,6 +54,8 @@ def open_source(path: Path, wanted: Collection[str]) -> Source:
             return NumpyTable(path)
         case "crazyflie":
             return CrazyflieTables(path)
+        case "rosbag":
+            return BagTables(path, wanted)
         case "ulog":
             return UlogTables(path, wanted)
         case _:

@@ -18,7 +18,7 @@ class Import:
     clocks against gravity and motion (docs/importing.md)."""
 
     file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")]
-    """the recorded flight: ULog, µSD of a Crazyflie, CSV, HDF5, NumPy"""
+    """the recorded flight: ULog, a ROS bag, µSD of a Crazyflie, CSV, HDF5, NumPy"""
     mapping: Annotated[str | None, tyro.conf.arg(metavar="NAME_OR_FILE")] = None
     """which columns are what: one that comes with quadlab, or a TOML file of your own"""
     truth: File = None

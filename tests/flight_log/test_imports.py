@@ -16,6 +16,7 @@ from flight_log.imports.mapping import load_mapping, names
 from quadlab.__main__ import main
 from quadlab.replay.log import read_recording
 from quadrotor.errors import LogFormatError, QuadlabError, StorageError, UsageError
+from tests.flight_log.bag_writer import write_bag
 from tests.flight_log.crazyflie_writer import write_crazyflie
 from tests.flight_log.foreign_flight import (
     FRD,
@@ -323,6 +324,16 @@ def test_the_csv_of_blackbox_decode(tmp_path: Path) -> None:
     found = read_flight(write_csv(tmp_path / "log.01.csv", rows), "betaflight")
     assert np.allclose(found.imu.specific_force_b, FLIGHT.force, atol=1e-5)
     assert np.allclose(found.imu.angular_velocity_b, FLIGHT.rate, atol=1e-5)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_bags_of_ros_1_and_ros_2(tmp_path: Path, version: int) -> None:
+    path = write_bag(tmp_path / ("flight.bag" if version == 1 else "flight"), FLIGHT, version)
+    is_the_flight(read_flight(path))
+    if version == 1:
+        path.write_bytes(path.read_bytes()[:300_000])
+        with pytest.raises(LogFormatError):
+            read_flight(path)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,70 @@
+"""Bags of ROS 1 and ROS 2, a table a topic; columns are the paths of its messages' numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flight_log.imports.tables import FileTables
+from quadrotor.errors import LogFormatError
+
+Array = npt.NDArray[np.float64]
+
+LOGGED = "logged"
+"""The column with the time at which a message was written, s; `stamp` is its header's."""
+MOST_ITEMS = 40
+"""Numbers of an array that become columns."""
+
+
+class BagTables(FileTables):
+    """The topics `wanted` of a bag; stamps in s."""
+
+    def __init__(self, path: Path, wanted: Collection[str]) -> None:
+        """Raises LogFormatError."""
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.typesys import Stores, get_typestore
+
+        super().__init__(path)
+        self._columns: dict[str, dict[str, list[float]]] = {}
+        self._topics: list[str] = []
+        try:
+            with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
+                self._topics = sorted(bag.topics)
+                chosen = [one for one in bag.connections if one.topic in wanted]
+                for one, logged_ns, data in bag.messages(chosen):
+                    columns = self._columns.setdefault(one.topic, {})
+                    message = bag.deserialize(data, one.msgtype)
+                    for name, value in ((LOGGED, 1e-9 * logged_ns), *_numbers(message)):
+                        columns.setdefault(name, []).append(value)
+        except (AnyReaderError, OSError, ValueError, KeyError, AssertionError) as error:
+            raise LogFormatError(f"{path.name} is no whole bag: {error!s:.120}") from None
+
+    def tables(self) -> list[str]:
+        return self._topics
+
+    def columns(self, table: str) -> list[str]:
+        found = self._columns.get(table, {})
+        return [name for name, one in found.items() if len(one) == len(found[LOGGED])]
+
+    def read(self, table: str, names: list[str]) -> Array:
+        return np.stack([np.array(self._columns[table][name]) for name in names], axis=1)
+
+
+def _numbers(message: Any, path: str = "") -> Iterator[tuple[str, float]]:
+    """Yield every number of a message by its path; `stamp` is that of its header, s."""
+    for name, value in vars(message).items():
+        where = f"{path}.{name}" if path else name
+        if where == "header":
+            stamp = value.stamp
+            yield "stamp", float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+        elif isinstance(value, bool | int | float | np.number):
+            yield where, float(value)
+        elif isinstance(value, np.ndarray):
+            for k, one in enumerate(value[:MOST_ITEMS].tolist()):
+                yield f"{where}[{k}]", float(one)
+        elif hasattr(value, "__dataclass_fields__"):
+            yield from _numbers(value, where)
