@@ -28,6 +28,9 @@ CHANCE = 1.0
 """Evidence, in logarithms of a variance, that chance sums up to less than once in hours."""
 LARGEST = 900.0
 """Of a factor: noise 30 times as stated."""
+LARGEST_BY_BEARINGS = 4.0
+"""Of a factor of the IMU that bearings alone raise: a beacon that is off moves the prediction away
+all the time, too, and then the IMU must not lose its say."""
 PROCESS_PACE, MEASUREMENT_PACE = 0.06, 0.03
 """Largest change of the logarithm of a factor by one measurement."""
 HURRY = 3
@@ -51,9 +54,10 @@ def gather(m: Any, kind: int, step: float) -> None:
 
 
 @compiled(inner=True)
-def learn(m: Any, first: int, u: Vector, of_process: bool) -> bool:
+def learn(m: Any, first: int, u: Vector, largest: float) -> bool:
     """Adapt a noise of the IMU to three innovations, in deviations, of the position (`first` 0) or
-    the attitude (3); return whether they point the same way as the last ones did.
+    the attitude (3), up to a factor `largest`; return whether they point the same way as the last
+    ones did.
     """
     fresh = m.base_ns - m.last_ns < FRESH_NS
     squares, last_squares, product = 0.0, 0.0, 0.0
@@ -65,9 +69,10 @@ def learn(m: Any, first: int, u: Vector, of_process: bool) -> bool:
         m.last_unit[first + i] = bounded
     if not fresh:
         return False
-    if of_process:
-        step = min(max(product / 3.0, -1.0), 1.0)
-        gather(m, FORCE if first == 0 else RATE, PROCESS_PACE * (step - WHITE))
+    step = min(max(product / 3.0, -1.0), 1.0) - WHITE
+    kind = FORCE if first == 0 else RATE
+    if step < 0.0 or m.noise_scale[kind] < largest:
+        gather(m, kind, PROCESS_PACE * step)
     return product > 0.5 * math.sqrt(squares * last_squares)
 
 
@@ -81,7 +86,7 @@ def learn_from_pose(m: Any, of_process: bool) -> None:
     pace = MEASUREMENT_PACE * (HURRY if m.refused > HURRY else 1.0)
     for first in (0, 3):
         u = (unit(m, first), unit(m, first + 1), unit(m, first + 2))
-        aligned = learn(m, first, u, of_process)
+        aligned = learn(m, first, u, LARGEST if of_process else 0.0)
         rises = dot(u, u) > USUAL_TRIPLE and not aligned
         gather(m, POSITION if first == 0 else ATTITUDE, pace if rises else -MEASUREMENT_PACE)
     m.last_ns = m.base_ns
@@ -113,7 +118,7 @@ def learn_from_bearings(m: Any, pairs: int) -> None:
             pull[1] / math.sqrt(weight[1]),
             pull[2] / math.sqrt(weight[2]),
         )
-        aligned = learn(m, first, along, True) or aligned
+        aligned = learn(m, first, along, LARGEST_BY_BEARINGS) or aligned
     m.last_ns = m.base_ns
     for k in range(pairs):
         rises = m.distance[k] > USUAL_PAIR and not aligned
