@@ -1,7 +1,8 @@
 """`--set name=value` words, checked against the parameters they set.
 
-`control.preset=NAME` and `estimation.preset=NAME` stand for the gains of a named set; words after
-them change single ones.
+`control.preset=NAME` and `estimation.preset=NAME` stand for the gains of a named set, and
+`simulator.preset=rough` for a simulated world as rough as a real one; words after them change
+single values.
 """
 
 from __future__ import annotations
@@ -28,7 +29,18 @@ def _estimation_preset(name: str) -> dict[str, ParameterValue]:
     return {f"estimation.{k}": v for k, v in PRESETS[name].items()}
 
 
-SETS = {"control.preset": _control_preset, "estimation.preset": _estimation_preset}
+def _simulator_preset(name: str) -> dict[str, ParameterValue]:
+    """Return the values of the named set, by parameter name. Raises ParameterError."""
+    from vehicle.simulator.presets import preset_values
+
+    return {f"simulator.{k}": v for k, v in preset_values(name).items()}
+
+
+SETS = {
+    "control.preset": _control_preset,
+    "estimation.preset": _estimation_preset,
+    "simulator.preset": _simulator_preset,
+}
 """Options that set several parameters."""
 
 
@@ -43,18 +55,24 @@ def parse_settings(
     Raises UsageError that names the word, what was allowed and what to try.
     """
     from vehicle.parameters import VehicleParameters, check_pairs
+    from vehicle.simulator.parameters import SimulatorParameters
 
     store = ParameterStore(parameters)
     values: dict[str, ParameterValue] = {}
+    sets = SETS if isinstance(parameters, VehicleParameters) else {}
+    if isinstance(parameters, SimulatorParameters):
+        from vehicle.simulator.presets import preset_values
+
+        sets = {"preset": preset_values}
     for word in words:
         name, equals, text = word.partition("=")
         if not equals:
             raise UsageError(
                 f"--set {prefix}{word}: write it as name=value, like {store.names[0]}=1"
             )
-        if name in SETS and isinstance(parameters, VehicleParameters):
+        if name in sets:
             try:
-                values |= SETS[name](text)
+                values |= sets[name](text)
             except ParameterError as error:
                 raise UsageError(f"--set {prefix}{word}: {error}") from None
             continue

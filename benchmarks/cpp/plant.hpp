@@ -58,7 +58,7 @@ inline double rotor(double speed, const Model& m) {
 
 inline void move(Plant& p, const double* target, int steps, double dt, double share) {
     const Model& m = p.model;
-    double by_mass = 1.0 / m.mass, e = p.thrust_efficiency * p.battery_share * p.ground_share;
+    double by_mass = 1.0 / m.mass, e = p.thrust_efficiency * p.battery_share * p.air_share;
     Vec J = load(m.inertia_b), inverse{1 / J.x, 1 / J.y, 1 / J.z};
     Vec pull = load(p.disturbance_w) + p.drag * load(p.air_w);
     Vec ratios = Vec{J.z - J.y, J.x - J.z, J.y - J.x} * inverse;

@@ -112,5 +112,6 @@ struct Plant {
     Model model;
     double thrust_efficiency, drag, stiffness, damping, friction, rest_depth, capacity, resistance;
     double battery_nominal, battery_exponent, battery_share;
-    double air_w[3], wind_w[3], gust, gust_time, motor_gain[4], ground_effect, ground_share;
+    double air_w[3], wind_w[3], gust, gust_time, motor_gain[4], ground_effect, air_share;
+    double gusts[5], rotor_drag_b[3], rotor_drag_lever, inflow_loss, rotor_turns[4];
 };

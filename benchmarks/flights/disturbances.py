@@ -5,7 +5,8 @@
 Simulated time: real stack, simulated firmware and plant, full sensors. Each disturbance is flown
 with the gains `standard` and with the gain set `observer`, which takes off what it finds; drag also
 with the coefficient fed forward, payload also on the mass estimate, vibration also on the
-error-state filter whose noise it is, and a weak motor also without the integral of position.
+error-state filter whose noise it is, and a weak motor also without the integral of position. The
+last row is the whole rough world of `simulator.preset=rough`.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from control.presets import PRESETS, preset
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
 from quadrotor.vehicle_model import VehicleModel
+from vehicle.simulator.presets import ROUGH
 
 Settings = Mapping[str, ParameterValue]
 
@@ -35,7 +37,7 @@ OBSERVER: Settings = {f"control.{name}": value for name, value in PRESETS["obser
 FED: Settings = {"model.drag": DRAG}
 WEIGHED: Settings = {"mass.used_by": "estimate"}
 VIBRATION = 3.0
-"""m/s^2, of each sample at 500 Hz."""
+"""m/s^2, rms at hover."""
 TOLD: Settings = {
     "estimation.estimator": "error_state",
     "estimation.error_state.accelerometer_noise": round(VIBRATION / math.sqrt(500.0), 3),
@@ -70,6 +72,11 @@ CASES: dict[str, tuple[Settings, float | None, dict[str, Settings]]] = {
         {"simulator.vibration": VIBRATION},
         None,
         {"error-state filter, told": TOLD, "on, error-state filter, told": {**OBSERVER, **TOLD}},
+    ),
+    "rough: all that recorded flights show": (
+        {f"simulator.{name}": value for name, value in ROUGH.items()},
+        None,
+        {"on, fed forward": {**OBSERVER, "model.drag": ROUGH["rotor_drag_x"]}},
     ),
 }
 """A disturbance, the limit (mm rms) with the observer, and further settings of the flight."""

@@ -16,8 +16,10 @@ from control.presets import PRESETS, preset
 from quadlab.__main__ import main, parse
 from quadlab.commands.table import COMMANDS
 from quadlab.settings import parse_settings
+from quadlab.simulated.flight import FlightParameters
 from quadrotor.errors import UsageError
 from vehicle.parameters import new_parameters
+from vehicle.simulator.parameters import SimulatorParameters
 
 
 def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int) -> str:
@@ -210,6 +212,21 @@ def test_a_preset_sets_all_its_gains_and_later_words_change_them() -> None:
     assert parameters.estimation.position_bandwidth == 63.15
     with pytest.raises(UsageError, match="there are paper"):
         parse_settings(parameters, ["estimation.preset=sporty"])
+
+
+def test_a_world_as_rough_as_a_real_one_is_one_word_and_clean_takes_it_back() -> None:
+    parameters = FlightParameters().model_copy(deep=True)
+    parse_settings(parameters, ["simulator.preset=rough", "simulator.gust=0"])
+    assert parameters.simulator.vibration == 0.5
+    assert parameters.simulator.gust == 0.0
+    parse_settings(parameters, ["simulator.preset=clean"])
+    assert parameters.simulator == SimulatorParameters()
+    simulator = SimulatorParameters()  # as `quadlab simulator` and `quadlab up` set it
+    parse_settings(simulator, ["preset=rough"])
+    assert simulator.lost_samples == 0.003
+    for target, word in ((parameters, "simulator.preset=raw"), (simulator, "preset=raw")):
+        with pytest.raises(UsageError, match="clean, rough"):
+            parse_settings(target, [word])
 
 
 def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None:

@@ -112,6 +112,39 @@ class SimulatorParameters(VehicleModel):
         step=0.01,
         description="linear drag of the whole vehicle, relative to its velocity through the air",
     )
+    rotor_drag_x: float = parameter(
+        0.0,
+        unit="N s/m",
+        ge=0.0,
+        le=2.0,
+        step=0.01,
+        description="drag of the rotors along x_B, relative to the velocity through the air",
+    )
+    rotor_drag_y: float = parameter(
+        0.0,
+        unit="N s/m",
+        ge=0.0,
+        le=2.0,
+        step=0.01,
+        description="drag of the rotors along y_B, relative to the velocity through the air",
+    )
+    rotor_drag_lever: float = parameter(
+        0.0,
+        unit="m",
+        ge=-0.1,
+        le=0.3,
+        step=0.005,
+        description="height over the centre of mass at which the rotors' drag acts; its torque "
+        "lifts the leading side, as flapping blades do",
+    )
+    inflow_loss: float = parameter(
+        0.0,
+        unit="s/m",
+        ge=0.0,
+        le=0.1,
+        step=0.001,
+        description="share of the thrust lost for each m/s of climb through the air along z_B",
+    )
     wind_x: float = parameter(
         0.0,
         unit="m/s",
@@ -142,10 +175,15 @@ class SimulatorParameters(VehicleModel):
         ge=0.0,
         le=10.0,
         step=0.1,
-        description="standard deviation of the wind around the steady one, per axis",
+        description="standard deviation of Dryden turbulence around the steady wind, per axis",
     )
     gust_time: float = parameter(
-        1.0, unit="s", ge=0.05, le=20.0, step=0.05, description="correlation time of the gusts"
+        1.0,
+        unit="s",
+        ge=0.05,
+        le=20.0,
+        step=0.05,
+        description="correlation time of the gusts along the wind: Dryden's length over the speed",
     )
     push_x: float = parameter(
         0.0, unit="N", ge=-20.0, le=20.0, step=0.1, description="steady force along x_W"
@@ -168,8 +206,9 @@ class SimulatorParameters(VehicleModel):
         unit="m/s²",
         ge=0.0,
         le=20.0,
-        step=0.1,
-        description="additional accelerometer noise by rotor vibration at hover speed",
+        step=0.05,
+        description="rms of the accelerometer's vibration at hover: lines at each rotor's speed "
+        "and its blades', and broadband",
     )
     vibration_gyroscope: float = parameter(
         0.0,
@@ -177,7 +216,7 @@ class SimulatorParameters(VehicleModel):
         ge=0.0,
         le=50.0,
         step=0.5,
-        description="additional gyroscope noise by rotor vibration at hover speed",
+        description="rms of the gyroscope's vibration at hover, of the same lines",
     )
     accelerometer_noise: float = parameter(
         0.05, unit="m/s²", ge=0.0, le=5.0, step=0.01, description="accelerometer noise per sample"
@@ -211,6 +250,29 @@ class SimulatorParameters(VehicleModel):
     )
     gyroscope_bias_z: float = parameter(
         0.5, unit="deg/s", ge=-20.0, le=20.0, step=0.1, description="constant drift"
+    )
+    accelerometer_warm_up: float = parameter(
+        0.0,
+        unit="m/s²",
+        ge=-1.0,
+        le=1.0,
+        step=0.01,
+        description="change of each accelerometer bias until warm, e-folding in 120 s",
+    )
+    gyroscope_warm_up: float = parameter(
+        0.0,
+        unit="deg/s",
+        ge=-5.0,
+        le=5.0,
+        step=0.1,
+        description="change of each gyroscope bias until warm, e-folding in 120 s",
+    )
+    lost_samples: float = parameter(
+        0.0,
+        ge=0.0,
+        le=0.5,
+        step=0.001,
+        description="share of the IMU samples that the microcontroller does not send",
     )
     ground_pressure: float = parameter(
         96_000.0,

@@ -40,7 +40,9 @@ from quadrotor.vectors import (
     vector,
 )
 from quadrotor.vehicle_model import GRAVITY, MODEL, Four, wrench_of_thrusts
+from vehicle.simulator.air import drag_of_rotors, ground_gain, inflow_gain
 from vehicle.simulator.parameters import SimulatorParameters
+from vehicle.simulator.vibration import turn_rotors
 
 Array = npt.NDArray[np.float64]
 Item = Any
@@ -54,9 +56,6 @@ SLIP_DAMPING = 100.0
 """N s/m a foot, below the Coulomb limit; larger is unstable at steps of 1 ms."""
 SUBSTEP = 0.001
 """s, the longest integration step."""
-
-ROTOR_RADIUS, ROTOR_HEIGHT = 0.127, 0.15
-"""m (Sec. 2); of the rotors' plane over the body's origin, where the feet are folded."""
 
 CELLS = 4
 CELL_CURVE = (3.0, 3.68, 3.74, 3.77, 3.79, 3.82, 3.87, 3.92, 3.98, 4.06, 4.2)
@@ -94,7 +93,12 @@ PLANT = np.dtype(
         ("gust_time", "f8"),  # s, its correlation time
         ("motor_gain", "f8", 4),  # true thrust of each motor over the efficiency's
         ("ground_effect", "f8"),  # share of Cheeseman and Bennett's gain of thrust
-        ("ground_share", "f8"),  # of the thrust far from the ground
+        ("air_share", "f8"),  # of the thrust in air at rest far from the ground
+        ("gusts", "f8", 5),  # memory of `blow`
+        ("rotor_drag_b", "f8", 3),  # N s/m, at hover
+        ("rotor_drag_lever", "f8"),  # m, over the centre of mass
+        ("inflow_loss", "f8"),  # s/m
+        ("rotor_turns", "f8", 4),  # of each rotor since the start, for its vibration
     ],
     align=True,
 )
@@ -131,12 +135,15 @@ def configure_plant(plant: Record, parameters: SimulatorParameters) -> None:
     plant["resistance"] = parameters.battery_resistance
     plant["battery_nominal"] = parameters.battery_nominal
     plant["battery_exponent"] = parameters.battery_exponent
-    plant["battery_share"] = plant["ground_share"] = 1.0
+    plant["battery_share"] = plant["air_share"] = 1.0
     plant["wind_w"] = parameters.wind_x, parameters.wind_y, parameters.wind_z
     plant["air_w"] = plant["wind_w"]
     plant["gust"], plant["gust_time"] = parameters.gust, parameters.gust_time
     plant["disturbance_w"] = parameters.push_x, parameters.push_y, parameters.push_z
     plant["ground_effect"] = parameters.ground_effect
+    plant["rotor_drag_b"] = parameters.rotor_drag_x, parameters.rotor_drag_y, 0.0
+    plant["rotor_drag_lever"] = parameters.rotor_drag_lever
+    plant["inflow_loss"] = parameters.inflow_loss
     gains = [
         parameters.motor_gain_front,
         parameters.motor_gain_left,
@@ -157,28 +164,12 @@ def open_voltage(charge: float) -> float:
     return CELLS * (low + (tenths - below) * (high - low))
 
 
-@compiled(inner=True)
-def blow(plant: Record, noise: Array, row: int, dt: float) -> None:
-    """Advance the gusts by dt (s): a first-order process with a given deviation and time.
-
-    Args:
-        noise: standard normal numbers (rows, >= 3 columns).
-    """
-    p = plant[0]
-    if p.gust > 0.0:
-        fade = math.exp(-dt / p.gust_time)
-        draw = p.gust * math.sqrt(1.0 - fade * fade)
-        for i in range(3):
-            gust = p.air_w[i] - p.wind_w[i]
-            p.air_w[i] = p.wind_w[i] + fade * gust + draw * noise[row, i]
-
-
 @compiled
 def advance(plant: Record, references: tuple[int, int, int, int], duration: float) -> None:
     """Advance a PLANT record (1,) by `duration` (s) with held motor references (counts)."""
     p = plant[0]
     follow_battery(p)
-    p.ground_share = ground_gain(p.ground_effect, p.x[2])
+    p.air_share = ground_gain(p.ground_effect, p.x[2]) * inflow_gain(p)
     steps = math.ceil(duration / SUBSTEP - 1e-9)
     dt = duration / steps
     target = (
@@ -188,6 +179,7 @@ def advance(plant: Record, references: tuple[int, int, int, int], duration: floa
         float(references[3]),
     )
     move(p, target, steps, dt, motor_share(p.model.motor_time_constant, dt))
+    turn_rotors(p, duration)
     discharge(plant, duration)
 
 
@@ -205,8 +197,9 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
     specific force at the end.
 
     Rotors, drag and body are one system to the Runge-Kutta step: the speeds are known exactly at
-    its middle and end, for their references are held, and the drag is that of each stage. What
-    the ground does is taken at the step's beginning: its friction has no second derivative.
+    its middle and end, for their references are held, and the drag is that of each stage. Two
+    forces are taken at the step's beginning: the ground's, whose friction has no second
+    derivative, and the rotors' drag, which is small and follows the body's axes.
 
     Args:
         target: held motor references, counts.
@@ -220,6 +213,7 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
     half_share = share / (1.0 + math.sqrt(1.0 - share))  # of dt / 2
     damping = drag * inverse_mass
     pull_w = along(vector(p.disturbance_w), drag, vector(p.air_w))
+    has_rotor_drag = p.rotor_drag_b[0] > 0.0 or p.rotor_drag_b[1] > 0.0
     motion = motion_of(p.x)
     speeds = s[0], s[1], s[2], s[3]
     lift, turn = _driven(p, speeds, inverse_mass, inverse)
@@ -234,6 +228,11 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
             ground_w, torque_b = _stand(p, motion)
             force_w, held = add(force_w, ground_w), times(torque_b, inverse)
             turns = add(turn, held), add(middle_turn, held), add(end_turn, held)
+        if has_rotor_drag:
+            force_b, torque_b = drag_of_rotors(p, motion)
+            force_w = add(force_w, to_world(axes_of(motion[2]), force_b))
+            drawn = times(torque_b, inverse)
+            turns = add(turns[0], drawn), add(turns[1], drawn), add(turns[2], drawn)
         motion = rk4(motion, lifts, scale(inverse_mass, force_w), damping, turns, ratios, dt)
         lift, turn = end_lift, end_turn
     store_motion(motion, p.x)
@@ -243,6 +242,8 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
     if motion[0][2] < CONTACT_HEIGHT:
         force_w = add(force_w, _stand(p, motion)[0])
     x, y, z = to_body(axes_of(motion[2]), force_w)
+    if has_rotor_drag:
+        x, y, z = add((x, y, z), drag_of_rotors(p, motion)[0])
     store((x * inverse_mass, y * inverse_mass, z * inverse_mass + lift), p.specific_force_b)
 
 
@@ -258,22 +259,9 @@ def _approach(speeds: Four, target: Four, share: float) -> Four:
 
 
 @compiled(inner=True)
-def ground_gain(share: float, height: float) -> float:
-    """Return the thrust over that far from the ground, at a height (m) of the body's origin.
-
-    I. C. Cheeseman, W. E. Bennett, "The effect of the ground on a helicopter rotor in forward
-    flight", 1955: 1 / (1 - (R / 4z)^2), here times `share`, with z of the rotors.
-    """
-    if share <= 0.0 or height > 1.0:
-        return 1.0
-    ratio = ROTOR_RADIUS / (4.0 * max(ROTOR_RADIUS, height + ROTOR_HEIGHT))
-    return 1.0 / (1.0 - share * ratio * ratio)
-
-
-@compiled(inner=True)
 def _driven(p: Item, speeds: Four, inverse_mass: float, inverse: Vector) -> tuple[float, Vector]:
     """Return thrust over mass (m/s^2), torque over inertia of rotors at these speeds (counts)."""
-    m, e, g = p.model, p.thrust_efficiency * p.battery_share * p.ground_share, p.motor_gain
+    m, e, g = p.model, p.thrust_efficiency * p.battery_share * p.air_share, p.motor_gain
     a, b = m.motor_slope, m.motor_offset
     thrusts = (
         g[0] * rotor_thrust(speeds[0], a, b),

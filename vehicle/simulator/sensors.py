@@ -13,8 +13,9 @@ import numpy.typing as npt
 
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
-from quadrotor.vehicle_model import GRAVITY, reference_of_thrust
+from quadrotor.vehicle_model import GRAVITY
 from vehicle.simulator.parameters import SimulatorParameters
+from vehicle.simulator.vibration import lines
 from vehicle_link.serial.ids import PRESSURE_OFFSET, Id
 
 Array = npt.NDArray[np.float64]
@@ -32,6 +33,8 @@ CHANNELS = 11
 GUSTS = 8
 """The gusts' first channel."""
 BLOCK = 512
+WARM_UP_TIME = 120.0
+"""s, in which a sensor's temperature comes within a factor e of its end."""
 
 _ACCELEROMETER, _GYROSCOPE = int(Id.ACCELEROMETER_X), int(Id.GYROSCOPE_X)
 _BATTERY, _PRESSURE = int(Id.BATTERY), int(Id.PRESSURE)
@@ -48,7 +51,10 @@ SENSORS = np.dtype(
         ("pressure_noise", "f8"),  # Pa
         ("vibration", "f8"),  # m/s^2, at hover speed
         ("vibration_gyroscope", "f8"),  # rad/s, at hover speed
-        ("hover_speed", "f8"),  # counts of motor reference
+        ("hover_thrust", "f8"),  # N, of one rotor
+        ("accelerometer_warm_up", "f8"),  # m/s^2, change of each bias until warm
+        ("gyroscope_warm_up", "f8"),  # rad/s
+        ("warmth", "f8"),  # 0 when switched on, 1 when warm
     ],
     align=True,
 )
@@ -73,8 +79,9 @@ def new_sensors(parameters: SimulatorParameters) -> Record:
     sensors["pressure_noise"] = p.pressure_noise
     sensors["vibration"] = p.vibration
     sensors["vibration_gyroscope"] = math.radians(p.vibration_gyroscope)
-    hover = 0.25 * p.mass * GRAVITY
-    sensors["hover_speed"] = reference_of_thrust(hover, p.motor_slope, p.motor_offset)
+    sensors["hover_thrust"] = 0.25 * p.mass * GRAVITY
+    sensors["accelerometer_warm_up"] = p.accelerometer_warm_up
+    sensors["gyroscope_warm_up"] = math.radians(p.gyroscope_warm_up)
     return sensors
 
 
@@ -127,19 +134,23 @@ def gyroscope_count(rate: float, bias: float, deviation: float, normal: float) -
 def sample(plant: Record, sensors: Record, noise: Array, row: int, registers: Registers) -> None:
     """Write the counts of a PLANT (1,) into the registers (65,), with noise row `row`."""
     p, s = plant[0], sensors[0]
-    n = p.rotor_speeds
-    speed = 0.25 * (n[0] + n[1] + n[2] + n[3]) / s.hover_speed
-    shaken = math.hypot(s.accelerometer_noise, speed * s.vibration)
-    twisted = math.hypot(s.gyroscope_noise, speed * s.vibration_gyroscope)
+    shaken, twisted, rotor = s.accelerometer_noise, s.gyroscope_noise, (0.0, 0.0, 0.0)
+    if s.vibration > 0.0 or s.vibration_gyroscope > 0.0:
+        rotor, broadband = lines(p, s.hover_thrust)
+        shaken = math.hypot(shaken, broadband * s.vibration)
+        twisted = math.hypot(twisted, broadband * s.vibration_gyroscope)
     for i in range(3):
         registers[_ACCELEROMETER + i] = accelerometer_count(
-            sensed_force(s.accelerometer_matrix, p.specific_force_b, i),
-            s.accelerometer_bias[i],
+            sensed_force(s.accelerometer_matrix, p.specific_force_b, i) + s.vibration * rotor[i],
+            s.accelerometer_bias[i] + s.warmth * s.accelerometer_warm_up,
             shaken,
             noise[row, i],
         )
         registers[_GYROSCOPE + i] = gyroscope_count(
-            p.x[10 + i], s.gyroscope_bias[i], twisted, noise[row, 3 + i]
+            p.x[10 + i] + s.vibration_gyroscope * rotor[i],
+            s.gyroscope_bias[i] + s.warmth * s.gyroscope_warm_up,
+            twisted,
+            noise[row, 3 + i],
         )
     pressure = s.ground_pressure - PRESSURE_LAPSE * p.x[2] + s.pressure_noise * noise[row, 6]
     registers[_PRESSURE] = _count(pressure - PRESSURE_OFFSET, -32768, 32767)

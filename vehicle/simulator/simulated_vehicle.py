@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from collections import deque
 from collections.abc import Sequence
 
@@ -12,13 +13,14 @@ import numpy.typing as npt
 from quadrotor.compiled import compiled
 from quadrotor.errors import RefusedError
 from quadrotor.records import STATE, Record
+from vehicle.simulator.air import blow
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.firmware.program import period
 from vehicle.simulator.force_sensor import ForceReading, ForceSensor
 from vehicle.simulator.held_vehicle import BENCH, FREE, configure_holder, hold, new_holder
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.plant import advance, blow, charge_battery, configure_plant, new_plant
-from vehicle.simulator.sensors import GUSTS, Noise, new_sensors, sample
+from vehicle.simulator.plant import advance, charge_battery, configure_plant, new_plant
+from vehicle.simulator.sensors import GUSTS, WARM_UP_TIME, Noise, new_sensors, sample
 from vehicle.simulator.serial_faults import Line, configure_wires, new_wires
 from vehicle_link.serial.ids import Id, MotorState
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
@@ -104,8 +106,8 @@ class SimulatedVehicle:
         self._holder = new_holder()
         configure_holder(self._holder, self._plant, parameters)
         self._force_sensor = ForceSensor(parameters)
-        self._sensors = new_sensors(parameters)
-        self._noise = Noise(parameters.seed)
+        self._noise, self._chance = Noise(parameters.seed), random.Random(parameters.seed)
+        self._fit_sensors(parameters)
         self._begun_ns = 0  # time of period 0
         self._count = 0  # periods begun, period 0 included
         self.firmware.registers[Id.MIRROR_PERIOD] = round(1e6 / parameters.imu_rate)
@@ -172,6 +174,8 @@ class SimulatedVehicle:
         command = self._acting()
         last = self._count + periods - 1
         self.stamp_ns = stamp_ns = self._time_ns(last)
+        if self._warms_up:
+            self._sensors["warmth"] = -math.expm1(-1e-9 * stamp_ns / WARM_UP_TIME)
         firmware.advance(stamp_ns // 1_000_000)
         arguments = (
             self._plant,
@@ -190,7 +194,8 @@ class SimulatedVehicle:
         self._count = last + 1
         if last % self._periods == 0:
             port_index, frame = firmware.next_data()
-            self._wires[port_index].write(frame)
+            if not (self._lost and self._chance.random() < self._lost):
+                self._wires[port_index].write(frame)
 
     def _acting(self) -> Command:
         """Return the newest command that is at least as old as the latency."""
@@ -258,7 +263,7 @@ class SimulatedVehicle:
         if parameters.battery_charge != before.battery_charge:
             self.charge_battery(parameters.battery_charge)
         configure_holder(self._holder, self._plant, parameters)
-        self._sensors = new_sensors(parameters)
+        self._fit_sensors(parameters)
         self._miss(parameters.missing_motor)
         configure_wires(self._wires, parameters)
 
@@ -290,6 +295,11 @@ class SimulatedVehicle:
         state = self.firmware.motor_state
         if state in (MotorState.ON, MotorState.EMERGENCY):
             raise RefusedError(f"{refused}: the motors are on; land and disarm, or cut them, first")
+
+    def _fit_sensors(self, parameters: SimulatorParameters) -> None:
+        p = parameters
+        self._sensors, self._lost = new_sensors(p), p.lost_samples
+        self._warms_up = p.accelerometer_warm_up != 0.0 or p.gyroscope_warm_up != 0.0
 
     def _miss(self, motor: int) -> None:
         self.firmware.program["missing"] = 1 << motor - 1 if motor else 0

@@ -8,20 +8,15 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import welch
 
 from quadrotor.records import STATE, Record
 from quadrotor.rigid_body import derivative
 from quadrotor.rotations import euler_from_quaternion, quaternion_from_euler, quaternion_to_matrix
 from quadrotor.vehicle_model import mixing_matrix, reference_of_thrust
+from vehicle.simulator.air import blow, ground_gain
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.plant import (
-    advance,
-    blow,
-    configure_plant,
-    ground_gain,
-    new_plant,
-    open_voltage,
-)
+from vehicle.simulator.plant import advance, configure_plant, new_plant, open_voltage
 
 Array = npt.NDArray[np.float64]
 
@@ -314,17 +309,56 @@ def test_wind_carries_what_has_drag() -> None:
         assert plant["x"][0, 3] == pytest.approx(reached, abs=0.01)
 
 
-def test_gusts_have_the_deviation_and_the_time_asked_for() -> None:
-    plant = new_plant(SimulatorParameters(gust=2.0, gust_time=0.5, wind_y=1.0))
-    noise = np.random.default_rng(4).standard_normal((40_000, 3))
-    air = np.empty((40_000, 3))
-    for k in range(40_000):
-        blow(plant, noise, k, 0.05)
+def test_gusts_have_dryden_s_deviation_and_spectra() -> None:
+    deviation, time, dt, count = 2.0, 0.5, 0.01, 400_000
+    plant = new_plant(SimulatorParameters(gust=deviation, gust_time=time, wind_y=1.0))
+    noise = np.random.default_rng(4).standard_normal((count, 3))
+    air = np.empty((count, 3))
+    for k in range(count):
+        blow(plant, noise, k, dt)
         air[k] = plant["air_w"][0]
     assert air.mean(0) == pytest.approx([0.0, 1.0, 0.0], abs=0.2)
-    assert air.std(0) == pytest.approx([2.0] * 3, rel=0.05)
-    x = air[:, 0]
-    assert np.corrcoef(x[:-10], x[10:])[0, 1] == pytest.approx(np.exp(-1.0), abs=0.1)
+    assert air.std(0) == pytest.approx([deviation] * 3, rel=0.05)
+    frequency, power = welch(air, 1.0 / dt, nperseg=2048, axis=0)
+    inside = (frequency > 0.1) & (frequency < 5.0)
+    s = (2.0 * np.pi * frequency[inside] * time) ** 2
+    along = 4.0 * deviation**2 * time / (1.0 + s)
+    across = 2.0 * deviation**2 * time * (1.0 + 3.0 * s) / (1.0 + s) ** 2
+    for axis, shape in ((1, along), (0, across), (2, across)):  # the wind is along y
+        ratio = power[inside, axis] / shape
+        assert ratio.mean() == pytest.approx(1.0, abs=0.05)
+        assert np.polyfit(np.log(frequency[inside]), ratio, 1)[0] == pytest.approx(0.0, abs=0.05)
+
+
+def test_rotor_drag_brakes_along_each_axis_and_lifts_the_leading_side() -> None:
+    p = SimulatorParameters(rotor_drag_x=0.4, rotor_drag_y=0.6, rotor_drag_lever=0.05)
+    plant = flying(p)
+    plant["x"][0, 3:6] = 2.0, -1.0, 0.0
+    advance(plant, (127,) * 4, 0.001)
+    m, J = float(plant["model"]["mass"][0]), plant["model"]["inertia_b"][0]
+    assert plant["specific_force_b"][0, :2] == pytest.approx([-0.4 * 2.0 / m, 0.6 / m], rel=2e-3)
+    # Forwards and to the right: the nose goes up (-y), the right side up (-x).
+    turned = plant["x"][0, 10:12] / 0.001
+    wanted = [-0.6 * 1.0 * 0.05 / J[0], -0.4 * 2.0 * 0.05 / J[1]]
+    assert turned == pytest.approx(wanted, rel=0.02)
+
+
+def test_the_air_s_velocity_is_what_rotors_drag_against() -> None:
+    plant = flying(SimulatorParameters(rotor_drag_x=0.4, rotor_drag_y=0.4, wind_x=3.0))
+    plant["x"][0, 3] = 3.0
+    advance(plant, (127,) * 4, 0.001)
+    assert plant["specific_force_b"][0, :2] == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+@pytest.mark.parametrize(("climb", "share"), [(2.0, 0.95), (-2.0, 1.05), (-40.0, 1.5)])
+def test_a_climbing_rotor_has_less_thrust(climb: float, share: float) -> None:
+    lifts = []
+    for loss in (0.0, 0.025):
+        plant = flying(SimulatorParameters(inflow_loss=loss))
+        plant["x"][0, 5] = climb
+        advance(plant, (127,) * 4, 0.001)
+        lifts.append(plant["specific_force_b"][0, 2])
+    assert lifts[1] / lifts[0] == pytest.approx(share, abs=1e-3)
 
 
 def test_near_the_ground_a_rotor_lifts_more() -> None:

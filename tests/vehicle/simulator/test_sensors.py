@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import pytest
+from scipy.signal import welch
 
 from quadrotor.records import Record
+from quadrotor.vehicle_model import GRAVITY, reference_of_thrust
 from vehicle.simulator.firmware.firmware import REGISTERS
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.plant import new_plant
 from vehicle.simulator.sensors import BLOCK, CHANNELS, Noise, new_sensors, sample
+from vehicle.simulator.vibration import IMBALANCE, PITCH, THRUST_PER_TURN, turn_rotors
 from vehicle_link.serial.ids import Id
 
 QUIET = {"accelerometer_noise": 0.0, "gyroscope_noise": 0.0, "pressure_noise": 0.0} | {
@@ -88,3 +91,48 @@ def test_the_same_seed_gives_the_same_noise_in_every_block() -> None:
     assert (rows(1) == rows(1)).all()
     assert (rows(1) != rows(2)).any()
     assert (rows(1)[:BLOCK] != rows(1)[BLOCK : 2 * BLOCK]).any()
+
+
+def test_vibration_has_its_rms_at_hover_lines_at_the_rotors_speeds_and_none_at_rest() -> None:
+    parameters = SimulatorParameters.model_validate(
+        QUIET | {"vibration": 2.0, "vibration_gyroscope": 10.0}
+    )
+    plant, sensors, noise = new_plant(parameters), new_sensors(parameters), Noise(3)
+    hover = reference_of_thrust(
+        parameters.mass * GRAVITY / 4, parameters.motor_slope, parameters.motor_offset
+    )
+    found = {}
+    for speed in (hover, 0.0):
+        plant["rotor_speeds"] = speed
+        rows = []
+        for _ in range(16 * BLOCK):
+            turn_rotors(plant[0], 0.001)
+            registers = np.zeros(REGISTERS, np.int16)
+            sample(plant, sensors, noise.block, noise.next_rows(1), registers)
+            rows.append(registers[:6])
+        found[speed] = np.array(rows, float)
+    flying = found[hover]
+    rms = [2.0] * 3 + [10.0] * 3
+    assert flying.std(axis=0) * ([COUNT] * 3 + [0.586] * 3) == pytest.approx(rms, rel=0.05)
+    assert (found[0.0].std(axis=0) == 0.0).all()
+    turns = np.sqrt(parameters.mass * GRAVITY / 4 / THRUST_PER_TURN)
+    assert 50.0 < turns < 120.0
+    frequency, power = welch(flying, 1000.0, nperseg=1000, axis=0)
+    for axis, order in ((0, 1.0), (2, 2.0)):  # out of balance: once a turn; two blades: twice
+        strongest = turns * order * PITCH[int(np.argmax(IMBALANCE))]
+        assert frequency[power[:, axis].argmax()] == pytest.approx(strongest, abs=1.0)
+    line = np.abs(frequency - turns) < 5.0
+    assert power[line, 0].sum() / power[:, 0].sum() == pytest.approx(0.7, abs=0.05)
+
+
+def test_biases_change_until_the_sensors_are_warm() -> None:
+    parameters = SimulatorParameters.model_validate(
+        QUIET | {"accelerometer_warm_up": 0.5, "gyroscope_warm_up": -3.0}
+    )
+    plant, sensors = new_plant(parameters), new_sensors(parameters)
+    registers = np.zeros(REGISTERS, np.int16)
+    for warmth in (0.0, 1.0):
+        sensors["warmth"] = warmth
+        sample(plant, sensors, np.zeros((1, CHANNELS)), 0, registers)
+        assert (registers[0] - 512) * COUNT == pytest.approx(0.5 * warmth, abs=COUNT / 2)
+        assert (registers[3] - 512) * 0.586 == pytest.approx(-3.0 * warmth, abs=0.3)

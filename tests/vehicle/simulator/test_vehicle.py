@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from vehicle.microcontroller.microcontroller import Microcontroller, RawSample
@@ -160,3 +161,33 @@ def test_skipped_samples_are_a_gap_in_the_stamps() -> None:
         samples += mcu.receive()
     # The first one after the gap is taken for damage until the next confirms it.
     assert [sample.stamp_ns for sample in samples] == [0, 2_004_000_000, 2_006_000_000]
+
+
+def test_lost_samples_are_lost_at_their_share_and_the_others_keep_their_stamps() -> None:
+    kept: dict[float, dict[int, RawSample]] = {}
+    for lost in (0.0, 0.1):
+        simulated = SimulatedVehicle(SimulatorParameters(lost_samples=lost, seed=3))
+        mcu = Microcontroller(simulated.ports, 0)
+        kept[lost] = {}
+        for _ in range(2000):
+            simulated.step()
+            kept[lost] |= {sample.stamp_ns: sample for sample in mcu.receive()}
+    assert len(kept[0.0]) == 2000
+    assert len(kept[0.1]) == pytest.approx(1800, abs=60)
+    assert all(kept[0.0][stamp] == sample for stamp, sample in kept[0.1].items())
+
+
+def test_sensors_warm_up_with_time() -> None:
+    simulated = SimulatedVehicle(
+        SimulatorParameters(gyroscope_warm_up=5.0, gyroscope_noise=0.0, accelerometer_noise=0.0)
+    )
+    mcu = Microcontroller(simulated.ports, 0)
+    counts = []
+    for _ in range(3):
+        simulated.step()
+        counts += [sample.gyroscope[0] for sample in mcu.receive()]
+        simulated.skip(60_000)  # 120 s
+    changes = np.diff(counts) * 0.586
+    assert changes == pytest.approx(
+        [5.0 * (1 - np.exp(-1)), 5.0 * np.exp(-1) * (1 - np.exp(-1))], abs=0.6
+    )

@@ -1,0 +1,62 @@
+"""The vibration of the rotors as the inertial sensors feel it.
+
+Each rotor is a little out of balance, each differently: a force that turns with it. Each passing
+blade, two a turn, kicks along z. What is left is broadband. At hover the three together have the
+deviation asked for; all grow with the square of the rotor's speed, as forces of rotation do.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from quadrotor.compiled import compiled
+from quadrotor.rigid_body import rotor_thrust
+from quadrotor.vectors import Vector
+
+Item = Any
+"""One record `array[k]` inside compiled code."""
+
+THRUST_PER_TURN = 0.11 * 1.2 * 0.254**4
+"""N s^2: thrust of a propeller of 0.254 m (Sec. 2) over the square of its turns a second, with the
+static thrust coefficient 0.11 of 10 x 4.5 inch propellers: J. Brandt, M. Selig, "Propeller
+performance data at low Reynolds numbers", 2011."""
+IMBALANCE = (0.94, 0.56, 1.31, 0.75)
+"""Of each rotor over the others'."""
+PITCH = (1.0, 1.017, 0.988, 1.009)
+"""Speed of each rotor over the others' at the same thrust: no two propellers are alike, so that
+their lines beat instead of adding up."""
+_LINES = math.sqrt(2.0 * 0.7 / sum(one * one for one in IMBALANCE))
+"""Amplitude of a rotor's lines over the deviation: they hold 70 % of the variance."""
+BROADBAND = math.sqrt(0.3)
+"""Deviation of the rest."""
+
+
+@compiled(inner=True)
+def turn_rotors(p: Item, duration: float) -> None:
+    """Advance the angles of a PLANT record's rotors by `duration` (s)."""
+    for i in range(4):
+        thrust = rotor_thrust(p.rotor_speeds[i], p.model.motor_slope, p.model.motor_offset)
+        turns = p.rotor_turns[i] + PITCH[i] * math.sqrt(thrust / THRUST_PER_TURN) * duration
+        p.rotor_turns[i] = turns - math.floor(turns)
+
+
+@compiled(inner=True)
+def lines(p: Item, hover_thrust: float) -> tuple[Vector, float]:
+    """Return the rotors' lines along body axes, and the broadband share, both over the deviation
+    at hover.
+
+    Args:
+        hover_thrust: N, of one rotor.
+    """
+    x = y = z = total = 0.0
+    for i in range(4):
+        thrust = rotor_thrust(p.rotor_speeds[i], p.model.motor_slope, p.model.motor_offset)
+        share = thrust / hover_thrust
+        angle = 2.0 * math.pi * p.rotor_turns[i]
+        amplitude = _LINES * IMBALANCE[i] * share
+        x += amplitude * math.cos(angle)
+        y += amplitude * math.sin(angle)
+        z += amplitude * math.cos(2.0 * angle)
+        total += 0.25 * share
+    return (x, y, z), BROADBAND * total
