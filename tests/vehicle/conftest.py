@@ -8,37 +8,28 @@ from typing import Any
 
 import pytest
 
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, QuadlabError
 from quadrotor.parameters import ParameterStore, ParameterValue
-from tests.support.kept_log import KeptLog
+from tests.support.lab import Lab, flight_parameters
 from vehicle.calibration.store import FOLDER, HISTORY, CalibrationStore
 from vehicle.comms.calibrations import TYPE, Calibrations
 from vehicle.flight.modes import Mode
 from vehicle.processes import mailbox
-from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.messages import Message, new
 
 NS = 1_780_000_000_000_000_000
 
 
-class GroundLab(SimulatedFlight):
+class GroundLab(Lab):
     """Ready after 0.1 s; `found` are the outcomes of calibrations of its gyroscope."""
 
     def __init__(self, **settings: Any) -> None:
-        parameters = FlightParameters().model_copy(deep=True)
+        parameters = flight_parameters()
         named = {name.replace("__", "."): value for name, value in settings.items()}
         ParameterStore(parameters).preset({"safety.gyro_samples": 50} | named)
-        self.events = KeptLog()
         self.found: list[mailbox.GyroscopeFound] = []
-        self.robot = SimulatedVehicle(parameters.simulator)
-        super().__init__(parameters, self.robot, self.events)  # type: ignore[arg-type]
-
-    def ready(self) -> GroundLab:
-        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
-        self.wait(0.2)  # a pose
-        return self
+        super().__init__(parameters)
 
     def ask(self, command: mailbox.Command) -> mailbox.Reply:
         return self.stack.handle(command)
@@ -59,10 +50,6 @@ class GroundLab(SimulatedFlight):
     @property
     def mode(self) -> Mode:
         return self.stack.mode
-
-    @property
-    def said(self) -> str:
-        return "\n".join(self.events.texts)
 
     def _gyroscope(self, found: mailbox.GyroscopeFound) -> None:
         super()._gyroscope(found)

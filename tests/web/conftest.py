@@ -21,11 +21,12 @@ from starlette.responses import HTMLResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from bearing_sim.emulator import BearingParameters
-from console.catalogue.catalogue import Catalogue, RunEntry
+from console.catalogue.catalogue import Catalogue
 from console.comparison.parameters import ComparisonParameters
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import LinkError, QuadlabError, UnreachableError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
+from tests.support.runs import run_entry
 from vehicle_link.messages import encode, header, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters
 from web.access.attempts import Attempts
@@ -329,38 +330,10 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     data = tmp_path_factory.mktemp("data")
     catalogue = Catalogue(data)
     (data / "runs" / f"{RUN}.mcap").write_bytes(LOG)
-    catalogue.add(
-        RunEntry(
-            id=RUN,
-            vehicle="quad1",
-            start_ns=1_769_851_842_000_000_000,
-            duration=63.2,
-            file=f"{RUN}.mcap",
-            bytes=len(LOG),
-            messages=7,
-            operator="operator 1",
-            complete=True,
-            recovered=False,
-            problem="",
-            notes="",
-        )
-    )
-    catalogue.add(
-        RunEntry(
-            id="elsewhere",
-            vehicle="quad1",
-            start_ns=1,
-            duration=1.0,
-            file="../web/door.json",
-            bytes=1,
-            messages=1,
-            operator="",
-            complete=True,
-            recovered=False,
-            problem="",
-            notes="",
-        )
-    )
+    began_ns = 1_769_851_842_000_000_000
+    fields = {"duration": 63.2, "bytes": len(LOG), "messages": 7, "operator": "operator 1"}
+    catalogue.add(run_entry(RUN, start_ns=began_ns, **fields))
+    catalogue.add(run_entry("elsewhere", start_ns=1, file="../web/door.json", bytes=1, operator=""))
     with serving(data, catalogue) as running:
         yield running
 

@@ -7,29 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from console.catalogue.catalogue import Catalogue, RunEntry, run_name
+from console.catalogue.catalogue import Catalogue, run_name
 from console.catalogue.notes import write_notes
 from console.runs.adoption import tidy_runs
 from flight_log import LogWriter, is_closed, read_log
 from quadrotor.errors import StorageError
-
-
-def entry(name: str, **fields: object) -> RunEntry:
-    values: dict[str, object] = {
-        "id": name,
-        "vehicle": "quad1",
-        "start_ns": 1_700_000_000_000_000_000,
-        "duration": 1.5,
-        "file": f"{name}.mcap",
-        "bytes": 10,
-        "messages": 3,
-        "operator": "ada",
-        "complete": True,
-        "recovered": False,
-        "problem": "",
-        "notes": "",
-    }
-    return RunEntry(**{**values, **fields})  # type: ignore[arg-type]
+from tests.support.runs import run_entry
 
 
 @pytest.fixture
@@ -46,14 +29,14 @@ def write_log(path: Path, messages: int = 50, torn: bool = False) -> None:
 
 
 def test_a_run_comes_back_as_it_was_entered(catalogue: Catalogue) -> None:
-    catalogue.add(entry("r1"))
-    assert catalogue.get("r1") == entry("r1")
+    catalogue.add(run_entry("r1"))
+    assert catalogue.get("r1") == run_entry("r1")
     assert catalogue.get("r1").start.year == 2023
 
 
 def test_runs_are_listed_newest_first_and_by_page(catalogue: Catalogue) -> None:
     for i in range(5):
-        catalogue.add(entry(f"r{i}", start_ns=i))
+        catalogue.add(run_entry(f"r{i}", start_ns=i))
     assert [e.id for e in catalogue.runs()] == ["r4", "r3", "r2", "r1", "r0"]
     assert [e.id for e in catalogue.runs(limit=2, offset=1)] == ["r3", "r2"]
     assert catalogue.count() == 5
@@ -62,8 +45,8 @@ def test_runs_are_listed_newest_first_and_by_page(catalogue: Catalogue) -> None:
 def test_search_looks_in_id_operator_and_notes_and_takes_percent_literally(
     catalogue: Catalogue,
 ) -> None:
-    catalogue.add(entry("alpha", operator="Grace"))
-    catalogue.add(entry("beta"))
+    catalogue.add(run_entry("alpha", operator="Grace"))
+    catalogue.add(run_entry("beta"))
     write_notes(catalogue, "beta", "payload 100% ok")
     assert [e.id for e in catalogue.runs(search="ALPHA")] == ["alpha"]
     assert [e.id for e in catalogue.runs(search="grace")] == ["alpha"]
@@ -73,9 +56,9 @@ def test_search_looks_in_id_operator_and_notes_and_takes_percent_literally(
 
 
 def test_new_facts_about_a_run_keep_its_notes(catalogue: Catalogue) -> None:
-    catalogue.add(entry("r1", complete=False))
+    catalogue.add(run_entry("r1", complete=False))
     write_notes(catalogue, "r1", "gusty")
-    catalogue.add(entry("r1", duration=9.0))
+    catalogue.add(run_entry("r1", duration=9.0))
     assert catalogue.get("r1").notes == "gusty"
     assert catalogue.get("r1").duration == 9.0
 
@@ -88,7 +71,7 @@ def test_an_unknown_run_is_one_clear_line(catalogue: Catalogue) -> None:
 
 def test_a_second_process_sees_what_the_first_wrote(tmp_path: Path, catalogue: Catalogue) -> None:
     other = Catalogue(tmp_path)
-    catalogue.add(entry("r1"))
+    catalogue.add(run_entry("r1"))
     write_notes(other, "r1", "from the page")
     assert catalogue.get("r1").notes == "from the page"
     other.close()
@@ -96,7 +79,7 @@ def test_a_second_process_sees_what_the_first_wrote(tmp_path: Path, catalogue: C
 
 def test_resolve_gives_the_file_of_a_catalogued_run(tmp_path: Path, catalogue: Catalogue) -> None:
     write_log(tmp_path / "runs" / "r1.mcap")
-    catalogue.add(entry("r1"))
+    catalogue.add(run_entry("r1"))
     assert catalogue.resolve("r1") == (tmp_path / "runs" / "r1.mcap").resolve()
 
 
@@ -114,13 +97,13 @@ def test_not_even_a_catalogued_name_leaves_the_folder(tmp_path: Path, catalogue:
     (tmp_path / "runs" / "link.mcap").symlink_to(tmp_path / "secret.mcap")
     (tmp_path / "runs" / "notes.txt").write_text("x")
     for name, file in (("up", "../secret.mcap"), ("link", "link.mcap"), ("text", "notes.txt")):
-        catalogue.add(entry(name, file=file))
+        catalogue.add(run_entry(name, file=file))
         with pytest.raises(StorageError, match="does not lie"):
             catalogue.resolve(name)
 
 
 def test_a_run_whose_file_is_gone_says_so(catalogue: Catalogue) -> None:
-    catalogue.add(entry("r1"))
+    catalogue.add(run_entry("r1"))
     with pytest.raises(StorageError, match="gone"):
         catalogue.resolve("r1")
 
@@ -143,7 +126,7 @@ def test_run_names_are_utc_stamps_and_never_taken_twice(tmp_path: Path) -> None:
 def test_torn_files_are_recovered_and_marked(tmp_path: Path, catalogue: Catalogue) -> None:
     path = tmp_path / "runs" / "torn.mcap"
     write_log(path, torn=True)
-    catalogue.add(entry("torn", complete=False, operator="ada", messages=0))
+    catalogue.add(run_entry("torn", complete=False, operator="ada", messages=0))
     write_notes(catalogue, "torn", "crashed")
     [line] = tidy_runs(catalogue)
     assert "recovered" in line
@@ -168,7 +151,7 @@ def test_files_the_catalogue_does_not_know_are_entered(
 
 def test_what_cannot_be_read_is_said_and_kept(tmp_path: Path, catalogue: Catalogue) -> None:
     (tmp_path / "runs" / "empty.mcap").write_bytes(b"")
-    catalogue.add(entry("lost"))
+    catalogue.add(run_entry("lost"))
     lines = tidy_runs(catalogue)
     assert len(lines) == 2
     assert "nothing was recorded" in catalogue.get("empty").problem

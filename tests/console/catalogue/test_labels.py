@@ -7,31 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from console.catalogue.catalogue import DATABASE, Catalogue, RunEntry
+from console.catalogue.catalogue import DATABASE, Catalogue
 from console.catalogue.marks import Mark, keep_mark, mark_counts, marks_of
 from console.catalogue.notes import KEPT, newest_notes, notes_history, write_notes
 from console.catalogue.search import RunSearch
 from console.catalogue.tags import LONGEST, MOST, all_tags, change_tags, tags_of
 from console.runs.trash import delete_run
 from quadrotor.errors import ParameterError, StorageError
+from tests.support.runs import run_entry
 
 
 def enter(catalogue: Catalogue, name: str, **fields: object) -> None:
-    values: dict[str, object] = {
-        "id": name,
-        "vehicle": "quad1",
-        "start_ns": 1_700_000_000_000_000_000,
-        "duration": 1.5,
-        "file": f"{name}.mcap",
-        "bytes": 10,
-        "messages": 3,
-        "operator": "ada",
-        "complete": True,
-        "recovered": False,
-        "problem": "",
-        "notes": "",
-    }
-    catalogue.add(RunEntry(**{**values, **fields}))  # type: ignore[arg-type]
+    catalogue.add(run_entry(name, **fields))
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from console.parameters.presets import ParameterPresets
 from console.tuning.kept_runs import KeptRuns
 from quadrotor.checkout import ROOT
 from quadrotor.errors import StorageError
-from tests.console.catalogue.test_catalogue import entry
+from tests.support.runs import run_entry
 
 REMEDY = "mount its disk or put it back, or start quadlab anew: it begins with what is there"
 CHANGE = ParameterChange("control.k_p", 1.0, 2.0, "ada", 1, 1, "", 1)
@@ -32,11 +32,11 @@ class Keepers:
         self.catalogue = Catalogue(data)
         self.history = ParameterHistory(self.catalogue.engine, "quad1")
         self.presets = ParameterPresets(self.catalogue.engine, "quad1")
-        self.catalogue.add(entry("r1"))
+        self.catalogue.add(run_entry("r1"))
 
     def changes(self) -> list[Callable[[], object]]:
         return [
-            lambda: self.catalogue.add(entry("r2")),
+            lambda: self.catalogue.add(run_entry("r2")),
             lambda: write_notes(self.catalogue, "r1", "windy"),
             lambda: self.history.add([CHANGE]),
             lambda: self.presets.save("mine", {"control.k_p": 2.0}, "ada"),

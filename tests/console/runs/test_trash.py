@@ -23,6 +23,7 @@ from console.runs.storage import storage
 from console.runs.trash import TRASH, delete_run, deleted_runs, purge, restore_run
 from flight_log import LogWriter
 from quadrotor.errors import RefusedError, StorageError
+from tests.support.runs import run_entry
 
 MB = 1_000_000
 
@@ -34,22 +35,7 @@ def catalogue(tmp_path: Path) -> Catalogue:
         log = made.folder / f"{name}.mcap"
         with LogWriter(log, {"vehicle": "quad1"}, {}) as writer:
             writer.write("/a", "std_msgs/String", bytes(100), 1, 1)
-        made.add(
-            RunEntry(
-                id=name,
-                vehicle="quad1",
-                start_ns=1000 + i,
-                duration=10.0,
-                file=log.name,
-                bytes=20 * MB,
-                messages=1,
-                operator="ada",
-                complete=True,
-                recovered=False,
-                problem="",
-                notes="",
-            )
-        )
+        made.add(run_entry(name, start_ns=1000 + i, duration=10.0, bytes=20 * MB, messages=1))
     report_folder(made.folder / "r1.mcap").mkdir()
     (report_folder(made.folder / "r1.mcap") / "result.json").write_text("{}")
     return made

@@ -5,45 +5,31 @@ What vehicle.estimators.bearings_guard decides, seen from outside: commands in, 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
 from bearing_sim.emulator import BearingParameters
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import OutOfBoundsError, RefusedError
-from quadrotor.parameters import ParameterStore
-from tests.support.kept_log import KeptLog
+from quadrotor.parameters import ParameterStore, ParameterValue
+from tests.support.lab import Lab, flight_parameters, refusal
 from vehicle.flight.modes import Flag
 from vehicle.parameters import check_pairs, new_parameters
-from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 
-class Lab(SimulatedFlight):
-    """A vehicle that hovers at 1 m with the error-state filter beside it on bearings."""
+class BearingsLab(Lab):
+    """A vehicle that hovers with the error-state filter beside it on bearings."""
 
     def __init__(self, height: float = 1.0, shadow: bool = True) -> None:
-        parameters = FlightParameters().model_copy(deep=True)
+        parameters = flight_parameters()
         parameters.seed(3)
-        self.kept = KeptLog()
-        self.robot = SimulatedVehicle(parameters.simulator)
-        super().__init__(parameters, self.robot, self.kept)  # type: ignore[arg-type]
-        if shadow:
-            self.change(
-                {"estimation.shadow": "error_state", "estimation.shadow_source": "bearings"}
-            )
-        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
-        self.wait(0.3)
-        self.arm()
-        self.wait(0.5)
-        self.start("take_off", height=height)
-        self.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
-        self.wait(2.0)
+        beside = {"estimation.shadow": "error_state", "estimation.shadow_source": "bearings"}
+        super().__init__(parameters, beside if shadow else None)
+        self.hovering(height, settling=2.0)
 
-    def hand_over(self) -> Lab:
-        self.change({"estimation.source": "bearings", "estimation.estimator": "error_state"})
+    def hand_over(self) -> BearingsLab:
+        self.change(HAND_OVER)
         self.advance()
         return self
 
@@ -51,27 +37,8 @@ class Lab(SimulatedFlight):
     def source(self) -> str:
         return str(self.parameter("estimation.source"))
 
-    def texts(self) -> list[str]:
-        self.advance()
-        return [event.text for event in self.kept.events]
 
-    def flags(self) -> Flag:
-        self.advance()
-        return Flag(int(self.stack.status["flags"][0]))
-
-    def off(self) -> float:
-        """m, from where the estimate believes the vehicle to where it is."""
-        true_w = self.robot.truth["position_w"][0]
-        return float(np.linalg.norm(self.stack.state["position_w"][0] - true_w))
-
-
-def refusal(action: Callable[[], object]) -> str:
-    with pytest.raises(RefusedError) as caught:
-        action()
-    return str(caught.value)
-
-
-def refused_unchanged(lab: Lab, values: dict[str, Any]) -> str:
+def refused_unchanged(lab: BearingsLab, values: dict[str, Any]) -> str:
     store = lab.stack.store
     before, revision, active = store.values(), store.revision, lab.stack.estimator
     reason = refusal(lambda: lab.change(values))
@@ -80,11 +47,14 @@ def refused_unchanged(lab: Lab, values: dict[str, Any]) -> str:
     return reason
 
 
-HAND_OVER = {"estimation.source": "bearings", "estimation.estimator": "error_state"}
+HAND_OVER: dict[str, ParameterValue] = {
+    "estimation.source": "bearings",
+    "estimation.estimator": "error_state",
+}
 
 
 def test_hand_over_and_back_jump_by_no_more_than_the_estimates_differ() -> None:
-    lab = Lab()
+    lab = BearingsLab()
     stack = lab.stack
     apart = np.linalg.norm(stack.navigation.shadow_state["position_w"] - stack.state["position_w"])
     before, reference = stack.state["position_w"][0].copy(), stack.reference.copy()
@@ -93,35 +63,33 @@ def test_hand_over_and_back_jump_by_no_more_than_the_estimates_differ() -> None:
     assert np.abs(stack.reference["position_w"] - reference["position_w"]).max() < 0.003
     assert stack.estimator.name == "error_state"  # type: ignore[attr-defined]
     assert stack.store.get("estimation.shadow") == "none"
-    assert Flag.ON_BEARINGS in lab.flags()
+    lab.advance()
+    assert Flag.ON_BEARINGS in lab.flags
     lab.wait(3.0)
-    assert 0.001 < lab.off() < 0.06  # no pose helps
+    assert 0.001 < lab.error() < 0.06  # no pose helps
     lab.change({"estimation.source": "poses"})
     assert stack.estimator.name == "complementary"  # type: ignore[attr-defined]
     assert stack.store.get("estimation.shadow") == "error_state"
     assert stack.store.get("estimation.shadow_source") == "bearings"
-    assert Flag.ON_BEARINGS not in lab.flags()
+    lab.advance()
+    assert Flag.ON_BEARINGS not in lab.flags
     lab.wait(1.0)
-    assert lab.off() < 0.005
+    assert lab.error() < 0.005
     lab.hand_over()  # again, at once: what was flown on went on beside
     assert lab.source == "bearings"
 
 
 def test_taking_off_on_bearings_is_refused_with_what_to_do() -> None:
-    parameters = FlightParameters().model_copy(deep=True)
+    parameters = flight_parameters()
     parameters.estimation.source = "bearings"
     parameters.estimation.estimator = "error_state"
-    robot = SimulatedVehicle(parameters.simulator)
-    flight = SimulatedFlight(parameters, robot, KeptLog())  # type: ignore[arg-type]
-    flight.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
-    flight.wait(0.3)
-    reason = refusal(flight.arm)
+    reason = refusal(Lab(parameters).ready().arm)
     assert "take off on the tracker" in reason
     assert "above 0.3 m" in reason
 
 
 def test_low_outside_or_on_a_way_the_hand_over_is_refused_with_numbers() -> None:
-    lab = Lab(height=0.25)
+    lab = BearingsLab(height=0.25)
     assert "0.25 m above take-off" in refused_unchanged(lab, HAND_OVER)
     lab.start("fly_to", x=1.7, y=0.0, z=1.0)
     lab.wait_until(lambda v: v.position_w[2] > 0.4, what="some height", timeout=5)
@@ -136,7 +104,7 @@ def test_low_outside_or_on_a_way_the_hand_over_is_refused_with_numbers() -> None
 
 
 def test_what_does_not_run_or_has_not_converged_is_refused_with_numbers() -> None:
-    lab = Lab()
+    lab = BearingsLab()
     lab.change({"estimation.shadow_source": "poses"})
     lab.wait(1.0)
     reason = refused_unchanged(lab, HAND_OVER)
@@ -154,7 +122,7 @@ def test_what_does_not_run_or_has_not_converged_is_refused_with_numbers() -> Non
 
 
 def test_the_walls_close_in_on_bearings_and_open_again() -> None:
-    lab = Lab()
+    lab = BearingsLab()
     lab.start("velocity")
     lab.hand_over()
     walls = lab.stack.behaviors.parameters
@@ -184,7 +152,7 @@ def test_the_walls_close_in_on_bearings_and_open_again() -> None:
 def test_with_the_tracker_there_bad_bearings_end_on_the_tracker(
     fault: dict[str, Any], said: str
 ) -> None:
-    lab = Lab().hand_over()
+    lab = BearingsLab().hand_over()
     lab.wait(2.0)
     assert lab.source == "bearings"
     for name, value in fault.items():
@@ -194,22 +162,24 @@ def test_with_the_tracker_there_bad_bearings_end_on_the_tracker(
     assert len(texts) == 1
     assert said in texts[0]
     assert any(character.isdigit() for character in texts[0])
-    assert Flag.FELL_BACK in lab.flags()
+    lab.advance()
+    assert Flag.FELL_BACK in lab.flags
     change = next(c for c in reversed(lab.kept.changes) if c.name == "estimation.source")
     assert (change.new, change.requester) == ("poses", "vehicle")
     lab.wait(1.0)
-    assert lab.off() < 0.01
+    assert lab.error() < 0.01
     for name in fault:  # well again: and yet it stays on the tracker until it is asked
         setattr(lab.parameters.bearings, name, getattr(BearingParameters(), name))
     lab.wait(5.0)
     assert lab.source == "poses"
     assert lab.view().armed
     lab.hand_over()
-    assert Flag.FELL_BACK not in lab.flags()
+    lab.advance()
+    assert Flag.FELL_BACK not in lab.flags
 
 
 def test_without_the_tracker_bad_bearings_land_the_vehicle_inside() -> None:
-    lab = Lab().hand_over()
+    lab = BearingsLab().hand_over()
     lab.parameters.tracker.drop_out = 1.0
     lab.wait(2.0)
     assert lab.source == "bearings"
@@ -222,7 +192,7 @@ def test_without_the_tracker_bad_bearings_land_the_vehicle_inside() -> None:
 
 
 def test_without_tracker_and_bearings_the_vehicle_lands_on_its_imu() -> None:
-    lab = Lab().hand_over()
+    lab = BearingsLab().hand_over()
     lab.parameters.tracker.drop_out = 1.0
     lab.parameters.bearings.lost = "all"
     lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=5)
@@ -231,7 +201,7 @@ def test_without_tracker_and_bearings_the_vehicle_lands_on_its_imu() -> None:
 
 
 def test_land_goes_back_to_the_tracker_first_and_without_it_down_on_bearings() -> None:
-    lab = Lab().hand_over()
+    lab = BearingsLab().hand_over()
     lab.start("land")
     lab.wait(0.1)
     assert lab.source == "poses"
@@ -248,7 +218,7 @@ def test_land_goes_back_to_the_tracker_first_and_without_it_down_on_bearings() -
 
 
 def test_the_tracker_that_returns_during_a_landing_takes_over() -> None:
-    lab = Lab().hand_over()
+    lab = BearingsLab().hand_over()
     lab.parameters.tracker.drop_out = 1.0
     lab.wait(0.5)
     lab.start("land")
@@ -260,7 +230,7 @@ def test_the_tracker_that_returns_during_a_landing_takes_over() -> None:
 
 
 def test_the_layout_is_checked_and_stays_while_bearings_are_flown_on() -> None:
-    lab = Lab()
+    lab = BearingsLab()
     moved = "1 1.2 1.0 0.1; 2 -1.0 1.0 0.1; 3 -1.0 -1.0 0.1; 4 1.0 -1.0 0.1"
     store = lab.stack.store
     before, revision = store.values(), store.revision
@@ -275,7 +245,7 @@ def test_the_layout_is_checked_and_stays_while_bearings_are_flown_on() -> None:
     lab.wait(2.0)
     lab.hand_over()
     lab.wait(2.0)
-    assert lab.off() < 0.06  # the places were taken over
+    assert lab.error() < 0.06  # the places were taken over
     assert "while bearings are flown on" in refused_unchanged(lab, {"beacons.layout": "paper"})
     lab.change({"estimation.source": "poses"})
     lab.change({"beacons.layout": "paper"})
@@ -290,8 +260,8 @@ def test_a_layout_that_is_none_is_refused_at_the_start_too() -> None:
 
 
 def test_no_bearings_are_watched_before_a_hand_over() -> None:
-    lab = Lab()
+    lab = BearingsLab()
     lab.parameters.bearings.swap = 1.0
     lab.wait(3.0)
     assert lab.stack.navigation.watch.verdict is None
-    assert lab.off() < 0.005
+    assert lab.error() < 0.005

@@ -8,29 +8,26 @@ import pytest
 from bearing_sim.beacons import parse_layout
 from control.behaviors.table import BehaviorName
 from estimation.outcome import LATEST_NS, Agreement
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import POSE_SAMPLE, Record
-from tests.support.kept_log import KeptLog
+from tests.support.lab import Lab, flight_parameters
 from vehicle.flight.modes import Flag
 from vehicle.processes import mailbox
-from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 HOUSE = "1 1 1 0.1; 2 -1 1 0.6; 3 -1 -1 0.1; 4 1 -1 1.1; 5 0 1.4 1.5"
 """Beacons of five heights."""
 
 
-class Lab(SimulatedFlight):
-    """A vehicle whose tracker can be moved and whose bearings can be held back."""
+class MovedLab(Lab):
+    """A vehicle whose tracker can be moved and whose bearings can be held back; settings are
+    `estimation`'s."""
 
-    def __init__(self, **settings: ParameterValue) -> None:
-        parameters = FlightParameters().model_copy(deep=True)
+    def __init__(self, layout: str = "paper", lost: str = "", **settings: ParameterValue) -> None:
+        parameters = flight_parameters()
         parameters.seed(5)
-        layout = str(settings.pop("layout", "paper"))
         parameters.bearings.layout = parameters.beacons.layout = layout
-        parameters.bearings.lost = str(settings.pop("lost", ""))
-        self.kept, self.robot = KeptLog(), SimulatedVehicle(parameters.simulator)
-        super().__init__(parameters, self.robot, self.kept)  # type: ignore[arg-type]
+        parameters.bearings.lost = lost
+        super().__init__(parameters)
         self.moved, self.older_ns = np.zeros(3), 0
         self._take, self.stack.measure = self.stack.measure, self._measure  # type: ignore[method-assign]
         self.change({f"estimation.{name}": value for name, value in settings.items()})
@@ -43,52 +40,35 @@ class Lab(SimulatedFlight):
                 measurement["stamp_ns"] -= self.older_ns
         self._take(measurement)
 
-    def ready(self) -> Lab:
-        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
-        self.wait(0.3)
-        return self
-
-    def hovering(self) -> Lab:
-        self.ready().arm()
-        self.wait(0.5)
-        self.start("take_off", height=1.0)
-        self.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
-        self.wait(1.0)
-        return self
-
     def events_with(self, *words: str) -> list[str]:
-        """Events with all these words."""
-        self.advance()
-        texts = (event.text for event in self.kept.events)
-        return [text for text in texts if all(word in text for word in words)]
-
-    def off(self) -> float:
-        true_w = self.robot.truth["position_w"][0]
-        return float(np.linalg.norm(self.stack.state["position_w"][0] - true_w))
+        """Return the events with all these words."""
+        return [text for text in self.texts() if all(word in text for word in words)]
 
 
 # ---------------------------------------------------------------------- starts
 @pytest.mark.parametrize(("layout", "lost"), [("paper", "4"), (HOUSE, "")])
 def test_beside_a_known_pose_it_starts_on_bearings_that_give_none(layout: str, lost: str) -> None:
     """Three beacons, or some in no plane; then it is handed over to."""
-    lab = Lab(layout=layout, lost=lost, shadow="error_state", shadow_source="bearings").hovering()
+    lab = MovedLab(
+        layout=layout, lost=lost, shadow="error_state", shadow_source="bearings"
+    ).hovering()
     [started] = lab.events_with("error_state on bearings started at the pose of")
     assert "complementary on poses" in started
     lab.change({"estimation.estimator": "error_state", "estimation.source": "bearings"})
     lab.wait(4.0)
     assert lab.stack.store.get("estimation.source") == "bearings"
-    assert lab.off() < 0.15
+    assert lab.error() < 0.15
 
 
 def test_without_a_known_pose_three_beacons_are_refused_with_the_reason() -> None:
-    lab = Lab(lost="4", estimator="error_state", source="bearings").ready()
+    lab = MovedLab(lost="4", estimator="error_state", source="bearings").ready()
     lab.wait(1.0)
     assert not lab.stack.estimator.initialized
     assert lab.events_with("error_state cannot start on 3 bearings", "up to four poses")
 
 
 def test_beacons_in_no_plane_are_refused_by_the_estimators_that_need_one() -> None:
-    lab = Lab(layout=HOUSE, shadow="complementary", shadow_source="bearings").ready()
+    lab = MovedLab(layout=HOUSE, shadow="complementary", shadow_source="bearings").ready()
     lab.wait(1.0)
     assert lab.events_with("complementary", "leave their common plane")
     assert not lab.events_with("started at the pose of")
@@ -100,7 +80,7 @@ def test_beacons_in_no_plane_are_refused_by_the_estimators_that_need_one() -> No
 
 # ---------------------------------------------------------------------- the tracker jumps
 def test_a_small_jump_of_the_tracker_is_an_event_and_a_flag() -> None:
-    lab = Lab(estimator="error_state").hovering()
+    lab = MovedLab(estimator="error_state").hovering()
     lab.moved = np.array([0.3, 0.0, 0.0])
     lab.wait(0.4)
     assert lab.stack.estimate["agreement"][0] == Agreement.JUMPED
@@ -115,14 +95,14 @@ def test_a_small_jump_of_the_tracker_is_an_event_and_a_flag() -> None:
 
 
 def test_a_shadow_that_starts_anew_says_so() -> None:
-    lab = Lab(shadow="error_state").hovering()
+    lab = MovedLab(shadow="error_state").hovering()
     lab.moved = np.array([0.3, 0.0, 0.0])
     lab.wait(2.0)
     assert len(lab.events_with("error_state started anew, 0.3")) == 1
 
 
 def test_the_supervisor_sees_a_large_jump_before_the_filter_follows_it() -> None:
-    lab = Lab(estimator="error_state").hovering()
+    lab = MovedLab(estimator="error_state").hovering()
     lab.moved = np.array([1.0, 0.0, 0.0])
     lab.wait(0.45)
     assert lab.events_with("from their prediction for 0.3 s")
@@ -132,7 +112,7 @@ def test_the_supervisor_sees_a_large_jump_before_the_filter_follows_it() -> None
 
 # ---------------------------------------------------------------------- what is not used
 def test_bearings_too_late_to_be_used_are_told_and_counted() -> None:
-    lab = Lab(estimator="error_state", source="both").hovering()
+    lab = MovedLab(estimator="error_state", source="both").hovering()
     lab.older_ns = 310_000_000
     ignored = int(lab.stack.estimate["measurements_ignored"][0])
     lab.wait(2.0)
@@ -143,4 +123,4 @@ def test_bearings_too_late_to_be_used_are_told_and_counted() -> None:
     assert (
         len(lab.events_with("error_state on both did not use", "older than it can go back to")) == 1
     )
-    assert lab.off() < 0.02
+    assert lab.error() < 0.02

@@ -7,26 +7,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.records import POSE_SAMPLE, Record
 from quadrotor.vehicle_model import GRAVITY
-from tests.support.kept_log import KeptLog
+from tests.support.lab import Lab, flight_parameters
 from vehicle.estimators.barometric_height import PASCALS_PER_METRE, BarometricHeight
 from vehicle.processes.mailbox import Measurement
-from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 GAP = 0.2
 """s, four times what the laws are stepped by at most."""
 
 
-class Lab(SimulatedFlight):
+class DeafLab(Lab):
     """A flight whose samples and poses can be withheld from the stack."""
 
     def __init__(self, estimator: str) -> None:
-        parameters = FlightParameters().model_copy(deep=True)
+        parameters = flight_parameters()
         parameters.estimation.estimator = estimator
-        self.robot = SimulatedVehicle(parameters.simulator)
-        super().__init__(parameters, self.robot, KeptLog())  # type: ignore[arg-type]
+        super().__init__(parameters)
         self.deaf = False
         tick, measure = self.stack.tick, self.stack.measure
 
@@ -40,14 +37,9 @@ class Lab(SimulatedFlight):
 
         self.stack.tick = hear  # type: ignore[method-assign]
         self.stack.measure = take  # type: ignore[method-assign]
-        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
-        self.wait(0.3)
-        self.arm()
-        self.wait(0.5)
-        self.start("take_off", height=1.0)
-        self.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
+        self.hovering(settling=0.0)
 
-    def error(self) -> tuple[float, float]:
+    def errors(self) -> tuple[float, float]:
         """Of position (m) and velocity (m/s)."""
         state, truth = self.stack.state[0], self.robot.truth[0]
         return (
@@ -61,7 +53,7 @@ def test_a_gap_of_a_fifth_of_a_second_at_a_metre_a_second_costs_next_to_nothing(
     estimator: str,
 ) -> None:
     """With the gap cut to 50 ms the complementary filter was off by 0.147 m, then by 0.47 m/s."""
-    lab = Lab(estimator)
+    lab = DeafLab(estimator)
     lab.start("fly_to", x=1.8, y=0.0, z=1.0, speed=1.0)
     lab.wait_until(lambda v: v.position_w[0] > 0.8, what="half the way", timeout=10)
     speed = float(lab.robot.truth["velocity_w"][0, 0])
@@ -73,13 +65,13 @@ def test_a_gap_of_a_fifth_of_a_second_at_a_metre_a_second_costs_next_to_nothing(
     lab.deaf = False
     lab.advance()
     assert lab.stack.stamp_ns - before_ns == pytest.approx(GAP * 1e9, abs=5e6)
-    position, velocity = lab.error()
+    position, velocity = lab.errors()
     assert position < 0.02
     assert velocity < 0.1
     worst = np.zeros(2)
     for _ in range(100):
         lab.advance()
-        worst = np.maximum(worst, lab.error())
+        worst = np.maximum(worst, lab.errors())
     assert worst[0] < 0.02
     assert worst[1] < 0.15
     assert lab.stack.estimate["measurements_refused"][0] == 0

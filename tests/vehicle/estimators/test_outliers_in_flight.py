@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 
 from estimation.outcome import Agreement
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.records import ESTIMATE, POSE_SAMPLE, Record
 from tests.support.arrays import Array
-from tests.support.kept_log import KeptLog
+from tests.support.lab import Lab
 from tests.support.narrowing import now
 from vehicle.estimators.agreement_watch import HOLD_NS, QUIET_NS, AgreementWatch
 from vehicle.flight.modes import Flag
 from vehicle.processes import mailbox
-from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 Place = tuple[float, float, float]
 Displace = Callable[[Place], Place]
@@ -24,14 +22,11 @@ START = (0.0, 0.0, 1.0)
 OF_AGREEMENT = Flag.MEASUREMENTS_REFUSED | Flag.TRACKER_JUMPED | Flag.ESTIMATE_DRIFTED
 
 
-class Lab(SimulatedFlight):
+class MovedLab(Lab):
     """A hover over which the tracker's positions can be displaced."""
 
     def __init__(self) -> None:
-        self.robot = SimulatedVehicle(FlightParameters().simulator)
-        self.log_of_events = KeptLog()
-        parameters = FlightParameters().model_copy(deep=True)
-        super().__init__(parameters, self.robot, self.log_of_events)  # type: ignore[arg-type]
+        super().__init__()
         self.displace: Displace = lambda position: position
         take = self.stack.measure
 
@@ -41,17 +36,12 @@ class Lab(SimulatedFlight):
             take(measurement)
 
         self.stack.measure = measure  # type: ignore[method-assign]
-        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
-        self.wait(0.2)
-        self.arm()
-        self.wait(0.5)
-        self.start("take_off", height=START[2])
-        self.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
-        self.wait(1.0)
+        self.hovering(START[2])
 
     @property
     def flags(self) -> Flag:
-        return Flag(int(self.stack.status["flags"][0])) & OF_AGREEMENT
+        """Return those that tell of the tracker."""
+        return super().flags & OF_AGREEMENT
 
     def watch(self, seconds: float) -> tuple[Array, Flag]:
         """True positions (N, 3) and all flags seen meanwhile."""
@@ -64,7 +54,7 @@ class Lab(SimulatedFlight):
         return np.array(places), flags
 
     def warnings(self) -> list[str]:
-        return [e.text for e in self.log_of_events.events if e.level == mailbox.WARN]
+        return [e.text for e in self.kept.events if e.level == mailbox.WARN]
 
 
 def moved_by(x: float) -> Displace:
@@ -72,11 +62,11 @@ def moved_by(x: float) -> Displace:
 
 
 @pytest.fixture
-def lab() -> Lab:
-    return Lab()
+def lab() -> MovedLab:
+    return MovedLab()
 
 
-def test_one_pose_a_metre_off_moves_nothing_and_is_flagged_for_a_second(lab: Lab) -> None:
+def test_one_pose_a_metre_off_moves_nothing_and_is_flagged_for_a_second(lab: MovedLab) -> None:
     lab.displace = moved_by(1.0)
     lab.watch(0.01)
     lab.displace = moved_by(0.0)
@@ -89,7 +79,7 @@ def test_one_pose_a_metre_off_moves_nothing_and_is_flagged_for_a_second(lab: Lab
     assert len(lab.warnings()) == 1
 
 
-def test_bodies_swapped_for_a_fifth_of_a_second_move_nothing(lab: Lab) -> None:
+def test_bodies_swapped_for_a_fifth_of_a_second_move_nothing(lab: MovedLab) -> None:
     """Ungated the estimate was off by 1.15 m and 3.2 m/s and said to be converged."""
     lab.displace = lambda _: (1.5, -0.5, 0.7)
     places, flags = lab.watch(0.2)
@@ -104,7 +94,7 @@ def test_bodies_swapped_for_a_fifth_of_a_second_move_nothing(lab: Lab) -> None:
     assert len(lab.warnings()) == 2  # that it jumped, that it is back
 
 
-def test_a_tracker_shifted_for_good_is_followed_without_a_lunge(lab: Lab) -> None:
+def test_a_tracker_shifted_for_good_is_followed_without_a_lunge(lab: MovedLab) -> None:
     lab.displace = moved_by(0.3)
     places, flags = lab.watch(6.0)
     assert flags == Flag.MEASUREMENTS_REFUSED | Flag.TRACKER_JUMPED
@@ -116,10 +106,12 @@ def test_a_tracker_shifted_for_good_is_followed_without_a_lunge(lab: Lab) -> Non
     assert lab.stack.estimator.converged
 
 
-def test_a_metre_for_good_is_a_matter_of_the_supervisor_which_names_the_tracker(lab: Lab) -> None:
+def test_a_metre_for_good_is_a_matter_of_the_supervisor_which_names_the_tracker(
+    lab: MovedLab,
+) -> None:
     lab.displace = moved_by(1.0)
     lab.watch(0.5)
-    reasons = [e.text for e in lab.log_of_events.events if e.level > mailbox.INFO]
+    reasons = [e.text for e in lab.kept.events if e.level > mailbox.INFO]
     assert any("tracker jumped" in text and "1.00 m" in text for text in reasons)
     assert not any("diverged" in text for text in reasons)
     assert lab.view().mode == "emergency_land"

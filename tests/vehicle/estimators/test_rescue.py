@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.vehicle.estimators.test_stack_estimators import Lab
+from tests.vehicle.estimators.test_stack_estimators import EstimatorLab
 from vehicle.flight.modes import Flag
 
 
-def flown(lab: Lab) -> str:
+def flown(lab: EstimatorLab) -> str:
     return str(lab.stack.estimator.name)  # type: ignore[attr-defined]
 
 
-def break_filter(lab: Lab, metres: float) -> None:
+def break_filter(lab: EstimatorLab, metres: float) -> None:
     """Move the filter, which goes on believing in itself."""
     memory = lab.stack.estimator.memory  # type: ignore[attr-defined]
     for name in ("base", "now"):
@@ -22,7 +22,7 @@ def break_filter(lab: Lab, metres: float) -> None:
 
 
 def test_it_takes_over_hands_back_and_says_both() -> None:
-    lab = Lab(estimator="error_state").hovering()
+    lab = EstimatorLab(estimator="error_state").hovering()
     break_filter(lab, 0.5)
     seen: list[str] = []
     steps: list[float] = []
@@ -48,7 +48,7 @@ def test_it_takes_over_hands_back_and_says_both() -> None:
 
 
 def test_an_estimate_that_is_not_a_number_is_left_at_the_next_pose() -> None:
-    lab = Lab(estimator="error_state").hovering()
+    lab = EstimatorLab(estimator="error_state").hovering()
     break_filter(lab, np.nan)
     lab.wait(0.03)
     assert flown(lab) == "complementary"
@@ -56,7 +56,7 @@ def test_an_estimate_that_is_not_a_number_is_left_at_the_next_pose() -> None:
 
 
 def test_it_may_be_switched_off() -> None:
-    lab = Lab(estimator="error_state", rescue=False).hovering()
+    lab = EstimatorLab(estimator="error_state", rescue=False).hovering()
     assert lab.stack.navigation.shadow is None
     break_filter(lab, 0.3)
     lab.wait(2.0)
@@ -65,7 +65,7 @@ def test_it_may_be_switched_off() -> None:
 
 
 def test_a_choice_made_meanwhile_stays() -> None:
-    lab = Lab(estimator="error_state").hovering()
+    lab = EstimatorLab(estimator="error_state").hovering()
     break_filter(lab, 0.5)
     lab.wait(0.3)
     assert flown(lab) == "complementary"
@@ -76,7 +76,7 @@ def test_a_choice_made_meanwhile_stays() -> None:
 
 
 def test_a_tracker_that_jumps_contradicts_both_and_nothing_is_changed() -> None:
-    lab = Lab(estimator="error_state").hovering()
+    lab = EstimatorLab(estimator="error_state").hovering()
     measure = lab.stack.measure
 
     def moved(measurement: object) -> None:

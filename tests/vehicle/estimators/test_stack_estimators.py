@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,22 +11,17 @@ import pytest
 from estimation import registry
 from estimation.complementary import ComplementaryEstimator
 from estimation.parameters import PRESETS, EstimationParameters
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
-from quadrotor.errors import RefusedError, UnknownParameterError
+from quadrotor.errors import UnknownParameterError
 from quadrotor.records import Record, bearings_sample
-from tests.support.kept_log import KeptLog
+from tests.support.lab import Lab, refusal
 from vehicle.processes import mailbox
-from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 
-class Lab(SimulatedFlight):
-    """A flight whose station also sends the bearings themselves."""
+class EstimatorLab(Lab):
+    """A flight whose station also sends the bearings themselves; settings are `estimation`'s."""
 
     def __init__(self, **settings: Any) -> None:
-        parameters = FlightParameters().model_copy(deep=True)
-        self.kept = KeptLog()
-        self.robot = SimulatedVehicle(parameters.simulator)
-        super().__init__(parameters, self.robot, self.kept)  # type: ignore[arg-type]
+        super().__init__()
         if settings:
             self.set(**settings)
 
@@ -37,33 +31,9 @@ class Lab(SimulatedFlight):
     def _solve(self, seen: Record, now_ns: int) -> None:
         self.stack.measure(seen)
 
-    def hovering(self) -> Lab:
-        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
-        self.wait(0.3)
-        self.arm()
-        self.wait(0.5)
-        self.start("take_off", height=1.0)
-        self.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
-        self.wait(1.0)
-        return self
-
-    def texts(self) -> list[str]:
-        self.advance()
-        return [event.text for event in self.kept.events]
-
-    def error(self) -> float:
-        estimated = self.stack.state["position_w"][0]
-        return float(np.linalg.norm(estimated - self.robot.truth["position_w"][0]))
-
-
-def refusal(action: Callable[[], None]) -> str:
-    with pytest.raises(RefusedError) as caught:
-        action()
-    return str(caught.value)
-
 
 def test_on_the_ground_a_choice_acts_at_once_and_flies() -> None:
-    lab = Lab()
+    lab = EstimatorLab()
     assert lab.stack.estimator.name == "complementary"  # type: ignore[attr-defined]
     lab.set(estimator="error_state")
     assert lab.stack.estimator.name == "error_state"  # type: ignore[attr-defined]
@@ -75,7 +45,7 @@ def test_on_the_ground_a_choice_acts_at_once_and_flies() -> None:
 
 
 def test_in_flight_the_converged_shadow_takes_over_without_a_jump() -> None:
-    lab = Lab(shadow="error_state").hovering()
+    lab = EstimatorLab(shadow="error_state").hovering()
     lab.start("fly_to", x=0.3, y=0.2, z=1.2, yaw=0.3)
     lab.wait(0.5)
     stack = lab.stack
@@ -98,7 +68,7 @@ def test_in_flight_the_converged_shadow_takes_over_without_a_jump() -> None:
 
 
 def test_in_flight_only_the_shadow_may_be_chosen_and_a_refusal_changes_nothing() -> None:
-    lab = Lab().hovering()
+    lab = EstimatorLab().hovering()
     store = lab.stack.store
     before, revision, active = store.values(), store.revision, lab.stack.estimator
     assert "does not run" in refusal(lambda: lab.set(estimator="error_state"))
@@ -108,7 +78,7 @@ def test_in_flight_only_the_shadow_may_be_chosen_and_a_refusal_changes_nothing()
 
 
 def test_in_flight_a_shadow_that_has_not_converged_or_disagrees_is_refused_with_numbers() -> None:
-    lab = Lab(shadow="error_state").hovering()
+    lab = EstimatorLab(shadow="error_state").hovering()
     navigation = lab.stack.navigation
     shadow = navigation.shadow
     assert shadow is not None
@@ -127,7 +97,7 @@ def test_in_flight_a_shadow_that_has_not_converged_or_disagrees_is_refused_with_
 
 
 def test_in_flight_what_is_not_compiled_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    lab = Lab().hovering()
+    lab = EstimatorLab().hovering()
     monkeypatch.setattr(registry, "ready", lambda name, bearings: False)
     monkeypatch.setattr(registry, "prepare", lambda *_: pytest.fail("compiled in flight"))
     assert "not compiled" in refusal(lambda: lab.set(shadow="error_state"))
@@ -138,7 +108,7 @@ def test_in_flight_what_is_not_compiled_is_refused(monkeypatch: pytest.MonkeyPat
 
 def test_bearings_alone_fly_within_bounds() -> None:
     """Handed over in flight: on the floor the beacons' own plane is too near."""
-    lab = Lab(shadow="error_state", shadow_source="bearings").hovering()
+    lab = EstimatorLab(shadow="error_state", shadow_source="bearings").hovering()
     lab.wait(2.0)
     lab.set(source="bearings", estimator="error_state")
     lab.start("follow_trajectory", trajectory="figure_eight", laps=1)
@@ -153,7 +123,7 @@ def test_bearings_alone_fly_within_bounds() -> None:
 
 
 def test_a_gain_too_fast_for_the_measured_rate_is_said_once_and_anew_after_a_change() -> None:
-    lab = Lab(**PRESETS["paper"])
+    lab = EstimatorLab(**PRESETS["paper"])
     lab._tracker.parameters.rate = 30.0
     lab.wait(9.0)
 
@@ -195,7 +165,7 @@ def test_a_registered_plugin_can_be_chosen_and_a_broken_shadow_ends_no_flight(
     registry.register("frozen", Frozen)
     assert registry.names() == ("complementary", "error_state", "frozen")
     monkeypatch.setattr(Frozen, "broken", False)
-    lab = Lab(shadow="frozen").hovering()
+    lab = EstimatorLab(shadow="frozen").hovering()
     Frozen.broken = True
     lab.wait(0.5)
     assert any("shadow frozen stopped: ZeroDivisionError" in text for text in lab.texts())
@@ -203,14 +173,14 @@ def test_a_registered_plugin_can_be_chosen_and_a_broken_shadow_ends_no_flight(
 
 
 def test_an_unknown_estimator_is_refused_by_name() -> None:
-    lab = Lab()
+    lab = EstimatorLab()
     assert "one of complementary, error_state" in refusal(lambda: lab.set(estimator="magic"))
     with pytest.raises(UnknownParameterError, match="complementary, error_state"):
         registry.create("magic", EstimationParameters())
 
 
 def test_unknown_beacons_are_said_once_and_ignored() -> None:
-    lab = Lab(source="both")
+    lab = EstimatorLab(source="both")
     for k in range(5):
         frame = bearings_sample(k * 1_000_000, (77,), ((0.0, 0.0, -1.0),), 0.02)
         lab.stack.measure(frame)

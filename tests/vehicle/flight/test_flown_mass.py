@@ -8,29 +8,26 @@ import numpy as np
 import pytest
 
 from control.parameters import ControlParameters
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import OutOfBoundsError, RefusedError
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import Record
 from quadrotor.vehicle_model import GRAVITY, VehicleModel
-from tests.support.kept_log import KeptLog
+from tests.support.lab import Lab, flight_parameters
 from vehicle.flight.control_law import Steering
 from vehicle.flight.flown_mass import USED_BY
 from vehicle.parameters import new_parameters
-from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 TRUE_MASS = 1.308
 
 
-class Flight(SimulatedFlight):
+class Flight(Lab):
     """Keeps the law's mass (kg), the thrust (N) and the height over the reference of each tick."""
 
     def __init__(self, settings: dict[str, Any]) -> None:
-        parameters = FlightParameters().model_copy(deep=True)
+        parameters = flight_parameters()
         ParameterStore(parameters).preset(settings)
-        self.robot = SimulatedVehicle(parameters.simulator)
         self.rows: list[tuple[float, float, float]] = []
-        super().__init__(parameters, self.robot, KeptLog())  # type: ignore[arg-type]
+        super().__init__(parameters)
 
     def advance(self) -> None:
         super().advance()
@@ -40,11 +37,6 @@ class Flight(SimulatedFlight):
             (stack.steering.mass, float(stack.record["actuators"]["wrench"][0, 0]), float(height))
         )
 
-    def ready(self) -> Flight:
-        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
-        self.wait(0.2)
-        return self
-
     def land(self) -> None:
         self.start("land")
         self.wait_until(lambda v: not v.armed, what="touch-down", timeout=20)
@@ -53,13 +45,8 @@ class Flight(SimulatedFlight):
 @pytest.fixture(scope="module")
 def flight() -> Flight:
     """Hovers after a take-off from 1.0 kg; the tests below fly on in their order."""
-    flight = Flight({USED_BY: "estimate", "mass.initial": 1.0}).ready()
-    flight.arm()
-    flight.wait(0.5)
-    flight.start("take_off", height=1.0, speed=0.2)
-    flight.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
-    flight.wait(3.0)
-    return flight
+    flight = Flight({USED_BY: "estimate", "mass.initial": 1.0})
+    return flight.hovering(settling=3.0, speed=0.2)
 
 
 def test_the_take_off_is_held_back_by_an_initial_mass_that_is_too_low(flight: Flight) -> None:

@@ -7,33 +7,24 @@ import itertools
 import pytest
 
 from control.presets import PRESETS, preset
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
-from tests.support.kept_log import KeptLog
+from tests.support.lab import Lab
 from vehicle.flight.configuration import check_steps
 from vehicle.parameters import new_parameters
-from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 KP = "control.position.kp_xy"
 
 
 @pytest.fixture(scope="module")
-def hovering() -> SimulatedFlight:
-    parameters = FlightParameters().model_copy(deep=True)
-    flight = SimulatedFlight(parameters, SimulatedVehicle(parameters.simulator), KeptLog())  # type: ignore[arg-type]
-    flight.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
-    flight.wait(0.2)
+def hovering() -> Lab:
+    flight = Lab().ready()
     flight.change({KP: 12.0})
     flight.change({KP: 4.0})  # any step on the ground
-    flight.arm()
-    flight.wait(0.5)
-    flight.start("take_off", height=1.0)
-    flight.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
-    return flight
+    return flight.hovering(settling=0.0)
 
 
-def test_a_larger_step_in_flight_is_refused_with_what_is_allowed(hovering: SimulatedFlight) -> None:
+def test_a_larger_step_in_flight_is_refused_with_what_is_allowed(hovering: Lab) -> None:
     before, revision = hovering.stack.store.values(), hovering.stack.store.revision
     with pytest.raises(RefusedError, match=rf"{KP} = 12 .* 0 to 8 1/s² at once; .* 2 steps"):
         hovering.change({KP: 12.0, "control.position.kp_z": 8.1})
@@ -41,13 +32,13 @@ def test_a_larger_step_in_flight_is_refused_with_what_is_allowed(hovering: Simul
     assert hovering.stack.store.revision == revision
 
 
-def test_the_same_way_goes_in_steps(hovering: SimulatedFlight) -> None:
+def test_the_same_way_goes_in_steps(hovering: Lab) -> None:
     for value in (8.0, 12.0, 8.0, 4.0):
         hovering.change({KP: value})
         assert hovering.parameter(KP) == value
 
 
-def test_parameters_without_a_step_move_freely_in_flight(hovering: SimulatedFlight) -> None:
+def test_parameters_without_a_step_move_freely_in_flight(hovering: Lab) -> None:
     hovering.change({"behavior.fly_to_speed": 5.0})
     assert hovering.parameter("behavior.fly_to_speed") == 5.0
 

@@ -2,79 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
-from quadrotor.errors import RefusedError, UnknownParameterError
-from tests.support.kept_log import KeptLog
+from quadrotor.errors import UnknownParameterError
+from tests.support.lab import Lab, refusal
 from vehicle.flight.modes import Flag, Mode
 from vehicle.processes import mailbox
-from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 
-class Lab(SimulatedFlight):
+class StationLab(Lab):
     """A flight whose station and tracker can be silenced."""
 
-    def __init__(self, **settings: Any) -> None:
-        parameters = FlightParameters().model_copy(deep=True)
-        self.record = KeptLog()
-        self.robot = SimulatedVehicle(parameters.simulator)
-        self.station_alive = True
-        super().__init__(parameters, self.robot, self.record)  # type: ignore[arg-type]
-        if settings:
-            self.change(settings)
+    station_alive = True
 
     def _station(self, now_ns: int) -> None:
         if self.station_alive:
             super()._station(now_ns)
 
-    def ready(self) -> Lab:
-        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
-        self.wait(0.2)
-        return self
-
-    def hovering(self, height: float = 1.0) -> Lab:
-        self.ready().arm()
-        self.wait(0.5)
-        self.start("take_off", height=height)
-        self.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
-        self.wait(1.0)
-        return self
-
-    def texts(self) -> str:
-        return "\n".join(event.text for event in self.record.events)
-
-
-def refusal(action: Callable[[], None]) -> str:
-    with pytest.raises(RefusedError) as caught:
-        action()
-    return str(caught.value)
-
 
 def test_it_takes_off_hovers_and_lands_where_it_should() -> None:
-    lab = Lab().hovering(1.2)
+    lab = StationLab().hovering(1.2)
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.2], abs=0.02)
     lab.start("land")
     lab.wait_until(lambda v: not v.armed, what="disarmed", timeout=15)
     lab.wait(1.0)
     assert lab.robot.truth["position_w"][0, 2] == pytest.approx(0.0, abs=0.02)
     assert np.all(lab.robot.rotor_speeds < 20.0), "motors still turn after landing"
-    assert "touched down" in lab.texts()
+    assert "touched down" in lab.said
 
 
 def test_take_off_is_refused_when_disarmed_and_when_flying() -> None:
-    lab = Lab().ready()
+    lab = StationLab().ready()
     assert "arm the vehicle first" in refusal(lambda: lab.start("take_off"))
-    lab = Lab().hovering()
+    lab = StationLab().hovering()
     assert "flying already" in refusal(lambda: lab.start("take_off"))
 
 
 def test_fly_to_outside_the_flight_volume_is_refused_and_changes_nothing() -> None:
-    lab = Lab().hovering()
+    lab = StationLab().hovering()
     reason = refusal(lambda: lab.start("fly_to", x=50.0))
     assert "50" in reason
     assert lab.view().behavior == "hover"
@@ -83,7 +51,7 @@ def test_fly_to_outside_the_flight_volume_is_refused_and_changes_nothing() -> No
 
 
 def test_an_unknown_behavior_and_an_unknown_argument_are_refused_by_name() -> None:
-    lab = Lab().hovering()
+    lab = StationLab().hovering()
     assert "land" in refusal(lambda: lab.start("lnad"))
     with pytest.raises(UnknownParameterError, match="heigth"):
         lab.stack.behaviors.request(
@@ -94,7 +62,7 @@ def test_an_unknown_behavior_and_an_unknown_argument_are_refused_by_name() -> No
 
 
 def test_arming_is_refused_before_the_gyroscope_is_calibrated_and_without_a_pose() -> None:
-    lab = Lab()
+    lab = StationLab()
     lab.advance()
     assert "gyroscope" in refusal(lab.arm)
     lab.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
@@ -104,14 +72,14 @@ def test_arming_is_refused_before_the_gyroscope_is_calibrated_and_without_a_pose
 
 
 def test_arming_is_refused_when_only_the_heartbeat_is_missing() -> None:
-    lab = Lab().ready()
+    lab = StationLab().ready()
     lab._next_heartbeat_ns = 10**15
     lab.wait(1.0)
     assert "no heartbeat from the station" in refusal(lab.arm)
 
 
 def test_disarming_in_flight_is_refused_and_the_cut_stops_the_motors() -> None:
-    lab = Lab().hovering()
+    lab = StationLab().hovering()
     disarm = mailbox.Disarm("1", "test")
     assert "flying" in lab.stack.handle(disarm).reason
     assert lab.stack.handle(mailbox.Emergency("2", "test", "cut")).accepted
@@ -123,7 +91,7 @@ def test_disarming_in_flight_is_refused_and_the_cut_stops_the_motors() -> None:
 
 
 def test_an_emergency_landing_refuses_everything_but_the_cut() -> None:
-    lab = Lab().hovering()
+    lab = StationLab().hovering()
     assert lab.stack.handle(mailbox.Emergency("1", "test", "land")).accepted
     assert "emergency landing" in refusal(lambda: lab.start("hover"))
     lab.wait_until(lambda v: v.mode == "ready", what="on the ground", timeout=15)
@@ -132,17 +100,17 @@ def test_an_emergency_landing_refuses_everything_but_the_cut() -> None:
 
 @pytest.mark.parametrize("action", ["lnad", "", "CUT"])
 def test_an_unknown_emergency_action_names_the_two_there_are(action: str) -> None:
-    reply = Lab().hovering().stack.handle(mailbox.Emergency("1", "test", action))
+    reply = StationLab().hovering().stack.handle(mailbox.Emergency("1", "test", action))
     assert not reply.accepted
     assert "land or cut" in reply.reason
 
 
 def test_a_lost_station_makes_it_brake_and_land_on_its_inertial_sensors() -> None:
-    lab = Lab(**{"safety.link_land_after": 1.0}).hovering()
+    lab = StationLab(settings={"safety.link_land_after": 1.0}).hovering()
     silent = lab.stack.stamp_ns
     lab.station_alive = False
     lab.wait_until(
-        lambda v: v.behavior in ("brake", "hover") and "braking" in lab.texts(),
+        lambda v: v.behavior in ("brake", "hover") and "braking" in lab.said,
         what="braking",
         timeout=0.5,
     )
@@ -155,22 +123,22 @@ def test_a_lost_station_makes_it_brake_and_land_on_its_inertial_sensors() -> Non
 
 
 def test_a_lost_pose_alone_lands_it() -> None:
-    lab = Lab(**{"safety.pose_land_after": 0.5}).hovering()
+    lab = StationLab(settings={"safety.pose_land_after": 0.5}).hovering()
     lab._tracker.parameters.drop_out = 1.0
     lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=1.0)
     assert int(lab.stack.status["flags"][0]) & Flag.NO_POSE
-    assert "no pose measurement" in lab.texts()
+    assert "no pose measurement" in lab.said
 
 
 def test_a_parameter_change_is_applied_whole_and_told_with_who_old_and_new() -> None:
-    lab = Lab().ready()
+    lab = StationLab().ready()
     name = "control.position.kp_xy"
     old = lab.stack.store.get(name)
     reply = lab.stack.handle(mailbox.ChangeParameters("1", "alice", {name: 5.0}))
     assert (reply.accepted, reply.applied) == (True, {name: 5.0})
     assert reply.revision == lab.stack.status["parameter_revision"][0]
     lab.advance()
-    change = lab.record.changes[-1]
+    change = lab.kept.changes[-1]
     assert (change.requester, change.old, change.new) == ("alice", old, 5.0)
 
 
@@ -185,7 +153,7 @@ def test_a_parameter_change_is_applied_whole_and_told_with_who_old_and_new() -> 
     ],
 )
 def test_a_bad_parameter_change_changes_nothing(values: dict[str, Any], said: str) -> None:
-    lab = Lab().ready()
+    lab = StationLab().ready()
     before, revision = lab.stack.store.values(), lab.stack.store.revision
     reply = lab.stack.handle(mailbox.ChangeParameters("1", "test", values))
     assert not reply.accepted
@@ -196,7 +164,7 @@ def test_a_bad_parameter_change_changes_nothing(values: dict[str, Any], said: st
 
 def test_the_tick_is_a_function_of_its_inputs() -> None:
     def fly() -> bytes:
-        lab = Lab().hovering()
+        lab = StationLab().hovering()
         return lab.stack.record.tobytes() + lab.robot.truth.tobytes()
 
     assert fly() == fly()

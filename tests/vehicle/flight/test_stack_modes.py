@@ -3,37 +3,28 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import FlightParameters
 from quadrotor.errors import RefusedError
 from quadrotor.records import Record
-from tests.support.kept_log import KeptLog
+from tests.support.lab import Lab
 from tests.support.narrowing import now
 from vehicle.flight.modes import ControlMode, Mode
 from vehicle.flight.stack import FlightStack
 from vehicle.microcontroller.microcontroller import Microcontroller
 from vehicle.processes import mailbox
-from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 
 
-class Lab(SimulatedFlight):
+class FailingLab(Lab):
     """A flight of which parts can be made to fail."""
 
-    def __init__(self, **settings: Any) -> None:
-        parameters = FlightParameters().model_copy(deep=True)
-        self.record = KeptLog()
-        self.robot = SimulatedVehicle(parameters.simulator)
-        self.frozen = False
-        self.held: tuple[float, float, float, float] | None = None
-        super().__init__(parameters, self.robot, self.record)  # type: ignore[arg-type]
-        self.impact = 0.0
-        if settings:
-            self.change(settings)
+    frozen = False
+    held: tuple[float, float, float, float] | None = None
+    impact = 0.0
 
     def advance(self) -> None:
         speed = -float(self.robot.truth["velocity_w"][0, 2])
@@ -47,24 +38,10 @@ class Lab(SimulatedFlight):
             self.impact = max(self.impact, speed)
 
     @property
-    def height(self) -> float:
-        return float(self.robot.truth["position_w"][0, 2])
-
-    @property
     def tilt(self) -> float:
         """Truth, degrees."""
         _, x, y, _ = self.robot.truth["quaternion_wb"][0]
         return math.degrees(2 * math.asin(min(1.0, math.hypot(x, y))))
-
-    def hovering(self, height: float = 1.0) -> Lab:
-        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
-        self.wait(0.2)
-        self.arm()
-        self.wait(0.5)
-        self.start("take_off", height=height)
-        self.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
-        self.wait(1.0)
-        return self
 
     def emergency(self) -> mailbox.Reply:
         return self.stack.handle(mailbox.Emergency("1", "anna", "land"))
@@ -83,14 +60,11 @@ class Lab(SimulatedFlight):
         """What the status says."""
         return ControlMode(self.stack.status["control_mode"][0])
 
-    def texts(self) -> str:
-        return "\n".join(event.text for event in self.record.events)
-
 
 def test_a_program_outside_flies_and_is_braked_when_it_falls_silent() -> None:
     """A circle of references, 50 a second, each 30 ms old when it comes; its words are said."""
     radius, omega, age = 0.5, 1.2, 0.03
-    lab = Lab().hovering()
+    lab = FailingLab().hovering()
     start, begin = lab.stack.reference["position_w"][0].copy(), lab.stack.stamp_ns
 
     def send() -> None:
@@ -122,14 +96,14 @@ def test_a_program_outside_flies_and_is_braked_when_it_falls_silent() -> None:
     lab.wait(0.4)
     assert lab.view().behavior == "brake"
     assert "braking: the newest reference of the topic external_reference is 0.20 s old" in (
-        lab.texts()
+        lab.said
     )
     lab.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=5)
 
 
 @pytest.mark.parametrize("height", [1.0, 2.5])
 def test_emergency_land_leaves_the_landing_to_the_microcontroller(height: float) -> None:
-    lab = Lab().hovering(height)
+    lab = FailingLab().hovering(height)
     assert lab.emergency().accepted
     lab.advance()
     assert lab.stack.modes.control_mode is ControlMode.EMERGENCY
@@ -138,8 +112,8 @@ def test_emergency_land_leaves_the_landing_to_the_microcontroller(height: float)
     assert lab.robot.firmware.motor_state is MotorState.EMERGENCY
     assert now(lab).control_told is ControlMode.EMERGENCY
     lab.landed()
-    assert "emergency land by anna; the microcontroller lands by itself" in lab.texts()
-    assert "landed by the microcontroller" in lab.texts()
+    assert "emergency land by anna; the microcontroller lands by itself" in lab.said
+    assert "landed by the microcontroller" in lab.said
     lab.arm()
     lab.wait(0.5)
     assert now(lab).robot.firmware.motor_state is MotorState.ON, "and it flies again"
@@ -147,7 +121,7 @@ def test_emergency_land_leaves_the_landing_to_the_microcontroller(height: float)
 
 @pytest.mark.parametrize("chosen", ["land", "descend"])
 def test_what_emergency_land_does_is_a_parameter(chosen: str) -> None:
-    lab = Lab(**{"safety.emergency_land": chosen}).hovering()
+    lab = FailingLab(settings={"safety.emergency_land": chosen}).hovering()
     assert lab.emergency().accepted
     lab.wait(0.3)
     modes = {"land": ControlMode.DIRECT, "descend": ControlMode.NEAR_HOVERING}
@@ -158,7 +132,7 @@ def test_what_emergency_land_does_is_a_parameter(chosen: str) -> None:
 
 @pytest.mark.parametrize(("chosen", "told"), [("emergency", "EMERGENCY"), ("land", "DIRECT")])
 def test_emergency_land_takes_a_milder_landing_over(chosen: str, told: str) -> None:
-    lab = Lab(**{"safety.emergency_land": chosen}).hovering()
+    lab = FailingLab(settings={"safety.emergency_land": chosen}).hovering()
     lab.stack.modes.land("a test")
     lab.wait(0.1)
     assert lab.emergency().accepted
@@ -168,7 +142,7 @@ def test_emergency_land_takes_a_milder_landing_over(chosen: str, told: str) -> N
 
 
 def test_a_frozen_computer_is_landed_and_finds_itself_on_the_ground() -> None:
-    lab = Lab().hovering(2.0)
+    lab = FailingLab().hovering(2.0)
     lab.frozen = True
     for _ in range(12 * 500):
         lab.advance()
@@ -179,23 +153,23 @@ def test_a_frozen_computer_is_landed_and_finds_itself_on_the_ground() -> None:
     for _ in range(500):
         lab.advance()
     assert lab.stack.mode is Mode.READY
-    assert "landed by the microcontroller" in lab.texts()
+    assert "landed by the microcontroller" in lab.said
 
 
 def test_a_computer_that_was_frozen_for_a_second_does_not_fight_the_landing() -> None:
-    lab = Lab().hovering(2.0)
+    lab = FailingLab().hovering(2.0)
     lab.frozen = True
     for _ in range(500):
         lab.advance()
     lab.frozen = False
     lab.wait(0.1)
     assert lab.stack.mode is Mode.EMERGENCY_LAND
-    assert "the microcontroller took over" in lab.texts()
+    assert "the microcontroller took over" in lab.said
     lab.landed()
 
 
 def test_the_time_to_the_emergency_reaches_the_microcontroller() -> None:
-    lab = Lab().hovering()
+    lab = FailingLab().hovering()
     assert lab.robot.firmware.registers[Id.EMERGENCY_TIMEOUT] == 250
     lab.change({"safety.command_timeout": 0.5})
     lab.wait(0.2)
@@ -206,18 +180,18 @@ def test_the_time_to_the_emergency_reaches_the_microcontroller() -> None:
 def test_a_lost_pose_is_a_descent_with_the_angles_held_by_the_microcontroller(
     height: float,
 ) -> None:
-    lab = Lab().hovering(height)
+    lab = FailingLab().hovering(height)
     lab._tracker.parameters.drop_out = 1.0
     lab.wait_until(lambda v: v.mode == "emergency_land", what="descent", timeout=2.0)
     lab.wait(0.1)
     registers = lab.robot.firmware.registers
     assert registers[Id.FLIGHT_CONTROL_MODE] == FlightControlMode.NEAR_HOVERING
     lab.landed()
-    assert "no pose measurement for 1.0 s; descending by the barometer" in lab.texts()
+    assert "no pose measurement for 1.0 s; descending by the barometer" in lab.said
 
 
 def test_an_estimate_that_diverged_is_not_flown_on() -> None:
-    lab = Lab().hovering(1.5)
+    lab = FailingLab().hovering(1.5)
     lab.stack.estimate["position_innovation_w"] = 0.0
     step = lab.stack.navigation.step
 
@@ -227,22 +201,22 @@ def test_an_estimate_that_diverged_is_not_flown_on() -> None:
 
     lab.stack.navigation.step = lie  # type: ignore[method-assign]
     lab.wait_until(lambda v: v.mode == "emergency_land", what="descent", timeout=1.0)
-    assert "diverged: poses 2.00 m from their prediction" in lab.texts()
+    assert "diverged: poses 2.00 m from their prediction" in lab.said
     lab.landed()
 
 
 def test_a_gust_out_of_the_volume_lands_it() -> None:
-    lab = Lab(**{"safety.volume_margin": 0.2}).hovering()
+    lab = FailingLab(settings={"safety.volume_margin": 0.2}).hovering()
     lab.change({"behavior.volume_x_max": 0.3})
     lab.robot.disturb((6.0, 0.0, 0.0))
     lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=5.0)
-    assert "outside the flight volume" in lab.texts()
+    assert "outside the flight volume" in lab.said
     lab.robot.disturb((0.0, 0.0, 0.0))
     lab.landed()
 
 
 def test_near_hovering_flies_by_angles_and_holds_its_altitude() -> None:
-    lab = Lab().hovering(1.5)
+    lab = FailingLab().hovering(1.5)
     lab.held = (0.0, 0.0, 0.0, 0.0)
     lab.start("near_hovering")
     lab.wait(0.5)
@@ -263,19 +237,19 @@ def test_near_hovering_flies_by_angles_and_holds_its_altitude() -> None:
 
 
 def test_near_hovering_out_of_the_volume_is_landed_while_the_pose_is_known() -> None:
-    lab = Lab(**{"safety.volume_margin": 0.1}).hovering(1.5)
+    lab = FailingLab(settings={"safety.volume_margin": 0.1}).hovering(1.5)
     lab.held = (0.0, 0.0, 0.0, 0.0)
     lab.start("near_hovering")
     lab.change({"behavior.volume_x_max": 0.3})
     lab.held = (1.0, 0.0, 0.0, 0.0)
     lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=5.0)
-    assert "outside the flight volume" in lab.texts()
+    assert "outside the flight volume" in lab.said
     assert lab.stack.modes.control_mode is ControlMode.DIRECT
     lab.landed()
 
 
 def test_without_altitude_hold_the_stick_is_thrust() -> None:
-    lab = Lab().hovering(1.5)
+    lab = FailingLab().hovering(1.5)
     lab.held = (0.0, 0.0, 0.0, 0.0)
     lab.start("near_hovering", hold_altitude=False)
     lab.wait(0.3)
@@ -285,7 +259,7 @@ def test_without_altitude_hold_the_stick_is_thrust() -> None:
 
 
 def test_without_a_pose_only_what_needs_none_may_follow_near_hovering() -> None:
-    lab = Lab().hovering(1.5)
+    lab = FailingLab().hovering(1.5)
     lab.held = (0.0, 0.0, 0.0, 0.0)
     lab.start("near_hovering")
     lab._tracker.parameters.drop_out = 1.0
@@ -298,15 +272,15 @@ def test_without_a_pose_only_what_needs_none_may_follow_near_hovering() -> None:
 
 
 def test_the_supervisor_lands_when_a_serial_port_is_gone() -> None:
-    lab = Lab().hovering()
+    lab = FailingLab().hovering()
     lab._mcu._ports.lost = 1
     lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=1.0)
-    assert "a serial port is lost" in lab.texts()
+    assert "a serial port is lost" in lab.said
     lab.landed()
 
 
 def test_the_gyroscope_is_not_calibrated_while_the_microcontroller_lands() -> None:
-    lab = Lab().hovering(1.0)
+    lab = FailingLab().hovering(1.0)
     for _ in range(200):  # the flight process is dead, and started again
         lab.robot.step()
     assert lab.robot.firmware.motor_state is MotorState.EMERGENCY

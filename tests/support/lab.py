@@ -1,0 +1,89 @@
+"""A vehicle in simulated time, which the tests of the whole tick fly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Self
+
+import numpy as np
+import pytest
+
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight
+from quadrotor.errors import RefusedError
+from quadrotor.parameters import ParameterValue
+from tests.support.kept_log import KeptLog
+from vehicle.flight.modes import Flag
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+
+
+def flight_parameters() -> FlightParameters:
+    """Return the defaults, which may be changed."""
+    return FlightParameters().model_copy(deep=True)
+
+
+class Lab(SimulatedFlight):
+    """A flight of which the truth and the events are known.
+
+    Args:
+        parameters: the defaults where there are none.
+        settings: changed before the flight, by their full names.
+    """
+
+    def __init__(
+        self,
+        parameters: FlightParameters | None = None,
+        settings: Mapping[str, ParameterValue] | None = None,
+    ) -> None:
+        parameters = parameters or flight_parameters()
+        self.kept = KeptLog()
+        self.robot = SimulatedVehicle(parameters.simulator)
+        super().__init__(parameters, self.robot, self.kept)  # type: ignore[arg-type]
+        if settings:
+            self.change(dict(settings))
+
+    def ready(self, settling: float = 0.2) -> Self:
+        """Wait until it is ready, and poses have come."""
+        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
+        self.wait(settling)
+        return self
+
+    def hovering(self, height: float = 1.0, settling: float = 1.0, **take_off: float) -> Self:
+        """Arm, take off, and let it settle."""
+        self.ready().arm()
+        self.wait(0.5)
+        self.start("take_off", height=height, **take_off)
+        self.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
+        self.wait(settling)
+        return self
+
+    @property
+    def height(self) -> float:
+        """Return the true height in m."""
+        return float(self.robot.truth["position_w"][0, 2])
+
+    def error(self) -> float:
+        """Return how far the vehicle is from where the estimate believes it, in m."""
+        estimated = self.stack.state["position_w"][0]
+        return float(np.linalg.norm(estimated - self.robot.truth["position_w"][0]))
+
+    @property
+    def flags(self) -> Flag:
+        """Return the flags of the status."""
+        return Flag(int(self.stack.status["flags"][0]))
+
+    @property
+    def said(self) -> str:
+        """Return the texts of all events so far, a line each."""
+        return "\n".join(self.kept.texts)
+
+    def texts(self) -> list[str]:
+        """Return the texts of all events, with those of one more tick."""
+        self.advance()
+        return self.kept.texts
+
+
+def refusal(action: Callable[[], object]) -> str:
+    """Return the reason why `action` is refused."""
+    with pytest.raises(RefusedError) as caught:
+        action()
+    return str(caught.value)

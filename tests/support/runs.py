@@ -1,0 +1,24 @@
+"""Runs of the catalogue, without their files."""
+
+from __future__ import annotations
+
+from console.catalogue.catalogue import RunEntry
+
+
+def run_entry(name: str, **fields: object) -> RunEntry:
+    """Return a whole run of ada's with quad1, other than usual in `fields`."""
+    values: dict[str, object] = {
+        "id": name,
+        "vehicle": "quad1",
+        "start_ns": 1_700_000_000_000_000_000,
+        "duration": 1.5,
+        "file": f"{name}.mcap",
+        "bytes": 10,
+        "messages": 3,
+        "operator": "ada",
+        "complete": True,
+        "recovered": False,
+        "problem": "",
+        "notes": "",
+    }
+    return RunEntry(**{**values, **fields})  # type: ignore[arg-type]
