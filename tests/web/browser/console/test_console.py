@@ -51,7 +51,7 @@ def test_a_simulation_that_is_slowed_says_so_and_moves_nothing(
     page: Any, look: Any, station: Any
 ) -> None:
     look.text("#mode", "^armed$")
-    assert page.is_hidden("#pace")  # a real vehicle
+    page.wait_for_selector("#pace", state="hidden")  # a real vehicle
     station.real_time_factor = 0.99
     look.text("#factor", "^99 %$")
     assert page.is_hidden("#pace")

@@ -53,6 +53,6 @@ def test_a_battery_is_swapped_by_a_press_and_the_vehicle_reset_by_a_hold(
 
 def test_a_real_vehicle_has_no_such_buttons(page: Any, look: Any) -> None:
     look.text("#mode", "^armed$")
-    page.wait_for_function("document.querySelectorAll('#gains details').length > 0")
+    page.wait_for_selector("#gains details", state="attached")
     # The page learns of another vehicle only after it has been looked for twice.
     page.wait_for_selector("#simulation", state="hidden")

@@ -141,7 +141,7 @@ def test_the_fly_tab_says_why_it_is_not_ready_and_so_does_the_arm_button(
     look.text("#preflight summary", "mend *Not ready: 2 reasons *battery: 13.2 V")
     look.text("#preflight-note", "battery 13.2 V: charge it; sticks deflected by 40 %")
     assert page.get_attribute("#arm", "aria-describedby") == "preflight-note"
-    page.wait_for_function("document.getElementById('arm').title.includes('battery 13.2 V')")
+    page.wait_for_function("() => document.getElementById('arm').title.includes('battery 13.2 V')")
     page.press("#preflight summary", "Enter")
     look.text("#preflight li >> nth=0", "mend *battery *13.2 V wanted: at least 14.0 V *charge it")
     look.text("#preflight li >> nth=2", "ok *link *good")
