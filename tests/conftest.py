@@ -1,4 +1,4 @@
-"""Which tests may run beside which, when processes share them (`scripts/test`)."""
+"""Which tests may run beside which, when two processes share them (`scripts/test`)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import os
 import shutil
 import tempfile
 from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,7 @@ REAL_TIME = (
     "console/runs/test_transfers.py::test_a_cancelled_run_keeps_nothing",
 )
 """Whole laboratories, which take the machine by their priority, vehicles that fly in real time, and
-processes that leave it to others by theirs: nothing else runs beside them, but `BESIDE`."""
+processes that leave it to others by theirs: the last, and nothing runs beside them."""
 LIVE = (
     "vehicle/simulator/test_process.py",
     "console/beacons/test_agreement.py",
@@ -38,19 +37,7 @@ LIVE = (
 """Links that must stay good meanwhile, and a plant that runs in real time."""
 BROWSER = "web/browser/"
 LONG = ("web/test_openapi.py", "quadlab/test_fly_bearings.py", "vehicle/flight/test_kernels.py")
-"""Begun before others, so that no process has one of them alone at the end."""
-BESIDE = (
-    "bearing_sim/",
-    "control/",
-    "estimation/",
-    "flight_log/",
-    "quadlab/test_fly",
-    "vehicle/closed_loop/",
-    "vehicle/estimators/",
-    "vehicle/flight/test_stack",
-    "vehicle/safety/",
-)
-"""What only computes, in simulated time: done last, beside what flies, in the time it leaves."""
+"""Begun early, so that no process has one of them alone at the end."""
 CHROMIUMS = ("chromium-headless-shell", "chromium")
 """Debian's; the shell draws the same with half the work, for it has no window to make."""
 HERE = Path(__file__).parent
@@ -60,9 +47,8 @@ BEFORE = pytest.StashKey[tuple[int, int]]()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Pages first, for they take longest; what flies last, and what can be done beside it."""
-    named = (*REAL_TIME, *LIVE, BROWSER, *LONG, *BESIDE)
-    gone = [name for name in named if not any(HERE.glob(f"{name.split('::', 1)[0].rstrip('/')}*"))]
+    """Pages first, for they take longest; what flies last."""
+    gone = [name for name in (*REAL_TIME, *LIVE, BROWSER, *LONG) if not _path(name).exists()]
     if gone:
         raise pytest.UsageError(f"{__file__} names files that do not exist: {', '.join(gone)}")
 
@@ -70,8 +56,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         name = _name(item.nodeid)
         if name.startswith(REAL_TIME):
             return 2
-        if name.startswith(BESIDE):
-            return 3 if name.startswith(LONG) else 4
         return 0 if name.startswith((BROWSER, *LIVE, *LONG)) else 1
 
     items.sort(key=turn)
@@ -105,37 +89,14 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """What flies has the machine to itself, whichever of several processes it is in; from when it
-    waits for that to its end, `BESIDE` takes only the time that others leave."""
+    """What flies has the machine to itself, whichever of several processes it is in."""
     run = getattr(item.config, "workerinput", {}).get("testrunuid")
     if run is None:
         return (yield)
-    name, lock = _name(item.nodeid), Path(tempfile.gettempdir()) / f"quadlab-tests-{run}"
-    with lock.open("w") as room, lock.with_suffix(".flying").open("w") as flying:
-        if name.startswith(REAL_TIME):
-            fcntl.flock(flying, fcntl.LOCK_EX)
-            fcntl.flock(room, fcntl.LOCK_EX)
-            return (yield)
-        if name.startswith(BESIDE) and os.geteuid() == 0:  # nobody else gets his priority back
-            try:
-                fcntl.flock(flying, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            except BlockingIOError:
-                with idle():
-                    return (yield)
-        fcntl.flock(room, fcntl.LOCK_SH)
-        fcntl.flock(flying, fcntl.LOCK_UN)
+    alone = _name(item.nodeid).startswith(REAL_TIME)
+    with (Path(tempfile.gettempdir()) / f"quadlab-tests-{run}").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
         return (yield)
-
-
-@contextmanager
-def idle() -> Generator[None, None, None]:
-    """Run at the priority of what gets only time that nobody wants."""
-    before, priority = os.sched_getscheduler(0), os.sched_getparam(0)
-    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-    try:
-        yield
-    finally:
-        os.sched_setscheduler(0, before, priority)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -194,6 +155,11 @@ def chromium_path() -> str:
     if found is None:
         pytest.skip(f"neither {' nor '.join(CHROMIUMS)} is installed; they are Debian packages")
     return found
+
+
+def _path(name: str) -> Path:
+    """Return the file or folder of a name above."""
+    return HERE / name.split("::", 1)[0]
 
 
 def _name(nodeid: str) -> str:
