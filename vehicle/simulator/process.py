@@ -79,7 +79,7 @@ def run(
         stop = _stop_on_signals()
     # Before the devices exist: a device means that the microcontroller is switched on.
     SimulatedVehicle(parameters).warm_up()
-    pace = pace_of(len(vehicles), is_waiting=clock.page() is not None)
+    pace = pace_of(len(vehicles))
     lockstep = _lockstep(vehicles, pace)
     session = None if loopback_port is None else SharedSession(partial(_open, loopback_port))
     robots: list[_Robot] = []
@@ -125,9 +125,9 @@ class Pace:
     truth_rate: int
 
 
-ALONE, WAITING = Pace(1, 100), Pace(2, 100)
-"""Paces for one: in lockstep it wakes once a sample, and commands take up to 1 ms longer to the
-motors."""
+ALONE = Pace(1, 100)
+"""Pace for one, in lockstep too: woken once a sample, up to half of the ticks came a period late
+with the page open."""
 SOME, MANY = Pace(5, 30), Pace(9, 15)
 """Paces for several on one processor: commands then take up to 4 or 8 ms longer to the motors."""
 FEW = 3
@@ -144,11 +144,9 @@ def _lockstep(vehicles: Sequence[str], pace: Pace) -> LockstepPace | None:
     return LockstepPace(page, vehicles, steps * step_ns, _say)
 
 
-def pace_of(count: int, *, is_waiting: bool) -> Pace:
-    """Return the pace of each of `count` vehicles, in lockstep or not."""
-    if count == 1:
-        return WAITING if is_waiting else ALONE
-    return SOME if count <= FEW else MANY
+def pace_of(count: int) -> Pace:
+    """Return the pace of each of `count` vehicles."""
+    return ALONE if count == 1 else SOME if count <= FEW else MANY
 
 
 class _Robot:
