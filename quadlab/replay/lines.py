@@ -59,7 +59,8 @@ def plan_runs(
     asked += [(text.strip(), _split(text)) for text in runs]
     if not asked:
         flown = flown_choices(recording)[0].estimator
-        asked = [(f"{flown}, {'as set' if settings or on else 'as flown'}", [])]
+        unset = "as flown" if recording.parameters_recorded else "with default parameters"
+        asked = [(f"{flown}, {'as set' if settings or on else unset}", [])]
     planned = [_run(recording, label, words, settings, on) for label, words in asked]
     for prefix, kind in (("bearings.", "bearings"), ("tracker.", "poses")):
         named = [word for word in settings if word.startswith(prefix)]

@@ -47,6 +47,7 @@ WHOLE = tuple(f"/{name}" for name in EVENTS)
 MOST_BYTES = 200_000_000
 """Largest size of what is held: half an hour's flight at 400 Hz."""
 CALIBRATED = "ready: gyroscope bias"
+PARAMETERS = "parameters.json"
 """The event at whose sample the vehicle's estimators forget what they learnt."""
 UNIT = 1e-14
 """A quaternion this near to unit length is taken as it was sent, as simulated flights do."""
@@ -83,6 +84,7 @@ class Recording:
     poses: list[Arrival]
     bearings: list[Arrival]
     parameters: FlightParameters
+    parameters_recorded: bool = True  # False: an imported flight, with this version's defaults
     changes: list[Change] = field(default_factory=list)
     resets: set[int] = field(default_factory=set)  # stamps of samples
     airborne: list[tuple[int, bool]] = field(default_factory=list)
@@ -131,6 +133,7 @@ def read_recording(path: Path) -> Recording:
         poses=_arrivals(topics["tracker_pose"], _pose),
         bearings=_arrivals(topics["bearings"], decode_bearings),
         parameters=_parameters(path, reader.log.attachments),
+        parameters_recorded=PARAMETERS in reader.log.attachments,
         changes=sorted(map(_change, _messages(topics["parameter_changes"])), key=itemgetter(0, 1)),
         resets=_calibrations(topics["events"]),
         airborne=list(zip(status_ns.tolist(), (airborne[:, 0] > 0.0).tolist(), strict=True)),
@@ -157,7 +160,7 @@ def _parameters(path: Path, attachments: Mapping[str, bytes]) -> FlightParameter
     out.
     """
     parameters = FlightParameters().model_copy(deep=True)
-    attached = attachments.get("parameters.json")
+    attached = attachments.get(PARAMETERS)
     if attached is None:
         return parameters
     store = ParameterStore(parameters)

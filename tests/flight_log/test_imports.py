@@ -293,9 +293,14 @@ def test_crazyflie_with_motion_capture_by_another_clock_and_in_another_world(
     assert len(read_flight(log, torn=True).imu.stamps_ns) > 1000
 
 
-def test_euroc_as_its_folders_have_it(tmp_path: Path) -> None:
-    body = axes("URF", "").T
-    flight = turned(FLIGHT, body)
+@pytest.mark.parametrize(
+    ("mapping", "body", "truth_folder", "truth_kinds"),
+    [("euroc", "URF", "state_groundtruth_estimate0", "tpqv"), ("tum_vi", "FLU", "mocap0", "tpq")],
+)
+def test_euroc_and_tum_vi_as_their_folders_have_them(
+    tmp_path: Path, mapping: str, body: str, truth_folder: str, truth_kinds: str
+) -> None:
+    flight = turned(FLIGHT, axes(body, "").T)
     columns = columns_of(flight)
     columns["t"] = columns["t"] * 1e9
     names = {
@@ -306,11 +311,11 @@ def test_euroc_as_its_folders_have_it(tmp_path: Path) -> None:
         **{f"q{k}": f"q_RS_{k} []" for k in "wxyz"},
     }
     speeds = {f"v_RS_R_{k} [m s^-1]": flight.velocity[:, i] for i, k in enumerate("xyz")}
-    for folder, kinds in (("imu0", "tga"), ("state_groundtruth_estimate0", "tpq")):
+    for folder, kinds in (("imu0", "tga"), (truth_folder, truth_kinds)):
         (tmp_path / folder).mkdir()
         chosen = {names[name]: one for name, one in columns.items() if name[0] in kinds}
-        write_csv(tmp_path / folder / "data.csv", chosen | (speeds if "p" in kinds else {}))
-    is_the_flight(read_flight(tmp_path / "imu0" / "data.csv", "euroc"))
+        write_csv(tmp_path / folder / "data.csv", chosen | (speeds if "v" in kinds else {}))
+    is_the_flight(read_flight(tmp_path / "imu0" / "data.csv", mapping))
 
 
 def test_the_csv_of_blackbox_decode(tmp_path: Path) -> None:
@@ -372,6 +377,7 @@ def test_a_run_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     sound = check.check_log(run)
     assert not sound.problems
     recording = read_recording(run)
+    assert not recording.parameters_recorded
     assert np.allclose(recording.imu["specific_force_b"], FLIGHT.force, atol=1e-6)
     assert found.truth is not None
     assert np.allclose(recording.truth["velocity_w"], found.truth.states["velocity_w"])
