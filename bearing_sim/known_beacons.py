@@ -1,4 +1,4 @@
-"""Where beacons stand, by id, and the rows of a frame of bearings to them."""
+"""The positions of beacons by id, and the rows of a frame of bearings to them."""
 
 from __future__ import annotations
 

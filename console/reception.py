@@ -1,4 +1,4 @@
-"""What the station does with each message it receives, before the message is recorded."""
+"""Handle each message that the station receives, before it is recorded."""
 
 from __future__ import annotations
 

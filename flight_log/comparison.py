@@ -1,4 +1,4 @@
-"""How a run compares with what the vehicle itself logged: what was lost, and what is lost still."""
+"""Compare a run with the vehicle's own log: what was lost, and what is still missing."""
 
 from __future__ import annotations
 

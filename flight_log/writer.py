@@ -48,7 +48,7 @@ class Batch(NamedTuple):
 
 
 class LogWriter:
-    """Not thread-safe: one thread writes.
+    """Write a log. Not thread-safe: only one thread may write.
 
     Args:
         path: a new file; missing folders are made.

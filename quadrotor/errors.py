@@ -16,7 +16,7 @@ class ParameterError(QuadlabError):
 
 
 class UnknownParameterError(ParameterError):
-    """No parameter has this name."""
+    """Raised when no parameter has this name."""
 
 
 class OutOfBoundsError(ParameterError):
@@ -52,14 +52,14 @@ class LinkError(QuadlabError):
 
 
 class NoAnswerError(LinkError):
-    """No answer came in time: it is not known whether the question was heard or carried out.
+    """Raised when no answer came in time: the request may or may not have been carried out.
 
     Worth asking again under the same request id.
     """
 
 
 class UnreachableError(NoAnswerError):
-    """No one answers: nothing was carried out."""
+    """Raised when there is no one to answer: nothing was carried out."""
 
 
 class StorageError(QuadlabError):

@@ -1,4 +1,4 @@
-"""All parameters of one vehicle: the tree behind `--set`, the sliders and the log."""
+"""The parameters of one vehicle: the tree behind `--set`, the sliders and the log."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def one_of(*choices: str) -> Any:
 
 
 class Request(msgspec.Struct, frozen=True):
-    """What each command carries; fields are those of its .srv. The annotated bounds are checked
+    """The contents of a command; the fields are those of its .srv. The annotated bounds are checked
     where a page's request comes in, all values by who carries the command out.
     """
 

@@ -14,7 +14,7 @@ MOST_WORDS = 12
 
 @dataclass(frozen=True, slots=True)
 class RunSearch:
-    """All of it must hold; what is empty is not asked.
+    """A search for runs: all criteria must match, and empty ones are ignored.
 
     Args:
         words: each must stand in id, operator, notes, vehicle, a tag or the text of a mark.

@@ -128,4 +128,4 @@ class ControlDesk:
         self._outbox.message("control", message, stamp_ns)
 
 
-_FREE = "nobody has control; the next command takes it"
+_FREE = "no one has control; the next command takes it"

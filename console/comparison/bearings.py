@@ -1,4 +1,4 @@
-"""How far bearings are from what an estimate expects."""
+"""Residuals of bearings against those that an estimate predicts."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ LARGEST = 50_000_000
 
 @dataclass(frozen=True)
 class BenchRecording:
-    """All (N,), by rising time."""
+    """A recording of a motor on the bench; all arrays are (N,), in order of time."""
 
     time: Array  # s
     reference: Array  # counts

@@ -13,7 +13,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ImuReadings:
-    """All ticks since the last look, oldest first; N may be 0."""
+    """The IMU samples of all ticks since the last call, oldest first; there may be none."""
 
     time: Array  # (N,) s, vehicle clock
     specific_force_b: Array  # (N, 3) m/s^2, by the calibration in force

@@ -1,4 +1,4 @@
-"""Everything the station sends: published for vehicle and base, and recorded."""
+"""The messages that the station sends: published to the vehicle and the base, and recorded."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class Extreme:
 
 @dataclass(frozen=True, slots=True)
 class Feasibility:
-    """All extremes in the order of limits.QUANTITIES."""
+    """The extremes of a trajectory, in the order of limits.QUANTITIES."""
 
     extremes: tuple[Extreme, ...]
     limits: Limits

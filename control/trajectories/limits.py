@@ -13,7 +13,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """One of the numbers of `feasibility.survey`, as people read it."""
+    """A number of `feasibility.survey` with its name, unit and limit for display."""
 
     name: str
     unit: str

@@ -26,7 +26,7 @@ DOWNWARD = np.diag([1.0, -1.0, -1.0])
 
 
 class OpenCVPose:
-    """One of OpenCV's solvers on one set of beacons.
+    """A solver of OpenCV on one set of beacons.
 
     Args:
         beacons_w: (N, 3) m, as of `BeaconPlane.of`, whose errors it raises.

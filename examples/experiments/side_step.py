@@ -1,4 +1,4 @@
-"""How far a vehicle overshoots a step to the side: an experiment of one's own.
+"""Measure how far a vehicle overshoots a step to the side: an example of a user's experiment.
 
 Fly it in simulated time with `quadlab fly examples/experiments/side_step.py`, options as
 `--set experiment.length=0.8`; or copy it to the folder `experiments` of the data folder, and the

@@ -1,4 +1,4 @@
-"""Which order of its numbers, and which way, makes a track's attitudes those of the IMU."""
+"""Find the order and the direction of quaternions with which a track's attitudes fit the IMU."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ TIME = "timestamp"
 
 
 class CrazyflieTables(FileTables):
-    """All events of a log that were written at least once."""
+    """The events of a log that were written at least once."""
 
     def __init__(self, path: Path) -> None:
         """Raises LogFormatError."""

@@ -38,7 +38,7 @@ class Source(Protocol):
 
 
 class FileTables:
-    """What all files have."""
+    """A file that contains tables, and where it was cut off."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Info:
-    """What a log holds: topics, counts, rates, and what it was recorded with."""
+    """Print the contents of a log: topics, counts, rates, and what it was recorded with."""
 
     file: LogFile
     """the MCAP file"""

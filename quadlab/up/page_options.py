@@ -1,4 +1,4 @@
-"""Where the page listens and with which certificate: options of `web` and of `up`."""
+"""Options of `web` and `up`: the address of the page and its certificate."""
 
 from __future__ import annotations
 

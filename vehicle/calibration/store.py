@@ -30,7 +30,7 @@ Say = Callable[[str], None]
 
 
 class CalibrationStore:
-    """All records, in memory and on disk; thread-safe.
+    """The calibration records in memory and on disk; thread-safe.
 
     Args:
         data: the vehicle's data folder.

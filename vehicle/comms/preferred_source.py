@@ -1,4 +1,4 @@
-"""One of several who say the same: the first heard is listened to until it falls silent."""
+"""Choose one of several sources of the same data: the first one is used until it falls silent."""
 
 from __future__ import annotations
 

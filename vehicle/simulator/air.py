@@ -1,4 +1,4 @@
-"""What moving air does to the vehicle: gusts, the rotors' drag and loss of thrust, the ground.
+"""Effects of moving air on the vehicle: gusts, the rotors' drag and loss of thrust, the ground.
 
 Records `p` are items of PLANT (vehicle.simulator.plant).
 """

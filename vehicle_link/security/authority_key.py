@@ -1,4 +1,4 @@
-"""Whether a folder of certificates can issue further ones, and what mends one that is of no use."""
+"""Check whether a folder of certificates can issue further ones, and say how to repair it if not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a station that dials without an answer gives back to the machine."""
+"""Return unused memory to the system while a station dials without an answer."""
 
 from __future__ import annotations
 

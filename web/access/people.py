@@ -1,4 +1,4 @@
-"""Everything about users in one place: accounts, sessions, sign-in, open sockets."""
+"""The users in one place: accounts, sessions, sign-in, open sockets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All vehicles of this page together: how each one stands, and what a page takes of it.
+"""The vehicles of this page: the state of each one, and what a page shows of it.
 
 What comes many times a second is taken only of vehicles that someone looks at, what is only for
 charts while one shows it, and of all their positions only while someone has the fleet's page open.

@@ -41,7 +41,7 @@ export class ReplayPanel {
     this.lines = runs.flatMap((run, k) => lines(run).map((line) => ({ ...line, at: line.t - run.shift, isOther: k > 0 }))).sort((a, b) => a.at - b.at).slice(0, MOST);
     this.rows = this.lines.map((line) => element("li", { className: `${line.kind}${line.isOther ? " second" : ""}` },
       element("button", { className: "link", title: "go there", onclick: () => { this.clock.pause(); this.clock.seek(line.at); } }, stamp(line.at, 1)), element("span", {}, line.text)));
-    this.events.replaceChildren(...(this.rows.length ? this.rows : [element("li", { className: "empty" }, "Nothing was said in this run.")]));
+    this.events.replaceChildren(...(this.rows.length ? this.rows : [element("li", { className: "empty" }, "No events in this run.")]));
     this.bodies.notes.replaceChildren(...runs.map(facts));
     this.filled = undefined;
     this.move();

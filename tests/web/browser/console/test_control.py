@@ -8,7 +8,7 @@ from typing import Any
 def test_the_page_says_who_has_control_and_asks_for_it(page: Any, look: Any, station: Any) -> None:
     me = page.inner_text("#who")
     station.control("")
-    look.text("#control", "nobody has control")
+    look.text("#control", "No one has control")
     station.control(me)
     look.text("#control", "^you have control")
     station.control("anna")
