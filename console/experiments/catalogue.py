@@ -14,6 +14,7 @@ from console.experiments.hover import Hover
 from console.experiments.inertia import InertiaExperiment
 from console.experiments.mass import MassExperiment
 from console.experiments.motor_bench import MotorBench
+from console.experiments.vibration import VibrationExperiment
 from quadrotor.errors import UsageError
 
 EXPERIMENTS: dict[str, Callable[[str], Experiment]] = {
@@ -26,6 +27,7 @@ EXPERIMENTS: dict[str, Callable[[str], Experiment]] = {
     "mass": MassExperiment,
     "inertia": InertiaExperiment,
     "drag": DragExperiment,
+    "vibration": VibrationExperiment,
 }
 
 

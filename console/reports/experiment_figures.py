@@ -21,6 +21,7 @@ from console.reports.paper_figures import (
 )
 from console.reports.plots import styled
 from console.reports.run_log import RunLog
+from console.reports.vibration_figures import vibration
 from quadrotor.errors import LogFormatError, QuadlabError
 from quadrotor.plain_rotations import rotation_vectors_between
 
@@ -185,4 +186,5 @@ MAKERS: dict[str, Maker] = {
     "inertia": inertia,
     "accelerometer": residuals,
     "gyroscope": gyroscope,
+    "vibration": vibration,
 }

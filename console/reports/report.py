@@ -38,6 +38,7 @@ NAMES = {
     "accelerometer": "Accelerometer",
     "motor_bench": "Motor bench",
     "drag": "Drag",
+    "vibration": "Vibration",
     "gyroscope": "Gyroscope",
 }
 

@@ -34,8 +34,8 @@ class Fly:
     """Fly an experiment on the simulated vehicle, as fast as the processor goes."""
 
     experiment: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="EXPERIMENT")]
-    """figure_eight, hover, bearings, gyroscope, accelerometer, motor_bench, mass, inertia, drag;
-    or FILE.py, an experiment of your own (docs/experiments.md)"""
+    """figure_eight, hover, bearings, gyroscope, accelerometer, motor_bench, mass, inertia, drag,
+    vibration; or FILE.py, an experiment of your own (docs/experiments.md)"""
     out: Folder = None
     """folder for the log (default: flights in the data folder)"""
     seed: int = 1

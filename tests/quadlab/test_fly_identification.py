@@ -284,3 +284,24 @@ def test_drag_is_found_on_circles_and_proposed_for_the_model(tmp_path: Path) -> 
     assert result.verdict == "passed"
     assert result.metrics["drag_N_s_m"] == pytest.approx(0.2, abs=0.01)
     assert experiment.proposal(log).values == {"model.drag": pytest.approx(0.2, abs=0.01)}
+
+
+# ---------------------------------------------------------------- vibration
+def test_the_noise_of_a_rough_vehicle_is_found_in_hover_and_proposed(tmp_path: Path) -> None:
+    log = tmp_path / "vibration.mcap"
+    settings = {
+        "simulator__vibration": 0.5,
+        "simulator__vibration_gyroscope": 1.0,
+        "experiment__rest": 9.0,
+        "experiment__hover": 9.0,
+    }
+    with laboratory("vibration", log, **settings) as (experiment, flight):
+        experiment.fly(flight)
+        assert flight.view().mode == "ready"
+    result = pickle.loads(pickle.dumps(experiment)).evaluate(log)
+    assert result.verdict == "passed"
+    # The broadband share of the vibration and the sensors' own noise, quantised, at 500 Hz.
+    assert experiment.proposal(log).values == {
+        "estimation.error_state.accelerometer_noise": pytest.approx(0.0123, rel=0.05),
+        "estimation.error_state.gyroscope_noise": pytest.approx(0.029, rel=0.05),
+    }

@@ -11,16 +11,13 @@ import math
 from typing import Any
 
 from quadrotor.compiled import compiled
+from quadrotor.constants import THRUST_PER_TURN
 from quadrotor.rigid_body import rotor_thrust
 from quadrotor.vectors import Vector
 
 Item = Any
 """One record `array[k]` inside compiled code."""
 
-THRUST_PER_TURN = 0.11 * 1.2 * 0.254**4
-"""N s^2: thrust of a propeller of 0.254 m (Sec. 2) over the square of its turns a second, with the
-static thrust coefficient 0.11 of 10 x 4.5 inch propellers: J. Brandt, M. Selig, "Propeller
-performance data at low Reynolds numbers", 2011."""
 IMBALANCE = (0.94, 0.56, 1.31, 0.75)
 """Of each rotor over the others'."""
 PITCH = (1.0, 1.017, 0.988, 1.009)

@@ -7,13 +7,14 @@ import numpy.typing as npt
 import pytest
 from scipy.signal import welch
 
+from quadrotor.constants import THRUST_PER_TURN
 from quadrotor.records import Record
 from quadrotor.vehicle_model import GRAVITY, reference_of_thrust
 from vehicle.simulator.firmware.firmware import REGISTERS
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.plant import new_plant
 from vehicle.simulator.sensors import BLOCK, CHANNELS, Noise, new_sensors, sample
-from vehicle.simulator.vibration import IMBALANCE, PITCH, THRUST_PER_TURN, turn_rotors
+from vehicle.simulator.vibration import IMBALANCE, PITCH, turn_rotors
 from vehicle_link.serial.ids import Id
 
 QUIET = {"accelerometer_noise": 0.0, "gyroscope_noise": 0.0, "pressure_noise": 0.0} | {

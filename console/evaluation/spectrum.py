@@ -1,0 +1,120 @@
+"""Spectra of evenly sampled readings, and the lines that the rotors draw into them.
+
+A rotor's turns a second follow from its thrust by the propeller's static coefficient; a line within
+NEAR of a rotor's frequency, or of its blades' (twice as high), is named after it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.constants import MOTORS, THRUST_PER_TURN
+from quadrotor.errors import MeasurementError
+
+Array = npt.NDArray[np.float64]
+Values = npt.NDArray[np.floating[Any]]
+
+LOST_MAX = 0.1
+"""Share of the samples that may be missing; they are interpolated."""
+SEGMENT = 1.0
+"""s of samples under one window: the resolution is about its inverse."""
+SEGMENTS_MIN = 4
+BLADES = 2
+"""Of a propeller."""
+NEAR = 0.06
+"""Share by which a line may be off a rotor's frequency: propellers differ."""
+HEIGHT = 8.0
+"""Times the floor, above which a peak is a line: the floor itself hardly ever is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A peak: frequency in Hz, rms in the reading's unit, and the rotors it may come from."""
+
+    frequency: float
+    rms: float
+    source: str
+
+
+def evenly(time: Array, values: Values) -> tuple[float, Array]:
+    """Return the rate (Hz) and the values (N, K) at even steps. Raises MeasurementError for fewer
+    than 16 samples, or when more than LOST_MAX of them are missing.
+    """
+    if len(time) < 16:
+        raise MeasurementError(f"{len(time)} samples are too few for a spectrum")
+    span = float(time[-1] - time[0])
+    count = round(span / float(np.median(np.diff(time)))) + 1 if span > 0.0 else 0
+    if not len(time) >= (1.0 - LOST_MAX) * count > 0.0:
+        raise MeasurementError(
+            f"{len(time)} of {count} samples are there, needed are {100 * (1 - LOST_MAX):.0f} %"
+        )
+    grid = np.linspace(time[0], time[-1], count)
+    columns = [np.interp(grid, time, column) for column in values.T]
+    return (count - 1) / span, np.stack(columns, axis=1)
+
+
+def spectrum(rate: float, values: Array) -> tuple[Array, Array]:
+    """Return frequencies (M,) in Hz and the one-sided power spectral density (M, K), by Welch.
+
+    Raises MeasurementError when it lasts less than SEGMENTS_MIN segments.
+    """
+    from scipy.signal import welch
+
+    length = round(SEGMENT * rate)
+    if len(values) < SEGMENTS_MIN * length:
+        raise MeasurementError(
+            f"{len(values) / rate:.1f} s are too short for a spectrum, "
+            f"{SEGMENTS_MIN * SEGMENT:g} s are needed"
+        )
+    frequency, density = welch(values, rate, nperseg=length, axis=0)
+    return frequency, density
+
+
+def spectrogram(rate: float, values: Array) -> tuple[Array, Array, Array]:
+    """Return times (T,) in s since the first sample, frequencies (M,) in Hz and density (M, K, T)
+    under windows of half a second.
+    """
+    from scipy.signal import spectrogram as of_windows
+
+    length = min(round(0.5 * rate), len(values))
+    frequency, time, density = of_windows(values, rate, nperseg=length, axis=0)
+    return time, frequency, density
+
+
+def rotor_frequency(thrusts: Values) -> Array:
+    """Return the turns a second of rotors that give these thrusts (N)."""
+    turns: Array = np.sqrt(np.maximum(thrusts, 0.0) / THRUST_PER_TURN)
+    return turns
+
+
+def lines_of(frequency: Array, density: Array, rotors: Array, lowest: float) -> list[Line]:
+    """Return the lines of a spectrum (M,) above `lowest` (Hz), strongest first.
+
+    Args:
+        rotors: (4,) Hz, turns a second.
+    """
+    floor = float(np.median(density[frequency >= lowest]))
+    high = (density > HEIGHT * floor) & (frequency >= lowest)
+    edges = np.flatnonzero(np.diff(high.astype(int), prepend=0, append=0))
+    step = float(frequency[1])
+    found = []
+    for first, last in edges.reshape(-1, 2):
+        part = density[first:last]
+        peak = float(np.sum(frequency[first:last] * part) / part.sum())
+        rms = float(np.sqrt(part.sum() * step))
+        found.append(Line(peak, rms, _source(peak, rotors)))
+    return sorted(found, key=lambda line: -line.rms)
+
+
+def _source(frequency: float, rotors: Array) -> str:
+    """Return whose line it is, as text: all rotors that are about as near as the nearest."""
+    for order, name in ((1, "rotor"), (BLADES, "blades")):
+        off = np.abs(frequency / (order * np.maximum(rotors, 1e-9)) - 1.0)
+        if off.min() <= NEAR:
+            near = [MOTORS[k] for k in range(4) if off[k] <= off.min() + 0.01]
+            return f"{name} {' or '.join(near)}" if len(near) < len(MOTORS) else f"{name}"
+    return "unknown"

@@ -1,0 +1,283 @@
+"""The noise of the inertial sensors, at rest and in hover, as an estimator has to know it.
+
+At rest the overlapping Allan deviation s(t) separates white noise of density N, s² = N² / t, from a
+walk of the bias of density K, s² = K² t / 3. In hover the floor of the spectrum between the rotors'
+lines is the white noise with vibration: a sum over line and floor would take for noise that grows
+without bound what swings to and fro a hundred times a second.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from console.evaluation.log_columns import FlownParameters, read_columns, read_parameters
+from console.evaluation.spectrum import Line, evenly, lines_of, rotor_frequency, spectrum
+from flight_log.run import Series
+from quadrotor.calibration_record import CalibrationRecord, Quality
+from quadrotor.errors import MeasurementError
+
+Array = npt.NDArray[np.float64]
+
+FORCE = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
+RATE = tuple(f"angular_velocity.{axis}" for axis in "xyz")
+THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
+WANTED = {"imu": FORCE + RATE, "actuators": THRUSTS, "status": ("mode", "behavior")}
+REST_MIN, HOVER_MIN = 8.0, 8.0
+"""s that are worth a figure."""
+SETTLE = 2.0
+"""s of a hover that do not count."""
+LOWEST = 15.0
+"""Hz, below which a vehicle really moves."""
+SHORT = 0.1
+"""s, averaging time at which the white noise is read off at rest."""
+LONG_SHARE = 0.2
+"""Of the rest: the averaging time at which a walk is looked for."""
+CHANCE = 2.5
+"""Times the variance of white noise at that time, that chance reaches once in a hundred."""
+QUIET = 3.0
+"""Times the median of the spectrum, below which it is floor and no line."""
+BLOCK = 0.5
+"""s over which means at rest must agree: else it was moved."""
+MOVED = {"accelerometer": 0.15, "gyroscope": math.radians(0.5)}
+"""m/s^2 and rad/s from the mean of the rest."""
+UNCERTAIN_MAX = 0.1
+"""Share of a density that may be its standard deviation."""
+PARAMETER = "estimation.error_state."
+BOUNDS = {
+    "accelerometer_noise": (1e-5, 1.0),
+    "gyroscope_noise": (1e-5, 5.0),
+    "accelerometer_bias_walk": (0.0, 0.5),
+    "gyroscope_bias_walk": (0.0, 5.0),
+}
+UNITS = {"accelerometer": ("m/s²", 1.0), "gyroscope": ("deg/s", math.degrees(1.0))}
+"""Of each sensor as its parameters have it, and the factor from SI."""
+
+
+@dataclass(frozen=True, slots=True)
+class SensorNoise:
+    """The noise of a sensor's three axes, in the unit of its parameters.
+
+    Attributes:
+        rest, hover: (3,) density of the white noise, unit/√Hz, and `uncertain` the share of the
+            hover's density that is its standard deviation.
+        walk: density of the bias walk, unit/√s: one not seen is at most this; `walks` if it is.
+        vibration: rms above LOWEST in hover, all axes. lines: of the three axes' mean spectrum.
+        frequency, density: (M,) Hz and (M, 3) unit²/Hz of the hover.
+    """
+
+    rest: Array
+    hover: Array
+    uncertain: float
+    walk: float
+    walks: bool
+    vibration: float
+    lines: list[Line]
+    frequency: Array
+    density: Array
+
+    @property
+    def noise(self) -> float:
+        """Return the density of all axes together."""
+        return float(np.sqrt(np.mean(self.hover**2)))
+
+
+@dataclass(frozen=True, slots=True)
+class Vibration:
+    """Noise by sensor; `rest` and `hover` in s, `rotors` (4,) Hz in hover."""
+
+    sensors: dict[str, SensorNoise]
+    rest: float
+    hover: float
+    rate: float
+    rotors: Array
+    parameters: FlownParameters
+
+    def metrics(self) -> dict[str, float]:
+        """Return the figures by name; angular ones in degrees."""
+        found = {"rest_s": self.rest, "hover_s": self.hover, "rotor_Hz": float(self.rotors.mean())}
+        for name, one in self.sensors.items():
+            found |= {
+                f"{name}_noise": one.noise,
+                f"{name}_noise_at_rest": float(np.sqrt(np.mean(one.rest**2))),
+                f"{name}_vibration_rms": one.vibration,
+                f"{name}_bias_walk_at_most": one.walk,
+                f"{name}_uncertain_share": one.uncertain,
+            }
+        return found
+
+    def limits(self) -> dict[str, float]:
+        """Return the largest values that are good."""
+        return {f"{name}_uncertain_share": UNCERTAIN_MAX for name in self.sensors}
+
+    def record(self) -> CalibrationRecord:
+        """Return the record of the noise. Raises MeasurementError beyond the parameters' bounds."""
+        values: dict[str, float] = {}
+        figures = [Quality(name="rotors", value=float(self.rotors.mean()), unit="Hz")]
+        residuals = []
+        for name, one in self.sensors.items():
+            unit, _ = UNITS[name]
+            values[f"{name}_noise"] = one.noise
+            if one.walks:
+                values[f"{name}_bias_walk"] = one.walk
+            walk = "walk" if one.walks else "walk at most"
+            figures += [
+                Quality(name=f"{name} vibration, rms", value=one.vibration, unit=unit),
+                Quality(name=f"{name} at rest", value=_together(one.rest), unit=f"{unit}/√Hz"),
+                Quality(name=f"{name} bias {walk}", value=one.walk, unit=f"{unit}/√s"),
+            ]
+            figures += [
+                Quality(name=f"line {k.source}, {k.frequency:.1f} Hz", value=k.rms, unit=unit)
+                for k in one.lines[:4]
+            ]
+            residuals += [
+                (f"{name} {axis}, of the noise proposed", float(value / one.noise - 1.0))
+                for axis, value in zip("xyz", one.hover, strict=True)
+            ]
+        for name, value in values.items():
+            low, high = BOUNDS[name]
+            if not low <= value <= high:
+                raise MeasurementError(
+                    f"a {name.replace('_', ' ')} of {value:.3g} is none the estimator takes: "
+                    f"{low:g} to {high:g}; look for what is loose, then fly again"
+                )
+        return CalibrationRecord(
+            name="vibration",
+            values={f"{PARAMETER}{name}": float(f"{v:.3g}") for name, v in values.items()},
+            figures=tuple(figures),
+            quality=tuple(
+                Quality(name=f"{name} uncertain", value=one.uncertain, limit=UNCERTAIN_MAX)
+                for name, one in self.sensors.items()
+            ),
+            residuals=tuple(residuals),
+            conditions={
+                "meaning": "white noise of the IMU in hover, without the rotors' lines",
+                "rest": f"{self.rest:.1f} s",
+                "hover": f"{self.hover:.1f} s",
+                "rate": f"{self.rate:.0f} Hz",
+            },
+        )
+
+
+def read_vibration(log: Path, vehicle: str) -> Vibration:
+    """Read rest and hover from a log. Raises LogFormatError without the topics, MeasurementError
+    when one of them is missing, too short, or the vehicle was moved at rest.
+    """
+    parameters = read_parameters(log)
+    columns = read_columns(log, vehicle, WANTED)
+    imu, actuators = columns["imu"], columns["actuators"]
+    begin, end = _longest(columns["status"], "mode", "ready")
+    end -= BLOCK  # when the motors begin is known to a tenth of a second
+    start, stop = _longest(columns["status"], "behavior", "hover")
+    start += SETTLE
+    for name, seconds, least in (
+        ("rest", end - begin, REST_MIN),
+        ("hover", stop - start, HOVER_MIN),
+    ):
+        if not seconds >= least:
+            raise MeasurementError(
+                f"{log.name} has {max(seconds, 0.0):.1f} s of {name}, needed are {least:g} s"
+            )
+    rest = _window(imu, begin, end)
+    hover = _window(imu, start, stop)
+    inside = (actuators.time >= start) & (actuators.time <= stop)
+    rotors = rotor_frequency(actuators.rows(THRUSTS)[inside].astype(np.float64).mean(axis=0))
+    return estimate_vibration(rest, hover, rotors, parameters)
+
+
+def estimate_vibration(
+    rest: tuple[Array, Array],
+    hover: tuple[Array, Array],
+    rotors: Array,
+    parameters: FlownParameters,
+) -> Vibration:
+    """Estimate the noise from (time (N,) s, specific force and angular velocity (N, 6)) of both.
+
+    Args:
+        rotors: (4,) Hz, turns a second in hover.
+
+    Raises MeasurementError as `read_vibration`.
+    """
+    rest_rate, at_rest = evenly(*rest)
+    rate, in_hover = evenly(*hover)
+    sensors = {}
+    for k, (name, (unit, factor)) in enumerate(UNITS.items()):
+        part = slice(3 * k, 3 * k + 3)
+        _check_rest(name, at_rest[:, part], rest_rate, unit, factor)
+        sensors[name] = _sensor(
+            factor * at_rest[:, part], rest_rate, factor * in_hover[:, part], rate, rotors
+        )
+    return Vibration(
+        sensors, len(at_rest) / rest_rate, len(in_hover) / rate, rate, rotors, parameters
+    )
+
+
+def allan_variance(values: Array, count: int) -> Array:
+    """Return the overlapping Allan variance (K,) of (N, K) for means over `count` samples."""
+    sums = np.cumsum(np.vstack([np.zeros(values.shape[1]), values]), axis=0)
+    steps = sums[2 * count :] - 2.0 * sums[count:-count] + sums[: -2 * count]
+    variance: Array = 0.5 * np.mean((steps / count) ** 2, axis=0)
+    return variance
+
+
+def _sensor(rest: Array, rest_rate: float, hover: Array, rate: float, rotors: Array) -> SensorNoise:
+    short = max(1, round(SHORT * rest_rate))
+    white = allan_variance(rest, short) * short / rest_rate
+    long = round(LONG_SHARE * len(rest))
+    seconds = long / rest_rate
+    excess = float(np.mean(allan_variance(rest, long)) * seconds / np.mean(white))
+    walks = excess > CHANCE
+    seen = (excess - 1.0 if walks else CHANCE - 1.0) * float(np.mean(white)) / seconds
+    frequency, density = spectrum(rate, hover)
+    band = (frequency >= LOWEST) & (frequency <= 0.48 * rate)
+    part = density[band]
+    floor, used = np.empty(3), 0
+    for axis in range(3):
+        quiet = part[part[:, axis] < QUIET * np.median(part[:, axis]), axis]
+        floor[axis], used = quiet.mean(), used + len(quiet)
+    segments = 2.0 * len(hover) / rate  # half overlapping windows of a second
+    return SensorNoise(
+        rest=np.sqrt(white),
+        hover=np.sqrt(0.5 * floor),
+        uncertain=0.5 / math.sqrt(used * segments / 2.0)
+        + float(np.std(np.sqrt(floor)) / np.mean(np.sqrt(floor))) / math.sqrt(3.0),
+        walk=math.sqrt(3.0 * seen / seconds),
+        walks=walks,
+        vibration=math.sqrt(float(part.mean(axis=1).sum() * frequency[1])),
+        lines=lines_of(frequency, density.mean(axis=1), rotors, LOWEST),
+        frequency=frequency,
+        density=density,
+    )
+
+
+def _check_rest(name: str, values: Array, rate: float, unit: str, factor: float) -> None:
+    """Raise MeasurementError when the means of the rest's parts differ: it was moved."""
+    count = max(1, round(BLOCK * rate))
+    means = values[: len(values) // count * count].reshape(-1, count, 3).mean(axis=1)
+    off = float(np.abs(means - means.mean(axis=0)).max())
+    if off > MOVED[name]:
+        raise MeasurementError(
+            f"the vehicle was moved at rest: the {name}'s mean over {BLOCK:g} s was off by "
+            f"{factor * off:.2f} {unit}, allowed are {factor * MOVED[name]:.2f} {unit}; leave it "
+            "standing and begin again"
+        )
+
+
+def _together(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _window(imu: Series, start: float, end: float) -> tuple[Array, Array]:
+    inside = (imu.time >= start) & (imu.time <= end)
+    return imu.time[inside], imu.table(FORCE + RATE, start, end)
+
+
+def _longest(status: Series, path: str, text: str) -> tuple[float, float]:
+    """Return start and end (s) of the longest time a text was this; NaN when it never was."""
+    changes = [*status.changes(path), (float(status.time[-1]), "")]
+    spans = [(begin, changes[k + 1][0]) for k, (begin, told) in enumerate(changes) if told == text]
+    return max(spans, key=lambda span: span[1] - span[0], default=(math.nan, math.nan))

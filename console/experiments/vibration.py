@@ -1,0 +1,93 @@
+"""The noise of the IMU at rest and in hover: what the error-state filter should believe of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from console.evaluation.verdict import judged
+from console.evaluation.vibration import HOVER_MIN, REST_MIN, SETTLE, read_vibration
+from console.experiments.calibration_flight import CLEAR, come_down, missing_place
+from console.experiments.client import Client, Result, VehicleView
+from console.experiments.readings import Progress
+from quadrotor.calibration_record import CalibrationRecord
+from quadrotor.errors import RefusedError
+from quadrotor.parameters import Parameters, parameter
+
+STEPS = 4
+
+
+class VibrationOptions(Parameters):
+    """Options of rest and hover."""
+
+    rest: float = parameter(
+        20.0,
+        unit="s",
+        ge=REST_MIN + 1.0,
+        le=600.0,
+        step=1.0,
+        description="on the ground, motors off: the longer, the smaller a bias walk is seen",
+    )
+    hover: float = parameter(
+        20.0, unit="s", ge=HOVER_MIN + 1.0, le=120.0, step=1.0, description="in the air"
+    )
+    height: float = parameter(1.0, unit="m", ge=0.6, le=1.9, step=0.1, description="of the hover")
+
+
+class VibrationExperiment:
+    """Rest, take-off, hover, landing; the noise from every tick."""
+
+    name = "vibration"
+
+    def __init__(self, vehicle: str = "quad1") -> None:
+        self.parameters = VibrationOptions()
+        self._vehicle = vehicle
+
+    @property
+    def planned(self) -> float:
+        """Return the planned time in s, about."""
+        return 20.0 + self.parameters.rest + self.parameters.hover
+
+    def check(self) -> None:
+        """Accept all options: every combination is valid."""
+
+    def preconditions(self, view: VehicleView) -> str:
+        """Return what is missing before it may start, as text."""
+        return missing_place(view)
+
+    def fly(self, client: Client) -> None:
+        """Fly. Raises RefusedError with the vehicle's reason when it refuses."""
+        p = self.parameters
+        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        client.confirm(CLEAR)
+        self._wait(client, "Leave it standing still", 1, p.rest)
+        client.tell(Progress("Keep clear: it takes off by itself", 2, STEPS))
+        client.arm()
+        client.wait(1.0)
+        try:
+            client.start("take_off", height=p.height)
+            client.wait_until(
+                lambda v: v.behavior == "hover", what="hover after take-off", timeout=20
+            )
+            self._wait(client, "It hovers: keep clear", 3, p.hover + SETTLE)
+        except RefusedError:
+            come_down(client)
+            raise
+        client.tell(Progress("It lands", STEPS, STEPS))
+        come_down(client)
+
+    def _wait(self, client: Client, words: str, number: int, seconds: float) -> None:
+        start = client.view().time
+        while (past := client.view().time - start) < seconds and not client.finished:
+            client.tell(Progress(words, number, STEPS, past / seconds))
+            client.wait(0.2)
+
+    def evaluate(self, log: Path) -> Result:
+        """Judge how well the noise is known. Raises LogFormatError without what it needs,
+        MeasurementError without rest or hover.
+        """
+        found = read_vibration(log, self._vehicle)
+        return judged(found.metrics(), found.limits())
+
+    def proposal(self, log: Path) -> CalibrationRecord:
+        """Return the noise for estimation.error_state.*. Raises as `evaluate`."""
+        return read_vibration(log, self._vehicle).record()
