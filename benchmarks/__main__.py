@@ -44,19 +44,27 @@ FOLDERS = {
         "starved",
         "real_flights",
     ),
-    "page": ("replay", "sticks", "parameter_page", "run_list", "page_notice", "up_cost"),
+    "page": (
+        "replay",
+        "sticks",
+        "parameter_page",
+        "run_list",
+        "page_notice",
+        "up_cost",
+        "late_ticks",
+    ),
     "link": ("link",),
     "logs": ("killed_logs", "logs", "fuzz_logs"),
 }
 NAMES = {name: f"benchmarks.{folder}.{name}" for folder, names in FOLDERS.items() for name in names}
 """The module of each benchmark, by its name."""
 OWN_OPTIONS = {
-    "count": "fuzz_logs",
-    "seed": "fuzz_logs",
-    "data": "real_flights",
-    "against": "up_cost",
+    "count": ("fuzz_logs",),
+    "seed": ("fuzz_logs",),
+    "data": ("real_flights",),
+    "against": ("up_cost", "late_ticks"),
 }
-"""Options that belong to one benchmark alone."""
+"""Options of some benchmarks only."""
 
 
 def main() -> int:
@@ -66,7 +74,9 @@ def main() -> int:
     parser.add_argument("--count", type=int, help="of fuzz_logs: how many logs")
     parser.add_argument("--seed", type=int, help="of fuzz_logs: number of the first mutated log")
     parser.add_argument("--data", type=Path, help="of real_flights: folder of recorded flights")
-    parser.add_argument("--against", help="of up_cost: another checkout, measured in turns")
+    parser.add_argument(
+        "--against", help="of up_cost, late_ticks: another checkout, measured in turns"
+    )
     parser.add_argument("--out", type=Path, help="folder for performance.md, JSON and plots")
     options = parser.parse_args()
     unknown = [name for name in options.names if name not in NAMES]
@@ -76,8 +86,8 @@ def main() -> int:
     for name, of in OWN_OPTIONS.items():
         if (value := getattr(options, name)) is not None:
             more[name] = value
-            if options.names != [of]:
-                parser.error(f"--{name} belongs to {of} alone")
+            if not options.names or set(options.names) - set(of):
+                parser.error(f"--{name} belongs to {' and '.join(of)} alone")
     conditions = machine()
     reports: list[Report] = []
     asked: list[str] = options.names or list(NAMES)

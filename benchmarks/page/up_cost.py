@@ -91,39 +91,58 @@ def run(quick: bool = False, against: str | None = None) -> Report:
     return report
 
 
+class Pilot:
+    """A signed-in client that flies the vehicle of `quadlab up`.
+
+    Attributes:
+        times: s from the start to the page and to the vehicle.
+    """
+
+    def __init__(self, browser: httpx.Client, link: str, began: float) -> None:
+        self.browser, self.link, self.base = browser, link, link.split("/?", maxsplit=1)[0]
+        self.times = {"start to page": time.monotonic() - began}
+        browser.base_url, browser.headers["origin"] = self.base, self.base
+        browser.get(link, follow_redirects=True).raise_for_status()
+        until(lambda: self.summary().get("status"), PATIENCE)
+        self.times["start to vehicle"] = time.monotonic() - began
+
+    def summary(self) -> dict[str, Any]:
+        answer: dict[str, Any] = self.browser.get("/api/summary").json()
+        return answer
+
+    def command(self, name: str, /, **body: Any) -> None:
+        self.browser.post(f"/api/commands/{name}", json=body).raise_for_status()
+
+    def start(self, behavior: str, until_flown: str, **arguments: float) -> None:
+        """Start a behavior and wait until the vehicle is in `until_flown`."""
+        self.command("start_behavior", name=behavior, arguments=arguments)
+        until(lambda: (self.summary().get("status") or {}).get("behavior") == until_flown)
+
+    def take_off(self) -> None:
+        until(lambda: (self.summary().get("preflight") or {}).get("ready"), PATIENCE)
+        self.command("arm")
+        until(lambda: self.summary()["status"]["mode"] == "armed")
+        self.start("take_off", "hover")
+
+
+@contextmanager
+def pilot(lines: list[str], port: int, began: float) -> Iterator[Pilot]:
+    """Yield a pilot, once `quadlab up` answers and has the vehicle."""
+    until(lambda: _answers(f"http://127.0.0.1:{port}/"), PATIENCE)
+    link = until(lambda: re.findall(r"http://\S+token=\S+", "".join(lines)), PATIENCE)[-1]
+    with httpx.Client(timeout=10) as browser:
+        yield Pilot(browser, link, began)
+
+
 def measure(up: int, lines: list[str], began: float, seconds: float) -> Figures:
     """Hover, then fly with a page open; return the figures of both."""
-    until(lambda: _answers(f"http://127.0.0.1:{PORT}/"), PATIENCE)
-    figures = {"start to page": time.monotonic() - began}
-    link = until(lambda: re.findall(r"http://\S+token=\S+", "".join(lines)), PATIENCE)[-1]
-    base = link.split("/?")[0]
-    with httpx.Client(base_url=base, headers={"origin": base}, timeout=10) as browser:
-        browser.get(link, follow_redirects=True).raise_for_status()
-
-        def summary() -> dict[str, Any]:
-            answer: dict[str, Any] = browser.get("/api/summary").json()
-            return answer
-
-        def flies(behavior: str) -> bool:
-            status = summary().get("status") or {}
-            return status.get("behavior") == behavior
-
-        def command(name: str, /, **body: Any) -> None:
-            browser.post(f"/api/commands/{name}", json=body).raise_for_status()
-
-        until(lambda: summary().get("status"), PATIENCE)
-        figures["start to vehicle"] = time.monotonic() - began
-        until(lambda: (summary().get("preflight") or {}).get("ready"), PATIENCE)
-        command("arm")
-        until(lambda: summary()["status"]["mode"] == "armed")
-        command("start_behavior", name="take_off")
-        until(lambda: flies("hover"))
-        figures |= counted("hover", up, seconds)
-        with page(browser, base):
-            command("start_behavior", name="follow_trajectory", arguments={"laps": LAPS})
-            until(lambda: flies("follow_trajectory"))
+    with pilot(lines, PORT, began) as flown:
+        flown.take_off()
+        figures = flown.times | counted("hover", up, seconds)
+        with page(flown):
+            flown.start("follow_trajectory", "follow_trajectory", laps=LAPS)
             figures |= counted("page, 8", up, seconds)
-            figures["page, 8: real-time factor"] = summary()["station"]["real_time_factor"]
+            figures["page, 8: real-time factor"] = flown.summary()["station"]["real_time_factor"]
     return figures
 
 
@@ -144,11 +163,11 @@ def counted(what: str, up: int, seconds: float) -> Figures:
 
 
 @contextmanager
-def page(browser: httpx.Client, base: str) -> Iterator[None]:
+def page(flown: Pilot) -> Iterator[None]:
     """Keep the three websockets of a page open."""
-    cookie = "; ".join(f"{one.name}={one.value}" for one in browser.cookies.jar)
-    web = base.replace("http", "ws")
-    names = [one["name"] for one in browser.get("/api/signals").json()["signals"]][:SIGNALS]
+    cookie = "; ".join(f"{one.name}={one.value}" for one in flown.browser.cookies.jar)
+    web = flown.base.replace("http", "ws")
+    names = [one["name"] for one in flown.browser.get("/api/signals").json()["signals"]][:SIGNALS]
     sockets = [
         Socket(f"{web}/ws/telemetry", cookie, json.dumps({"id": 1, "signals": names})),
         Socket(f"{web}/ws/events", cookie),
