@@ -1,8 +1,8 @@
 """A ROS 2 node over Zenoh without ROS: publishers, subscriptions, services and their clients.
 
-Threads: every subscription has a thread of its own, on which Zenoh calls back; a slow callback
-delays only its own topic. Services share threads, made as they are needed, and none waits for
-another. With `direct=True` the callback runs on Zenoh's network thread
+Threads: subscriptions and services of a node share threads, made as they are needed. Each takes
+its messages one after the other, and none waits for another: a slow callback delays only its own
+topic. With `direct=True` the callback runs on Zenoh's network thread
 instead, but it must return at once. `put` may take 1 ms (50 ms for large messages),
 so it does not belong into a control thread.
 
@@ -17,6 +17,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -54,7 +55,7 @@ _counters_lock = threading.Lock()
 _published = Topics()
 PUT_LONGEST = 2.0  # s
 MOST_THREADS = 64
-"""Of all services of a node: more than the requests they answer at the same time."""
+"""Of all subscriptions and services of a node: more than work at the same time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,8 +201,8 @@ class Node:
 
         key, _ = self._announce("MS", topic, type_name, qos)
 
-        def deliver(sample: zenoh.Sample) -> None:
-            received_ns = clock.time_ns()
+        def deliver(arrived: tuple[zenoh.Sample, int]) -> None:
+            sample, received_ns = arrived
             try:
                 data = sample.attachment
                 sequence, source_ns, gid = parse_attachment(data.to_bytes() if data else b"")
@@ -218,7 +219,14 @@ class Node:
             heard = self.session.declare_subscriber(key, RingChannel(newest))
             threading.Thread(target=_each, args=(heard, deliver), name=topic, daemon=True).start()
         else:
-            heard = self.session.declare_subscriber(key, Callback(deliver, indirect=not direct))
+            samples = InTurn(self._pool, deliver)
+            put = deliver if direct else samples.put
+
+            def arrived(sample: zenoh.Sample) -> None:
+                with suppress(RuntimeError):  # on its way while `close` undeclared
+                    put((sample, clock.time_ns()))
+
+            heard = self.session.declare_subscriber(key, Callback(arrived, indirect=False))
         self._entities.append(heard)
 
     def serve(
@@ -305,10 +313,10 @@ class Node:
             raise LinkError(f"cannot announce {self.full_name}: {error}") from error
 
 
-def _each(samples: Any, deliver: Callable[[zenoh.Sample], None]) -> None:
+def _each(samples: Any, deliver: Callable[[tuple[zenoh.Sample, int]], None]) -> None:
     """Deliver each sample until the subscription is undeclared."""
     for sample in samples:
-        deliver(sample)
+        deliver((sample, clock.time_ns()))
 
 
 def _undeclare(entity: Any) -> None:
