@@ -1,4 +1,4 @@
-"""Check whether a folder of certificates can issue further ones, and say how to repair it if not."""
+"""Check whether a folder of certificates can issue further ones, and say how to repair it."""
 
 from __future__ import annotations
 
