@@ -8,9 +8,8 @@ in several blocks, for its messages as columns may take many times its bytes.
 
 from __future__ import annotations
 
-from array import array
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -77,7 +76,7 @@ class BlockReader:
         self.damaged_records = 0
         self._parts: list[bytes] = []
         self._filled = 0
-        self._places: dict[int, list[Places]] = defaultdict(list)
+        self._indexes: dict[int, list[tuple[bytes, int, int]]] = defaultdict(list)
         self._described: set[int] = set()
         self._chunk = b""  # whose indexes are being read
         self._entries: dict[int, bytes] | None = {}
@@ -154,21 +153,12 @@ class BlockReader:
 
     def _add(self, data: bytes, entries: dict[int, bytes] | None) -> None:
         """Add a chunk; `entries`: pairs of log time and place, by channel; None when not known."""
-        base = self._filled
         if entries is None or not (self._begin or entries.keys() <= self.channels.keys()):
-            found = self._walk(data)
-        else:
-            found = {
-                channel: np.frombuffer(pairs[: -(len(pairs) % INDEX_ENTRY.size) or None], "<i8")[
-                    1::2
-                ]
-                for channel, pairs in entries.items()
-            }
-        if not self._begin and not found.keys() <= self._described:
-            self._describe(found.keys())
-        for channel, places in found.items():
-            inside = places[(places >= 0) & (places <= len(data) - HEAD_BYTES)]
-            self._places[channel].append(np.sort(inside) + base)
+            entries = self._walk(data)
+        if not self._begin and not entries.keys() <= self._described:
+            self._describe(entries.keys())
+        for channel, pairs in entries.items():
+            self._indexes[channel].append((pairs, self._filled, len(data)))
         self._parts.append(data)
         self._filled += len(data)
 
@@ -191,11 +181,11 @@ class BlockReader:
         channel = self.channels.get(channel_id)
         return channel is not None and channel.schema_id in (0, *self.schemas)
 
-    def _walk(self, data: bytes) -> dict[int, Places]:
-        """Collect every record of a chunk, as far as it is whole; new schemas and channels are
-        kept.
+    def _walk(self, data: bytes) -> dict[int, bytes]:
+        """Return the indexes a chunk should have, of its messages as far as it is whole; new
+        schemas and channels are kept.
         """
-        found: dict[int, array[int]] = defaultdict(lambda: array("q"))
+        found: dict[int, bytearray] = defaultdict(bytearray)
         position = 0
         while position + RECORD.size <= len(data):
             opcode, length = RECORD.unpack_from(data, position)
@@ -204,11 +194,12 @@ class BlockReader:
                 self.damaged_chunks += 1
                 break
             if opcode == Opcode.MESSAGE and length >= HEAD_BYTES - RECORD.size:
-                found[int.from_bytes(data[begin : begin + 2], "little")].append(position)
+                channel = int.from_bytes(data[begin : begin + 2], "little")
+                found[channel] += INDEX_ENTRY.pack(0, position)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._learn(opcode, data[begin:end])
             position = end
-        return {channel: np.frombuffer(places, np.int64) for channel, places in found.items()}
+        return {channel: bytes(pairs) for channel, pairs in found.items()}
 
     def _learn(self, opcode: int, data: bytes) -> None:
         match parsed(opcode, data):
@@ -227,11 +218,12 @@ class BlockReader:
         if not self._filled:
             return
         data = np.frombuffer(b"".join(self._parts), np.uint8)
-        places = {channel: np.concatenate(parts) for channel, parts in self._places.items()}
+        places = {channel: _places(told) for channel, told in self._indexes.items()}
         self._parts, self._filled = [], 0
-        self._places = defaultdict(list)
-        if not _are_messages(data, places):
-            places = self._walk(data.tobytes())  # an index that was damaged
+        self._indexes = defaultdict(list)
+        if not _are_messages(data, places):  # an index that was damaged
+            walked = self._walk(data.tobytes())
+            places = {one: _places([(told, 0, len(data))]) for one, told in walked.items()}
         if len(data) < 2 * BLOCK_BYTES:
             yield Block(data, places, share)
             return
@@ -248,6 +240,19 @@ class BlockReader:
 def _claimed(chunk: bytes) -> int:
     """Return bytes that a chunk says it has when it is opened; 0 for none."""
     return int(CHUNK.unpack_from(chunk)[2]) if len(chunk) >= CHUNK.size else 0
+
+
+def _places(indexes: Sequence[tuple[bytes, int, int]]) -> Places:
+    """Return where messages of a channel may begin in a block, by the indexes of its chunks:
+    entries, where in the block the chunk begins, its bytes.
+    """
+    step = INDEX_ENTRY.size
+    told = b"".join(pairs[: len(pairs) // step * step] for pairs, _, _ in indexes)
+    counts = [len(pairs) // step for pairs, _, _ in indexes]
+    bases, sizes = (np.repeat([one[k] for one in indexes], counts) for k in (1, 2))
+    places = np.frombuffer(told, "<i8")[1::2]
+    inside = (places >= 0) & (places <= sizes - HEAD_BYTES)
+    return np.sort((places + bases)[inside])
 
 
 def _are_messages(data: Bytes, places: Mapping[int, Places]) -> bool:

@@ -283,11 +283,14 @@ def _fill(
             }
         )
         read = np.ascontiguousarray(rows).view(record)[:, 0]
-        for path in layout.numbers:
-            column = out.numbers.get(path)
-            if column is None:
-                column = out.numbers[path] = np.full(count, np.nan, dtype)
-            with np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
+            for path in layout.numbers:
+                if len(rows) == count:  # all messages have this layout
+                    out.numbers[path] = read[path].astype(dtype)
+                    continue
+                column = out.numbers.get(path)
+                if column is None:
+                    column = out.numbers[path] = np.full(count, np.nan, dtype)
                 column[chosen] = read[path]
     for path, pieces in layout.texts.items():
         column = texts.get(path)

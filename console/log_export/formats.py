@@ -128,7 +128,9 @@ class ColumnFiles:
         if self._kind == "parquet":
             from pyarrow.parquet import ParquetWriter
 
-            return ParquetWriter(self._aside(topic), schema, compression="zstd")
+            return ParquetWriter(
+                self._aside(topic), schema, compression="zstd", use_dictionary=False
+            )
         from pyarrow.csv import CSVWriter
 
         return CSVWriter(self._aside(topic), schema)
