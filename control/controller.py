@@ -17,7 +17,20 @@ from control.parameters import ControlParameters, Item, control_record
 from control.position_law import desired_force, force_rates, limit_force
 from quadrotor.compiled import compiled
 from quadrotor.records import ACTUATORS, Record, new_reference, new_state
-from quadrotor.vectors import Axes, Vector, along, axes_of, dot, quaternion, scale, subtract, vector
+from quadrotor.rigid_body import drag_torque
+from quadrotor.vectors import (
+    Axes,
+    Vector,
+    add,
+    along,
+    axes_of,
+    dot,
+    quaternion,
+    scale,
+    subtract,
+    to_body,
+    vector,
+)
 from quadrotor.vehicle_model import GRAVITY, Four, reference_of_thrust, wrench_of_thrusts
 
 Array = npt.NDArray[np.float64]
@@ -68,23 +81,25 @@ def _remember(memory: Item, axes: Axes) -> None:
 
 @compiled(inner=True)
 def fed_forward(
-    disturbance: Item, reference: Item, model: Item
+    disturbance: Item, reference: Item, model: Item, axes: Axes
 ) -> tuple[Vector, Vector, Vector, Vector]:
     """Return what the motors are to do next to the feedback, and the torque (N m) to take off.
 
     The acceleration (m/s^2) that force over mass has to give, with its two derivatives: that of
-    the reference, the drag of its velocity, less the disturbing force that was found.
+    the reference, the drag of its velocity, less the disturbing force that was found. The torque
+    is the disturbing one and that of the drag.
     """
     by_mass = 1.0 / model.mass
     drag = model.drag * by_mass
     acceleration_w, jerk_w = vector(reference.acceleration_w), vector(reference.jerk_w)
     pushed = along(acceleration_w, drag, vector(reference.velocity_w))
     pushed_dot = along(jerk_w, drag, acceleration_w)
+    drag_b = scale(-model.drag, to_body(axes, vector(reference.velocity_w)))
     return (
         along(pushed, -by_mass, vector(disturbance.force_w)),
         along(pushed_dot, -by_mass, vector(disturbance.force_rate_w)),
         along(vector(reference.snap_w), drag, jerk_w),
-        vector(disturbance.torque_b),
+        add(vector(disturbance.torque_b), drag_torque(model.drag_lever, drag_b)),
     )
 
 
@@ -127,7 +142,7 @@ def step_one(
     weight = mass * GRAVITY
     axes = axes_of(quaternion(state.quaternion_wb))
     omega_b = vector(state.angular_velocity_b)
-    acceleration_w, jerk_w, snap_w, off = fed_forward(memory.disturbance, reference, model)
+    acceleration_w, jerk_w, snap_w, off = fed_forward(memory.disturbance, reference, model, axes)
     e_p = subtract(vector(reference.position_w), vector(state.position_w))
     e_v = subtract(vector(reference.velocity_w), vector(state.velocity_w))
 

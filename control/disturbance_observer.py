@@ -23,8 +23,8 @@ import numpy.typing as npt
 from control.parameters import DisturbanceParameters, Item
 from quadrotor.compiled import compiled
 from quadrotor.records import ACTUATORS, Record, new_state
-from quadrotor.rigid_body import gyroscopic_ratios, motor_share, rotors
-from quadrotor.vectors import Vector, along, scale, times, vector
+from quadrotor.rigid_body import drag_torque, gyroscopic_ratios, motor_share, rotors
+from quadrotor.vectors import Vector, add, along, axes_of, quaternion, scale, times, to_body, vector
 from quadrotor.vehicle_model import GRAVITY, Four, VehicleModel
 
 Array = npt.NDArray[np.float64]
@@ -194,7 +194,7 @@ def _modelled(m: Item, state: Item, target: Four, model: Item, dt: float) -> tup
     thrust, x, y, z = rotors(
         middle, model.motor_slope, model.motor_offset, model.arm, model.torque_ratio
     )
-    q, lift = state.quaternion_wb, thrust / model.mass
+    q, lift = quaternion(state.quaternion_wb), thrust / model.mass
     pushed_w = (
         2.0 * lift * (q[1] * q[3] + q[0] * q[2]),
         2.0 * lift * (q[2] * q[3] - q[0] * q[1]),
@@ -204,7 +204,8 @@ def _modelled(m: Item, state: Item, target: Four, model: Item, dt: float) -> tup
     J, o = vector(model.inertia_b), vector(state.angular_velocity_b)
     inverse = (1.0 / J[0], 1.0 / J[1], 1.0 / J[2])
     ratios = gyroscopic_ratios(J, inverse)
-    turn = times((x, y, z), inverse)
+    drag_b = scale(-model.drag, to_body(axes_of(q), vector(state.velocity_w)))
+    turn = times(add((x, y, z), drag_torque(model.drag_lever, drag_b)), inverse)
     return push_w, (
         turn[0] - ratios[0] * o[1] * o[2],
         turn[1] - ratios[1] * o[2] * o[0],

@@ -81,13 +81,14 @@ def hover_one(
     reference.
     """
     weight = model.mass * GRAVITY
-    x_b, y_b, z_b = axes_of(quaternion(state.quaternion_wb))
+    axes = axes_of(quaternion(state.quaternion_wb))
+    x_b, y_b, z_b = axes
     omega_b = vector(state.angular_velocity_b)
     e_p = subtract(vector(reference.position_w), vector(state.position_w))
     e_v = subtract(vector(reference.velocity_w), vector(state.velocity_w))
     hand_over(memory, gains, model)
     integral_w = vector(memory.position_integral_w)
-    acceleration_w, _, _, off = fed_forward(memory.disturbance, reference, model)
+    acceleration_w, _, _, off = fed_forward(memory.disturbance, reference, model, axes)
     force = desired_force(e_p, e_v, integral_w, acceleration_w, gains, model.mass)
     force, limited = limit_force(force, weight, gains.tan_tilt_max)
     memory.tilt_limited = 1 if limited else 0

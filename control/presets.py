@@ -34,6 +34,19 @@ PRESETS: dict[str, dict[str, ParameterValue]] = {
         "attitude.ki_xy": 0.0,
         "attitude.ki_z": 0.0,
     },
+    # The observer on stiff gains: half of its error in gusts and turbulence, for 20 ms of the delay
+    # that the motors bear. Wants what `stiff` wants.
+    "stiff_observer": {
+        "disturbance.force": True,
+        "disturbance.torque": True,
+        "disturbance.force_bandwidth": 18.0,
+        "position.kp_xy": 6.0,
+        "position.kv_xy": 4.5,
+        "attitude.kr_xy": 95.0,
+        "attitude.kw_xy": 18.0,
+        "attitude.ki_xy": 0.0,
+        "attitude.ki_z": 0.0,
+    },
     # Desired rates from the exact force: damped, but softer against a constant force by
     # 1 + k_w k_v / k_R.
     "damped": {"attitude.rates": "exact"},

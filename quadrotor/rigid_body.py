@@ -193,6 +193,12 @@ def store_motion(motion: Motion, x: Array) -> None:
 
 
 @compiled(inner=True)
+def drag_torque(lever: float, force_b: Vector) -> Vector:
+    """Return the torque (N m) of a drag (N) that acts `lever` (m) over the centre of mass."""
+    return -lever * force_b[1], lever * force_b[0], 0.0
+
+
+@compiled(inner=True)
 def motor_share(time_constant: float, dt: float) -> float:
     """Return how much of the way to a held reference a rotor goes in dt (s): exact for any dt."""
     return 1.0 - math.exp(-dt / time_constant)

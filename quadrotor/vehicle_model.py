@@ -32,6 +32,7 @@ MODEL = np.dtype(
         ("thrust_min", "f8"),  # N a motor
         ("thrust_max", "f8"),  # N a motor
         ("drag", "f8"),  # N s/m
+        ("drag_lever", "f8"),  # m, over the centre of mass
     ],
     align=True,
 )
@@ -100,6 +101,16 @@ class VehicleModel(Parameters):
         flight_step=0.2,
         description="linear drag, fed forward by the reference's velocity; 0: none. The experiment "
         "`drag` finds it",
+    )
+    drag_lever: float = parameter(
+        0.0,
+        unit="m",
+        ge=-0.1,
+        le=0.3,
+        step=0.001,
+        flight_step=0.05,
+        description="height over the centre of mass at which the drag acts; its torque lifts the "
+        "leading side, as flapping blades do. The experiment `drag` finds it",
     )
     motor_slope: float = parameter(
         0.0126403,
@@ -174,6 +185,7 @@ class VehicleModel(Parameters):
         out["motor_slope"] = slope
         out["motor_offset"] = self.motor_offset
         out["drag"] = self.drag
+        out["drag_lever"] = self.drag_lever
         out["thrust_min"] = thrust_of_reference(self.motor_reference_min, slope, self.motor_offset)
         out["thrust_max"] = thrust_of_reference(self.motor_reference_max, slope, self.motor_offset)
         return out

@@ -17,7 +17,7 @@ struct ControlGains {
 
 struct Model {
     double mass, inertia_b[3], arm, torque_ratio, motor_time_constant, motor_slope, motor_offset;
-    double thrust_min, thrust_max, drag;
+    double thrust_min, thrust_max, drag, drag_lever;
 };
 
 struct Eight {
@@ -113,5 +113,5 @@ struct Plant {
     double thrust_efficiency, drag, stiffness, damping, friction, rest_depth, capacity, resistance;
     double battery_nominal, battery_exponent, battery_share;
     double air_w[3], wind_w[3], gust, gust_time, motor_gain[4], ground_effect, air_share;
-    double gusts[5], rotor_drag_b[3], rotor_drag_lever, inflow_loss, rotor_turns[4];
+    double gusts[5], rotor_drag_b[3], inflow_loss, rotor_turns[4];
 };

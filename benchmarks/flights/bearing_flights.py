@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from console.experiments.bearings import BearingsExperiment
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
 from quadrotor.errors import LogFormatError, RefusedError
-from quadrotor.parameters import ParameterStore
+from quadrotor.parameters import ParameterStore, ParameterValue
 from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
@@ -149,10 +149,12 @@ def fly(
     options: dict[str, Any],
     fault: Fault | None = None,
     tracker: bool = True,
+    settings: Mapping[str, ParameterValue] | None = None,
 ) -> Outcome:
-    """Return one flight of the experiment with these of its options."""
+    """Return one flight of the experiment with these of its options and settings."""
     parameters = FlightParameters().model_copy(deep=True)
     parameters.seed(seed)
+    ParameterStore(parameters).preset(dict(settings or {}))
     experiment = BearingsExperiment()
     for name, value in options.items():
         setattr(experiment.parameters, name, value)

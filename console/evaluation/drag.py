@@ -4,6 +4,9 @@ Level, m v' = T z_B + c - D v with the commanded thrust T behind the rotors' lag
 of wind and misalignment. A low pass a / (s + a) on both sides needs no derivative of v (as in
 estimation.mass_estimator): m a (v - v_fil) - (T z_B)_fil = c - D v_fil, solved for D and c by least
 squares over both level axes.
+
+Its torque likewise, along body axes: J a (omega - omega_fil) - tau_fil = c + h D (v_y, -v_x)_fil
+gives h, the height over the centre of mass at which it acts.
 """
 
 from __future__ import annotations
@@ -24,8 +27,9 @@ Array = npt.NDArray[np.float64]
 
 ATTITUDE = tuple(f"pose.pose.orientation.{axis}" for axis in "wxyz")
 VELOCITY = tuple(f"twist.twist.linear.{axis}" for axis in "xyz")
+TURNING = tuple(f"twist.twist.angular.{axis}" for axis in "xy")
 THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
-WANTED = {"state": (*ATTITUDE, *VELOCITY), "actuators": THRUSTS, "status": ("behavior",)}
+WANTED = {"state": (*ATTITUDE, *VELOCITY, *TURNING), "actuators": THRUSTS, "status": ("behavior",)}
 RAMP = 3.0
 """s in and out of the circles, which do not count; nor do the filters' first moments."""
 POLE = 2.0
@@ -41,6 +45,10 @@ SPREAD_MAX = 0.02
 PIECES = 3
 DRAG_BOUNDS = (0.0, 2.0)
 """N s/m, of model.drag."""
+DRAG_LEAST = 0.05
+"""N s/m, below which nothing is known of where it acts."""
+LEVER_BOUNDS = (-0.1, 0.3)
+"""m, of model.drag_lever."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +56,13 @@ class DragFlight:
     """Return the drag that the circles show.
 
     Attributes:
-        found: N s/m. pieces: (PIECES,) the same of each third of the time.
+        found: N s/m. pieces: (PIECES,) the same of each third of the time. lever: m.
         speed: m/s rms. constant_w: (2,) N. truth: N s/m; NaN when no one knows.
     """
 
     found: float
     pieces: Array
+    lever: float
     speed: float
     constant_w: Array
     seconds: float
@@ -69,6 +78,7 @@ class DragFlight:
         """Return the metrics in N s/m, m/s, N, s, without unknown ones."""
         found = {
             "drag_N_s_m": self.found,
+            "lever_m": self.lever,
             "truth_N_s_m": self.truth,
             "error_N_s_m": abs(self.found - self.truth),
             "spread_N_s_m": self.spread,
@@ -95,7 +105,10 @@ class DragFlight:
             )
         return CalibrationRecord(
             name="drag",
-            values={"model.drag": round(max(low, self.found), 3)},
+            values={
+                "model.drag": round(max(low, self.found), 3),
+                "model.drag_lever": round(self.lever, 3),
+            },
             figures=(
                 Quality(
                     name="drag of the model",
@@ -145,19 +158,24 @@ def read_drag(log: Path, vehicle: str) -> DragFlight:
         return np.stack([columns.values(name)[rows][inside] for name in names], 1, dtype=np.float64)
 
     attitude, velocity_b = table(state, first, ATTITUDE), table(state, first, VELOCITY)
+    omega_b = table(state, first, TURNING)
     thrusts = table(actuators, second, THRUSTS)
     # Imported here: compiled, and the station starts without a compiler.
     from quadrotor.rotations import quaternion_to_matrix
 
     R_wb = np.array([quaternion_to_matrix(q) for q in attitude])
     velocity_w = np.einsum("nij,nj->ni", R_wb, velocity_b)
-    return estimate_drag(time[inside], velocity_w, R_wb[:, :, 2], thrusts, start, parameters)
+    motion_b = np.hstack((velocity_b[:, :2], omega_b))
+    return estimate_drag(
+        time[inside], velocity_w, R_wb[:, :, 2], motion_b, thrusts, start, parameters
+    )
 
 
 def estimate_drag(
     time: Array,
     velocity_w: Array,
     z_b: Array,
+    motion_b: Array,
     thrusts: Array,
     start: float,
     parameters: FlownParameters,
@@ -166,6 +184,7 @@ def estimate_drag(
 
     Args:
         velocity_w: (N, 3) m/s. z_b: (N, 3) the body's z axis in world axes.
+        motion_b: (N, 4) velocity (m/s) and angular velocity (rad/s) along body x and y.
         thrusts: (N, 4) N, commanded from each tick to the next.
 
     Raises MeasurementError when it was flown too slowly.
@@ -173,18 +192,21 @@ def estimate_drag(
     values = parameters.vehicle
     mass, lag = float(values["model.mass"]), float(values["model.motor_time_constant"])
     root = np.sqrt(np.maximum(thrusts[0], 0.0))  # linear in the speed of a rotor
-    slow_v, slow_f = velocity_w[0, :2].copy(), np.zeros(2)
-    slow_f[:] = (root**2).sum() * z_b[0, :2]
-    filtered = np.empty((len(time), 4))
-    filtered[0] = *slow_v, *slow_f
+    arm = float(values["model.arm"])
+
+    def acting(k: int, f: Array) -> Array:
+        """Return what is filtered of tick k, rotors with thrusts f (N)."""
+        torque_b = arm * (f[1] - f[3]), arm * (f[2] - f[0])
+        return np.concatenate((velocity_w[k, :2], f.sum() * z_b[k, :2], motion_b[k], torque_b))
+
+    slow = acting(0, root**2)
+    filtered = np.empty((len(time), len(slow)))
+    filtered[0] = slow
     for k, dt in enumerate(np.diff(time).tolist()):
-        before = (root**2).sum()
+        before = root**2
         root += -math.expm1(-dt / lag) * (np.sqrt(np.maximum(thrusts[k], 0.0)) - root)
-        thrust = 0.5 * (before + (root**2).sum())
-        share = -math.expm1(-POLE * dt)
-        slow_v += share * (velocity_w[k + 1, :2] - slow_v)
-        slow_f += share * (thrust * z_b[k + 1, :2] - slow_f)
-        filtered[k + 1] = *slow_v, *slow_f
+        slow += -math.expm1(-POLE * dt) * (acting(k + 1, 0.5 * (before + root**2)) - slow)
+        filtered[k + 1] = slow
     rows = time >= start
     speed = float(np.sqrt(np.mean(np.sum(velocity_w[rows, :2] ** 2, axis=1))))
     if not speed >= SPEED_MIN:
@@ -192,16 +214,22 @@ def estimate_drag(
             f"{speed:.2f} m/s are too slow to show drag, {SPEED_MIN:g} m/s are needed: fly a "
             "larger circle or a shorter period"
         )
-    force = mass * POLE * (velocity_w[:, :2] - filtered[:, :2]) - filtered[:, 2:]
+    inertia = np.array([float(values["model.inertia_xx"]), float(values["model.inertia_yy"])])
+    force = mass * POLE * (velocity_w[:, :2] - filtered[:, :2]) - filtered[:, 2:4]
+    torque = inertia * POLE * (motion_b[:, 2:] - filtered[:, 6:8]) - filtered[:, 8:]
     force, slow = force[rows], filtered[rows, :2]
     found, constant_w = _solve(force, slow)
+    # h D (v_y, -v_x) is a drag of (-v_y, v_x).
+    twist, _ = _solve(torque[rows], filtered[rows][:, (5, 4)] * (-1.0, 1.0))
+    lever = min(LEVER_BOUNDS[1], max(LEVER_BOUNDS[0], twist / found)) if found > DRAG_LEAST else 0.0
     pieces = [
         _solve(f, v)[0]
         for f, v in zip(np.array_split(force, PIECES), np.array_split(slow, PIECES), strict=True)
     ]
-    truth = float(parameters.truth.get("drag", math.nan))
+    rotors = [float(parameters.truth.get(f"rotor_drag_{axis}", 0.0)) for axis in "xy"]
+    truth = float(parameters.truth.get("drag", math.nan)) + 0.5 * sum(rotors)
     seconds = float(time[-1] - time[rows][0])
-    return DragFlight(found, np.array(pieces), speed, constant_w, seconds, truth, parameters)
+    return DragFlight(found, np.array(pieces), lever, speed, constant_w, seconds, truth, parameters)
 
 
 def _solve(force: Array, velocity: Array) -> tuple[float, Array]:

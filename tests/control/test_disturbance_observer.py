@@ -199,6 +199,21 @@ def test_on_the_8_it_takes_off_a_push_and_a_payload(
     assert errors["observer"] < max(share * 0.05, 0.003) + 0.25 * errors["standard"]
 
 
+def test_a_drag_that_acts_above_the_centre_is_fed_forward_as_a_torque() -> None:
+    state, reference, out = new_state(), new_reference(), np.zeros(1, ACTUATORS)
+    reference["velocity_w"] = state["velocity_w"] = (1.0, 0.5, 0.0)
+    for law in (GeometricController, NearHoveringController):
+        torques = []
+        for lever in (0.0, 0.02):
+            controller = law()
+            controller.configure(
+                ControlParameters(), VehicleModel(drag=0.4, drag_lever=lever).record()
+            )
+            controller.step(state, reference, True, DT, out)
+            torques.append(out["wrench"][0, 1:].copy())
+        assert torques[1] - torques[0] == pytest.approx([-0.004, 0.008, 0.0], abs=1e-9)
+
+
 def test_drag_fed_forward_is_none_on_the_8() -> None:
     drag = 0.3
 

@@ -276,14 +276,22 @@ def test_a_yaw_that_one_lap_cannot_have_is_refused_before_it_flies() -> None:
 # ---------------------------------------------------------------- drag
 def test_drag_is_found_on_circles_and_proposed_for_the_model(tmp_path: Path) -> None:
     log = tmp_path / "drag.mcap"
-    settings = {"simulator__drag": 0.2, "experiment__laps": 3}
+    settings = {
+        "simulator__rotor_drag_x": 0.2,
+        "simulator__rotor_drag_y": 0.2,
+        "simulator__drag_lever": 0.03,
+        "experiment__laps": 3,
+    }
     with laboratory("drag", log, **settings) as (experiment, flight):
         experiment.fly(flight)
         assert flight.view().mode == "ready"
     result = experiment.evaluate(log)
     assert result.verdict == "passed"
     assert result.metrics["drag_N_s_m"] == pytest.approx(0.2, abs=0.01)
-    assert experiment.proposal(log).values == {"model.drag": pytest.approx(0.2, abs=0.01)}
+    assert experiment.proposal(log).values == {
+        "model.drag": pytest.approx(0.2, abs=0.01),
+        "model.drag_lever": pytest.approx(0.03, abs=0.005),
+    }
 
 
 # ---------------------------------------------------------------- vibration

@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
-from quadrotor.rigid_body import Motion, motion_of
-from quadrotor.vectors import Vector, along, axes_of, scale, to_body, vector
+from quadrotor.rigid_body import Motion, drag_torque, motion_of
+from quadrotor.vectors import Vector, along, axes_of, to_body, vector
 
 Item = Any
 """One record `array[k]` inside compiled code."""
@@ -70,7 +70,7 @@ def drag_of_rotors(p: Item, motion: Motion) -> tuple[Vector, Vector]:
     """
     x, y, _ = air_speed_b(p, motion)
     force_b = -p.rotor_drag_b[0] * x, -p.rotor_drag_b[1] * y, 0.0
-    return force_b, scale(p.rotor_drag_lever, (-force_b[1], force_b[0], 0.0))
+    return force_b, drag_torque(p.model.drag_lever, force_b)
 
 
 @compiled(inner=True)

@@ -128,15 +128,6 @@ class SimulatorParameters(VehicleModel):
         step=0.01,
         description="drag of the rotors along y_B, relative to the velocity through the air",
     )
-    rotor_drag_lever: float = parameter(
-        0.0,
-        unit="m",
-        ge=-0.1,
-        le=0.3,
-        step=0.005,
-        description="height over the centre of mass at which the rotors' drag acts; its torque "
-        "lifts the leading side, as flapping blades do",
-    )
     inflow_loss: float = parameter(
         0.0,
         unit="s/m",

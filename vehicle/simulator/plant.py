@@ -96,7 +96,6 @@ PLANT = np.dtype(
         ("air_share", "f8"),  # of the thrust in air at rest far from the ground
         ("gusts", "f8", 5),  # memory of `blow`
         ("rotor_drag_b", "f8", 3),  # N s/m, at hover
-        ("rotor_drag_lever", "f8"),  # m, over the centre of mass
         ("inflow_loss", "f8"),  # s/m
         ("rotor_turns", "f8", 4),  # of each rotor since the start, for its vibration
     ],
@@ -142,7 +141,6 @@ def configure_plant(plant: Record, parameters: SimulatorParameters) -> None:
     plant["disturbance_w"] = parameters.push_x, parameters.push_y, parameters.push_z
     plant["ground_effect"] = parameters.ground_effect
     plant["rotor_drag_b"] = parameters.rotor_drag_x, parameters.rotor_drag_y, 0.0
-    plant["rotor_drag_lever"] = parameters.rotor_drag_lever
     plant["inflow_loss"] = parameters.inflow_loss
     gains = [
         parameters.motor_gain_front,

@@ -11,7 +11,7 @@ ROUGH: dict[str, ParameterValue] = {
     "vibration_gyroscope": 1.0,
     "rotor_drag_x": 0.42,
     "rotor_drag_y": 0.52,
-    "rotor_drag_lever": 0.02,
+    "drag_lever": 0.02,
     "inflow_loss": 0.025,
     "gust": 0.3,
     "gust_time": 1.5,

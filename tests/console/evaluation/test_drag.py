@@ -12,15 +12,27 @@ from quadrotor.vehicle_model import GRAVITY
 from tests.support.arrays import Array
 
 LAG, MASS, DT = 0.047, 1.308, 0.002
+ARM, LEVER = 0.25, 0.03
 PARAMETERS = FlownParameters(
-    {"model.mass": MASS, "model.motor_time_constant": LAG, "model.drag": 0.0}, {"drag": 0.3}
+    {
+        "model.mass": MASS,
+        "model.motor_time_constant": LAG,
+        "model.drag": 0.0,
+        "model.arm": ARM,
+        "model.inertia_xx": 0.0154,
+        "model.inertia_yy": 0.0154,
+    },
+    {"drag": 0.3},
 )
 
 
 def circled(
     drag: float, mass: float, speed: float = 1.0, seconds: float = 25.0
-) -> tuple[Array, Array, Array, Array]:
-    """Ticks of a circle of radius 0.8 m, flown with the tilt that drag and a push ask for."""
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Ticks of a circle of radius 0.8 m, flown with the tilt that drag and a push ask for.
+
+    Level about its axes, so that the torques are those against the drag's lever and a weak motor.
+    """
     time = np.arange(0.0, seconds, DT)
     turn = speed / 0.8
     angle = turn * time
@@ -31,17 +43,23 @@ def circled(
     force[:, 2] = mass * GRAVITY
     thrust = np.linalg.norm(force, axis=1)
     thrusts = np.repeat(0.25 * thrust[:, None], 4, axis=1)
-    return time, velocity_w, force / thrust[:, None], thrusts
+    torque = -LEVER * drag * np.stack([velocity_w[:, 1], -velocity_w[:, 0]], axis=1) + 0.02
+    thrusts[:, 1::2] += 0.5 / ARM * torque[:, :1] * [1.0, -1.0]
+    thrusts[:, ::2] += 0.5 / ARM * torque[:, 1:] * [-1.0, 1.0]
+    motion_b = np.hstack((velocity_w[:, :2], np.zeros((len(time), 2))))
+    return time, velocity_w, force / thrust[:, None], motion_b, thrusts
 
 
 @pytest.mark.parametrize("mass", [MASS, 1.2 * MASS])
 def test_a_wrong_mass_and_a_steady_push_do_not_look_like_drag(mass: float) -> None:
-    time, velocity_w, z_b, thrusts = circled(0.3, mass)
-    flight = estimate_drag(time, velocity_w, z_b, thrusts, RAMP, PARAMETERS)
+    flight = estimate_drag(*circled(0.3, mass), RAMP, PARAMETERS)
     assert flight.found == pytest.approx(0.3, abs=0.003)
     assert flight.constant_w == pytest.approx([-0.3, 0.2], abs=0.02)
     record = flight.record()
-    assert record.values == {"model.drag": pytest.approx(0.3, abs=0.003)}
+    assert record.values == {
+        "model.drag": pytest.approx(0.3, abs=0.003),
+        "model.drag_lever": pytest.approx(LEVER, abs=0.001),
+    }
     assert record.good
     assert len(record.residuals) == PIECES
 

@@ -331,7 +331,7 @@ def test_gusts_have_dryden_s_deviation_and_spectra() -> None:
 
 
 def test_rotor_drag_brakes_along_each_axis_and_lifts_the_leading_side() -> None:
-    p = SimulatorParameters(rotor_drag_x=0.4, rotor_drag_y=0.6, rotor_drag_lever=0.05)
+    p = SimulatorParameters(rotor_drag_x=0.4, rotor_drag_y=0.6, drag_lever=0.05)
     plant = flying(p)
     plant["x"][0, 3:6] = 2.0, -1.0, 0.0
     advance(plant, (127,) * 4, 0.001)
