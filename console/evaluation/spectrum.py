@@ -57,18 +57,21 @@ def evenly(time: Array, values: Values) -> tuple[float, Array]:
     return (count - 1) / span, np.stack(columns, axis=1)
 
 
-def spectrum(rate: float, values: Array) -> tuple[Array, Array]:
+def spectrum(rate: float, values: Array, segment: float = SEGMENT) -> tuple[Array, Array]:
     """Return frequencies (M,) in Hz and the one-sided power spectral density (M, K), by Welch.
+
+    Args:
+        segment: s under one window.
 
     Raises MeasurementError when it lasts less than SEGMENTS_MIN segments.
     """
     from scipy.signal import welch
 
-    length = round(SEGMENT * rate)
+    length = max(4, int(segment * rate))
     if len(values) < SEGMENTS_MIN * length:
         raise MeasurementError(
             f"{len(values) / rate:.1f} s are too short for a spectrum, "
-            f"{SEGMENTS_MIN * SEGMENT:g} s are needed"
+            f"{SEGMENTS_MIN * segment:g} s are needed"
         )
     frequency, density = welch(values, rate, nperseg=length, axis=0)
     return frequency, density

@@ -15,12 +15,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from quadrotor.errors import OutOfBoundsError, StorageError
+from console.evaluation.spectrum import SEGMENT, SEGMENTS_MIN, evenly, rotor_frequency, spectrum
+from quadrotor.errors import MeasurementError, OutOfBoundsError, StorageError
 from web.replay.cache_writer import COLUMNS, INDEX, TRACK, VERSION
 from web.replay.pyramid import FACTOR, coarser, level_sizes
 
 STRIDE = 512
 """Every so many times are kept in memory; between them, one read finds the place."""
+MOST_SAMPLES = 2_000_000
+"""Of a signal, under one spectrum."""
 DETAIL = 2
 """Samples a point are drawn one by one."""
 
@@ -119,6 +122,34 @@ class Replay:
             b"".join(_padded(part) for part in parts)
         )
 
+    def spectra(self, names: Sequence[str], start: float, end: float) -> dict[str, Any]:
+        """Return the density of each signal between two instants (s), in its unit/√Hz as an
+        estimator's white noise has it (two-sided), and the rotors' mean frequencies (Hz) by their
+        thrusts, none where the log has no thrusts.
+
+        Raises OutOfBoundsError for an unknown signal, MeasurementError for too few or too many
+        samples.
+        """
+        found = []
+        for name in dict.fromkeys(names):
+            times, values = self._samples(self._row(name), start, end)
+            known = np.isfinite(values)
+            rate, even = evenly(times[known], values[known, None])
+            segment = min(SEGMENT, len(even) / rate / SEGMENTS_MIN)
+            frequency, density = spectrum(rate, even, segment)
+            root = np.sqrt(0.5 * density[:, 0])
+            found.append(
+                {
+                    "signal": name,
+                    "frequency": frequency.round(4).tolist(),
+                    "density": [float(f"{one:.4g}") for one in root],
+                }
+            )
+        rows = [self._signals.get(f"actuators/thrusts[{k}]") for k in range(4)]
+        thrusts = [self._samples(row, start, end)[1] for row in rows if row is not None]
+        rotors = [float(rotor_frequency(one).mean()) for one in thrusts if len(one)]
+        return {"spectra": found, "rotors": rotors}
+
     def at(self, names: Sequence[str], t: float) -> dict[str, list[float | None]]:
         """Return newest value at t (s) and its age (s) of each signal; None before the first
         one.
@@ -148,6 +179,17 @@ class Replay:
         if len(data) != count * kind.itemsize:
             raise StorageError(f"the replay's cache {self.folder.name} is cut off; open it again")
         return np.frombuffer(data, kind)
+
+    def _samples(self, row: dict[str, Any], start: float, end: float) -> tuple[Times, Floats]:
+        base = self._bases[self.index["topics"][row["topic"]]["base"]]
+        first, last = base.before(start), base.before(end)
+        if last - first > MOST_SAMPLES:
+            raise MeasurementError(
+                f"{last - first} samples are too many for a spectrum, allowed are {MOST_SAMPLES}: "
+                "zoom in"
+            )
+        values = self._values(row, first, last) * np.float32(row["factor"])
+        return base.times(first, last), values
 
     def _row(self, name: str) -> dict[str, Any]:
         row: dict[str, Any] | None = self._signals.get(name)

@@ -102,6 +102,11 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
         found = store.opened(find(run_id)).window(signal, start, end, points)
         return Response(found, media_type=BINARY)
 
+    @app.get("/api/replay/{run_id}/spectrum")
+    def spectrum(run_id: str, start: Seconds, end: Seconds, signal: Names) -> dict[str, Any]:
+        """Return spectra of signals between two instants (s), and the rotors' frequencies."""
+        return store.opened(find(run_id)).spectra(signal, start, end)
+
     @app.get("/api/replay/{run_id}/at")
     def at(run_id: str, t: Seconds, signal: Names) -> dict[str, list[float | None]]:
         """Return newest value and its age (s) of each signal at t (s)."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 
 from benchmarks.logs.recorded_run import MadeRun, write_run
@@ -92,6 +93,23 @@ def test_a_viewer_replays_a_run_or_the_vehicles_own_log(
     assert group["signals"] == query["signal"]
     at = viewer_there.get(f"/api/replay/{run}/at", params={"t": 2.0, "signal": "battery.voltage"})
     assert at.json()["battery.voltage"] == pytest.approx([15.998, 0.0], abs=0.02)
+
+
+def test_a_spectrum_has_the_density_of_what_was_recorded_and_the_rotors(
+    viewer_there: httpx.Client, until: Until
+) -> None:
+    described(viewer_there, RUN, until)
+    query = {"start": "1", "end": "6", "signal": "imu/linear_acceleration.x"}
+    answer = viewer_there.get(f"/api/replay/{RUN}/spectrum", params=query).json()
+    [found] = answer["spectra"]
+    assert found["frequency"][-1] == pytest.approx(250.0, abs=1.0)
+    samples = 30.0 * SHORT.noise  # white, m/s^2
+    level = float(np.sqrt(np.mean(np.square(found["density"][5:-5]))))
+    assert level == pytest.approx(samples * np.sqrt(1.0 / 500.0), rel=0.15)
+    assert len(answer["rotors"]) == 4
+    answered = viewer_there.get(f"/api/replay/{RUN}/spectrum", params={**query, "end": "1.01"})
+    assert answered.status_code == 422
+    assert "too few" in answered.json()["error"]
 
 
 def test_the_vehicles_own_logs_are_listed(viewer_there: httpx.Client) -> None:

@@ -4,6 +4,7 @@ import { Chart } from "../charts/chart.js";
 import { ChartMenu } from "../charts/signal_menu.js";
 import { element } from "../core/dom.js";
 import { RecordedSignals } from "./recorded_signals.js";
+import { Spectra, SpectrumChart } from "./spectrum.js";
 
 const axes = (name) => ["x", "y", "z"].map((axis) => `${name}.${axis}`);
 const FIRST = [[...axes("state.position"), ...axes("reference.position")], axes("error.position")]; // of each chart
@@ -12,29 +13,51 @@ const FIRST = [[...axes("state.position"), ...axes("reference.position")], axes(
 export class ReplayChart extends EventTarget {
   constructor(place, index, clock, range) {
     super();
-    this.key = `replay.chart.${index}`; this.index = index;
-    this.source = new RecordedSignals(clock, range, () => Math.min(2000, Math.max(200, this.chart.plot.clientWidth)));
-    this.chart = new Chart(place, { axis: range, source: this.source });
-    range.addEventListener("range", () => this.show());
-    this.source.addEventListener("window", () => { this.chart.refresh(); this.show(); });
-    this.source.addEventListener("problem", ({ detail }) => {
-      place.classList.toggle("lost", Boolean(detail));
-      if (detail) this.dispatchEvent(new CustomEvent("problem", { detail }));
-    });
+    this.key = `replay.chart.${index}`; this.index = index; this.place = place; this.range = range;
+    this.recorded = new RecordedSignals(clock, range, () => Math.min(2000, Math.max(200, this.chart.plot.clientWidth)));
+    this.spectra = new Spectra(range);
+    this.chart = new Chart(place, { axis: range, source: this.recorded });
+    for (const one of [range, this.spectra.axis]) one.addEventListener("range", () => this.show());
+    for (const source of [this.recorded, this.spectra]) {
+      source.addEventListener("window", () => { this.chart.refresh(); this.show(); });
+      source.addEventListener("problem", ({ detail }) => {
+        place.classList.toggle("lost", Boolean(detail));
+        if (detail) this.dispatchEvent(new CustomEvent("problem", { detail }));
+      });
+    }
   }
 
   get names() { return this.chart.names; }
+  get source() { return this.chart.source; }
   get settled() { return this.source.settled; }
 
   setRuns(runs) {
-    const { chart, source } = this, { signals } = runs[0].description;
-    source.runs = runs;
+    const { signals } = runs[0].description;
+    this.recorded.runs = this.spectra.runs = runs;
     const menu = new ChartMenu({ signals, named: signals.filter(({ known }) => known).length });
     const choose = element("button", { title: "choose signals", ariaExpanded: "false",
-      onclick: () => menu.toggle(chart, choose, () => this.changed()) }, "Signals");
-    chart.tools.append(choose);
-    chart.select(this.stored() ?? this.defaults(runs[0]));
+      onclick: () => menu.toggle(this.chart, choose, () => this.changed()) }, "Signals");
+    this.kind = element("button", { title: "density over frequency of what is shown, with the rotors' frequencies; and back",
+      ariaPressed: "false", onclick: () => { if (menu.isOpen) menu.close(); this.setSpectrum(this.source !== this.spectra); } },
+      "Spectrum");
+    this.tools = [this.kind, choose];
+    this.chart.tools.append(...this.tools);
+    this.chart.select(this.stored() ?? this.defaults(runs[0]));
     this.show();
+  }
+
+  // Over frequency, or over time again.
+  setSpectrum(isSpectrum) {
+    const { names, place, range, recorded, spectra } = this;
+    this.chart.close();
+    place.replaceChildren();
+    this.chart = isSpectrum ? new SpectrumChart(place, { axis: spectra.axis, source: spectra })
+      : new Chart(place, { axis: range, source: recorded });
+    this.kind.ariaPressed = String(isSpectrum);
+    this.chart.tools.append(...this.tools);
+    this.chart.select(names);
+    if (isSpectrum) this.chart.plot.ariaLabel = this.chart.plot.ariaLabel.replace("over time", "over frequency");
+    this.changed();
   }
 
   changed() {
@@ -45,7 +68,7 @@ export class ReplayChart extends EventTarget {
 
   stored() {
     const names = JSON.parse(localStorage.getItem(this.key) ?? "null");
-    const known = Array.isArray(names) ? names.filter((name) => this.source.signals.has(name)) : [];
+    const known = Array.isArray(names) ? names.filter((name) => this.recorded.signals.has(name)) : [];
     return known.length ? known : null;
   }
 
@@ -57,7 +80,7 @@ export class ReplayChart extends EventTarget {
 
   // After a run's shift changed: its windows are at other times.
   shifted() {
-    this.source.clear();
+    this.recorded.clear();
     this.chart.refresh();
     this.show();
   }
@@ -70,7 +93,7 @@ export class ReplayChart extends EventTarget {
 
   // Values at the play-head, one object of them a run.
   put(values) {
-    this.source.values = values;
+    this.recorded.values = values;
     this.chart.readOut();
   }
 }

@@ -79,6 +79,11 @@ export class Run {
   // Values and ages at t, by name.
   at(names, t) { return get(`${this.base}/at?t=${t.toFixed(6)}${query(this.known(names))}`); }
 
+  // { spectra: [{ signal, frequency, density }], rotors } between two instants of its own time.
+  spectrum(names, start, end) {
+    return get(`${this.base}/spectrum?start=${start.toFixed(6)}&end=${end.toFixed(6)}${query(this.known(names))}`);
+  }
+
   known(names) { return names.filter((name) => this.signals.has(name)); }
 
   // [{signals, times, columns}] between two instants of its own time.

@@ -169,6 +169,17 @@ def test_charts_show_any_signal_of_the_log(replay: Any, look_at: Any) -> None:
     assert "battery.voltage" in replay.evaluate("localStorage.getItem('replay.chart.1')")
 
 
+def test_a_chart_shows_the_spectrum_of_its_signals_and_time_again(replay: Any) -> None:
+    replay.click("#chart-1 >> text=Spectrum")
+    replay.wait_for_selector("#chart-1 .plot[aria-label$='over frequency'] canvas", timeout=BOUND)
+    at(replay, 5.0)
+    assert replay.get_attribute("#chart-1 button >> text=Spectrum", "aria-pressed") == "true"
+    assert replay.locator("#state:not([hidden])").count() == 0
+    replay.click("#chart-1 >> text=Spectrum")
+    replay.wait_for_selector("#chart-1 .plot[aria-label$='over time'] canvas", timeout=BOUND)
+    at(replay, 5.0)
+
+
 def test_wheel_and_drag_zoom_all_charts_and_double_click_shows_all(replay: Any) -> None:
     shown = "document.querySelector('#line .shown').style.width"
     box = replay.locator("#chart-0 .u-over").bounding_box()

@@ -1,0 +1,57 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import "./browser.js";
+import { FrequencyAxis, Spectra } from "../../web/static/replay/spectrum.js";
+
+const FOUND = { frequency: [0, 1, 2, 3, 4], density: [0, 2, 8, 4, 1] };
+
+function spectra() {
+  const made = new Spectra({ span: [0, 10] });
+  made.lines(["imu.x"], [{ stroke: "#fff", dash: [] }]);
+  made.found = new Map([["imu.x", FOUND]]);
+  made.rotors = [2.5, 9, 3, 3];
+  return made;
+}
+
+test("the axis zooms within its frequencies, and back", () => {
+  const axis = new FrequencyAxis();
+  axis.setMost(250);
+  assert.deepEqual(axis.span, [0, 250]);
+  axis.show(60, 80);
+  assert.deepEqual(axis.span, [60, 80]);
+  axis.pan(-100);
+  assert.deepEqual(axis.span, [0, 20]);
+  axis.scale(1e-3, 10);
+  assert.equal(axis.span[1] - axis.span[0], 1);
+  axis.reset();
+  assert.deepEqual(axis.span, [0, 250]);
+  assert.equal(axis.label(76.4), "76.4 Hz");
+});
+
+test("a rotor is a line over the height of the spectrum, where it is in sight", () => {
+  const made = spectra();
+  assert.deepEqual(made.samples({ name: "imu.x" }, 0, 4),
+    { times: FOUND.frequency, values: FOUND.density, from: 0, to: 5, gap: Infinity });
+  assert.deepEqual(made.samples({ name: "imu.x", rotor: 0 }, 0, 4),
+    { times: [2.5, 2.5], values: [1, 8], from: 0, to: 2, gap: Infinity });
+  assert.equal(made.samples({ name: "imu.x", rotor: 1 }, 0, 4), undefined);
+  assert.equal(made.samples({ name: "other" }, 0, 4), undefined);
+});
+
+test("it asks once for what is shown, and shows the answer or why there is none", async () => {
+  const made = spectra(), asked = [], problems = [];
+  made.addEventListener("problem", ({ detail }) => problems.push(detail));
+  made.runs = [{ shift: 1, signals: new Map([["imu.x", { unit: "m/s²" }]]),
+    spectrum: async (...question) => { asked.push(question); return { spectra: [{ signal: "imu.x", ...FOUND }], rotors: [1, 2, 3, 4] }; } }];
+  assert.equal(made.signals.get("imu.x").unit, "m/s²/√Hz");
+  await Promise.all([made.fetch(), made.fetch()]);
+  await made.fetch();
+  assert.deepEqual(asked, [[["imu.x"], 1, 11]]);
+  assert.deepEqual([made.settled, made.axis.span, made.rotors], [true, [0, 4], [1, 2, 3, 4]]);
+  made.range.span = [0, 0.01];
+  assert.equal(made.settled, false);
+  made.runs[0].spectrum = async () => { throw new Error("too few"); };
+  await made.fetch();
+  assert.deepEqual([problems, made.found.size, made.settled], [["", "too few"], 0, true]);
+});
