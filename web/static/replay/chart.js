@@ -11,6 +11,8 @@ const FIRST = [[...axes("state.position"), ...axes("reference.position")], axes(
 
 // Events: `select`, `drawn` when it is as fine as the screen, `problem` with its text.
 export class ReplayChart extends EventTarget {
+  kind; tools; // made with the runs
+
   constructor(place, index, clock, range) {
     super();
     this.key = `replay.chart.${index}`; this.index = index; this.place = place; this.range = range;
@@ -56,7 +58,6 @@ export class ReplayChart extends EventTarget {
     this.kind.ariaPressed = String(isSpectrum);
     this.chart.tools.append(...this.tools);
     this.chart.select(names);
-    if (isSpectrum) this.chart.plot.ariaLabel = this.chart.plot.ariaLabel.replace("over time", "over frequency");
     this.changed();
   }
 

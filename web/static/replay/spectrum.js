@@ -100,6 +100,11 @@ export class Spectra extends EventTarget {
 }
 
 export class SpectrumChart extends Chart {
+  select(names) {
+    super.select(names);
+    this.plot.ariaLabel = this.plot.ariaLabel?.replace("over time", "over frequency") ?? null;
+  }
+
   scale(unit) { return { distr: 3, range: () => this.rangeOf(unit) }; }
   range(unit, low, high) { return this.scales[unit] ?? [Math.max(low || 1e-6, 1e-5 * (high || 1)), 1.3 * (high || 1)]; }
   figure(value) { return value.toPrecision(3); }
