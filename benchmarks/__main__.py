@@ -41,6 +41,7 @@ FOLDERS = {
         "failures",
         "identification",
         "disturbances",
+        "explanations",
         "starved",
         "real_flights",
     ),

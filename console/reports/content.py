@@ -48,6 +48,7 @@ class Picture:
     description: str  # alternative text for screen readers
     height: float
     draw: Callable[[Any], None]
+    link: str = ""  # to the moment in the replay
 
 
 Block = Heading | Text | Table | Picture

@@ -80,7 +80,7 @@ def render(report: Report) -> Iterator[str]:
             yield (
                 f'<figure><img alt="{escape(block.description)}" src="{_picture(block)}">'
                 f"<figcaption><strong>{number}. {escape(block.title)}.</strong> "
-                f"{escape(block.caption)}</figcaption></figure>\n"
+                f"{escape(block.caption)}{_link(block)}</figcaption></figure>\n"
             )
     yield "</main>\n</body>\n</html>\n"
 
@@ -106,6 +106,11 @@ def _table(table: Table) -> str:
         f"<tbody>{rows}</tbody></table></div>\n"
     )
     return f"<details><summary>{title}</summary>{made}</details>\n" if table.folded else made
+
+
+def _link(picture: Picture) -> str:
+    link = picture.link
+    return f' <a href="{escape(link)}" target="_top">Open in replay</a>' if link else ""
 
 
 def _picture(picture: Picture) -> str:

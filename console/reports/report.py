@@ -6,11 +6,13 @@ import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from console.evaluation.explanation.explain import explain
 from console.experiments.client import Result
 from console.reports import html
 from console.reports.content import Block, Heading, Report, Text
 from console.reports.defaults import Defaults, known_defaults
 from console.reports.experiment_figures import experiment_pictures
+from console.reports.explanation_figures import explanation_blocks
 from console.reports.flight import flight_of
 from console.reports.flight_figures import flight_pictures
 from console.reports.judgement import Judgement, judge
@@ -98,6 +100,7 @@ def assemble(
     proposal: CalibrationRecord | None = None,
 ) -> Report:
     """Assemble the content of the report; nothing is drawn yet."""
+    findings = explain(log.topics, log.parameters)  # before the flight frees its columns
     flight = flight_of(log)
     judged = judge(log, flight, result, proposal)
     name = judged.experiment
@@ -115,6 +118,7 @@ def assemble(
             )
         )
     blocks += [Text(text, warning=True) for text in missing]
+    blocks += explanation_blocks(log, findings)
     figures = metrics_blocks(judged)
     blocks += [Heading("Result"), *figures] if figures else []
     blocks += proposal_blocks(judged, log.parameters)

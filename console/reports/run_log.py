@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from console.evaluation.explanation.explain import COLUMNS
 from flight_log import run
 from flight_log.attached import json_value, parameters_of
 from flight_log.index import RECOVERED_METADATA
@@ -59,6 +60,8 @@ WANTED: dict[str, tuple[str, ...]] = {
     "bench_reading": ("force", "torque", "speed"),
     "experiment_status": ("name", "run_id", "proposal", "decision"),
 }
+for _topic, _fields in COLUMNS.items():
+    WANTED[_topic] = tuple(dict.fromkeys((*WANTED.get(_topic, ()), *_fields)))
 """Numeric and text fields by topic; of every other topic only the times are read."""
 LINES = ("/events", "/marks", "/parameter_changes")
 """Topics whose messages are single lines."""

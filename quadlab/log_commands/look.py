@@ -23,6 +23,8 @@ class Info:
     """the MCAP file"""
     json: bool = False
     """print it as one line of JSON"""
+    explain: bool = False
+    """print what happened in the flight, the heaviest first"""
 
     def run(self) -> int:
         from flight_log.summary import summarize
@@ -48,6 +50,11 @@ class Info:
             print(f"  {name}: {text}")
         for name, size in sorted(found.attachments.items()):
             print(f"  attached: {name}, {size} bytes")
+        if self.explain:
+            from console.evaluation.explanation.explain import explain_log
+
+            told = [f"{one.start:.1f} s: {one.claim}" for one in explain_log(self.file)]
+            print("what happened:", *told or ["No anomalies found."], sep="\n  ")
         return 0
 
 

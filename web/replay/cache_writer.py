@@ -12,6 +12,8 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
+from console.evaluation.explanation.explain import explain
+from flight_log.attached import parameters_of
 from flight_log.message_times import gaps
 from flight_log.run import Run
 from web.replay import timeline
@@ -19,7 +21,7 @@ from web.replay.pyramid import FACTOR, edges, pyramid
 from web.replay.signals import as_json, derived, members_of, signals_of
 from web.replay.track import PARTS, WIDTH, track
 
-VERSION = 3
+VERSION = 4
 """Of the cache; another one is built anew."""
 INDEX, COLUMNS, TRACK = "index.json", "columns.bin", "track.bin"
 
@@ -58,6 +60,8 @@ class CacheWriter:
     def index(self) -> dict[str, Any]:
         """Write all arrays and the track; return what `index.json` is to hold."""
         run = self._run
+        parameters = parameters_of(run.log.attachments.get("parameters.json"))
+        findings = [one.as_json() for one in explain(self._topics, parameters)]
         # Topics of the same ticks share their times.
         times = {id(one.time): one.time for one in self._topics.values()}
         bases = {key: number for number, key in enumerate(times)}
@@ -90,6 +94,7 @@ class CacheWriter:
                 for topic, one in self._topics.items()
             },
             "signals": self._signals(),
+            "findings": findings,
             "track": {"rate": rate, "width": WIDTH, "parts": {k: len(v) for k, v in PARTS.items()}},
             **self._timeline(run.duration),
         }

@@ -67,6 +67,15 @@ export class ReplayChart extends EventTarget {
     this.dispatchEvent(new Event("select"));
   }
 
+  // Shows other signals for now; what was chosen by hand stays stored.
+  showOnly(names) {
+    const known = names.filter((name) => this.source.signals.has(name));
+    if (!known.length) return;
+    this.chart.select(known);
+    this.show();
+    this.dispatchEvent(new Event("select"));
+  }
+
   stored() {
     const names = JSON.parse(localStorage.getItem(this.key) ?? "null");
     const known = Array.isArray(names) ? names.filter((name) => this.recorded.signals.has(name)) : [];

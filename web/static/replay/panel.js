@@ -6,19 +6,22 @@ import { stamp } from "./play_head.js";
 
 const MOST = 2000; // lines
 
-export class ReplayPanel {
+// Events: `finding` with one whose evidence is to be shown.
+export class ReplayPanel extends EventTarget {
   constructor(place, clock) {
+    super();
     this.clock = clock;
     const tab = (name, label) => element("button", { role: "tab", id: `tab-${name}-button`, ariaSelected: "false", onclick: () => this.open(name) }, label);
     this.tabs = { events: tab("events", "Events"), parameters: tab("parameters", "Parameters"), notes: tab("notes", "Log") };
     const nav = element("nav", {}, ...Object.values(this.tabs));
     nav.setAttribute("role", "tablist");
+    this.findings = element("ol", { className: "happened findings" });
     this.events = element("ol", { className: "happened" });
     this.search = element("input", { type: "search", placeholder: "Search parameter", ariaLabel: "search parameters", oninput: () => this.fillParameters() });
     this.changed = element("button", { ariaPressed: "false", title: "only what was changed up to the play-head", onclick: () => this.toggleChanged() }, "Changed");
     this.values = element("table", { className: "values" });
     this.bodies = {
-      events: element("div", { className: "tab" }, this.events),
+      events: element("div", { className: "tab" }, this.findings, this.events),
       parameters: element("div", { className: "tab" }, element("div", { className: "tools" }, this.search, this.changed), this.values),
       notes: element("div", { className: "tab" }),
     };
@@ -42,6 +45,9 @@ export class ReplayPanel {
     this.rows = this.lines.map((line) => element("li", { className: `${line.kind}${line.isOther ? " second" : ""}` },
       element("button", { className: "link", title: "go there", onclick: () => { this.clock.pause(); this.clock.seek(line.at); } }, stamp(line.at, 1)), element("span", {}, line.text)));
     this.events.replaceChildren(...(this.rows.length ? this.rows : [element("li", { className: "empty" }, "No events in this run.")]));
+    const findings = runs.flatMap((run, k) => run.description.findings.map((one) => ({ ...one, at: one.from - run.shift, isOther: k > 0 })));
+    this.findings.replaceChildren(...findings.map((one) => element("li", { className: one.isOther ? "second" : "" },
+      element("button", { className: "link", title: "show its evidence", onclick: () => this.dispatchEvent(new CustomEvent("finding", { detail: one })) }, stamp(one.at, 1)), element("span", {}, one.text))));
     this.bodies.notes.replaceChildren(...runs.map(facts));
     this.filled = undefined;
     this.move();

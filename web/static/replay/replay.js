@@ -19,6 +19,7 @@ const main = document.querySelector("main");
 const ID = decodeURIComponent(pathname.split("/")[2]);
 const WITH = new URLSearchParams(location.search).get("with");
 const PLAYING_PERIOD = 80; // ms between two questions for values while it plays
+const EVIDENCE = 10; // s, shown around a finding
 const LINK_PERIOD = 300; // ms between two changes of the address
 
 function say(text, problem = false) {
@@ -71,6 +72,14 @@ class Page {
       chart.addEventListener("problem", ({ detail }) => say(detail, true));
       chart.setRuns(runs);
     }
+    const shown = new URLSearchParams(location.hash.slice(1)).get("s");
+    if (shown) this.charts[0].showOnly(shown.split(","));
+    this.panel.addEventListener("finding", ({ detail }) => {
+      clock.pause();
+      clock.seek(detail.at);
+      range.setWidth(EVIDENCE);
+      this.charts[0].showOnly(detail.signals);
+    });
     clock.addEventListener("time", () => this.moved());
     clock.addEventListener("change", () => this.link());
     range.addEventListener("range", () => this.link());

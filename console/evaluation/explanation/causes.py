@@ -1,0 +1,297 @@
+"""What can cause something else: a weak motor, vibration, the tracker, the link, the battery."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from console.evaluation.explanation.finding import (
+    ACCELERATION,
+    BLOCK,
+    POSITION,
+    SETTLING,
+    THRUSTS,
+    TRACKED,
+    Array,
+    Finding,
+    Parameters,
+    Spans,
+    Topics,
+    axes,
+    blocks,
+    flagged,
+    has,
+    longest,
+    lowest,
+    means,
+    number,
+    overlaps,
+    rms_of,
+    within,
+)
+from quadrotor.constants import MOTORS
+
+WEAK_MOTOR = 0.06
+"""Thrust commanded of one motor over that of the others, minus 1."""
+VIBRATION, VIBRATION_FROM = 2.5, 15.0
+"""m/s² rms on one axis of the accelerometer, above this frequency in Hz."""
+LATE = 0.03
+"""s, age of the newest pose when it arrives."""
+SILENCE = 0.2
+"""s between two poses."""
+OUTLIERS, OUTLIER_DISTANCE = 0.02, 0.1
+"""Share of the poses that are this far (m) from the estimate."""
+BEACON_OFF = 1.0
+"""deg between the bearings of a beacon and those expected from the others."""
+CELL_WARNING, CELL_LAND, CELL_FULL = 3.45, 3.275, 4.25
+"""V, of one cell of a battery whose limits the log does not have."""
+
+
+def weak_motor(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find a motor of which more thrust is commanded than of each of the others."""
+    if not has(topics, "actuators", *THRUSTS):
+        return
+    series = topics["actuators"]
+    time, mean = blocks(series.time, series.rows(THRUSTS), spans, means)
+    for k, motor in enumerate(MOTORS):
+        others = np.delete(mean, k, axis=1)
+        usual = np.median(others, axis=1)
+        excess = mean[:, k] / usual - 1.0
+        spread = np.abs(others / usual[:, None] - 1.0).max(axis=1, initial=0.0)
+        only = np.where(excess > 2.0 * spread, excess, 0.0)  # a shifted mass loads two
+        for start, end in longest(time, only, WEAK_MOTOR, 2):
+            worst = float(np.median(only[(time >= start) & (time < end)]))
+            yield Finding(
+                "motor_weak",
+                worst / WEAK_MOTOR,
+                start,
+                end,
+                f"The {motor} motor needed {100 * worst:.0f} % more thrust commanded than the "
+                f"others: it gives about {100 * (1 - 1 / (1 + worst)):.0f} % less than commanded.",
+                tuple(f"thrust.{name}" for name in MOTORS),
+                f"thrust commanded of the {motor} motor over the others",
+                "%",
+                100 * WEAK_MOTOR,
+                time + BLOCK / 2,
+                100 * excess,
+            )
+
+
+def vibration(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find strong vibration of the accelerometer."""
+    if not has(topics, "imu", *ACCELERATION) or len(topics["imu"]) < 3:
+        return
+    series = topics["imu"]
+    period = float(np.median(np.diff(series.time)))
+    if period <= 0.0 or 1.0 / period < 5.0 * VIBRATION_FROM:
+        return  # too few samples to tell vibration from motion
+    size = max(3, round(1.0 / (period * VIBRATION_FROM)))
+    kernel = np.full(size, 1.0 / size)
+    fast = [
+        one - np.convolve(one, kernel, "same")
+        for one in (series.values(name).astype(float) for name in ACCELERATION)
+    ]
+    time, rms = blocks(series.time, np.stack(fast, axis=1), spans, rms_of)
+    worst = rms.max(axis=1, initial=0.0)
+    for start, end in longest(time, worst, VIBRATION, 2):
+        most = float(np.median(worst[(time >= start) & (time < end)]))
+        yield Finding(
+            "vibration",
+            most / VIBRATION,
+            start,
+            end,
+            f"The accelerometer vibrated with {most:.1f} m/s² rms above {VIBRATION_FROM:g} Hz; "
+            f"more than {VIBRATION:g} m/s² disturbs the estimate.",
+            tuple(f"imu/{name}" for name in ACCELERATION),
+            f"acceleration above {VIBRATION_FROM:g} Hz, rms",
+            "m/s²",
+            VIBRATION,
+            time + BLOCK / 2,
+            worst,
+        )
+
+
+def tracker_late(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find poses that are old when they arrive."""
+    if not has(topics, "estimator", "measurement_age"):
+        return
+    series = topics["estimator"]
+    age = series.values("measurement_age")[:, None]
+    time, youngest = blocks(series.time, age, spans, lowest)
+    late = youngest[:, 0]
+    for gap, length in _silences(topics):  # in between, age is not lateness
+        late = np.where((time < gap + length) & (time + BLOCK > gap), 0.0, late)
+    for start, end in longest(time, late, LATE, 2):
+        most = float(np.median(late[(time >= start) & (time < end)]))
+        yield Finding(
+            "tracker_late",
+            most / LATE,
+            start,
+            end,
+            f"Measurements were {1e3 * most:.0f} ms old when they arrived, for {end - start:.0f} s "
+            f"(limit {1e3 * LATE:.0f} ms).",
+            ("measurement.age",),
+            "age of the newest measurement",
+            "ms",
+            1e3 * LATE,
+            series.time,
+            1e3 * age[:, 0],
+        )
+
+
+def tracker_gaps(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find silences of the tracker."""
+    found = [(t, s) for t, s in _silences(topics) if overlaps(spans, t, t + s)]
+    if not found:
+        return
+    longest = max(length for _, length in found)
+    times = f"{len(found)} times, longest" if len(found) > 1 else "once, for"
+    starts, lengths = np.array(found).T
+    yield Finding(
+        "tracker_gaps",
+        longest / SILENCE,
+        float(starts[0]),
+        float(starts[-1] + lengths[-1]),
+        f"The tracker sent nothing {times} {longest:.2f} s (limit {SILENCE:g} s).",
+        ("measurement.age",),
+        "time between two poses",
+        "s",
+        SILENCE,
+        topics["tracker_pose"].time[1:],
+        np.diff(topics["tracker_pose"].time),
+        follows=flagged(topics, "link_lost") != [],
+    )
+
+
+def tracker_outliers(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find single poses far from the estimate, while most are near it."""
+    if not has(topics, "tracker_pose", *TRACKED) or not has(topics, "state", *POSITION):
+        return
+    state, seen = topics["state"], topics["tracker_pose"]
+    away = np.zeros(len(seen))
+    for name, tracked in zip(POSITION, TRACKED, strict=True):
+        expected = np.interp(seen.time, state.time, state.values(name), np.nan, np.nan)
+        away += (seen.values(tracked) - expected) ** 2
+    distance = np.sqrt(away)
+    time, share = blocks(seen.time, distance[:, None], spans, _outlying)
+    far = share[:, 0]
+    for start, end in longest(time, far, OUTLIERS, 1):
+        inside = (seen.time >= start) & (seen.time < end)
+        most = float(np.mean(far[(time >= start) & (time < end)]))
+        yield Finding(
+            "tracker_outliers",
+            most / OUTLIERS,
+            start,
+            end,
+            f"{100 * most:.0f} % of the tracker's poses were outliers, up to "
+            f"{float(np.nanmax(distance[inside])):.2f} m from the estimate.",
+            (*(f"tracker_pose/{name}" for name in TRACKED), *axes("state.position")),
+            "distance between pose and estimate",
+            "m",
+            OUTLIER_DISTANCE,
+            seen.time,
+            distance,
+        )
+
+
+def beacon_off(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find a beacon whose bearings do not fit the others."""
+    suspected = [s for s in flagged(topics, "beacon_off") if overlaps(spans, *s)]
+    if not suspected or not has(topics, "status", "suspect_offset", "suspect_beacon"):
+        return
+    series = topics["status"]
+    offset = np.degrees(series.values("suspect_offset"))
+    start, end = suspected[0][0], suspected[-1][1]
+    inside = (series.time >= start) & (series.time <= end)
+    most = float(np.nanmax(offset[inside], initial=0.0))
+    beacon = int(np.nanmax(series.values("suspect_beacon")[inside], initial=0.0))
+    yield Finding(
+        "beacon_off",
+        max(1.0, most / BEACON_OFF),
+        start,
+        end,
+        f"Bearings of beacon {beacon} were {most:.1f}° off those of the others: it is not where "
+        "the layout says, or its bearings are biased.",
+        ("status/suspect_offset", "status/suspect_beacon"),
+        f"offset of beacon {beacon}",
+        "°",
+        BEACON_OFF,
+        series.time,
+        offset,
+    )
+
+
+def link_lost(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find losses of the link while the vehicle flew."""
+    lost = [s for s in flagged(topics, "link_lost") if overlaps(spans, *s)]
+    if not lost:
+        return
+    allowed = number(parameters, "safety.link_timeout", 0.4)
+    longest = max(end - start for start, end in lost) + allowed
+    times = f"{len(lost)} times, longest for" if len(lost) > 1 else "for"
+    edges = np.array([(start, 0.0, end, 0.0) for start, end in lost]).reshape(-1, 2)[:, 0]
+    yield Finding(
+        "link_lost",
+        longest / allowed,
+        lost[0][0],
+        lost[-1][1],
+        f"The link to the station was lost {times} {longest:.1f} s "
+        f"(the vehicle reacts after {allowed:g} s).",
+        ("link.age", "measurement.age"),
+        "link lost",
+        "0 or 1",
+        0.5,
+        np.repeat(edges, 2),
+        np.tile([0.0, 1.0, 1.0, 0.0], len(lost)),
+    )
+
+
+def battery_sag(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find a battery voltage below its warning."""
+    if not has(topics, "battery", "voltage"):
+        return
+    series = topics["battery"]
+    volts = series.values("voltage")
+    cells = max(1, int(np.ceil(np.nanmax(volts, initial=0.0) / CELL_FULL)))
+    warning = number(parameters, "safety.battery_warning", cells * CELL_WARNING)
+    landing = min(number(parameters, "safety.battery_land", cells * CELL_LAND), warning - 0.1)
+    whole = [(start - SETTLING, end + SETTLING) for start, end in spans]
+    inside = within(series.time, whole) & (volts < warning) & (volts > 0.3 * warning)
+    times = series.time[inside]
+    if len(times) < 2 or times[-1] - times[0] < 1.0:
+        return
+    least = float(np.min(volts[inside]))
+    yield Finding(
+        "battery_sag",
+        1.0 + (warning - least) / (warning - landing),
+        float(times[0]),
+        float(times[-1]),
+        f"The battery fell to {least:.1f} V, below its warning of {warning:.1f} V.",
+        ("battery.voltage",),
+        "battery",
+        "V",
+        warning,
+        series.time,
+        volts,
+    )
+
+
+def _silences(topics: Topics) -> Spans:
+    """Return start and length (s) of the tracker's silences."""
+    if not has(topics, "tracker_pose"):
+        return []
+    time = topics["tracker_pose"].time
+    return [(float(time[k]), float(time[k + 1] - time[k])) for k in _long(time)]
+
+
+def _long(time: Array) -> list[int]:
+    found: list[int] = np.flatnonzero(np.diff(time) > SILENCE).tolist()
+    return found
+
+
+def _outlying(rows: Array) -> Array:
+    """Return the share of poses that are far from the estimate while most are near it."""
+    limit = np.maximum(OUTLIER_DISTANCE, 5.0 * np.median(rows, axis=0))
+    share: Array = (rows > limit).mean(axis=0)
+    return share

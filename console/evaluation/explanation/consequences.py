@@ -1,0 +1,151 @@
+"""What can follow from something else: off the reference, saturated, inconsistent, tilted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from console.evaluation.explanation.finding import (
+    POSITION,
+    REFERENCE,
+    ROLL_PITCH,
+    SETTLING,
+    Finding,
+    Parameters,
+    Spans,
+    Topics,
+    blocks,
+    has,
+    longest,
+    means,
+    number,
+    within,
+)
+
+OFF_REFERENCE = 0.25
+"""m between estimate and reference."""
+SATURATED = 0.1
+"""Share of the time."""
+INCONSISTENT, REFUSED = 4.0, 0.2
+"""Mean normalised innovation squared; share of the measurements refused."""
+TILT = 70.0
+"""deg, where the log does not have the vehicle's own limit."""
+
+
+def off_reference(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find where the vehicle was far from its reference."""
+    if not has(topics, "state", *POSITION) or not has(topics, "reference", *REFERENCE):
+        return
+    state, wanted = topics["state"], topics["reference"]
+    away = np.zeros(len(state))
+    for name, other in zip(POSITION, REFERENCE, strict=True):
+        expected = np.interp(state.time, wanted.time, wanted.values(other), np.nan, np.nan)
+        away += (state.values(name) - expected) ** 2
+    distance = np.sqrt(away)
+    inside = within(state.time, spans) & (distance > OFF_REFERENCE)
+    if not inside.any():
+        return
+    most = float(distance[inside].max())
+    times = state.time[inside]
+    yield Finding(
+        "off_reference",
+        most / OFF_REFERENCE,
+        float(times[0]),
+        float(times[-1]),
+        f"The vehicle was up to {most:.2f} m off its reference: pushed or blown by more than the "
+        "control compensates.",
+        ("error.distance",),
+        "distance from the reference",
+        "m",
+        OFF_REFERENCE,
+        state.time,
+        distance,
+        follows=True,
+    )
+
+
+def saturation(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find where the motors could not give the wrench that was wanted."""
+    if not has(topics, "actuators", "scaling"):
+        return
+    series = topics["actuators"]
+    scaling = series.values("scaling")
+    limited = (scaling < 1.0).astype(float)[:, None]
+    time, share = blocks(series.time, limited, spans, means, 1.0)
+    for start, end in longest(time, share[:, 0], SATURATED, 1, 1.0):
+        inside = (series.time >= start) & (series.time < end)
+        most = float(np.max(share[(time >= start) & (time < end), 0]))
+        yield Finding(
+            "saturation",
+            most / SATURATED,
+            start,
+            end,
+            f"Motors were saturated for up to {100 * most:.0f} % of a second; the wrench was "
+            f"scaled down to {float(np.nanmin(scaling[inside])):.2f}.",
+            ("scaling",),
+            "scaling of the wrench",
+            "",
+            1.0,
+            series.time,
+            scaling,
+            follows=True,
+        )
+
+
+def inconsistent(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find an estimate that its measurements contradict."""
+    if not has(topics, "estimator", "consistency", "refused_share"):
+        return
+    series = topics["estimator"]
+    nis, refused = series.values("consistency"), series.values("refused_share")
+    weight = np.fmax(np.nan_to_num(nis) / INCONSISTENT, np.nan_to_num(refused) / REFUSED)
+    time, mean = blocks(series.time, weight[:, None], spans, means, 1.0)
+    for start, end in longest(time, mean[:, 0], 1.0, 1, 1.0):
+        inside = (series.time >= start) & (series.time < end)
+        most = float(weight[inside].max())
+        yield Finding(
+            "estimate_inconsistent",
+            most,
+            start,
+            end,
+            f"The measurements contradicted the estimate: innovation squared up to "
+            f"{float(np.nanmax(nis[inside], initial=0.0)):.1f} times the expected, up to "
+            f"{100 * float(np.nanmax(refused[inside], initial=0.0)):.0f} % refused.",
+            ("consistency", "refused.share"),
+            "innovation squared or share refused, over its limit",
+            "",
+            1.0,
+            series.time,
+            weight,
+            follows=True,
+        )
+
+
+def tilted(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Finding]:
+    """Find a tilt that no manoeuvre needs."""
+    if not has(topics, "state", *ROLL_PITCH):
+        return
+    series = topics["state"]
+    x, y = series.rows(ROLL_PITCH).T
+    tilt = np.degrees(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
+    limit = number(parameters, "safety.tilt_max", TILT)
+    longer = [(start - SETTLING, end + SETTLING) for start, end in spans]  # falls end flights
+    inside = within(series.time, longer) & (tilt > limit)
+    if not inside.any():
+        return
+    most, times = float(tilt[inside].max()), series.time[inside]
+    yield Finding(
+        "tilted",
+        most / limit,
+        float(times[0]),
+        float(times[-1]),
+        f"The vehicle tilted by {most:.0f}°, more than the {limit:.0f}° of any manoeuvre.",
+        ("state.roll", "state.pitch"),
+        "tilt",
+        "°",
+        limit,
+        series.time,
+        tilt,
+        follows=True,
+    )

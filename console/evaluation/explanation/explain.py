@@ -1,0 +1,66 @@
+"""All detectors over one run, and the order of what they find."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from console.evaluation.explanation import causes, consequences
+from console.evaluation.explanation.finding import (
+    ACCELERATION,
+    POSITION,
+    REFERENCE,
+    ROLL_PITCH,
+    THRUSTS,
+    TRACKED,
+    Finding,
+    Parameters,
+    Spans,
+    Topics,
+    airborne,
+)
+from flight_log.attached import parameters_of
+from flight_log.run import read_run
+from flight_log.topic_columns import ColumnReader
+
+COLUMNS = {
+    "imu": ACCELERATION,
+    "state": (*POSITION, *ROLL_PITCH),
+    "tracker_pose": TRACKED,
+    "reference": REFERENCE,
+    "actuators": (*THRUSTS, "scaling"),
+    "estimator": ("measurement_age", "consistency", "refused_share"),
+    "status": ("airborne", "flags", "suspect_offset", "suspect_beacon"),
+    "battery": ("voltage",),
+}
+"""The fields by topic from which flights are explained."""
+DETECTORS: tuple[Callable[[Topics, Parameters, Spans], Iterator[Finding]], ...] = (
+    causes.weak_motor,
+    causes.vibration,
+    causes.tracker_late,
+    causes.tracker_gaps,
+    causes.tracker_outliers,
+    causes.beacon_off,
+    causes.link_lost,
+    causes.battery_sag,
+    consequences.off_reference,
+    consequences.saturation,
+    consequences.inconsistent,
+    consequences.tilted,
+)
+
+
+def explain(topics: Topics, parameters: Parameters) -> list[Finding]:
+    """Return what happened in a run, the heaviest first, consequences behind causes.
+
+    A detector is silent about a run without the topics that it needs.
+    """
+    spans = airborne(topics)
+    found = [one for detector in DETECTORS for one in detector(topics, parameters, spans)]
+    return sorted(found, key=lambda one: (one.follows, -one.weight))
+
+
+def explain_log(path: Path) -> list[Finding]:
+    """Read a log and explain it. Raises StorageError or LogFormatError."""
+    run = read_run(ColumnReader(path, (), COLUMNS))
+    return explain(run.topics, parameters_of(run.log.attachments.get("parameters.json")))

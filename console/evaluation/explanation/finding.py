@@ -1,0 +1,177 @@
+"""A claim about a flight with its evidence, and what all detectors use to find one.
+
+Times are s since the run's first message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flight_log.run import Series
+from quadrotor.parameters import ParameterValue
+
+Array = npt.NDArray[np.floating[Any]]
+Topics = Mapping[str, Series]
+Parameters = Mapping[str, ParameterValue]
+Spans = list[tuple[float, float]]
+
+
+def axes(stem: str, names: str = "xyz") -> tuple[str, ...]:
+    return tuple(f"{stem}.{name}" for name in names)
+
+
+ACCELERATION = axes("linear_acceleration")
+POSITION = axes("pose.pose.position")
+ROLL_PITCH = axes("pose.pose.orientation", "xy")
+TRACKED = axes("pose.position")
+REFERENCE = axes("position")
+THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
+
+BLOCK = 2.0
+"""s, the time over which most figures are taken."""
+SETTLING = 2.0
+"""s after take-off and before landing in which nothing is judged: the ground has its effect."""
+AIRBORNE_HEIGHT = 0.5
+"""m above the lowest point, where the log does not say that the vehicle flies."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One claim about a flight; times are s since the run's first message.
+
+    Attributes:
+        weight: the figure over its limit.
+        follows: whether it can be the consequence of another finding.
+        signals: names of the signals that show it on the page.
+        label, unit, limit, time, values: the evidence, to be drawn.
+    """
+
+    kind: str
+    weight: float
+    start: float
+    end: float
+    claim: str
+    signals: tuple[str, ...]
+    label: str
+    unit: str
+    limit: float
+    time: Array
+    values: Array
+    follows: bool = False
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it for the page, without the evidence's columns."""
+        return {
+            "kind": self.kind,
+            "weight": round(self.weight, 2),
+            "from": round(self.start, 3),
+            "to": round(self.end, 3),
+            "text": self.claim,
+            "signals": list(self.signals),
+        }
+
+
+def airborne(topics: Topics) -> Spans:
+    """Return the intervals of flight (s) without take-off and landing."""
+    if has(topics, "status", "airborne"):
+        series = topics["status"]
+        on = series.values("airborne") > 0.5
+    elif has(topics, "state", POSITION[2]):
+        series = topics["state"]
+        height = series.values(POSITION[2])
+        on = height > np.nanmin(height, initial=np.inf) + AIRBORNE_HEIGHT
+    else:
+        return []
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(np.int8)))
+    ends = np.append(series.time, series.time[-1:])
+    spans = zip(ends[edges[::2]].tolist(), ends[edges[1::2]].tolist(), strict=True)
+    return [(a + SETTLING, b - SETTLING) for a, b in spans if b - a > 2.0 * SETTLING + BLOCK]
+
+
+def has(topics: Topics, topic: str, *names: str) -> bool:
+    """Return whether the log has these fields."""
+    return topic in topics and all(name in topics[topic] for name in names)
+
+
+def number(parameters: Parameters, name: str, default: float) -> float:
+    value = parameters.get(name, default)
+    return float(value) if isinstance(value, int | float) else default
+
+
+def overlaps(spans: Spans, start: float, end: float) -> bool:
+    return any(start < b and a < end for a, b in spans)
+
+
+def within(time: Array, spans: Spans) -> npt.NDArray[np.bool_]:
+    found = np.zeros(len(time), bool)
+    for start, end in spans:
+        found |= (time >= start) & (time <= end)
+    return found
+
+
+def flagged(topics: Topics, flag: str) -> Spans:
+    """Return when a flag of the vehicle's status was set."""
+    if "status" not in topics:
+        return []
+    changes = topics["status"].changes("flags")
+    ends = [time for time, _ in changes[1:]] + [float(topics["status"].time[-1])]
+    found: Spans = []
+    for (start, text), end in zip(changes, ends, strict=False):
+        if flag not in text.split(", "):
+            continue
+        begin = found.pop()[0] if found and found[-1][1] == start else start
+        found.append((begin, end))
+    return found
+
+
+def blocks(
+    time: Array,
+    values: Array,
+    spans: Spans,
+    figure: Callable[[Array], Array],
+    length: float = BLOCK,
+) -> tuple[Array, Array]:
+    """Return the begins (M,) of the blocks of flight and their figures (M, K) of values (N, K)."""
+    starts, found = [], []
+    for start, end in spans:
+        for begin in np.arange(start, end - length + 1e-9, length):
+            first, last = np.searchsorted(time, (begin, begin + length))
+            rows = values[first:last]
+            rows = rows[np.isfinite(rows).all(axis=1)]
+            if len(rows) > 3:
+                starts.append(float(begin))
+                found.append(figure(rows))
+    if not found:
+        return np.zeros(0), np.zeros((0, values.shape[1]))
+    return np.array(starts), np.array(found)
+
+
+def longest(time: Array, values: Array, limit: float, least: int, length: float = BLOCK) -> Spans:
+    """Return the heaviest stretch of at least `least` blocks above a limit; empty without one."""
+    over = np.concatenate([[False], values > limit, [False]])
+    edges = np.flatnonzero(np.diff(over.astype(np.int8)))
+    stretches = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= least]
+    if not stretches:
+        return []
+    first, last = max(stretches, key=lambda s: float(values[s[0] : s[1]].sum()))
+    return [(float(time[first]), float(time[last - 1]) + length)]
+
+
+def means(rows: Array) -> Array:
+    found: Array = rows.mean(axis=0)
+    return found
+
+
+def rms_of(rows: Array) -> Array:
+    found: Array = np.sqrt((rows**2).mean(axis=0))
+    return found
+
+
+def lowest(rows: Array) -> Array:
+    found: Array = rows.min(axis=0)
+    return found

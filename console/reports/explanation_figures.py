@@ -1,0 +1,58 @@
+"""What happened in the flight, each claim with its evidence drawn and a link to the replay."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, urlencode
+
+from console.catalogue.catalogue import RUNS
+from console.evaluation.explanation.finding import Finding
+from console.reports.content import Block, Heading, Picture, Text
+from console.reports.plots import COLORS, finish, line, styled, window
+from console.reports.run_log import RunLog
+
+MARGIN = 3.0
+"""s drawn before and after what is claimed."""
+
+
+def explanation_blocks(log: RunLog, findings: list[Finding]) -> list[Block]:
+    """Return the section, the heaviest finding first; one line when there is none."""
+    blocks: list[Block] = [Heading("What happened")]
+    if not findings:
+        return [*blocks, Text("No anomalies found.")]
+    return [*blocks, *(_picture(log, one) for one in findings)]
+
+
+def _picture(log: RunLog, finding: Finding) -> Picture:
+    first, last = max(0.0, finding.start - MARGIN), finding.end + MARGIN
+    rows = (finding.time >= first) & (finding.time <= last)
+
+    def draw(figure: Any) -> None:
+        axis = figure.subplots()
+        line(axis, finding.time[rows], finding.values[rows], color=COLORS[0])
+        axis.axhline(finding.limit, color=COLORS[1], linewidth=0.9, linestyle="--", label="limit")
+        window(axis, [(finding.start, finding.end)])
+        axis.set_xlim(first, min(last, log.duration))
+        axis.set_xlabel("s (shaded: what is claimed)")
+        finish(axis, finding.label, finding.unit)
+
+    title = finding.kind.replace("_", " ").capitalize()
+    return Picture(
+        f"{title}, {finding.start:.1f} to {finding.end:.1f} s",
+        finding.claim,
+        f"{finding.label} over time with its limit of {finding.limit:g} {finding.unit}.",
+        1.7,
+        styled(draw),
+        _link(log.path, finding),
+    )
+
+
+def _link(path: Path, finding: Finding) -> str:
+    """Return the address of the moment in the replay; empty for a log that is no station's run."""
+    names = path.resolve().parts
+    if RUNS not in names[:-1]:
+        return ""
+    run_id = names[names.index(RUNS) + 1].removesuffix(".mcap")
+    words = {"t": f"{finding.start:.3f}", "w": 10, "s": ",".join(finding.signals)}
+    return f"/replay/{quote(run_id)}#{urlencode(words)}"

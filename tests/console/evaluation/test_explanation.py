@@ -1,0 +1,199 @@
+"""What happened in a flight: each claim with its figure, and silence below the limits."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from console.evaluation.explanation.explain import COLUMNS, explain, explain_log
+from console.evaluation.explanation.finding import Finding
+from console.reports.report import write_report
+from flight_log.run import Series
+from quadlab.__main__ import main
+from web.replay.build import build
+from web.replay.cache_writer import INDEX
+
+END = 40.0
+TIMES = {rate: np.arange(0.0, END, 1.0 / rate) for rate in (2, 10, 50, 100, 500)}
+THRUST = 3.2
+
+
+class Made(Series):
+    """A topic of given columns."""
+
+    def __init__(self, rate: int, columns: Mapping[str, Any], flags: Any = ()) -> None:
+        self.time, self._flags = TIMES[rate], list(flags)
+        self._values = {
+            name: np.broadcast_to(np.asarray(values, np.float32), self.time.shape)
+            for name, values in columns.items()
+        }
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._values
+
+    def values(self, name: str) -> Any:
+        return self._values[name]
+
+    def changes(self, path: str) -> list[tuple[float, str]]:
+        return self._flags
+
+
+def flight(**changed: Mapping[str, Any]) -> dict[str, Series]:
+    """Return a hover without faults, some of its columns changed: `topic={column: values}`."""
+    rates = {"imu": 500, "state": 500, "reference": 500, "actuators": 500, "tracker_pose": 100}
+    rates |= {"estimator": 50, "status": 10, "battery": 2}
+    plain: dict[str, dict[str, Any]] = {
+        "estimator": {"consistency": 1.0},
+        "battery": {"voltage": 15.2},
+    }
+    plain |= {"actuators": {**{f"thrusts[{k}]": THRUST for k in range(4)}, "scaling": 1.0}}
+    plain |= {"status": {"airborne": (TIMES[10] > 5.0) & (TIMES[10] < 35.0)}}
+    made: dict[str, Series] = {}
+    for topic, rate in rates.items():
+        given: dict[str, Any] = {name: 0.0 for name in COLUMNS[topic] if name != "flags"}
+        given |= {**plain.get(topic, {}), **changed.get(topic, {})}
+        flags = given.pop("flags", ())
+        made[topic] = Made(rate, given, flags)
+    return made
+
+
+def during(rate: int, start: float, end: float, value: float, usual: float = 0.0) -> Any:
+    time = TIMES[rate]
+    return np.where((time >= start) & (time < end), value, usual)
+
+
+NOISE = np.random.default_rng(1).normal(size=len(TIMES[500]))
+FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any], float, str]] = {
+    # kind: columns with the fault, columns just below the limit, weight, figure in the claim
+    "motor_weak": (
+        {"actuators": {"thrusts[2]": during(500, 15.0, 40.0, 1.12 * THRUST, THRUST)}},
+        {"actuators": {"thrusts[2]": 1.05 * THRUST}},
+        2.0,
+        "rear motor needed 12 %",
+    ),
+    "vibration": (
+        {"imu": {"linear_acceleration.x": 5.0 * NOISE}},
+        {"imu": {"linear_acceleration.x": 2.4 * NOISE}},
+        2.0,
+        "m/s² rms",
+    ),
+    "tracker_late": (
+        {"estimator": {"measurement_age": during(50, 15.0, 40.0, 0.09)}},
+        {"estimator": {"measurement_age": 0.028}},
+        3.0,
+        "90 ms old",
+    ),
+    "tracker_outliers": (
+        {"tracker_pose": {"pose.position.x": np.where(np.arange(4000) % 10 == 0, 0.5, 0.0)}},
+        {"tracker_pose": {"pose.position.x": np.where(np.arange(4000) % 100 == 0, 0.5, 0.0)}},
+        5.0,
+        "10 % of",
+    ),
+    "beacon_off": (
+        {
+            "status": {
+                "flags": [(0.0, ""), (15.0, "on_bearings, beacon_off")],
+                "suspect_offset": np.radians(4.0),
+                "suspect_beacon": 3.0,
+            }
+        },
+        {"status": {"flags": [(0.0, "on_bearings")]}},
+        4.0,
+        "beacon 3 were 4.0°",
+    ),
+    "link_lost": (
+        {"status": {"flags": [(0.0, ""), (15.0, "link_lost"), (17.0, "")]}},
+        {"status": {"flags": [(0.0, "link_lost"), (3.0, "")]}},
+        6.0,
+        "2.4 s",
+    ),
+    "battery_sag": (
+        {"battery": {"voltage": during(2, 20.0, 40.0, 13.45, 15.0)}},
+        {"battery": {"voltage": 13.9}},
+        1.5,
+        "13.4 V",
+    ),
+    "off_reference": (
+        {"reference": {"position.y": during(500, 15.0, 17.0, 0.5)}},
+        {"reference": {"position.y": 0.24}},
+        2.0,
+        "0.50 m",
+    ),
+    "saturation": (
+        {"actuators": {"scaling": during(500, 15.0, 17.0, 0.4, 1.0)}},
+        {"actuators": {"scaling": during(500, 15.0, 15.05, 0.4, 1.0)}},
+        10.0,
+        "0.40",
+    ),
+    "estimate_inconsistent": (
+        {"estimator": {"consistency": during(50, 15.0, 20.0, 12.0, 1.0)}},
+        {"estimator": {"consistency": 3.0}},
+        3.0,
+        "12.0 times",
+    ),
+    "tilted": (
+        {"state": {"pose.pose.orientation.x": during(500, 33.0, 34.0, np.sqrt(0.5))}},
+        {"state": {"pose.pose.orientation.x": 0.5}},
+        90.0 / 70.0,
+        "90°",
+    ),
+}
+
+
+def explained(columns: dict[str, Any]) -> list[Finding]:
+    limits = {"safety.battery_warning": 13.8, "safety.battery_land": 13.1}
+    return explain(flight(**columns), limits)
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_a_fault_is_named_with_its_figure_and_nothing_below_its_limit(kind: str) -> None:
+    fault, harmless, weight, figure = FAULTS[kind]
+    assert explained(harmless) == []
+    [found] = explained(fault)
+    assert (found.kind, figure in found.claim) == (kind, True), found.claim
+    assert found.weight == pytest.approx(weight, rel=0.1)
+    assert len(found.time) == len(found.values) > 0
+    assert 5.0 < found.start < found.end < END
+
+
+def test_a_silent_tracker_is_named_and_stands_behind_the_link_that_was_lost() -> None:
+    topics = flight()
+    poses = topics["tracker_pose"]
+    poses.time = np.where(poses.time < 20.0, poses.time, poses.time + 0.8)
+    [found] = explain(topics, {})
+    assert (found.kind, found.follows) == ("tracker_gaps", False)
+    assert found.weight == pytest.approx(0.81 / 0.2, rel=0.01)
+    lost = flight(status={"flags": [(0.0, ""), (20.4, "link_lost"), (20.8, "")]})
+    kinds = [one.kind for one in explain({**lost, "tracker_pose": poses}, {})]
+    assert kinds == ["link_lost", "tracker_gaps"]
+
+
+@pytest.mark.parametrize("missing", COLUMNS)
+def test_a_log_without_a_topic_is_explained_by_the_others(missing: str) -> None:
+    topics = {name: one for name, one in flight().items() if name != missing}
+    assert explain(topics, {}) == []
+
+
+def test_a_flight_with_a_weak_motor_explains_itself_in_report_and_replay(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs = tmp_path / "runs"
+    main(["fly", "hover", "--set", "simulator.motor_gain_left=0.85", "--out", str(runs)])
+    [log] = runs.glob("*.mcap")
+    first = explain_log(log)[0]
+    assert (first.kind, first.claim.split()[1]) == ("motor_weak", "left")
+    [page] = write_report(log, tmp_path / "report", pdf=False)
+    text = page.read_text()
+    assert first.claim in text
+    assert f'href="/replay/{log.stem}#t={first.start:.3f}&amp;w=10&amp;s=thrust.front' in text
+    build(log, tmp_path / "cache", lambda share: None)
+    [told, *_] = json.loads((tmp_path / "cache" / INDEX).read_text())["findings"]
+    assert told == first.as_json()
+    capsys.readouterr()
+    main(["log", "info", "--explain", str(log)])
+    assert first.claim in capsys.readouterr().out
