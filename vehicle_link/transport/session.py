@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ipaddress
 import json
+import os
 import threading
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +35,8 @@ RETRY = {
     # link back 0.4 s after an outage at the latest, fewer long ones 1 s.
     "retry": {"period_init_ms": 50, "period_max_ms": 100, "period_increase_factor": 2},
 }
+ONE_RECEIVER = "(rx: (worker_threads: 1))"
+"""Zenoh's threads in a process whose only session is one on loopback."""
 VEHICLES = "vehicle"
 """Region of the vehicles. A router passes nothing on within one region, where peers see each other
 by themselves; ROS 2 nodes are peers, too, and could not reach a vehicle otherwise."""
@@ -134,6 +137,7 @@ def loopback_session(
     Raises:
         LinkError: no station answered in time.
     """
+    os.environ.setdefault("ZENOH_RUNTIME", ONE_RECEIVER)
     connect = {"endpoints": [f"tcp/{loopback_host}:{loopback_port}"], **RETRY}
     config: dict[str, Any] = {
         "mode": "client",
