@@ -17,7 +17,7 @@ from flight_log.attached import parameters_of
 from flight_log.message_times import gaps
 from flight_log.run import Run
 from web.replay import timeline
-from web.replay.pyramid import FACTOR, edges, pyramid
+from web.replay.pyramid import FACTOR, edges, level_sizes, pyramid
 from web.replay.signals import as_json, derived, members_of, signals_of
 from web.replay.track import PARTS, WIDTH, track
 
@@ -100,7 +100,7 @@ class CacheWriter:
         }
 
     def _base(self, times: Times) -> dict[str, Any]:
-        sizes = [FACTOR**k for k in range(1, 1 + len(pyramid(times.astype(np.float32))))]
+        sizes = [FACTOR**k for k in range(1, 1 + len(level_sizes(len(times))))]
         return {
             "count": len(times),
             "times": self._arrays.add(times),
