@@ -42,6 +42,7 @@ FOLDERS = {
         "identification",
         "disturbances",
         "explanations",
+        "rough_world",
         "starved",
         "real_flights",
     ),

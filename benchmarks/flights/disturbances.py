@@ -34,6 +34,10 @@ DRAG = 0.2
 """N s/m."""
 MASS: Settings = {"simulator.payload": round(0.2 * VehicleModel().mass, 4)}
 OBSERVER: Settings = {f"control.{name}": value for name, value in PRESETS["observer"].items()}
+STIFF_OBSERVER: Settings = {
+    f"control.{name}": value for name, value in PRESETS["stiff_observer"].items()
+}
+ROUGH_DRAG: Settings = {"model.drag": 0.47, "model.drag_lever": 0.02}
 FED: Settings = {"model.drag": DRAG}
 WEIGHED: Settings = {"mass.used_by": "estimate"}
 VIBRATION = 3.0
@@ -76,7 +80,13 @@ CASES: dict[str, tuple[Settings, float | None, dict[str, Settings]]] = {
     "rough: all that recorded flights show": (
         {f"simulator.{name}": value for name, value in ROUGH.items()},
         None,
-        {"on, fed forward": {**OBSERVER, "model.drag": ROUGH["rotor_drag_x"]}},
+        {
+            "stiff_observer, fed forward": {
+                **STIFF_OBSERVER,
+                "model.drag": 0.47,
+                "model.drag_lever": 0.02,
+            }
+        },
     ),
 }
 """A disturbance, the limit (mm rms) with the observer, and further settings of the flight."""

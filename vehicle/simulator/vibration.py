@@ -19,12 +19,13 @@ Item = Any
 """One record `array[k]` inside compiled code."""
 
 IMBALANCE = (0.94, 0.56, 1.31, 0.75)
-"""Of each rotor over the others'."""
+"""Of each rotor over the others'; assumed."""
 PITCH = (1.0, 1.017, 0.988, 1.009)
 """Speed of each rotor over the others' at the same thrust: no two propellers are alike, so that
-their lines beat instead of adding up."""
+their lines beat instead of adding up. Assumed."""
 _LINES = math.sqrt(2.0 * 0.7 / sum(one * one for one in IMBALANCE))
-"""Amplitude of a rotor's lines over the deviation: they hold 70 % of the variance."""
+"""Amplitude of a rotor's lines over the deviation: they hold 70 % of the variance, assumed between
+the 94 and 96 % of two PX4 flights and none of a third, above 15 Hz at 200 Hz."""
 BROADBAND = math.sqrt(0.3)
 """Deviation of the rest."""
 
