@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from quadrotor.errors import MeasurementError
-from quadrotor.records import MAX_BEACONS, Record
+from quadrotor.records import MAX_BEACONS, MAX_SENSORS, Record
 
 
 def refuse_pose(pose: Record) -> MeasurementError:
@@ -22,4 +22,15 @@ def refuse_bearings(bearings: Record) -> MeasurementError:
         f"frame of {int(frame['count'])} bearings with sigma {float(frame['sigma'])} rad cannot "
         f"be used: allowed are 1 to {MAX_BEACONS} finite unit vectors to finite places and a "
         "sigma above 0; check the beacon detector"
+    )
+
+
+def refuse_sweeps(sweeps: Record) -> MeasurementError:
+    """Return the error that refuses a SWEEPS_SAMPLE (1,)."""
+    frame = sweeps[0]
+    return MeasurementError(
+        f"sweep of {int(frame['count'])} sensors by plane {int(frame['number'])} with sigma "
+        f"{float(frame['sigma'])} rad cannot be used: allowed are 1 to {MAX_SENSORS} finite "
+        "angles, finite places, a plane with a unit quaternion and a sigma above 0; "
+        "check the base stations"
     )

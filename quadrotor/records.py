@@ -75,6 +75,36 @@ BEARINGS_SAMPLE = np.dtype(
     align=True,
 )
 
+SWEEP_PLANE = np.dtype(
+    [
+        ("origin_w", "f8", 3),  # m, of the rotor
+        ("quaternion_wr", "f8", 4),  # from the rotor's frame: z its axis, x where angles are 0
+        ("tilt", "f8"),  # rad, of the plane of light
+        ("phase", "f8"),  # rad
+        ("gib_magnitude", "f8"),  # rad
+        ("gib_phase", "f8"),  # rad
+        ("curve", "f8"),  # 1/rad
+    ],
+    align=True,
+)
+"""A plane of light that a base station turns, as in `estimation.sweep_angles`."""
+
+MAX_SENSORS = 16
+"""Sensors of one sweep that a record holds."""
+
+SWEEPS_SAMPLE = np.dtype(
+    [
+        ("stamp_ns", "i8"),  # when the plane met the sensors
+        ("count", "i8"),  # how many of the rows below are used
+        ("sigma", "f8"),  # rad
+        ("number", "i8"),  # of the plane
+        ("plane", SWEEP_PLANE),
+        ("sensor_b", "f8", (MAX_SENSORS, 3)),  # m
+        ("angle", "f8", MAX_SENSORS),  # rad
+    ],
+    align=True,
+)
+
 ACTUATORS = np.dtype(
     [
         ("wrench", "f8", 4),  # thrust (N), torque about body x, y, z (N m)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +18,11 @@ from estimation.error_state.update import FIT_CONSISTENCY, FIT_UPDATES, LOST_REF
 from estimation.outcome import AHEAD_NS, NORM_TOLERANCE, Outcome
 from estimation.parameters import EstimationParameters
 from estimation.poses.planar_pose import planar_pose
-from estimation.refusals import refuse_bearings, refuse_pose
+from estimation.poses.sweep_pose import sweep_pose
+from estimation.refusals import refuse_bearings, refuse_pose, refuse_sweeps
+from estimation.sweep_angles import plane_numbers
 from quadrotor.errors import DegenerateGeometryError, MeasurementError, UndeterminedStartError
-from quadrotor.records import POSE_SAMPLE, Record
+from quadrotor.records import BEARINGS_SAMPLE, POSE_SAMPLE, SWEEPS_SAMPLE, Record
 
 Array = npt.NDArray[np.float64]
 
@@ -36,6 +39,8 @@ START = np.repeat([0.05, math.radians(3.0), 0.5, 0.01, 0.1], 3)
 """Deviations at a start: m, rad, m/s (taken to be at rest), rad/s, m/s^2."""
 DETERMINED = 4
 """Bearings to beacons in one plane that leave one pose."""
+ONE_PLACE_NS = 60_000_000
+"""Sweeps of the planes within it met the vehicle at nearly one place, for a start."""
 HOW_TO_START = "show it a fourth beacon in their plane, or run it beside an estimator on poses"
 FIT = Deviations(position=0.15, velocity=0.2, attitude=math.radians(3.0))
 """Largest deviations to be flown on."""
@@ -60,6 +65,7 @@ class ErrorStateEstimator:
         self._memory = new_memory()
         self._initialized = False
         self._waiting: list[tuple[int, Record]] = []
+        self._sweeps: dict[int, Record] = {}
         self._due_ns = 1 << 62
         self._failed: MeasurementError | None = None
         self._remember_views()
@@ -195,6 +201,7 @@ class ErrorStateEstimator:
         self._memory[:] = new_memory()
         self._initialized = False
         self._waiting.clear()
+        self._sweeps.clear()
         self._due_ns = 1 << 62
         self.restarts.clear()
 
@@ -257,7 +264,7 @@ class ErrorStateEstimator:
         if not self._initialized:
             self.initialize(pose)
             return
-        if not kernels.take_pose(self._memory[0], pose[0]):
+        if not self._take(pose):
             raise self._refused(refuse_pose(pose))
         self._apply(pose)
 
@@ -269,12 +276,27 @@ class ErrorStateEstimator:
         finite, a bearing not unit, or no pose was found to start from: UndeterminedStartError
         when one from elsewhere would do (`initialize`).
         """
-        if not kernels.take_bearings(self._memory[0], bearings[0]):
+        if not self._take(bearings):
             raise self._refused(refuse_bearings(bearings))
         if self._initialized:
             self._apply(bearings)
         else:
             self._start_from(bearings)
+
+    def correct_sweeps(self, sweeps: Record, estimate: Record) -> None:
+        """Apply a SWEEPS_SAMPLE (1,), late or not: the angles at which one plane met the sensors.
+
+        The first planes that determine a pose together start the filter. What cannot be applied is
+        counted in `ignored`. Raises MeasurementError when a number is not usable, and
+        UndeterminedStartError while there is no pose to start from.
+        """
+        if not self._take(sweeps):
+            raise self._refused(refuse_sweeps(sweeps))
+        self._sweeps[int(sweeps["number"][0])] = sweeps[0].copy()
+        if self._initialized:
+            self._apply(sweeps)
+        else:
+            self._start_from_sweeps(sweeps)
 
     def report(self, estimate: Record) -> None:
         """Write biases, the last correction and the measurement age into the ESTIMATE (1,)."""
@@ -287,6 +309,15 @@ class ErrorStateEstimator:
         return ["no measurement comes: position and velocity are only predicted"]
 
     # ------------------------------------------------------------------ parts
+    def _take(self, measurement: Record) -> bool:
+        """Make it the new measurement; False when it is none."""
+        m, item = self._memory[0], measurement[0]
+        if measurement.dtype == POSE_SAMPLE:
+            return bool(kernels.take_pose(m, item))
+        if measurement.dtype == BEARINGS_SAMPLE:
+            return bool(kernels.take_bearings(m, item))
+        return bool(kernels.take_sweeps(m, item, plane_numbers(item)))
+
     def _apply(self, measurement: Record) -> None:
         """Apply what was taken, now or when the IMU has come so far. Raises MeasurementError."""
         m = self._memory[0]
@@ -305,8 +336,7 @@ class ErrorStateEstimator:
         self._waiting = [item for item in self._waiting if item[0] > now_ns]
         self._due_ns = min((due_ns for due_ns, _ in self._waiting), default=1 << 62)
         for one in ready:
-            take = kernels.take_pose if one.dtype == POSE_SAMPLE else kernels.take_bearings
-            take(self._memory[0], one[0])
+            self._take(one)
             try:
                 self._settle(one)
             except MeasurementError as error:  # raised by the next correction, not by a prediction
@@ -334,6 +364,8 @@ class ErrorStateEstimator:
             deviations = START.copy()
             deviations[6:9] = np.maximum(START[6:9], np.linalg.norm(missed_w))
             self.initialize(measurement, deviations, before[3:6] + missed_w)
+        elif measurement.dtype == SWEEPS_SAMPLE:
+            self._start_from_sweeps(measurement, before[3:6])
         else:
             self._start_from(measurement)
         m["restarted"], m["consistency"] = 1, NOT_YET_CONSISTENT
@@ -366,11 +398,27 @@ class ErrorStateEstimator:
             raise UndeterminedStartError(
                 f"error_state cannot start on these bearings: {error}; {HOW_TO_START}"
             ) from error
+        self._start_at(frame, pose)
+
+    def _start_from_sweeps(self, sweeps: Record, velocity_w: Array | None = None) -> None:
+        """Start at the pose that the newest sweeps of the planes give. Raises
+        UndeterminedStartError.
+        """
+        oldest_ns = int(sweeps["stamp_ns"][0]) - ONE_PLACE_NS
+        frames = [one for one in self._sweeps.values() if one["stamp_ns"] > oldest_ns]
+        try:
+            self._start_at(sweeps[0], sweep_pose(frames), velocity_w)
+        except DegenerateGeometryError as error:
+            raise UndeterminedStartError(
+                f"error_state cannot start on these sweeps: {error}"
+            ) from error
+
+    def _start_at(self, frame: Record, pose: Any, velocity_w: Array | None = None) -> None:
         sample = np.zeros(1, POSE_SAMPLE)
         sample[0] = frame["stamp_ns"], pose.position_w, pose.quaternion_wb
         deviations = START.copy()
         deviations[:6] = np.maximum(np.sqrt(np.diag(pose.covariance)), deviations[:6])
-        self.initialize(sample, deviations)
+        self.initialize(sample, deviations, velocity_w)
 
     def _refused(self, error: MeasurementError) -> MeasurementError:
         self._memory["outcomes"][0, Outcome.INVALID] += 1

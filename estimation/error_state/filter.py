@@ -17,10 +17,12 @@ from estimation.error_state.memory import (
     BEARINGS,
     FORCE,
     NOTHING,
+    PLANE_ROWS,
     POSE,
     POSITION,
     RATE,
     SAMPLES,
+    SWEEPS,
 )
 from estimation.error_state.motion import move
 from estimation.error_state.timeline import apply_one
@@ -28,9 +30,10 @@ from estimation.error_state.update import LOST_REFUSALS
 from estimation.outcome import NORM_TOLERANCE, Agreement, Outcome
 from estimation.rate_filter import low_pass
 from quadrotor.compiled import compiled
-from quadrotor.records import MAX_BEACONS, Record
+from quadrotor.records import MAX_BEACONS, MAX_SENSORS, Record
 from quadrotor.vectors import add, axes_of, scale, to_body, vector
 
+Array = npt.NDArray[np.float64]
 _MASK = SAMPLES - 1
 _APPLIED, _TOO_OLD, _NOT_NEWER, _AHEAD, _INVALID, _OUTLIER = (int(o) for o in Outcome)
 _USED, _REFUSED, _JUMPED, _DRIFTED, _MOVED = (int(a) for a in Agreement)
@@ -98,6 +101,32 @@ def take_bearings(m: Any, z: Any) -> bool:
             m.new_data[k, 3 + i] = z.bearing_b[k, i] / math.sqrt(n)
         valid = valid and abs(n - 1.0) < NORM_TOLERANCE
     return valid
+
+
+@compiled
+def take_sweeps(m: Any, z: Any, plane: Array) -> bool:
+    """Make a SWEEPS_SAMPLE item the new measurement; False when it is none.
+
+    Args:
+        plane: (12,), the numbers of its plane.
+    """
+    m.new_ns, m.new_kind, m.new_count, m.new_sigma = z.stamp_ns, SWEEPS, PLANE_ROWS, z.sigma
+    if not (1 <= z.count <= MAX_SENSORS and z.sigma > 0.0):
+        return False
+    m.new_count += z.count
+    total = z.sigma
+    for i in range(6 * PLANE_ROWS):
+        m.new_data[i // 6, i % 6] = plane[i]
+        total += plane[i]
+    for k in range(z.count):
+        row = m.new_data[PLANE_ROWS + k]
+        for i in range(3):
+            row[i] = z.sensor_b[k, i]
+            total += row[i]
+        row[3] = z.angle[k]
+        total += row[3]
+    n = plane[3] ** 2 + plane[4] ** 2 + plane[5] ** 2 + plane[6] ** 2
+    return math.isfinite(total) and abs(n - 1.0) < NORM_TOLERANCE
 
 
 @compiled

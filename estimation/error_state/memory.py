@@ -29,12 +29,13 @@ EVENTS = 384
 """Measurements kept with what was known after each: LATEST_NS of poses at 500 Hz and of bearings
 at 120 Hz, the most that sensors are set to."""
 ROWS = 2 * MAX_BEACONS
+PLANE_ROWS = 2
 
-NOTHING, POSE, BEARINGS = 0, 1, 2
+NOTHING, POSE, BEARINGS, SWEEPS = 0, 1, 2, 3
 """Kinds of an event. One that measures nothing only brings the filter to its time."""
 
 FORCE, RATE, POSITION, ATTITUDE, BEARING = range(5)
-"""Noises whose variance is adapted: of accelerometer, gyroscope, poses, bearings."""
+"""Noises whose variance is adapted: of accelerometer, gyroscope, poses, bearings or sweeps."""
 NOISES = 5
 
 ERROR_STATE_MEMORY = np.dtype(
@@ -53,7 +54,8 @@ ERROR_STATE_MEMORY = np.dtype(
         ("sample_ns", "i8", SAMPLES),
         ("sample", "f8", (SAMPLES, 6)),  # rate (rad/s), specific force (m/s^2)
         # A measurement about to be applied. Data of bearings: a row each, beacon_w (m) then
-        # bearing_b; of a pose: position_w in the first row, quaternion_wb in the second.
+        # bearing_b; of a pose: position_w in the first row, quaternion_wb in the second; of sweeps:
+        # the plane in the first PLANE_ROWS, then a row each, sensor_b and angle.
         ("new_ns", "i8"),
         ("new_kind", "i8"),
         ("new_count", "i8"),
@@ -102,6 +104,7 @@ ERROR_STATE_MEMORY = np.dtype(
         ("expected", "f8", ROWS),  # variance of the residual by prior and measurement
         ("doubt", "f8", ROWS),  # variance added to it, the farther it is from its prediction
         ("distance", "f8", MAX_BEACONS),  # of a pair of rows from its prediction, chi-square of 2
+        ("plane", "f8", 6 * PLANE_ROWS),
         ("prior", "f8", (ERRORS, ERRORS)),
         ("trial", "f8", NOMINAL),
         ("found", "f8", ERRORS),

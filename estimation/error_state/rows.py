@@ -7,7 +7,9 @@ position error dp and an attitude error phi (R_true = exp(phi) R) make it
     e = -(I - d d^T) dp / rho + d x phi + noise,   sigma on each tangent axis,
 
 so along a tangent axis t the row is (-t / rho, t x d). No perspective is divided by: bearings may
-point anywhere. Of a pose, e = (p_m - p, log(R_m R^T)) and the rows are those of the identity.
+point anywhere. Of a pose, e = (p_m - p, log(R_m R^T)) and the rows are those of the identity. The
+angle at which a plane of light met a sensor at p + R l has the row (g, R l x g), g being the
+angle's gradient by the sensor's place.
 """
 
 from __future__ import annotations
@@ -18,9 +20,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from estimation.error_state.memory import ATTITUDE, BEARING, POSE, POSITION
+from estimation.error_state.memory import ATTITUDE, BEARING, PLANE_ROWS, POSE, POSITION, SWEEPS
+from estimation.sweep_angles import swept
 from quadrotor.compiled import compiled
 from quadrotor.vectors import (
+    add,
     axes_of,
     cross,
     dot,
@@ -55,6 +59,8 @@ def linearize(m: Any, slot: int, x: Array, g: Any) -> int:
             sigma = g.pose_position_sigma if i < 3 else g.pose_attitude_sigma
             variance[i] = m.noise_scale[POSITION if i < 3 else ATTITUDE] * sigma * sigma
         return 3
+    if m.event_kind[slot] == SWEEPS:
+        return linearize_sweeps(m, slot, x)
     sigma = max(m.event_sigma[slot], g.bearing_sigma_floor) * math.sqrt(m.noise_scale[BEARING])
     axes = axes_of((x[6], x[7], x[8], x[9]))
     for k in range(m.event_beacons[slot]):
@@ -79,3 +85,33 @@ def linearize(m: Any, slot: int, x: Array, g: Any) -> int:
             variance[2 * k + i] = sigma * sigma if distance > NEAREST else math.inf
             t = turn
     return int(m.event_beacons[slot])
+
+
+@compiled(inner=True)
+def linearize_sweeps(m: Any, slot: int, x: Array) -> int:
+    """Write row, rest and variance of the sensors that one plane met, two a pair; how many pairs.
+
+    The last of an odd number has an empty row beside it.
+    """
+    data, axes = m.event_data[slot], axes_of((x[6], x[7], x[8], x[9]))
+    count = m.event_beacons[slot] - PLANE_ROWS
+    variance = m.noise_scale[BEARING] * m.event_sigma[slot] ** 2
+    pairs = (count + 1) // 2
+    for i in range(6 * PLANE_ROWS):
+        m.plane[i] = data[i // 6, i % 6]
+    for k in range(2 * pairs):
+        row = m.row[k]
+        m.variance[k], m.rest[k] = variance, 0.0
+        for j in range(6):
+            row[j] = 0.0
+        if k == count:
+            break
+        sensor = data[PLANE_ROWS + k]
+        lever = to_world(axes, vector(sensor))
+        angle, gradient = swept(m.plane, add(vector(x), lever))
+        turn = cross(lever, gradient)
+        past = sensor[3] - angle + math.pi
+        m.rest[k] = past - 2.0 * math.pi * math.floor(past / (2.0 * math.pi)) - math.pi
+        for j in range(3):
+            row[j], row[3 + j] = gradient[j], turn[j]
+    return int(pairs)

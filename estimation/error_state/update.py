@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from estimation.error_state.adaptation import learn_from_bearings, learn_from_pose
 from estimation.error_state.gate import along, gate, project, run
-from estimation.error_state.memory import BEARINGS, ERRORS, NOMINAL, NOTHING, POSE_ERRORS
+from estimation.error_state.memory import ERRORS, NOMINAL, NOTHING, POSE, POSE_ERRORS
 from estimation.error_state.rows import linearize
 from quadrotor.compiled import compiled
 from quadrotor.vectors import Vector, add, cross, dot, multiply, normalized, scale, turned, vector
@@ -124,7 +124,7 @@ def shift(m: Any, pairs: int, first: int, all_of_them: bool) -> Vector:
 @compiled(inner=True)
 def tell_innovation(m: Any, pairs: int, kind: int, count: int) -> None:
     """Write `innovation` of the rows linearised at the prediction; of all when none was used."""
-    if kind != BEARINGS:
+    if kind == POSE:
         for i in range(POSE_ERRORS):
             m.innovation[i] = m.rest[i]
         return
@@ -170,12 +170,12 @@ def judge(m: Any, pairs: int, kind: int, count: int) -> None:
         m.refused = 0
     elif count == 0:
         m.refused += 1
-    if kind == BEARINGS:
-        learn_from_bearings(m, pairs)
-    else:
+    if kind == POSE:
         # A tracker that jumped says nothing about the IMU.
         learn_from_pose(m, count > 0 or m.at_once == 0)
         run(m, count == 0)
+    else:
+        learn_from_bearings(m, pairs)
 
 
 @compiled(inner=True)
@@ -193,7 +193,7 @@ def fuse(m: Any, slot: int, g: Any, newest: bool) -> bool:
         for j in range(ERRORS):
             m.prior[i, j] = P[i, j]
     pairs = linearize(m, slot, x, g)
-    count = gate(m, pairs, kind != BEARINGS, g.gate)
+    count = gate(m, pairs, kind == POSE, g.gate)
     if newest:
         judge(m, pairs, kind, count)
     if count == 0:
@@ -213,7 +213,7 @@ def fuse(m: Any, slot: int, g: Any, newest: bool) -> bool:
             one, other = along(m.row[2 * k], found), along(m.row[2 * k + 1], found)
             bent = max(bent, one * one + other * other)
         displace(x, step, m.trial)
-        if kind != BEARINGS or bent < STRAIGHT**2:
+        if kind == POSE or bent < STRAIGHT**2:
             break
         linearize(m, slot, m.trial, g)
     reset(P, step[3:])

@@ -1,0 +1,120 @@
+"""The pose at which planes of light met a vehicle's sensors: the start of a filter on sweeps.
+
+Levenberg-Marquardt on all angles, from where the stations' axes pass each other nearest, level, at
+four headings; the best is kept. The planes have to have met it at nearly one place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from estimation.sweep_angles import plane_numbers, swept
+from quadrotor.errors import DegenerateGeometryError
+from quadrotor.plain_rotations import matrices_of
+from quadrotor.records import Record
+from quadrotor.vectors import multiply, normalized, turned
+
+Array = npt.NDArray[np.float64]
+
+STEPS = 40
+WORST = 5.0
+"""Largest rms residual of a pose, in deviations."""
+LEAST_KNOWN = 0.5
+"""m and rad: largest deviation of a pose that counts as determined."""
+YAWS = np.radians([0.0, 90.0, 180.0, 270.0])
+
+
+class SweepPose(NamedTuple):
+    """A pose with the covariance (6, 6) of position (m) and attitude (rad), world axes."""
+
+    position_w: Array
+    quaternion_wb: Array
+    covariance: Array
+
+
+def sweep_pose(frames: Sequence[Record]) -> SweepPose:
+    """Return the pose that fits SWEEPS_SAMPLE items, one a plane.
+
+    Raises DegenerateGeometryError when they leave it open or contradict each other.
+    """
+    if len({tuple(frame["plane"]["origin_w"]) for frame in frames}) < 2:
+        raise DegenerateGeometryError("they are of one base station, and two determine a pose")
+    first = _first_guess([frame["plane"] for frame in frames])
+    best = min(
+        (_fit(frames, first, np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)])) for yaw in YAWS),
+        key=lambda one: one[0],
+    )
+    cost, position, quaternion, normal = best
+    numbers = int(sum(frame["count"] for frame in frames))
+    if numbers < 6 or not np.linalg.cond(normal) < 1e12:
+        raise DegenerateGeometryError(f"{numbers} sweep angles leave the pose open")
+    covariance = np.asarray(np.linalg.inv(normal), np.float64)
+    if not (np.sqrt(np.diag(covariance)) < LEAST_KNOWN).all():
+        raise DegenerateGeometryError(f"the sweeps of {len(frames)} planes leave the pose open")
+    if not cost < numbers * WORST**2:
+        raise DegenerateGeometryError(
+            f"no pose fits the sweeps: the best is {np.sqrt(cost / numbers):.0f} deviations off, "
+            f"allowed {WORST:g}; are the base stations where the geometry says?"
+        )
+    return SweepPose(position, quaternion, covariance)
+
+
+def _first_guess(planes: Sequence[Record]) -> Array:
+    """Return the place that the axes of the stations, each its x, pass nearest."""
+    left, right = np.zeros((3, 3)), np.zeros(3)
+    for plane in planes:
+        axis = matrices_of(plane["quaternion_wr"][None])[0, :, 0]
+        across = np.eye(3) - np.outer(axis, axis)
+        left += across
+        right += across @ plane["origin_w"]
+    return np.asarray(np.linalg.lstsq(left, right, rcond=None)[0], np.float64)
+
+
+def _fit(
+    frames: Sequence[Record], position: Array, quaternion: Array
+) -> tuple[float, Array, Array, Array]:
+    """Return squared residuals (in variances), pose and normal matrix (6, 6) of a local fit."""
+    damping = 1e-3
+    cost, normal, pull = _system(frames, position, quaternion)
+    for _ in range(STEPS):
+        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-9), pull)
+        moved = position + step[:3]
+        phi = turned((1.0, 0.0, 0.0, 0.0), (step[3], step[4], step[5]))
+        w, x, y, z = quaternion
+        other = np.array(normalized(multiply(phi, (w, x, y, z))))
+        trial = _system(frames, moved, other)
+        if trial[0] < cost:
+            gained = cost - trial[0]
+            position, quaternion, damping = moved, other, damping / 3.0
+            cost, normal, pull = trial
+            if gained < 1e-3:
+                break
+        else:
+            damping *= 5.0
+    return cost, position, quaternion, normal
+
+
+def _system(
+    frames: Sequence[Record], position: Array, quaternion: Array
+) -> tuple[float, Array, Array]:
+    cost, normal, pull = 0.0, np.zeros((6, 6)), np.zeros(6)
+    matrix = matrices_of(quaternion[None])[0]
+    for frame in frames:
+        plane = plane_numbers(frame)
+        for k in range(frame["count"]):
+            lever = matrix @ frame["sensor_b"][k]
+            x, y, z = position + lever
+            angle, gradient = swept(plane, (x, y, z))
+            rest = np.remainder(frame["angle"][k] - angle + np.pi, 2.0 * np.pi) - np.pi
+            row = np.concatenate([gradient, np.cross(lever, gradient)]) / frame["sigma"]
+            rest /= frame["sigma"]
+            if not np.isfinite(rest):
+                return np.inf, normal, pull
+            cost += rest * rest
+            normal += np.outer(row, row)
+            pull += rest * row
+    return float(cost), normal, pull

@@ -1,0 +1,151 @@
+"""Lighthouse sweeps in the error-state filter: model, start, accuracy, a moved station."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from estimation.error_state.estimator import ErrorStateEstimator
+from estimation.parameters import EstimationParameters
+from estimation.poses.sweep_pose import sweep_pose
+from estimation.sweep_angles import plane_numbers, swept
+from quadrotor.errors import DegenerateGeometryError, MeasurementError, UndeterminedStartError
+from quadrotor.plain_rotations import matrices_of
+from quadrotor.records import ESTIMATE, IMU_SAMPLE, SWEEPS_SAMPLE, Record, new_state
+
+Array = npt.NDArray[np.float64]
+
+SIGMA = 3e-4
+SENSORS_B = np.array([[x, y, 0.0] for x in (-0.015, 0.015) for y in (0.0075, -0.0075)])
+STATIONS_W = np.array([[-2.6, -0.3, 3.1], [0.4, -3.1, 3.2]])
+
+
+def sweeps_of(
+    number: int, stamp_ns: int, position_w: Array, rng: np.random.Generator, *, sensors: int = 4
+) -> Record:
+    """Return what the plane (two a station, both tilted) tells of a level vehicle."""
+    frame = np.zeros(1, SWEEPS_SAMPLE)
+    station = STATIONS_W[number // 2]
+    axis = -station / np.linalg.norm(station)
+    yaw, pitch = math.atan2(axis[1], axis[0]), math.asin(-axis[2])
+    a, b, c, d = (f(0.5 * angle) for angle in (yaw, pitch) for f in (math.cos, math.sin))
+    plane = frame["plane"]
+    plane["origin_w"], plane["quaternion_wr"] = station, (a * c, -b * d, a * d, b * c)
+    plane["tilt"] = (-1 + 2 * (number % 2)) * math.pi / 6 + 0.01
+    plane["phase"], plane["gib_magnitude"], plane["gib_phase"] = 0.02, 0.004, 1.3
+    plane["curve"] = 0.003
+    frame["stamp_ns"], frame["number"], frame["sigma"], frame["count"] = (
+        stamp_ns,
+        number,
+        SIGMA,
+        sensors,
+    )
+    frame["sensor_b"][0, :sensors] = SENSORS_B[:sensors]
+    for k in range(sensors):
+        x, y, z = position_w + SENSORS_B[k]
+        frame["angle"][0, k] = swept(plane_numbers(frame[0]), (x, y, z))[0] + SIGMA * rng.normal()
+    return frame
+
+
+def fly(estimator: ErrorStateEstimator, seconds: float, *, moved: Array | None = None) -> Array:
+    """Fly a level circle at rest in attitude, sweeps of four planes at 50 Hz each, and return the
+    position errors (N, 3) of the last half; `moved`: by how much station 0 stands elsewhere than
+    the filter is told, from the middle on.
+    """
+    rng, state, estimate = np.random.default_rng(5), new_state(), np.zeros(1, ESTIMATE)
+    radius, rate, errors = 0.5, 1.0, []
+    for k in range(1, round(400 * seconds)):
+        t = k / 400
+        c, s = math.cos(rate * t), math.sin(rate * t)
+        position = np.array([radius * (c - 1.0), radius * s, 1.0])
+        imu = np.zeros(1, IMU_SAMPLE)
+        imu["stamp_ns"] = round(t * 1e9)
+        imu["specific_force_b"] = (-radius * rate**2 * c, -radius * rate**2 * s, 9.80665)
+        imu["specific_force_b"] += 0.07 * rng.normal(size=3)
+        imu["angular_velocity_b"] = 0.007 * rng.normal(size=3)
+        estimator.predict(imu, 1 / 400, state)
+        if k % 2 == 0:
+            number = (k // 2) % 4
+            seen_from = position
+            if moved is not None and number < 2 and t > 0.5 * seconds:
+                seen_from = position - moved
+            frame = sweeps_of(number, round(t * 1e9), seen_from, rng)
+            try:
+                estimator.correct_sweeps(frame, estimate)
+            except UndeterminedStartError:
+                assert t < 0.1
+        if t > 0.5 * seconds:
+            errors.append(state["position_w"][0] - position)
+    return np.array(errors)
+
+
+def test_gradient_of_the_sweep_angle_is_that_of_finite_differences() -> None:
+    rng = np.random.default_rng(1)
+    for number in range(4):
+        plane = plane_numbers(sweeps_of(number, 0, np.array([0.0, 0.0, 1.0]), rng)[0])
+        for place in rng.uniform((-1, -1, 0.2), (1, 1, 2), (20, 3)):
+            angle, gradient = swept(plane, tuple(place))
+            assert math.isfinite(angle)
+            for i in range(3):
+                step = 1e-6 * np.eye(3)[i]
+                ahead, behind = (swept(plane, tuple(place + w * step))[0] for w in (1, -1))
+                assert gradient[i] == pytest.approx((ahead - behind) / 2e-6, abs=1e-7)
+
+
+def test_tilted_plane_holds_the_points_at_its_angle() -> None:
+    """A plane through the rotor's axis turned by alpha and tilted by t about that line."""
+    plane = np.zeros(12)
+    plane[3], plane[7] = 1.0, math.pi / 6
+    alpha, t = 0.4, math.pi / 6
+    along = np.array([math.cos(alpha), math.sin(alpha), 0.0])
+    up = np.array([math.sin(t) * math.sin(alpha), -math.sin(t) * math.cos(alpha), math.cos(t)])
+    for place in (2.0 * along + 0.7 * up, 3.0 * along - 0.5 * up):
+        assert swept(plane, tuple(place))[0] == pytest.approx(alpha)
+    assert math.isnan(swept(plane, (0.0, 0.0, 1.0))[0])
+
+
+def test_pose_from_the_planes_of_two_stations_within_its_covariance() -> None:
+    rng, place = np.random.default_rng(2), np.array([0.3, -0.2, 0.1])
+    frames = [sweeps_of(number, 0, place, rng)[0] for number in range(4)]
+    found = sweep_pose(frames)
+    missed = np.concatenate([found.position_w - place, 2.0 * found.quaternion_wb[1:]])
+    assert missed @ np.linalg.solve(found.covariance, missed) < 22.5  # chi-square of 6, 0.1 %
+    assert np.allclose(matrices_of(found.quaternion_wb[None])[0], np.eye(3), atol=0.3)
+    with pytest.raises(DegenerateGeometryError, match="one base station"):
+        sweep_pose(frames[:2])
+
+
+def test_filter_on_sweeps_starts_by_itself_and_is_as_good_as_its_covariance() -> None:
+    p = EstimationParameters()
+    estimator = ErrorStateEstimator(p)
+    errors = fly(estimator, 6.0)
+    rms, told = np.sqrt((errors**2).sum(axis=1).mean()), estimator.deviations.position
+    assert 0.5 * told < rms < 1.6 * told  # the bound of the filter's own Riccati equation
+    assert rms < 0.002
+    assert estimator.inconsistency == ""
+    assert float(estimator.memory["refused_share"][0]) < 0.02
+
+
+def test_moved_base_station_is_refused_or_told() -> None:
+    estimator = ErrorStateEstimator(EstimationParameters())
+    fly(estimator, 4.0, moved=np.array([0.1, 0.0, 0.0]))
+    assert estimator.inconsistency or float(estimator.memory["refused_share"][0]) > 0.2
+
+
+def test_unusable_sweeps_are_refused_and_odd_numbers_of_sensors_are_not() -> None:
+    rng, estimate = np.random.default_rng(3), np.zeros(1, ESTIMATE)
+    estimator = ErrorStateEstimator(EstimationParameters())
+    fly(estimator, 1.0)
+    applied = int(estimator.memory["applied"][0])
+    place = estimator.memory["now"][0, :3]
+    stamp_ns = int(estimator.memory["stamp_ns"][0])
+    estimator.correct_sweeps(sweeps_of(0, stamp_ns, place, rng, sensors=3), estimate)
+    assert int(estimator.memory["applied"][0]) == applied + 1
+    for spoil in ("angle", "sensor_b"):
+        frame = sweeps_of(0, stamp_ns, place, rng)
+        frame[spoil][0, 0] = math.nan
+        with pytest.raises(MeasurementError, match="sweep of 4 sensors"):
+            estimator.correct_sweeps(frame, estimate)
