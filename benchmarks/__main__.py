@@ -43,6 +43,7 @@ FOLDERS = {
         "disturbances",
         "explanations",
         "rough_world",
+        "hostile_flights",
         "starved",
         "real_flights",
     ),
@@ -65,6 +66,7 @@ OWN_OPTIONS = {
     "seed": ("fuzz_logs",),
     "data": ("real_flights",),
     "against": ("up_cost", "late_ticks"),
+    "flights": ("hostile_flights",),
 }
 """Options of some benchmarks only."""
 
@@ -75,6 +77,7 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="fewer samples: a look, not a result")
     parser.add_argument("--count", type=int, help="of fuzz_logs: how many logs")
     parser.add_argument("--seed", type=int, help="of fuzz_logs: number of the first mutated log")
+    parser.add_argument("--flights", type=int, help="of hostile_flights: how many")
     parser.add_argument("--data", type=Path, help="of real_flights: folder of recorded flights")
     parser.add_argument(
         "--against", help="of up_cost, late_ticks: another checkout, measured in turns"

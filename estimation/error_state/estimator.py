@@ -349,12 +349,15 @@ class ErrorStateEstimator:
         """
         m = self._memory[0]
         outcome = apply_one(m, self._noise[0])
-        if outcome != Outcome.OUTLIER or m["refused"] < LOST_REFUSALS:
+        refused = outcome == Outcome.OUTLIER or (
+            outcome == Outcome.APPLIED and measurement.dtype != POSE_SAMPLE
+        )
+        if not refused or m["refused"] < LOST_REFUSALS:
             return
         lost_ns = int(m["stamp_ns"] - m["refused_ns"])
         if lost_ns <= (JUMP_WAIT_NS if m["at_once"] else DRIFT_WAIT_NS):
             return
-        refused, before, innovation = int(m["refused"]), m["now"].copy(), m["innovation"].copy()
+        count, before, innovation = int(m["refused"]), m["now"].copy(), m["innovation"].copy()
         if measurement.dtype == POSE_SAMPLE:
             if m["run_count"] < RUN_LEAST:  # they contradict each other, too
                 return
@@ -370,10 +373,10 @@ class ErrorStateEstimator:
             self._start_from(measurement)
         m["restarted"], m["consistency"] = 1, NOT_YET_CONSISTENT
         m["innovation"] = innovation
-        m["outcomes"][Outcome.OUTLIER] -= 1  # counted as used now
+        m["outcomes"][outcome] -= 1  # counted as used by the start
         apart = float(np.linalg.norm(m["now"][:3] - before[:3]))
         self.restarts.append(
-            f"error_state started anew, {apart:.2f} m from where it was: {refused} measurements "
+            f"error_state started anew, {apart:.2f} m from where it was: {count} measurements "
             f"in {1e-9 * lost_ns:.1f} s did not agree with it"
         )
 

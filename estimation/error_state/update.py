@@ -157,18 +157,20 @@ def doubted(m: Any, pairs: int) -> float:
 @compiled(inner=True)
 def judge(m: Any, pairs: int, kind: int, count: int) -> None:
     """Take note of what the newest measurement says about the filter, the gate having passed
-    `count` of its pairs.
+    `count` of its pairs. A frame most of whose bearings are refused counts as refused: one of four
+    fits by chance wherever a lost filter is.
     """
     tell_innovation(m, pairs, kind, count)
     m.freedom, m.nis = 2 * count, 0.0
     m.refused_share += MEMORY * (1.0 - count / pairs - m.refused_share)
-    if count == 0 and m.refused == 0:
+    few = 2 * count < pairs
+    if few and m.refused == 0:
         m.at_once = 1 if m.base_ns - m.measurement_ns < AT_ONCE_NS else 0
         m.refused_ns = m.base_ns
-    m.believed = believed(m, pairs)
+    m.believed = 0 if few else believed(m, pairs)
     if m.believed == 1:
         m.refused = 0
-    elif count == 0:
+    elif few:
         m.refused += 1
     if kind == POSE:
         # A tracker that jumped says nothing about the IMU.

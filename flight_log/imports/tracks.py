@@ -37,6 +37,10 @@ NEAR = 5.0
 """s by which stamps of one clock may be off."""
 TOLD_OFFSET = 5e-4
 """s: a smaller offset is none."""
+SLIGHT = (math.radians(0.2), math.radians(5.0))
+"""Turn of the truth's body against the IMU's that is taken out: as a marker frame is mounted."""
+ALIKE = 0.95
+"""Share of the turning that must agree for that."""
 WORLDS = ("ENU", "NED")
 
 
@@ -145,8 +149,13 @@ class Checked:
                 f"[{raw.name}] its body is turned by {rest:.0f} deg against the IMU's, as both "
                 f'turn: write body = "{best}", or is another body of the [imu] right?'
             )
-        if rest > 1.0:
-            self._notes.append(f"[{raw.name}] its body is turned by {rest:.1f} deg to the IMU's")
+        told = f"[{raw.name}] its body is turned by {rest:.1f} deg to the IMU's"
+        slight = SLIGHT[0] < math.radians(rest) < SLIGHT[1] and turn.explained > ALIKE
+        if raw.name == "truth" and slight:
+            self._body = turn.matrix
+            self._notes.append(f"{told}, as both turn: corrected")
+        elif rest > 1.0:
+            self._notes.append(told)
 
     def _settle_clock(self, one: Array, other: Array, mine: Array, theirs: Array) -> None:
         """Find the offset of the stamps; both sides are turned into each other already."""

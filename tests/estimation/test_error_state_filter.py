@@ -240,6 +240,21 @@ def test_a_wrong_start_is_forgotten(laboratory: Any, seed: int) -> None:
     assert estimator.converged, estimator.convergence.reason
 
 
+@pytest.mark.parametrize("way", range(6))
+def test_a_start_far_off_is_given_up_even_where_some_bearings_fit(
+    laboratory: Any, way: int
+) -> None:
+    truth = laboratory.figure_eight(3.0, 500.0)
+    flight = Flight(truth, 1)
+    away, axis = np.random.default_rng(way).normal(size=(2, 3))
+    turn = Rotation.from_rotvec(math.radians(60.0) * axis / np.linalg.norm(axis))
+    place = truth.position_w[0] + away / np.linalg.norm(away)
+    estimator = ErrorStateEstimator(parameters())
+    estimator.initialize(pose_of(flight.stamp(0), place, turn * truth.attitude[0]))
+    error = np.abs(errors(truth, flight.fly(estimator, start=False)))
+    assert error[-100:, :3].max() < 0.15  # one or two of four fitted by chance: up to 40 m
+
+
 def test_turning_the_world_turns_the_answer(laboratory: Any, seed: int) -> None:
     angle = 2.1
     world = Rotation.from_euler("z", angle)

@@ -125,6 +125,19 @@ def test_stamps_of_the_truth_that_are_late_are_corrected_and_told(tmp_path: Path
     is_the_flight(kept, 0.137)
 
 
+def test_a_truth_mounted_slightly_askew_is_corrected_and_told(tmp_path: Path) -> None:
+    from scipy.spatial.transform import Rotation
+
+    askew = turned(FLIGHT, Rotation.from_rotvec([0.011, -0.004, 0.003]).as_matrix())
+    columns = columns_of(FLIGHT)
+    columns |= {name: column for name, column in columns_of(askew).items() if name[0] == "q"}
+    found = imported(tmp_path, columns)
+    assert found.truth is not None
+    same = np.abs((found.truth.states["quaternion_wb"] * FLIGHT.quaternion).sum(axis=1))
+    assert np.degrees(2.0 * np.arccos(np.minimum(same, 1.0))).max() < 0.1  # it was 0.7
+    assert any("body is turned by 0.7 deg" in note for note in found.notes)
+
+
 def test_two_clocks_are_refused_with_the_offset_that_fits(tmp_path: Path) -> None:
     columns = columns_of(FLIGHT)
     write_csv(tmp_path / "truth.csv", {**columns, "t": columns["t"] - columns["t"][0]})

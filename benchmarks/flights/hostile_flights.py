@@ -1,0 +1,329 @@
+"""Flights whose measurements lie: does the estimate recover, is it handed over, or is it lost
+silently?
+
+    python -m benchmarks hostile_flights --flights 1000
+
+Each flight hovers or flies the figure 8 in simulated time. Then one or more things go wrong with
+the poses or bearings that it flies on, and it is watched for some seconds. A flight is
+
+- recovered: it flies on and at the end its estimate is near the truth again,
+- handed over: another estimator or the tracker took over, or the vehicle landed by itself,
+- refused: it was not armed, or the hand-over to bearings was refused,
+- told: the estimate is off at the end, and flags or `converged` say so,
+- silent: the estimate was off for a while and nothing said so,
+- lost: it left its volume, turned over or met the ground hard.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bearing_sim.beacons import Beacons, format_layout, parse_layout
+from benchmarks.flights.watched_flight import WatchedFlight
+from benchmarks.harness import Report, Row, Target
+from estimation.estimator import Estimator
+from quadrotor.errors import RefusedError
+from quadrotor.parameters import ParameterValue
+from quadrotor.records import POSE_SAMPLE
+from quadrotor.rotations import (
+    norm,
+    quaternion_conjugate,
+    quaternion_exp,
+    quaternion_log,
+    quaternion_multiply,
+)
+from vehicle.flight.modes import Flag
+from vehicle.simulator.presets import preset_values
+
+FLIGHTS = 60
+SECONDS = 8.0
+"""Watched from when the first thing goes wrong."""
+GAP = 2.0
+"""s without measurements, beacons seen or poses."""
+HELD = 0.5
+"""s for which an estimate must be off to count as off."""
+WAYS = {
+    "error_state on poses": ("error_state", "poses", True),
+    "complementary on poses": ("complementary", "poses", True),
+    "error_state on bearings": ("error_state", "bearings", True),
+    "error_state on bearings, no tracker": ("error_state", "bearings", False),
+}
+"""Estimator, its measurements, and whether the tracker is there."""
+NEAR = {"poses": (0.10, 10.0), "bearings": (0.30, 10.0)}
+"""m and deg that an estimate may be off, by its measurements; on bearings what
+`fallback.disagreement_max` allows."""
+TRACKER, BEARINGS = "tracker", "bearings"
+OUTLIERS, MISSING, BEACON, LAYOUT, CLOCK, START, THROWN = FAULTS = (
+    "outliers 20 %",
+    "gap of 2 s",
+    "one beacon off by 5 deg",
+    "layout wrong by 10 cm",
+    "clock step",
+    "begun 1 m and 60 deg off",
+    "in flight thrown off by so much",
+)
+ONLY_BEARINGS = (BEACON, LAYOUT)
+"""Faults of the beacons. THROWN is only met alone: with another there may be nothing to know of
+the attitude by."""
+SEVERAL = "several at once"
+TELLING = (
+    Flag.NO_POSE | Flag.TRACKER_JUMPED | Flag.ESTIMATE_DRIFTED | Flag.BEACON_OFF | Flag.RESCUED
+)
+"""Flags that say that the estimate may be off. Measurements refused do not: outliers are."""
+HANDED = Flag.RESCUED | Flag.FELL_BACK
+IMPACT = 1.0
+"""m/s"""
+
+
+@dataclass
+class Outcome:
+    """What became of one flight.
+
+    Attributes:
+        largest: m that the estimate was off in flight, at most; final: at the end.
+        silent: s for which it was off without a word, longest.
+    """
+
+    seed: int
+    way: str
+    faults: tuple[str, ...]
+    verdict: str
+    largest: float
+    final: float
+    silent: float
+    events: list[str] = field(default_factory=list)
+
+
+class HostileFlight(WatchedFlight):
+    """A flight whose measurements can be made wrong.
+
+    Args:
+        rough: in the rough world. way: a key of WAYS.
+    """
+
+    def __init__(self, seed: int, way: str, rough: bool) -> None:
+        self.estimator, self.source, self.witness = WAYS[way]
+        rough_world = preset_values("rough" if rough else "clean")
+        settings: dict[str, ParameterValue] = {
+            **{f"simulator.{name}": value for name, value in rough_world.items()},
+            "estimation.estimator": self.estimator,
+        }
+        super().__init__(seed, settings)
+        self.chance = np.random.default_rng((seed, 21))
+        self.silent = self.largest = self.off = 0.0
+        self.handed = self.left = False
+        self._watching, self._good_ns = False, 0
+
+    def set(self, part: str, **values: ParameterValue) -> None:
+        """Change the tracker or the bearings; unlike a parameter, beyond its bounds as well."""
+        of = self._tracker if part == TRACKER else self._emulator
+        for name, value in values.items():
+            of.parameters.__dict__[name] = value
+
+    @property
+    def flown_on(self) -> str:
+        """Return the sensor whose measurements are made wrong."""
+        return TRACKER if self.source == "poses" else BEARINGS
+
+    def begin(self, thrown_off: bool) -> None:
+        """Take off, hand over to bearings and begin to fly; the estimator to be flown on begins
+        at a wrong place if `thrown_off`. Raises RefusedError.
+        """
+        navigation = self.stack.navigation
+        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=20)
+        self.wait(0.2)
+        if self.source == "bearings":
+            shadow = {"estimation.shadow": self.estimator, "estimation.shadow_source": "bearings"}
+            self.change({**shadow})
+        elif thrown_off:
+            self._throw_off(navigation.active)
+            self.wait(3.0)
+        self.hover(1.0, 1.5)
+        if self.source == "bearings":
+            if thrown_off and navigation.shadow is not None:
+                self._throw_off(navigation.shadow)
+            self._hand_over()
+            if not self.witness:
+                self.set(TRACKER, drop_out=1.0)
+                self.wait(1.0)
+        if self.chance.random() < 0.5:
+            self.start("follow_trajectory", trajectory="figure_eight", laps=3)
+            self.wait(3.0)
+        self._watching, self._good_ns = True, self.stack.stamp_ns
+        self.forget()
+
+    def _hand_over(self) -> None:
+        for patience in range(10, -1, -1):
+            try:
+                self.change({"estimation.source": "bearings", "estimation.shadow": "none"})
+                break
+            except RefusedError:
+                if patience == 0:
+                    raise
+                self.wait(0.5)
+        self.wait(1.0)
+
+    def go_wrong(self, fault: str) -> None:
+        """Make a fault happen now."""
+        on, chance = self.flown_on, self.chance
+        if fault == OUTLIERS:
+            self.set(TRACKER, outliers=0.2, outlier_attitude=30.0)
+            if on == BEARINGS:
+                self.set(BEARINGS, swap=0.2)
+        elif fault == MISSING:
+            self.set(on, drop_out=1.0)
+        elif fault == BEACON:
+            axis = chance.normal(size=3)
+            x, y, z = 5.0 * axis / np.linalg.norm(axis)
+            self.set(BEARINGS, beacon_bias=f"{chance.integers(1, 5)} {x} {y} {z}")
+        elif fault == LAYOUT:
+            places = parse_layout("paper")
+            off = chance.normal(size=places.positions_w.shape)
+            off *= 0.1 / np.linalg.norm(off, axis=1, keepdims=True)
+            moved = Beacons(places.ids, places.positions_w + off)
+            self.set(BEARINGS, layout=format_layout(moved))
+        elif fault == CLOCK:
+            step = 10.0 ** chance.uniform(-1.7, 0.0) * chance.choice((-1.0, 1.0))  # 20 ms to 1 s
+            self.set(on, stamp_error=float(step))
+        elif fault == THROWN:
+            self._throw_off(self.stack.navigation.active)
+
+    def mend(self, fault: str) -> None:
+        """End a gap."""
+        if fault == MISSING:
+            self.set(self.flown_on, drop_out=0.0)
+
+    def _throw_off(self, estimator: Estimator) -> None:
+        """Start an estimator at a place 1 m and an attitude 60 deg off."""
+        away, axis = (v / norm(v) for v in self.chance.normal(size=(2, 3)))
+        turn = quaternion_exp(math.radians(60.0) * axis)
+        pose = np.zeros(1, POSE_SAMPLE)
+        pose["stamp_ns"] = self.stack.stamp_ns
+        pose["position_w"] = self._true_position_w + away
+        pose["quaternion_wb"] = quaternion_multiply(turn, self._true_quaternion_wb)
+        estimator.initialize(pose)
+
+    # ------------------------------------------------------------------ what truly happens
+    def advance(self) -> None:
+        super().advance()
+        if not self._watching:
+            return
+        stack, place = self.stack, self._true_position_w
+        self.off = float(np.linalg.norm(stack.state["position_w"][0] - place))
+        back = quaternion_conjugate(stack.state["quaternion_wb"][0])
+        turn = math.degrees(
+            norm(quaternion_log(quaternion_multiply(back, self._true_quaternion_wb)))
+        )
+        flags = int(stack.status["flags"][0])
+        landing = self.view().behavior in ("land", "ground") or self.view().mode != "armed"
+        if not landing:
+            self.largest = max(self.largest, self.off)
+        self.handed = self.handed or bool(flags & HANDED) or landing
+        self.near = self.off < NEAR[self.source][0] and turn < NEAR[self.source][1]
+        self.says = landing or bool(flags & TELLING) or not stack.estimator.converged
+        now_ns = stack.stamp_ns
+        if self.near or self.says:
+            self._good_ns = now_ns
+        self.silent = max(self.silent, 1e-9 * (now_ns - self._good_ns))
+        volume = self.parameters.behavior
+        x, y, z = place.tolist()
+        inside = volume.volume_x_min <= x <= volume.volume_x_max
+        inside = inside and volume.volume_y_min <= y <= volume.volume_y_max
+        inside = (inside and z <= volume.volume_z_max) or landing
+        self.left = self.left or not inside
+
+    @property
+    def verdict(self) -> str:
+        """Return what became of it, by the words of this module."""
+        if self.left or self.hardest > IMPACT or self.most_tilted > math.radians(80.0):
+            return "lost"
+        if self.silent > HELD:
+            return "silent"
+        if self.handed:
+            return "handed over"
+        return "recovered" if self.near else "told"
+
+
+def fly(seed: int) -> Outcome:
+    """Fly one flight; way, world, faults and their moments follow from the seed."""
+    chance = np.random.default_rng((seed, 20))
+    way = list(WAYS)[seed % len(WAYS)]
+    flight = HostileFlight(seed, way, rough=chance.random() < 0.5)
+    able = [one for one in FAULTS if flight.source == "bearings" or one not in ONLY_BEARINGS]
+    if chance.random() < 0.5:
+        faults = [able[int(chance.integers(len(able)))]]
+    else:
+        able.remove(THROWN)
+        several = int(chance.integers(2, len(able) + 1))
+        faults = chance.permutation(able)[:several].tolist()
+    latest = 3.0 if len(faults) > 1 else 0.5
+    try:
+        flight.begin(START in faults)
+    except RefusedError as error:
+        return Outcome(seed, way, tuple(faults), "refused", 0.0, 0.0, 0.0, [str(error)])
+    plan = [(float(chance.uniform(0.0, latest)), flight.go_wrong, one) for one in faults]
+    plan += [(t + GAP, flight.mend, one) for t, _, one in plan]
+    passed = 0.0
+    for t, act, one in sorted(plan, key=lambda item: item[0]):
+        flight.wait(t - passed)
+        passed = t
+        act(one)
+    flight.wait(SECONDS + latest - passed)
+    return Outcome(
+        seed,
+        way,
+        tuple(faults),
+        flight.verdict,
+        flight.largest,
+        flight.off,
+        flight.silent,
+        [text for text in flight.events.texts if not text.startswith("bearings: no")][-8:],
+    )
+
+
+def run(quick: bool = False, flights: int = FLIGHTS) -> Report:
+    """Run the benchmark for `python -m benchmarks`."""
+    return report([fly(seed) for seed in range(1, (12 if quick else flights) + 1)])
+
+
+def report(outcomes: Sequence[Outcome]) -> Report:
+    """Return one row for each way and fault: a fault alone, or among others."""
+    verdicts = ("recovered", "handed over", "told", "refused", "silent", "lost")
+    near = ", ".join(f"{m:g} m, {deg:g} deg on {on}" for on, (m, deg) in NEAR.items())
+    found = Report(
+        "hostile_flights",
+        "Flights whose measurements lie",
+        [
+            f"{len(outcomes)} flights, hover or figure 8, half of them in the rough world; half "
+            f"with one fault, half with several; watched for {SECONDS:g} s",
+            f"near the truth: {near}; "
+            f"silent: farther for {HELD:g} s while converged and without a flag",
+        ],
+    )
+    for way in WAYS:
+        for fault in (*FAULTS, SEVERAL):
+            mine = [
+                o
+                for o in outcomes
+                if o.way == way
+                and (o.faults == (fault,) or (fault == SEVERAL and len(o.faults) > 1))
+            ]
+            if mine:
+                counts = {v: float(sum(o.verdict == v for o in mine)) for v in verdicts}
+                far = {"largest error, m": max(o.largest for o in mine)}
+                found.rows.append(Row(f"{way}: {fault}", {"flights": len(mine), **counts, **far}))
+    for o in outcomes:
+        if o.verdict in ("silent", "lost"):
+            found.notes.append(
+                f"seed {o.seed}, {o.way}, {', '.join(o.faults)}: {o.verdict}, {o.silent:.1f} s, "
+                f"{o.final:.2f} m off at the end, {o.largest:.2f} m at most; "
+                f"events: {' / '.join(o.events)}"
+            )
+    for verdict in ("silent", "lost"):
+        count = sum(o.verdict == verdict for o in outcomes)
+        found.targets.append(Target(f"flights of {len(outcomes)} {verdict}", count, 0))
+    return found
