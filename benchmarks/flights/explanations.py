@@ -86,13 +86,12 @@ def confusion(seeds: list[int]) -> Report:
         total += len(seeds)
         report.rows.append(_row(fault, first, sum(first[kind] for kind in kinds)))
     first, claimed, flights = Counter(), 0, 0
-    for world in WORLDS:
-        for manoeuvre in MANOEUVRES:
-            for seed in seeds:
-                found = fly(NONE, seed, world, manoeuvre)
-                first[found[0].kind if found else NONE] += 1
-                claimed += bool(found)
-                flights += 1
+    for seed in seeds:
+        for other in (seed, seed + 5):  # two of the six conditions
+            found = fly(NONE, seed, *condition(other))
+            first[found[0].kind if found else NONE] += 1
+            claimed += bool(found)
+            flights += 1
     report.rows.append(_row("no fault", first, first[NONE]))
     report.targets += [
         Target("fault named first, share", right / total, 0.9, at_most=False),
