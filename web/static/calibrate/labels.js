@@ -10,6 +10,7 @@ export const CALIBRATIONS = {
   motor_bench: { label: "Motor bench", gives: "the law of motor and propeller, torque ratio, time constant", needs: "the vehicle fixed on a force/torque sensor; one motor turns, up to full speed" },
   mass: { label: "Mass", gives: "the mass, from a flight", needs: "free room to fly, as for hover" },
   inertia: { label: "Inertia", gives: "the inertia about three axes, from a flight", needs: "free room to fly; it shakes about each axis" },
+  drag: { label: "Drag", gives: "the drag of the whole vehicle and the height at which it acts, from a flight", needs: "free room to fly circles, in still air" },
   vibration: { label: "Vibration", gives: "the noise of accelerometer and gyroscope, at rest and in hover, for the error-state filter", needs: "at rest on the ground at first, then free room to hover" },
 };
 const EXPERIMENT_OF = { motor: "motor_bench" };
