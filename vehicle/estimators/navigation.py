@@ -78,7 +78,7 @@ class Navigation:
         self._refuses_bearings = False
         self._say = say
         self._queue: list[Record] = []
-        self._complained_ns = -(1 << 62)
+        self._complained_ns = self._timely_ns = -(1 << 62)
         self._rate = MeasurementRate()
         plugged = plugin is not None
         if plugin is None:
@@ -110,6 +110,17 @@ class Navigation:
     def has_pose(self) -> bool:
         """Return whether the estimator in use has a fresh measurement."""
         return not self.active.stale
+
+    def measurement_age(self, now_ns: int) -> float:
+        """Return the seconds since the newest measurement that was used in time, called in each
+        tick. Measurements used when they are older than `measurement_timeout` do not count,
+        however many come: an estimate that rests on them may not be flown on for long.
+        """
+        age = self.active.measurement_age
+        if age <= self._parameters.measurement_timeout:
+            self._timely_ns = now_ns - round(1e9 * age)
+            return age
+        return max(age, 1e-9 * (now_ns - self._timely_ns))
 
     @property
     def reserve_ready(self) -> bool:

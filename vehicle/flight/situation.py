@@ -36,7 +36,7 @@ class SituationReader:
         """Return the situation of this tick; it is valid until the next call.
 
         Args:
-            pose_age: s since the newest measurement that was used.
+            pose_age: s since the newest measurement that was used in time.
         """
         now, tick, p = self._situation, self._tick, self._volume
         now.airborne = self._ground.airborne

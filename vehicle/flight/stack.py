@@ -175,7 +175,7 @@ class FlightStack:
         if self.navigation.measured:
             self._rescue()
         self.model.step(sample, since, dt)
-        pose_age = self.navigation.active.measurement_age
+        pose_age = self.navigation.measurement_age(self._tick.stamp_ns)
         self._follow_altitude(sample, since)
         verdict = self.supervisor.step(self._tick.stamp_ns, self._situation.read(sample, pose_age))
         if verdict is not None and modes.mode in FLYING:

@@ -73,7 +73,7 @@ class StatusWriter:
         """Write the status, once a tick.
 
         Args:
-            pose_age: s since the newest measurement that was used.
+            pose_age: s since the newest measurement that was used in time.
         """
         self._voltage[0], self._pressure[0] = sample.battery_voltage, sample.pressure
         mode, control_mode = self._modes.mode, self._modes.control_mode

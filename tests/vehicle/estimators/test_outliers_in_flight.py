@@ -117,6 +117,24 @@ def test_a_metre_for_good_is_a_matter_of_the_supervisor_which_names_the_tracker(
     assert lab.view().mode == "emergency_land"
 
 
+@pytest.mark.parametrize("estimator", ["complementary", "error_state"])
+def test_poses_that_are_all_too_old_are_flown_on_for_a_second_at_most(estimator: str) -> None:
+    """Their stamps are 190 ms early. They come all the time, and the tilt swung more and more."""
+    lab = Lab(settings={"estimation.estimator": estimator}).hovering(START[2])
+    lab.start("fly_to", x=0.5, y=0.3, z=1.0, yaw=0.0)
+    lab.wait(0.2)
+    early = {"stamp_error": -0.19}  # more than the parameter allows
+    lab._tracker.parameters = lab._tracker.parameters.model_copy(update=early)
+    end_ns, tilt = lab.stack.stamp_ns + 1_300_000_000, 0.0
+    while lab.stack.stamp_ns < end_ns:
+        lab.advance()
+        _, x, y, _ = lab.robot.truth["quaternion_wb"][0].tolist()
+        tilt = max(tilt, np.degrees(np.arccos(1.0 - 2.0 * (x * x + y * y))))
+    assert "no pose measurement for 1.0 s" in lab.said
+    assert lab.view().mode == "emergency_land"
+    assert tilt < 30.0
+
+
 # ---------------------------------------------------------------------- the watch alone
 class Told:
     """A watch fed by hand."""
