@@ -2,8 +2,8 @@
 
 Nothing is downloaded: docs/importing.md names public sets, which of their files are read and their
 licences. Each flight is imported, then each estimator is run as `quadlab replay` does, on poses and
-on bearings that are made of the truth, and held against the truth; so is the vehicle's own
-estimate where the log has one.
+on bearings that are made of the truth, and held against the truth; so are the error-state filter on
+recorded sweeps and the vehicle's own estimate where the log has them.
 """
 
 from __future__ import annotations
@@ -30,6 +30,11 @@ from quadrotor.errors import QuadlabError
 BY_ENDING = {".hdf5": "blackbird", ".h5": "blackbird", ".ulg": "ulog"}
 """Mapping of files that have none of their own, by the ending."""
 POSES = ("tracker.rate=100", "tracker.position_noise=0.0015", "tracker.attitude_noise=0.3")
+SWEEPS = (
+    "estimation.error_state.accelerometer_noise=0.03",
+    "estimation.error_state.gyroscope_noise=0.1",
+)
+"""The noise of a Crazyflie's IMU, of which a log has snapshots at 100 Hz."""
 BEARINGS = ("bearings.rate=30", "bearings.sigma=1.5")
 SETTLE_NS = 2_000_000_000
 """These logs begin in flight, an estimator begins at rest: it is judged from then on."""
@@ -54,7 +59,8 @@ def run(*, quick: bool = False, data: Path | None = None) -> Report:
             f"flights of {data}, each from {SETTLE_NS / 1e9:g} s after its first sample on",
             f"poses: {', '.join(POSES)}, made of the truth",
             f"bearings: {', '.join(BEARINGS)}, of 4 beacons around the area flown, of the truth",
-            "settings are this version's defaults; position, velocity and attitude are rms errors",
+            f"sweeps of Lighthouse base stations as recorded: {', '.join(SWEEPS)}",
+            "other settings are this version's defaults; errors are rms",
         ],
     )
     if data is None or not data.is_dir():
@@ -106,6 +112,11 @@ def _judge(report: Report, name: str, vehicle: str, recording: Recording) -> Non
     if len(recording.state):
         row = recorded_row(recording, truth, window)
         report.rows.append(Row(f"{name}: the vehicle's own filter", _figures(row.values)))
+    store = MeasurementStore(recording, truth)
+    if recording.sweeps:
+        [one] = plan_runs(recording, (), [" ".join(("error_state", *SWEEPS))], (), "sweeps")
+        row = run_row(recording, truth, window, one, replay(recording, one, store.of(one)))
+        report.rows.append(Row(f"{name}: error_state on sweeps", _figures(row.values)))
     if not np.isfinite(truth.quaternion_wb).all():
         report.notes.append(f"{name}: its truth has no attitude: no measurements are made of it")
         return
@@ -115,7 +126,6 @@ def _judge(report: Report, name: str, vehicle: str, recording: Recording) -> Non
         for kind, words in (("poses", POSES), ("bearings", (*BEARINGS, layout)))
         for estimator in registry.names()
     ]
-    store = MeasurementStore(recording, truth)
     for kind, estimator, words in asked:
         [one] = plan_runs(recording, (), [words], (), None)
         row = run_row(recording, truth, window, one, replay(recording, one, store.of(one)))

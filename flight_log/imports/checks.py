@@ -63,10 +63,13 @@ def settle(raw: RawFlight, vehicle: str, source: str, modified_ns: int) -> Impor
     made = {one.raw.name: one.track(base_ns) for one in found}
     flight.truth, flight.estimate = made.get("truth"), made.get("estimate")
     if flight.truth and flight.estimate:
-        align(flight.truth, flight.estimate, notes)
+        align(flight.truth, flight.estimate, raw.sweeps, notes)
     if raw.battery:
         seconds, voltage = raw.battery
         flight.battery = np.round(seconds * 1e9).astype(np.int64) + base_ns, voltage
+    if raw.sweeps is not None:
+        flight.sweeps = raw.sweeps
+        flight.sweeps["stamp_ns"] += base_ns
     flight.events = [(base_ns + round(t * 1e9), level, text) for t, level, text in raw.events]
     return flight
 

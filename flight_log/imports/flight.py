@@ -46,6 +46,7 @@ class ImportedFlight:
     imu: Imu
     truth: Track | None = None
     estimate: Track | None = None
+    sweeps: Record | None = None  # (N,) SWEEPS_SAMPLE, in order
     battery: tuple[Stamps, Array] | None = None  # V
     events: list[tuple[int, int, str]] = field(default_factory=list)  # stamp, level, text
     notes: list[str] = field(default_factory=list)  # what was found and done

@@ -21,8 +21,10 @@ from flight_log.imports.mapping import (
     TrackRows,
     column_names,
 )
+from flight_log.imports.sweeps import read_sweeps
 from flight_log.imports.tables import Source
 from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.records import Record
 
 Array = npt.NDArray[np.float64]
 
@@ -63,6 +65,7 @@ class RawFlight:
     battery: tuple[Array, Array] | None = None  # s, V
     events: list[tuple[float, int, str]] = field(default_factory=list)  # s, level, text
     notes: list[str] = field(default_factory=list)
+    sweeps: Record | None = None  # (N,) SWEEPS_SAMPLE, ns after base
 
 
 class _Files:
@@ -175,7 +178,8 @@ def read_raw(path: Path, mapping: Mapping, *, torn: bool) -> RawFlight:
     source = files.source(rows)
     events = [(time - base, level, text) for time, level, text in source.events]
     imu = RawImu(rows, seconds - base, force, rate)
-    return RawFlight(base, source.epoch_ns, imu, tracks, battery, events, files.notes)
+    sweeps = read_sweeps(source, base, files.notes)
+    return RawFlight(base, source.epoch_ns, imu, tracks, battery, events, files.notes, sweeps)
 
 
 def _track(files: _Files, name: str, rows: TrackRows | None) -> RawTrack | None:

@@ -58,6 +58,11 @@ def _slice(flight: ImportedFlight, start: int, end: int) -> Iterator[Batch]:
             poses["position_w"] = flight.truth.states["position_w"][rows]
             poses["quaternion_wb"] = flight.truth.states["quaternion_wb"][rows]
             yield _batch(flight, "tracker_pose", topics.pose_messages(poses), poses["stamp_ns"])
+    if flight.sweeps is not None:
+        sweeps = flight.sweeps[_rows(flight.sweeps["stamp_ns"], start, end)]
+        for count in np.unique(sweeps["count"]):
+            alike = sweeps[sweeps["count"] == count]
+            yield _batch(flight, "sweeps", topics.sweep_messages(alike, name), alike["stamp_ns"])
     if flight.battery is not None:
         stamps, voltage = flight.battery
         if len(rows := _rows(stamps, start, end)):

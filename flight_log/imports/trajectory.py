@@ -9,6 +9,7 @@ from flight_log.imports.flight import Track
 from flight_log.imports.frames import product_of, quaternion_of
 from flight_log.imports.motion import best_turn, interpolated
 from flight_log.imports.raw import FEWEST
+from quadrotor.records import Record
 
 Array = npt.NDArray[np.float64]
 
@@ -32,8 +33,9 @@ def derivative(seconds: Array, values: Array) -> Array:
     return interpolated(seconds, grid, slopes)
 
 
-def align(truth: Track, estimate: Track, notes: list[str]) -> None:
-    """Turn and move the estimate into the truth's world where its own is another one.
+def align(truth: Track, estimate: Track, sweeps: Record | None, notes: list[str]) -> None:
+    """Turn and move the estimate into the truth's world where its own is another one, and with it
+    the planes of the sweeps that it was made of.
 
     The clock of a truth that has no attitude is fitted along, its offset and its rate.
     """
@@ -77,6 +79,10 @@ def align(truth: Track, estimate: Track, notes: list[str]) -> None:
     states["velocity_w"] = states["velocity_w"] @ matrix.T
     if estimate.attitude_known:
         states["quaternion_wb"] = product_of(quaternion_of(matrix), states["quaternion_wb"])
+    if sweeps is not None:
+        plane, turn = sweeps["plane"], quaternion_of(matrix)
+        plane["origin_w"] = (plane["origin_w"] - here) @ matrix.T + there
+        plane["quaternion_wr"] = product_of(turn, plane["quaternion_wr"])
     notes.append(
         f"[estimate] is of another world than the truth ({before:.3f} m rms apart): turned and "
         f"moved into it ({after:.3f} m rms)"

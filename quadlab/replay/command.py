@@ -22,8 +22,8 @@ Runs = Annotated[
     tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="'NAME NAME=VALUE …'")
 ]
 On = Annotated[
-    Literal["auto", "bearings", "recorded-bearings", "poses", "both"],
-    tyro.conf.arg(metavar="auto|bearings|recorded-bearings|poses|both"),
+    Literal["auto", "bearings", "recorded-bearings", "poses", "both", "sweeps"],
+    tyro.conf.arg(metavar="auto|bearings|recorded-bearings|poses|both|sweeps"),
 ]
 
 
@@ -49,7 +49,8 @@ class Replay:
     defaults; estimation.preset=NAME sets the gains of a named set"""
     on: On = "auto"
     """what the estimators are given: bearings made anew from the truth, those recorded, the
-    tracker's poses (made anew where a tracker.NAME is set), or poses and bearings; auto: the
+    tracker's poses (made anew where a tracker.NAME is set), poses and bearings, or the sweeps of
+    Lighthouse base stations that an imported flight has; auto: the
     bearings recorded if there are any and no bearings.NAME is set, else made anew, but what was
     flown on without --estimator and --run; estimation.source=… in a run has precedence"""
     beacons: File = None

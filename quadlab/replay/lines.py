@@ -14,7 +14,9 @@ from quadlab.settings import parse_settings
 from quadlab.simulated.flight import FlightParameters
 from quadrotor.errors import LogFormatError, ParameterError, UsageError
 
-On = Literal["bearings", "recorded-bearings", "poses", "both"]
+On = Literal["bearings", "recorded-bearings", "poses", "both", "sweeps"]
+SWEEPS = "sweeps"
+"""Of Lighthouse base stations, for the error-state filter."""
 CHANGEABLE = ("estimation.", "bearings.", "tracker.", "beacons.layout")
 LAYOUT, BELIEVED_LAYOUT = "bearings.layout", "beacons.layout"
 
@@ -26,7 +28,7 @@ class Run:
     label: str
     estimator: str
     parameters: FlightParameters
-    source: str  # poses, bearings or both
+    source: str  # poses, bearings, both or sweeps
     emulated: frozenset[str]  # of poses and bearings, what is made again
     fixed: frozenset[str]  # parameters that the flight's own changes leave alone
     begin_ns: int | None = None  # stamp after which it begins, None: with the log
@@ -40,8 +42,8 @@ class Run:
         )
 
     def uses(self, kind: str) -> bool:
-        """Return whether poses, or bearings, are given to it."""
-        return self.source in (kind, "both")
+        """Return whether poses, bearings or sweeps are given to it."""
+        return self.source == kind or (self.source == "both" and kind != SWEEPS)
 
 
 def plan_runs(
@@ -106,7 +108,11 @@ def _run(
                 raise _unused(word, kind)
     if LAYOUT in fixed and BELIEVED_LAYOUT not in fixed:
         parameters.beacons.layout = parameters.bearings.layout
-    parameters.estimation.estimator, parameters.estimation.source = name, source
+    if source == SWEEPS and name != "error_state":
+        raise UsageError(f"{name} takes no sweeps of base stations; error_state does")
+    parameters.estimation.estimator = name
+    if source != SWEEPS:
+        parameters.estimation.source = source
     emulated = _emulated(recording, fixed, source, on)
     run = Run(
         label,
@@ -171,6 +177,7 @@ def _check_measurements(recording: Recording, run: Run) -> None:
     for kind, found, instead in (
         ("poses", recording.poses, "--on bearings, or a setting tracker.NAME=VALUE"),
         ("bearings", recording.bearings, "--on bearings"),
+        (SWEEPS, recording.sweeps, "no replay"),
     ):
         if run.uses(kind) and kind not in run.emulated and not found:
             raise LogFormatError(

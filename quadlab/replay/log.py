@@ -24,7 +24,7 @@ from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.plain_rotations import rotate
 from quadrotor.records import IMU_SAMPLE, STATE, Record
 from vehicle_link.messages import decode, stamp_of
-from vehicle_link.topics import decode_bearings, decode_pose
+from vehicle_link.topics import decode_bearings, decode_pose, decode_sweeps
 from vehicle_link.topics.ticks import FROM_ROS, SECOND_NS, WORLD, layout
 
 Stamps = npt.NDArray[np.int64]
@@ -42,7 +42,7 @@ WANTED = {
     "truth": (*HEADER_STAMP, *ODOMETRY),
     "status": (*HEADER_STAMP, "airborne"),
 }
-EVENTS = ("tracker_pose", "bearings", "events", "parameter_changes")
+EVENTS = ("tracker_pose", "bearings", "sweeps", "events", "parameter_changes")
 WHOLE = tuple(f"/{name}" for name in EVENTS)
 MOST_BYTES = 200_000_000
 """Largest size of what is held: half an hour's flight at 400 Hz."""
@@ -58,7 +58,7 @@ class Arrival(NamedTuple):
 
     arrival_ns: int
     measurement: Record
-    """POSE_SAMPLE, or BEARINGS_SAMPLE without places, (1,)."""
+    """POSE_SAMPLE, BEARINGS_SAMPLE without places, or SWEEPS_SAMPLE, (1,)."""
 
 
 class Change(NamedTuple):
@@ -83,6 +83,7 @@ class Recording:
     truth: Record  # STATE
     poses: list[Arrival]
     bearings: list[Arrival]
+    sweeps: list[Arrival]
     parameters: FlightParameters
     parameters_recorded: bool = True  # False: an imported flight, with this version's defaults
     changes: list[Change] = field(default_factory=list)
@@ -132,6 +133,7 @@ def read_recording(path: Path) -> Recording:
         _newest(truth_ns, truth),
         poses=_arrivals(topics["tracker_pose"], _pose),
         bearings=_arrivals(topics["bearings"], decode_bearings),
+        sweeps=_arrivals(topics["sweeps"], decode_sweeps),
         parameters=_parameters(path, reader.log.attachments),
         parameters_recorded=PARAMETERS in reader.log.attachments,
         changes=sorted(map(_change, _messages(topics["parameter_changes"])), key=itemgetter(0, 1)),

@@ -10,7 +10,7 @@ import numpy as np
 from bearing_sim.emulator import BearingEmulator, BearingParameters
 from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 from quadlab.replay.errors import Array, Stamps, Truth
-from quadlab.replay.lines import Run
+from quadlab.replay.lines import SWEEPS, Run
 from quadlab.replay.log import Arrival, Recording
 from quadrotor.errors import LogFormatError
 from quadrotor.records import bearings_sample, pose_sample
@@ -40,6 +40,8 @@ class MeasurementStore:
         """Return the measurements in the order of arrival; at one time poses first, as the station
         sends them.
         """
+        if run.source == SWEEPS:
+            return self._recording.sweeps
         kinds = [self._kind(run, kind) for kind in ("poses", "bearings")]
         return sorted([*kinds[0], *kinds[1]], key=lambda one: one.arrival_ns)
 

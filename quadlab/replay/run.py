@@ -19,7 +19,15 @@ from quadlab.replay.lines import BELIEVED_LAYOUT, Run
 from quadlab.replay.log import Arrival, Change, Recording
 from quadrotor.errors import MeasurementError, ParameterError, UndeterminedStartError
 from quadrotor.parameters import ParameterStore
-from quadrotor.records import ESTIMATE, POSE_SAMPLE, STATE, Record, new_state, pose_sample
+from quadrotor.records import (
+    ESTIMATE,
+    POSE_SAMPLE,
+    STATE,
+    SWEEPS_SAMPLE,
+    Record,
+    new_state,
+    pose_sample,
+)
 from vehicle.flight.tick_record import LONGEST_GAP, NOMINAL_STEP
 
 STATE_AGE_NS = 50_000_000
@@ -143,7 +151,10 @@ class _Vehicle:
         estimator, raised = self._estimator, False
         applied = _number(estimator, "applied")
         try:
-            if measurement.dtype == POSE_SAMPLE:
+            if measurement.dtype == SWEEPS_SAMPLE:
+                assert isinstance(estimator, ErrorStateEstimator)
+                estimator.correct_sweeps(measurement, self._estimate)
+            elif measurement.dtype == POSE_SAMPLE:
                 if self._source == "bearings":
                     return
                 self._last_pose_ns = now_ns
@@ -171,6 +182,8 @@ class _Vehicle:
         if k < 0 or now_ns - stamps[k] > STATE_AGE_NS:
             return
         flown = self._recording.state[k]
+        if not np.isfinite(flown["quaternion_wb"]).all():
+            return  # of an imported flight, without attitude
         self._estimator.initialize(pose_sample(now_ns, flown["position_w"], flown["quaternion_wb"]))
 
     def _note(self, now_ns: int, raised: bool, applied: bool) -> None:

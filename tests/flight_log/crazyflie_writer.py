@@ -12,14 +12,26 @@ import numpy.typing as npt
 EVENT = 65535
 
 
+Event = tuple[npt.NDArray[np.int64], dict[str, object]]
+"""Times, µs, and columns of numbers."""
+
+
 def write_crazyflie(path: Path, name: str, us: npt.NDArray[np.int64], **columns: object) -> Path:
     """Write one kind of event with floats; a name's last _ stands for a dot."""
-    names = [one.replace("_", ".") for one in columns]
-    head = [b"\xbc", struct.pack("<HHH", 2, 1, EVENT), name.encode(), b"\0"]
-    head += [struct.pack("<H", len(names)), *(f"{one}(f)".encode() + b"\0" for one in names)]
-    rows = np.zeros(len(us), [("id", "<u2"), ("t", "<u8"), ("v", "<f4", len(names))])
-    rows["id"], rows["t"] = EVENT, us
-    rows["v"] = np.stack([np.asarray(one) for one in columns.values()], axis=1)
-    data = b"".join([*head, rows.tobytes()])
+    return write_events(path, {name: (us, columns)})
+
+
+def write_events(path: Path, events: dict[str, Event]) -> Path:
+    """Write several kinds of events with floats, one kind after the other."""
+    head, written = [b"\xbc", struct.pack("<HH", 2, len(events))], []
+    for number, (name, (us, columns)) in enumerate(events.items(), start=EVENT - len(events)):
+        names = [one.replace("_", ".") for one in columns]
+        head += [struct.pack("<H", number), name.encode(), b"\0"]
+        head += [struct.pack("<H", len(names)), *(f"{one}(f)".encode() + b"\0" for one in names)]
+        rows = np.zeros(len(us), [("id", "<u2"), ("t", "<u8"), ("v", "<f4", len(names))])
+        rows["id"], rows["t"] = number, us
+        rows["v"] = np.stack([np.asarray(one) for one in columns.values()], axis=1)
+        written.append(rows.tobytes())
+    data = b"".join([*head, *written])
     path.write_bytes(data + struct.pack("<I", crc32(data)))
     return path

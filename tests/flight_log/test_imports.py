@@ -8,16 +8,21 @@ import h5py
 import numpy as np
 import pytest
 
+from estimation.sweep_angles import plane_numbers, swept
 from flight_log import check
 from flight_log.imports.flight import ImportedFlight
 from flight_log.imports.frames import axes
 from flight_log.imports.importing import NewRun, read_flight
 from flight_log.imports.mapping import load_mapping, names
+from flight_log.imports.sweeps import SENSORS_B, read_stations
 from quadlab.__main__ import main
+from quadlab.replay.lines import plan_runs
 from quadlab.replay.log import read_recording
+from quadlab.replay.run import replay
 from quadrotor.errors import LogFormatError, QuadlabError, StorageError, UsageError
+from quadrotor.records import SWEEPS_SAMPLE
 from tests.flight_log.bag_writer import write_bag
-from tests.flight_log.crazyflie_writer import write_crazyflie
+from tests.flight_log.crazyflie_writer import Event, write_crazyflie, write_events
 from tests.flight_log.foreign_flight import (
     FRD,
     NED,
@@ -304,6 +309,80 @@ def test_crazyflie_with_motion_capture_by_another_clock_and_in_another_world(
     with pytest.raises(LogFormatError, match="not whole"):
         read_flight(log)
     assert len(read_flight(log, torn=True).imu.stamps_ns) > 1000
+
+
+GEOMETRY = """
+systemType: 2
+geos:
+  0: {origin: [-2.0, 1.0, 3.0], rotation: [[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]]}
+  1: {origin: [1.5, -2.0, 3.0], rotation: [[0.0, -1.0, 0.0], [0.8, 0.0, 0.6], [-0.6, 0.0, 0.8]]}
+calibs:
+  0: {sweeps: [&a {tilt: 0.01, phase: 0.02, gibmag: 0.004, gibphase: 1.0, curve: 0.3}, *a]}
+  1: {sweeps: [*a, *a]}
+"""
+
+
+def test_sweeps_of_a_crazyflie_are_stamped_by_their_pulses_and_replayed(tmp_path: Path) -> None:
+    """Both planes of a station are in the log 2 to 13 ms after the second met the deck."""
+    place = tmp_path / "system-config.yaml"
+    place.write_text(GEOMETRY)
+    _, planes = read_stations(place)
+    seconds = FLIGHT.seconds - FLIGHT.seconds[0]
+    matrices = FLIGHT.rotation.as_matrix()
+    angles, pulses = [], []
+    for turn in range(1, 1200):
+        for station in (0, 1):
+            for sweep in (0, 1):
+                at = 0.02 * turn + 0.007 * sweep + 0.004 * station
+                pulses.append((at + 0.0003, station, 1e5 + 2e5 * sweep, 24e6 * (at + 3.0)))
+                position = [np.interp(at, seconds, one) for one in FLIGHT.position.T]
+                matrix = matrices[round(at * 100)]
+                frame = np.zeros((), SWEEPS_SAMPLE)
+                frame["plane"] = planes[2 * station + sweep]
+                numbers = plane_numbers(frame)
+                for k, sensor in enumerate(SENSORS_B):
+                    x, y, z = position + matrix @ sensor
+                    late = 0.02 * turn + 0.009 + 0.011 * station + 1e-5 * k
+                    angles.append((late, station, sweep, k, swept(numbers, (x, y, z))[0]))
+    tables = {
+        "lhAngle": (angles, ("basestation", "sweep", "sensor", "angle")),
+        "lhUartFrame": (pulses, ("basestation", "offset", "timestamp2FPGA")),
+    }
+    events: dict[str, Event] = {
+        "fixedFrequency": (
+            np.round((seconds + 40.0) * 1e6).astype(np.int64),
+            {
+                **{f"gyro_{k}": np.degrees(FLIGHT.rate[:, i]) for i, k in enumerate("xyz")},
+                **{f"acc_{k}": FLIGHT.force[:, i] / 9.80665 for i, k in enumerate("xyz")},
+                **{f"stateEstimate_{k}": FLIGHT.position[:, i] for i, k in enumerate("xyz")},
+            },
+        )
+    }
+    for name, (rows, fields) in tables.items():
+        table = np.array(rows)
+        us = np.round((table[:, 0] + 40.0) * 1e6).astype(np.int64)
+        events[name] = us, dict(zip(fields, table.T[1:], strict=True))
+    log = write_events(tmp_path / "log00", events)
+    found = read_flight(log)
+    assert found.sweeps is not None
+    after = (found.sweeps["stamp_ns"] - found.imu.stamps_ns[0]) * 1e-9 - 0.02
+    met = 0.007 * (found.sweeps["number"] % 2) + 0.004 * (found.sweeps["number"] // 2)
+    assert np.abs((after - met + 0.01) % 0.02 - 0.01).max() < 0.001
+    read = read_recording(NewRun(found, log).write(tmp_path, "run"))
+    assert [one.measurement[0] for one in read.sweeps[:9]] == list(found.sweeps[:9])
+    words = "error_state estimation.error_state.accelerometer_noise=0.03"
+    [run] = plan_runs(read, (), [words], (), "sweeps")
+    done = replay(read, run, read.sweeps)
+    off = np.linalg.norm(done.states["position_w"] - FLIGHT.position, axis=1)[500:2300]
+    assert np.sqrt((off**2).mean()) < 0.02
+    assert np.mean(done.rejected) < 0.05
+    with pytest.raises(UsageError, match="error_state"):
+        plan_runs(read, (), ["complementary"], (), "sweeps")
+    place.write_text("geos: 3")
+    with pytest.raises(LogFormatError, match="base stations"):
+        read_flight(log)
+    place.unlink()
+    assert read_flight(log).sweeps is None
 
 
 @pytest.mark.parametrize(

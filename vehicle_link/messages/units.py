@@ -65,6 +65,16 @@ _UNITS: dict[str, dict[str, str]] = {
         "residuals": "rad",
     },
     "quadlab_msgs/msg/BearingArray": {"sigma": "rad"},
+    "quadlab_msgs/msg/SweepArray": {
+        "tilt": "rad",
+        "phase": "rad",
+        "gib_magnitude": "rad",
+        "gib_phase": "rad",
+        "curve": "1/rad",
+        "sensors": "m",
+        "angles": "rad",
+        "sigma": "rad",
+    },
     "quadlab_msgs/msg/VehicleStatus": {
         "tick_rate": "Hz",
         "lateness_p50": "s",

@@ -8,12 +8,14 @@ from vehicle_link.topics.measurements import (
     decode_heartbeat,
     decode_joy,
     decode_pose,
+    decode_sweeps,
     encode_bearing_pose,
     encode_bearings,
     encode_heartbeat,
     encode_joy,
     encode_poses,
     pose_messages,
+    sweep_messages,
 )
 from vehicle_link.topics.status import (
     UNHEARD,
@@ -59,6 +61,7 @@ __all__ = [
     "decode_odometry",
     "decode_pose",
     "decode_reference",
+    "decode_sweeps",
     "encode_actuators",
     "encode_batteries",
     "encode_bearing_pose",
@@ -81,4 +84,5 @@ __all__ = [
     "pose_messages",
     "reference_messages",
     "state_messages",
+    "sweep_messages",
 ]

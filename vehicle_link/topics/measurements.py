@@ -17,7 +17,14 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.errors import MeasurementError
-from quadrotor.records import POSE_SAMPLE, REFERENCE, Record, bearings_sample
+from quadrotor.records import (
+    MAX_SENSORS,
+    POSE_SAMPLE,
+    REFERENCE,
+    SWEEPS_SAMPLE,
+    Record,
+    bearings_sample,
+)
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.messages.cdr_layout import FixedLayout, Records, payloads_of
 from vehicle_link.topics.ticks import (
@@ -34,6 +41,7 @@ from vehicle_link.topics.ticks import (
 
 Array = npt.NDArray[np.float64]
 
+CALIBRATION = ("tilt", "phase", "gib_magnitude", "gib_phase", "curve")  # of a SWEEP_PLANE
 STICK_AXES = ("forward", "left", "up", "yaw")
 
 
@@ -148,6 +156,53 @@ def decode_bearings(payload: bytes) -> Record:
     if not (math.isfinite(message.sigma) and message.sigma > 0.0):
         raise MeasurementError(f"sigma of the bearings must be above 0 rad, not {message.sigma}")
     return bearings_sample(stamp_of(message), ids, bearings, float(message.sigma))
+
+
+@cache
+def _sweeps_layout(count: int, vehicle: str) -> FixedLayout:
+    strings = {"header.frame_id": body_frame(vehicle)}
+    lengths = {"sensors": count, "angles": count}
+    return FixedLayout("quadlab_msgs/SweepArray", strings, lengths)
+
+
+def sweep_messages(samples: Record, vehicle: str = VEHICLE) -> Records:
+    """Encode `sweeps`: quadlab_msgs/SweepArray of SWEEPS_SAMPLE records, shape (N,), all of as
+    many sensors.
+    """
+    count, plane = int(samples["count"][0]), samples["plane"]
+    out = _sweeps_layout(count, vehicle).new(len(samples))
+    set_stamps(out, samples["stamp_ns"])
+    out["plane"], out["sigma"] = samples["number"], samples["sigma"]
+    out["rotor.position"] = plane["origin_w"]
+    out["rotor.orientation"] = plane["quaternion_wr"][:, TO_ROS]
+    for name in CALIBRATION:
+        out[name] = plane[name]
+    out["sensors"] = samples["sensor_b"][:, :count]
+    out["angles"] = samples["angle"][:, :count]
+    return out
+
+
+def decode_sweeps(payload: bytes) -> Record:
+    """Decode SWEEPS_SAMPLE of shape (1,). Raises LinkError; MeasurementError when there are more
+    sensors than a record holds, or not as many places as angles.
+    """
+    message = decode(payload, "quadlab_msgs/SweepArray")
+    sample, count = np.zeros(1, SWEEPS_SAMPLE), len(message.angles)
+    if not count == len(message.sensors) <= MAX_SENSORS:
+        raise MeasurementError(
+            f"{count} sweep angles with {len(message.sensors)} sensors, allowed {MAX_SENSORS}"
+        )
+    turn, plane = message.rotor.orientation, sample["plane"]
+    sample["stamp_ns"], sample["number"] = stamp_of(message), message.plane
+    sample["count"], sample["sigma"] = count, message.sigma
+    plane["origin_w"] = xyz(message.rotor.position)
+    plane["quaternion_wr"] = turn.w, *xyz(turn)
+    for name in CALIBRATION:
+        plane[name] = getattr(message, name)
+    sample["angle"][0, :count] = message.angles
+    for k, place in enumerate(message.sensors):
+        sample["sensor_b"][0, k] = xyz(place)
+    return sample
 
 
 @cache

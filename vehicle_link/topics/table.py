@@ -180,6 +180,8 @@ _ROWS = (
         stale=0.3,
         page="seen",
     ),
+    # In imported flights alone: Lighthouse base stations.
+    Topic("sweeps", "quadlab_msgs/SweepArray", "simulator", 120),
     Topic("stick", "sensor_msgs/Joy", "web", 50),
     Topic("stick_status", "quadlab_msgs/StickStatus", "station", 50),
 )

@@ -1,0 +1,139 @@
+"""Lighthouse sweeps in a Crazyflie's log: when and at which angles planes of light met its deck.
+
+`lhAngle` has the angles of both planes of a base station at once, as soon as the firmware was done
+with them: up to 12 ms after the light, by how much depends on what was received next. Those of
+Lighthouse 2 are therefore stamped by their pulses (`lhUartFrame`), those of Lighthouse 1 by the
+rotor, of which they are written at the end of a half turn. Places and calibration of the base
+stations stand in the `system-config.yaml` that cfclient writes.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flight_log.imports.frames import quaternion_of
+from flight_log.imports.tables import Source
+from quadrotor.errors import LogFormatError
+from quadrotor.records import MAX_SENSORS, SWEEP_PLANE, SWEEPS_SAMPLE, Record
+
+Array = npt.NDArray[np.float64]
+
+ANGLES, PULSES = "lhAngle", "lhUartFrame"
+GEOMETRY = "system-config.yaml"
+SENSORS_B = np.array([[x, y, 0.0] for x in (-0.015, 0.015) for y in (0.0075, -0.0075)])
+"""m: the four sensors of the Lighthouse deck."""
+SIGMA = 4e-4
+"""rad: of one angle, with what its calibration leaves."""
+APART = 3.0
+"""ms between the angles of two turns of a rotor."""
+LATEST = 30.0
+"""ms after a pulse in which its angle is written."""
+TICKS, WRAP = 24e3, 2.0**32
+"""Of the receiver's clock, a ms; and after how many it begins again."""
+HALF_TURN = {1: 1e3 / 120.0, 2: 10.0}
+"""ms of a rotor, by make."""
+SECOND_ROTOR = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""From the vertical rotor's frame of a Lighthouse 1 to its station's."""
+
+
+def read_sweeps(source: Source, base: float, notes: list[str]) -> Record | None:
+    """Return the SWEEPS_SAMPLE (N,) of a log, in order, by the stations' world; None without them.
+
+    Args:
+        base: stamps are ns after it, s. notes: what was left out is added here.
+
+    Raises LogFormatError.
+    """
+    path = source.path.with_name(GEOMETRY)
+    if ANGLES not in source.tables():
+        return None
+    if not path.is_file():
+        notes.append(f"[{ANGLES}] is left out: {GEOMETRY}, with the base stations, is not beside")
+        return None
+    make, planes = read_stations(path)
+    columns = ["timestamp", "basestation", "sweep", "sensor", "angle"]
+    rows = source.read(ANGLES, columns)
+    known = np.isin(2 * rows[:, 1] + rows[:, 2], list(planes)) & (rows[:, 3] < len(SENSORS_B))
+    rows = rows[known & np.isfinite(rows[:, 4])]
+    new = (np.diff(rows[:, 0]) > APART) | (np.diff(rows[:, 1]) != 0.0)
+    pulses = _pulses(source) if make == 2 and PULSES in source.tables() else {}
+    out = []
+    for turn in np.split(rows, np.flatnonzero(new) + 1):
+        for sweep in (0, 1):
+            met = turn[turn[:, 2] == sweep][:MAX_SENSORS]
+            if not len(met):
+                continue
+            number = 2 * int(met[0, 1]) + sweep
+            if make == 2:
+                at = _newest(pulses.get(number), turn[0, 0])
+            else:
+                late = HALF_TURN[1] * (0.52 + (1 - sweep) - met[:, 4].mean() / math.pi)
+                at = turn[0, 0] - late
+            if at is None:
+                continue
+            one = np.zeros((), SWEEPS_SAMPLE)
+            one["stamp_ns"] = round(1e6 * at - 1e9 * base)
+            one["count"], one["sigma"], one["number"] = len(met), SIGMA, number
+            one["plane"] = planes[number]
+            one["sensor_b"][: len(met)] = SENSORS_B[met[:, 3].astype(int)]
+            one["angle"][: len(met)] = met[:, 4]
+            out.append(one)
+    found = np.array(out, SWEEPS_SAMPLE)
+    return found[np.argsort(found["stamp_ns"], kind="stable")]
+
+
+def read_stations(path: Path) -> tuple[int, dict[int, Record]]:
+    """Return the make of the base stations and their planes by number, two a station."""
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
+    try:
+        told: Any = YAML(typ="safe").load(path)
+        make, planes = int(told["systemType"]), {}
+        for station, place in told["geos"].items():
+            turn = np.array(place["rotation"], float)
+            for sweep, numbers in enumerate(told["calibs"][station]["sweeps"]):
+                plane = np.zeros((), SWEEP_PLANE)
+                upright = make == 1 and sweep == 1
+                matrix = turn @ SECOND_ROTOR if upright else turn
+                plane["origin_w"], plane["quaternion_wr"] = place["origin"], quaternion_of(matrix)
+                slant = 0.0 if make == 1 else (2 * sweep - 1) * math.pi / 6
+                plane["tilt"] = slant - numbers["tilt"]
+                plane["phase"], plane["gib_magnitude"] = numbers["phase"], numbers["gibmag"]
+                plane["gib_phase"] = numbers["gibphase"] + (0.0 if make == 1 else math.pi / 2)
+                plane["curve"] = numbers["curve"] if make == 1 else 0.0
+                planes[2 * int(station) + sweep] = plane
+    except (OSError, YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
+        raise LogFormatError(
+            f"{path.name} beside the log is no configuration of base stations: {error!r:.80}"
+        ) from None
+    return make, planes
+
+
+def _pulses(source: Source) -> dict[int, Array]:
+    """Return when each plane met the deck, ms of the log, by the receiver's clock.
+
+    Pulses reach the log with delays of up to 2 ms, the least of which are taken for none.
+    """
+    rows = source.read(PULSES, ["timestamp", "basestation", "offset", "timestamp2FPGA"])
+    rows = rows[rows[:, 2] > 0.0]  # one of each block of sensors has its rotor's angle
+    if len(rows) < 2:
+        return {}
+    ticks = np.unwrap(rows[:, 3], period=WRAP) / TICKS
+    delay = rows[:, 0] - ticks
+    delay = np.polyval(np.polyfit(ticks, delay, 1), ticks) - delay
+    at = rows[:, 0] + delay - np.percentile(delay, 95)
+    number = 2 * rows[:, 1] + (rows[:, 2] > HALF_TURN[2] * TICKS)
+    return {int(one): at[number == one] for one in np.unique(number)}
+
+
+def _newest(pulses: Array | None, at: float) -> float | None:
+    """Return the newest pulse before a time, ms; None when there is none it can be of."""
+    if pulses is None or (k := int(np.searchsorted(pulses, at)) - 1) < 0:
+        return None
+    return float(pulses[k]) if at - pulses[k] < LATEST else None
