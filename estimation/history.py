@@ -31,7 +31,7 @@ def remember(m: Any) -> None:
         m.ring_count += 1
 
 
-@compiled(inner=True)
+@compiled
 def recall(m: Any, stamp_ns: int) -> int:
     """Write the estimate at `stamp_ns` into `past`.
 

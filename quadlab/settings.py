@@ -8,9 +8,12 @@ single values.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from quadrotor.errors import OutOfBoundsError, ParameterError, UsageError
-from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parse_text
+
+if TYPE_CHECKING:
+    from quadrotor.parameters import Parameters, ParameterValue
 
 
 def _control_preset(name: str) -> dict[str, ParameterValue]:
@@ -54,6 +57,7 @@ def parse_settings(
 
     Raises UsageError that names the word, what was allowed and what to try.
     """
+    from quadrotor.parameters import ParameterStore, parse_text
     from vehicle.parameters import VehicleParameters, check_pairs
     from vehicle.simulator.parameters import SimulatorParameters
 

@@ -19,7 +19,9 @@ from pathlib import Path
 from typing import Any, TypeVar, overload
 
 import numba
+from numba.core.caching import FunctionCache
 from numba.core.registry import CPUDispatcher
+from numba.core.runtime.nrt import rtsys
 
 from quadrotor.checkout import ROOT
 
@@ -33,6 +35,18 @@ _IMPORT = re.compile(
     rb"((?:quadrotor|control|estimation|bearing_sim|vehicle|vehicle_link)\b[\w.]*)",
     re.M,
 )
+
+
+class Kept(FunctionCache):
+    """The machine code of one function, loaded without what only compiling needs.
+
+    numba's own first imports all that it could compile; compiling does so by itself.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
 
 
 class Inner(CPUDispatcher):
@@ -70,7 +84,6 @@ def compiled(function: Any = None, *, nogil: bool = False, inner: bool = False) 
     chosen = config.CACHE_DIR
     config.CACHE_DIR = str(_folder(function.__module__, chosen))
     options: dict[str, Any] = {
-        "cache": True,
         "error_model": "numpy",
         "nogil": nogil,
         "no_cfunc_wrapper": True,
@@ -78,6 +91,7 @@ def compiled(function: Any = None, *, nogil: bool = False, inner: bool = False) 
     }
     try:
         out = numba.njit(**options)(function)
+        out._cache = Kept(function)  # type: ignore[no-untyped-call]
     finally:
         config.CACHE_DIR = chosen
     if inner:

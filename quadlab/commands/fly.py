@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from quadlab.calibration.proposal_lines import proposal_json, proposal_lines
 from quadlab.commands.processes import File, Folder, Settings
 from quadlab.data_folder import open_data_folder
 from quadlab.settings import parse_settings
@@ -126,6 +125,8 @@ class Fly:
         print(f"  log {path}")
         store = flight.stack.store
         if proposal is not None and not self.json:
+            from quadlab.calibration.proposal_lines import proposal_lines
+
             print("\n".join(f"  {line}" for line in proposal_lines(proposal, store)))
         files = write_report(experiment, path, result, proposal) if self.report else []
         for file in files:
@@ -146,6 +147,8 @@ class Fly:
                 },
             }
             if proposal is not None:
+                from quadlab.calibration.proposal_lines import proposal_json
+
                 report["proposal"] = proposal_json(proposal, store)
             print(json.dumps(report))
         return STATUS[result.verdict]

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -14,7 +14,9 @@ from quadlab.commands.processes import Folder
 from quadlab.data_folder import open_data_folder
 from quadlab.link_commands.handing_over import THERE, hand_over
 from quadrotor.errors import UsageError
-from vehicle_link.security.access import Access
+
+if TYPE_CHECKING:
+    from vehicle_link.security.access import Access
 
 MAY = {
     "observer": "hears and reads everything, and can command nothing",

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from quadlab.commands.processes import Folder
 from quadlab.log_commands.log_file import LogFile, check_log_file
-from quadrotor.parameters import ParameterValue
+
+if TYPE_CHECKING:
+    from quadrotor.parameters import ParameterValue
 
 
 @dataclass

@@ -12,6 +12,7 @@ PROGRAM = """
 import gc
 from numba.core.dispatcher import Dispatcher
 from vehicle.processes import mailbox
+from vehicle.flight.kernels import LATER
 from vehicle.flight.warm_up import warm_up
 from vehicle.microcontroller.microcontroller import Microcontroller
 from vehicle.flight.modes import Mode
@@ -25,7 +26,11 @@ simulated = SimulatedVehicle(SimulatorParameters())
 simulated.step()
 simulated.step()
 assert warm_up() == [], "a behavior of the warm-up was refused"
+for _, load in LATER.values():
+    load()
 laws = [o for o in gc.get_objects() if isinstance(o, Dispatcher)]
+anew = [law.py_func.__qualname__ for law in laws if "_entry" in vars(law)]
+assert not anew, f"compiled at every start, for Python called an inner function: {anew}"
 ready = {law: len(law.overloads) for law in laws}
 assert sum(ready.values()) > 10
 
