@@ -38,9 +38,10 @@ _IMPORT = re.compile(
 
 
 class Kept(FunctionCache):
-    """The machine code of one function, loaded without what only compiling needs.
+    """A function's compiled code on disk, loaded without importing numba's compiler.
 
-    numba's own first imports all that it could compile; compiling does so by itself.
+    numba's `FunctionCache` imports the compiler before it loads anything, which costs each process
+    some 25 MB; a function that has to be compiled imports it by itself.
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:

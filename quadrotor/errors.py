@@ -59,7 +59,7 @@ class NoAnswerError(LinkError):
 
 
 class UnreachableError(NoAnswerError):
-    """Raised when there is no one to answer: nothing was carried out."""
+    """Raised when the other side cannot be reached: nothing was carried out."""
 
 
 class StorageError(QuadlabError):

@@ -20,7 +20,7 @@ def explanation_blocks(log: RunLog, findings: list[Finding]) -> list[Block]:
     """Return the section, the heaviest finding first; one line when there is none."""
     blocks: list[Block] = [Heading("What happened")]
     if not findings:
-        return [*blocks, Text("No anomalies found.")]
+        return [*blocks, Text("No anomalies found in what was recorded.")]
     return [*blocks, *(_picture(log, one) for one in findings)]
 
 

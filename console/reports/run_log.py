@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from console.evaluation.explanation.explain import COLUMNS
+from console.evaluation.explanation.finding import axes as _axes
 from flight_log import run
 from flight_log.attached import json_value, parameters_of
 from flight_log.index import RECOVERED_METADATA
@@ -24,10 +25,6 @@ from quadrotor.parameters import ParameterValue
 
 Array = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
-
-
-def _axes(stem: str, axes: str = "xyz") -> tuple[str, ...]:
-    return tuple(f"{stem}.{axis}" for axis in axes)
 
 
 ODOMETRY = (

@@ -54,7 +54,9 @@ class Info:
             from console.evaluation.explanation.explain import explain_log
 
             told = [f"{one.start:.1f} s: {one.claim}" for one in explain_log(self.file)]
-            print("what happened:", *told or ["No anomalies found."], sep="\n  ")
+            print(
+                "what happened:", *told or ["No anomalies found in what was recorded."], sep="\n  "
+            )
         return 0
 
 

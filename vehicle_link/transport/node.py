@@ -55,7 +55,7 @@ _counters_lock = threading.Lock()
 _published = Topics()
 PUT_LONGEST = 2.0  # s
 MOST_THREADS = 64
-"""Of all subscriptions and services of a node: more than work at the same time."""
+"""Threads of a node at most: more than the subscriptions and services that work at one time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,11 +220,14 @@ class Node:
             threading.Thread(target=_each, args=(heard, deliver), name=topic, daemon=True).start()
         else:
             samples = InTurn(self._pool, deliver)
-            put = deliver if direct else samples.put
 
             def arrived(sample: zenoh.Sample) -> None:
-                with suppress(RuntimeError):  # on its way while `close` undeclared
-                    put((sample, clock.time_ns()))
+                if direct:
+                    return deliver((sample, clock.time_ns()))
+                with suppress(
+                    RuntimeError
+                ):  # the pool is closed: on its way while `close` undeclared
+                    samples.put((sample, clock.time_ns()))
 
             heard = self.session.declare_subscriber(key, Callback(arrived, indirect=False))
         self._entities.append(heard)

@@ -20,6 +20,7 @@ from console.evaluation.explanation.finding import (
     Topics,
     axes,
     blocks,
+    distances,
     flagged,
     has,
     longest,
@@ -57,6 +58,7 @@ def weak_motor(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]
     for k, motor in enumerate(MOTORS):
         others = np.delete(mean, k, axis=1)
         usual = np.median(others, axis=1)
+        usual = np.where(usual > 0.0, usual, np.nan)  # no thrust commanded: nothing to compare
         excess = mean[:, k] / usual - 1.0
         spread = np.abs(others / usual[:, None] - 1.0).max(axis=1, initial=0.0)
         only = np.where(excess > 2.0 * spread, excess, 0.0)  # a shifted mass loads two
@@ -101,8 +103,8 @@ def vibration(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
             most / VIBRATION,
             start,
             end,
-            f"The accelerometer vibrated with {most:.1f} m/s² rms above {VIBRATION_FROM:g} Hz; "
-            f"more than {VIBRATION:g} m/s² disturbs the estimate.",
+            f"The accelerometer vibrated with {most:.1f} m/s² rms above {VIBRATION_FROM:g} Hz "
+            f"(limit {VIBRATION:g} m/s²).",
             tuple(f"imu/{name}" for name in ACCELERATION),
             f"acceleration above {VIBRATION_FROM:g} Hz, rms",
             "m/s²",
@@ -160,7 +162,7 @@ def tracker_gaps(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findin
         SILENCE,
         topics["tracker_pose"].time[1:],
         np.diff(topics["tracker_pose"].time),
-        follows=flagged(topics, "link_lost") != [],
+        follows=any(overlaps(flagged(topics, "link_lost"), t, t + s) for t, s in found),
     )
 
 
@@ -169,11 +171,7 @@ def tracker_outliers(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Fi
     if not has(topics, "tracker_pose", *TRACKED) or not has(topics, "state", *POSITION):
         return
     state, seen = topics["state"], topics["tracker_pose"]
-    away = np.zeros(len(seen))
-    for name, tracked in zip(POSITION, TRACKED, strict=True):
-        expected = np.interp(seen.time, state.time, state.values(name), np.nan, np.nan)
-        away += (seen.values(tracked) - expected) ** 2
-    distance = np.sqrt(away)
+    distance = distances(seen, TRACKED, state, POSITION)
     time, share = blocks(seen.time, distance[:, None], spans, _outlying)
     far = share[:, 0]
     for start, end in longest(time, far, OUTLIERS, 1):
@@ -184,8 +182,8 @@ def tracker_outliers(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Fi
             most / OUTLIERS,
             start,
             end,
-            f"{100 * most:.0f} % of the tracker's poses were outliers, up to "
-            f"{float(np.nanmax(distance[inside])):.2f} m from the estimate.",
+            f"{100 * most:.0f} % of the tracker's poses were far from the estimate while most were "
+            f"near it, up to {float(np.nanmax(distance[inside])):.2f} m.",
             (*(f"tracker_pose/{name}" for name in TRACKED), *axes("state.position")),
             "distance between pose and estimate",
             "m",
@@ -204,8 +202,8 @@ def beacon_off(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]
     offset = np.degrees(series.values("suspect_offset"))
     start, end = suspected[0][0], suspected[-1][1]
     inside = (series.time >= start) & (series.time <= end)
-    most = float(np.nanmax(offset[inside], initial=0.0))
-    beacon = int(np.nanmax(series.values("suspect_beacon")[inside], initial=0.0))
+    worst = np.nan_to_num(np.where(inside, offset, -1.0), nan=-1.0).argmax()
+    most, beacon = float(offset[worst]), int(series.values("suspect_beacon")[worst])
     yield Finding(
         "beacon_off",
         max(1.0, most / BEACON_OFF),
@@ -230,7 +228,6 @@ def link_lost(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[
     allowed = number(parameters, "safety.link_timeout", 0.4)
     longest = max(end - start for start, end in lost) + allowed
     times = f"{len(lost)} times, longest for" if len(lost) > 1 else "for"
-    edges = np.array([(start, 0.0, end, 0.0) for start, end in lost]).reshape(-1, 2)[:, 0]
     yield Finding(
         "link_lost",
         longest / allowed,
@@ -242,7 +239,7 @@ def link_lost(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[
         "link lost",
         "0 or 1",
         0.5,
-        np.repeat(edges, 2),
+        np.repeat(np.ravel(lost), 2),
         np.tile([0.0, 1.0, 1.0, 0.0], len(lost)),
     )
 
@@ -256,6 +253,8 @@ def battery_sag(topics: Topics, parameters: Parameters, spans: Spans) -> Iterato
     cells = max(1, int(np.ceil(np.nanmax(volts, initial=0.0) / CELL_FULL)))
     warning = number(parameters, "safety.battery_warning", cells * CELL_WARNING)
     landing = min(number(parameters, "safety.battery_land", cells * CELL_LAND), warning - 0.1)
+    known = "safety.battery_warning" in parameters
+    assumed = "" if known else f" ({CELL_WARNING:g} V a cell; {cells} cells assumed)"
     whole = [(start - SETTLING, end + SETTLING) for start, end in spans]
     inside = within(series.time, whole) & (volts < warning) & (volts > 0.3 * warning)
     times = series.time[inside]
@@ -267,7 +266,7 @@ def battery_sag(topics: Topics, parameters: Parameters, spans: Spans) -> Iterato
         1.0 + (warning - least) / (warning - landing),
         float(times[0]),
         float(times[-1]),
-        f"The battery fell to {least:.1f} V, below its warning of {warning:.1f} V.",
+        f"The battery fell to {least:.1f} V, below its warning of {warning:.1f} V{assumed}.",
         ("battery.voltage",),
         "battery",
         "V",

@@ -16,6 +16,7 @@ from console.evaluation.explanation.finding import (
     Spans,
     Topics,
     blocks,
+    distances,
     has,
     longest,
     means,
@@ -38,11 +39,7 @@ def off_reference(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findi
     if not has(topics, "state", *POSITION) or not has(topics, "reference", *REFERENCE):
         return
     state, wanted = topics["state"], topics["reference"]
-    away = np.zeros(len(state))
-    for name, other in zip(POSITION, REFERENCE, strict=True):
-        expected = np.interp(state.time, wanted.time, wanted.values(other), np.nan, np.nan)
-        away += (state.values(name) - expected) ** 2
-    distance = np.sqrt(away)
+    distance = distances(state, POSITION, wanted, REFERENCE)
     inside = within(state.time, spans) & (distance > OFF_REFERENCE)
     if not inside.any():
         return
@@ -53,8 +50,7 @@ def off_reference(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findi
         most / OFF_REFERENCE,
         float(times[0]),
         float(times[-1]),
-        f"The vehicle was up to {most:.2f} m off its reference: pushed or blown by more than the "
-        "control compensates.",
+        f"The vehicle was up to {most:.2f} m off its reference (limit {OFF_REFERENCE:g} m).",
         ("error.distance",),
         "distance from the reference",
         "m",
@@ -103,15 +99,18 @@ def inconsistent(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findin
     time, mean = blocks(series.time, weight[:, None], spans, means, 1.0)
     for start, end in longest(time, mean[:, 0], 1.0, 1, 1.0):
         inside = (series.time >= start) & (series.time < end)
-        most = float(weight[inside].max())
+        most = float(mean[(time >= start) & (time < end), 0].max())
+        told = []
+        if np.isfinite(nis[inside]).any():
+            told.append(f"innovation squared up to {np.nanmax(nis[inside]):.1f} times the expected")
+        if np.isfinite(refused[inside]).any():
+            told.append(f"up to {100 * np.nanmax(refused[inside]):.0f} % refused")
         yield Finding(
             "estimate_inconsistent",
             most,
             start,
             end,
-            f"The measurements contradicted the estimate: innovation squared up to "
-            f"{float(np.nanmax(nis[inside], initial=0.0)):.1f} times the expected, up to "
-            f"{100 * float(np.nanmax(refused[inside], initial=0.0)):.0f} % refused.",
+            f"The measurements contradicted the estimate: {', '.join(told)}.",
             ("consistency", "refused.share"),
             "innovation squared or share refused, over its limit",
             "",
@@ -140,7 +139,7 @@ def tilted(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Fin
         most / limit,
         float(times[0]),
         float(times[-1]),
-        f"The vehicle tilted by {most:.0f}°, more than the {limit:.0f}° of any manoeuvre.",
+        f"The vehicle tilted by {most:.0f}°, more than its limit of {limit:.0f}°.",
         ("state.roll", "state.pitch"),
         "tilt",
         "°",

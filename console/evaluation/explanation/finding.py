@@ -5,7 +5,7 @@ Times are s since the run's first message.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -107,6 +107,18 @@ def overlaps(spans: Spans, start: float, end: float) -> bool:
     return any(start < b and a < end for a, b in spans)
 
 
+def distances(
+    series: Series, names: Sequence[str], other: Series, other_names: Sequence[str]
+) -> Array:
+    """Return how far (m) a topic's position is from that of another at its times; NaN outside."""
+    away = np.zeros(len(series))
+    for name, known in zip(names, other_names, strict=True):
+        expected = np.interp(series.time, other.time, other.values(known), np.nan, np.nan)
+        away += (series.values(name) - expected) ** 2
+    found: Array = np.sqrt(away)
+    return found
+
+
 def within(time: Array, spans: Spans) -> npt.NDArray[np.bool_]:
     found = np.zeros(len(time), bool)
     for start, end in spans:
@@ -152,14 +164,16 @@ def blocks(
 
 
 def longest(time: Array, values: Array, limit: float, least: int, length: float = BLOCK) -> Spans:
-    """Return the heaviest stretch of at least `least` blocks above a limit; empty without one."""
-    over = np.concatenate([[False], values > limit, [False]])
-    edges = np.flatnonzero(np.diff(over.astype(np.int8)))
-    stretches = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= least]
+    """Return the heaviest stretch of at least `least` blocks above a limit that follow each other;
+    empty without one.
+    """
+    over = np.flatnonzero(values > limit)
+    apart = np.flatnonzero((np.diff(over) > 1) | (np.diff(time[over]) > 1.5 * length)) + 1
+    stretches = [one for one in np.split(over, apart) if len(one) >= least]
     if not stretches:
         return []
-    first, last = max(stretches, key=lambda s: float(values[s[0] : s[1]].sum()))
-    return [(float(time[first]), float(time[last - 1]) + length)]
+    heaviest = max(stretches, key=lambda one: float(values[one].sum()))
+    return [(float(time[heaviest[0]]), float(time[heaviest[-1]]) + length)]
 
 
 def means(rows: Array) -> Array:

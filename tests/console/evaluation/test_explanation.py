@@ -173,6 +173,31 @@ def test_a_silent_tracker_is_named_and_stands_behind_the_link_that_was_lost() ->
     assert kinds == ["link_lost", "tracker_gaps"]
 
 
+def test_a_gap_stands_behind_a_lost_link_only_where_it_was_lost_in_the_gap() -> None:
+    lost = flight(status={"flags": [(0.0, ""), (10.0, "link_lost"), (10.4, "")]})
+    poses = lost["tracker_pose"]
+    poses.time = np.where(poses.time < 20.0, poses.time, poses.time + 0.8)
+    assert [one.follows for one in explain(lost, {}) if one.kind == "tracker_gaps"] == [False]
+
+
+def test_two_flights_in_a_log_are_not_one_finding() -> None:
+    weak = {"thrusts[2]": during(500, 11.0, 40.0, 1.12 * THRUST, THRUST)}
+    flown = (TIMES[10] > 5.0) & (TIMES[10] < 19.0) | (TIMES[10] > 23.0) & (TIMES[10] < 37.0)
+    [found] = explained({"actuators": weak, "status": {"airborne": flown}})
+    assert found.kind == "motor_weak"
+    assert 25.0 <= found.start < found.end <= 35.1  # the longer one, not from 11 s on
+
+
+def test_the_beacon_with_the_largest_offset_is_named() -> None:
+    suspects = {
+        "flags": [(0.0, ""), (15.0, "beacon_off"), (30.0, "")],
+        "suspect_offset": np.radians(during(10, 15.0, 20.0, 5.0, 2.0)),
+        "suspect_beacon": during(10, 15.0, 20.0, 1.0, 4.0),
+    }
+    [found] = explained({"status": suspects})
+    assert "beacon 1 were 5.0°" in found.claim
+
+
 @pytest.mark.parametrize("missing", COLUMNS)
 def test_a_log_without_a_topic_is_explained_by_the_others(missing: str) -> None:
     topics = {name: one for name, one in flight().items() if name != missing}

@@ -11,7 +11,7 @@ const STEPS = [
   ["Take off", "It climbs to 1 m and hovers. Fly to, Figure 8, sticks and experiments are in the Fly tab."],
   ["Land", "Land comes down where it is. Emergency land comes down now, whatever runs, and need not stay in place; anybody may press it."],
   ["Cut motors", "Only when a fall is better than flight: hold it for half a second."],
-  ["Calibrate", "The Calibrate tab guides through gyroscope, accelerometer, motors, mass and inertia; nothing changes before you accept it."],
+  ["Calibrate", "The Calibrate tab guides through gyroscope, accelerometer, motors, mass, inertia, drag and vibration; nothing changes before you accept it."],
 ];
 const NAMES = { " ": "space", Escape: "Esc" };
 

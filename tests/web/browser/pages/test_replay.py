@@ -296,3 +296,32 @@ def test_it_holds_no_more_after_many_seeks(replay: Any) -> None:
     after = counted()
     assert after["JSEventListeners"] <= before["JSEventListeners"]
     assert after["Nodes"] <= before["Nodes"] + 50
+
+
+def test_a_finding_opens_its_moment_with_its_signals(
+    open_replay: Any, context: Any, look_at: Any
+) -> None:
+    """The run has none of its own: one is added to what the server says of it."""
+    finding = {
+        "kind": "motor_weak",
+        "weight": 2.0,
+        "from": 6.0,
+        "to": 10.0,
+        "text": "The rear motor needed 12 % more thrust.",
+        "signals": ["thrust.front", "thrust.rear"],
+    }
+
+    def described(route: Any) -> None:
+        answer = route.fetch()
+        route.fulfill(response=answer, json={**answer.json(), "findings": [finding]})
+
+    context.route(f"**/api/replay/{RUN}", described)
+    page = open_replay(f"{RUN}#t=1&s=thrust.left")
+    look = look_at(page)
+    look.text("#chart-0 .legend", "left")
+    look.text(".findings span", r"12 % more thrust")
+    page.click(".findings button")
+    at(page, 6.0)
+    look.text("#chart-0 .legend", r"front.*rear")
+    page.wait_for_function("() => location.hash.startsWith('#t=6.000&w=10')", timeout=BOUND)
+    assert page.evaluate("localStorage.getItem('replay.chart.0')") is None
