@@ -1,0 +1,1 @@
+"""Tracking systems of a laboratory, each the source of a process of its own."""

@@ -1,0 +1,44 @@
+"""What every tracking system gives: frames of named bodies with the system's own stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple, Protocol
+
+from quadrotor.plain_rotations import Array
+
+
+class Body(NamedTuple):
+    """A rigid body, or a single marker, as the tracking system sees it."""
+
+    name: str
+    """The system's own name of the body."""
+    position_w: Array
+    """(3,), m, world frame, z up."""
+    quaternion_wb: Array | None
+    """(4,), w x y z, body to world; None for a single marker, whose position alone is known."""
+
+
+class Frame(NamedTuple):
+    """All bodies seen at one instant; a body that was not seen is not in it."""
+
+    stamp_ns: int | None
+    """When the cameras exposed, on the system's own clock of any epoch; None where it has none."""
+    received_ns: int
+    """When the frame arrived, on the host's steady clock."""
+    bodies: tuple[Body, ...]
+
+
+class Source(Protocol):
+    """A tracking system's client."""
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield each frame as it arrives, waiting for it.
+
+        Raises:
+            UnreachableError: no server answers, or it went silent for good.
+            MeasurementError: what came cannot be read as poses.
+        """
+        ...
+
+    def close(self) -> None: ...
