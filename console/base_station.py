@@ -74,6 +74,7 @@ class BaseStation:
         host: of the vehicle, for datagrams next to the link; empty for none.
         instance: of this process, a number of its own (vehicle_link.process_instance).
         endpoints: where the station listens and what it dials, in words.
+        follows_process: poses are to come from a tracker process, not from the simulated tracker.
     """
 
     def __init__(
@@ -89,6 +90,7 @@ class BaseStation:
         host: str = "",
         instance: int | None = None,
         endpoints: str = "",
+        follows_process: bool = False,
     ) -> None:
         self._vehicle = vehicle
         self._pace, is_alone = pace_of(vehicles), vehicles == 1
@@ -139,7 +141,11 @@ class BaseStation:
             lambda: is_alone or self._outbox.is_heard("comparison"),
         )
         self._tracker = TrackerFeed(
-            parameters.tracker, parameters.bearings, self._on_pose, self._on_bearings
+            parameters.tracker,
+            parameters.bearings,
+            self._on_pose,
+            self._on_bearings,
+            follows_process=follows_process,
         )
         self._layout = BeaconLayout(
             lambda: parameters.bearings.layout,
@@ -351,6 +357,9 @@ class BaseStation:
         self._alarms.set("standing", self.link.problem() or None)
         self._alarms.set("radio", self.link.standing.unreachable or None)
         self._alarms.set("sticks", self._sticks.alarm)
+        if (line := self._tracker.alarm) != self._alarms.keyed().get("tracker"):
+            self._alarms.set("tracker", None)  # another problem is told as well
+        self._alarms.set("tracker", line)
         self.runs.tick()
         self.control.tick(count)
         self.experiments.tick(count)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from bearing_sim import PoseMeasurement
 from console.calibrations import Calibrations
 from console.checks.observed import Observed
 from console.commands.stick_control import StickDesk
@@ -69,6 +70,10 @@ class Reception:
             "stick": self._stick,
             "status": self._status,
             "truth": self._truth,
+            "tracker_body": self._tracked,
+            "tracker_status": lambda received: tracker.process_told(
+                decode(received.payload, TOPICS["tracker_status"].type_name)
+            ),
             "parameter_changes": self._parameter_change,
             "events": self._event,
             "estimator": lambda received: experiments.feed.estimate(received.payload),
@@ -106,6 +111,15 @@ class Reception:
         text = str(decode(received.payload, TOPICS["events"].type_name).msg)
         if text.startswith(topics.UNHEARD):
             print(f"station: {self._vehicle}: {text}", flush=True)
+
+    def _tracked(self, received: Received) -> None:
+        sample, link = topics.decode_pose(received.payload)[0], self._link
+        pose = PoseMeasurement(
+            link.vehicle_ns(int(sample["stamp_ns"])),
+            sample["position_w"].copy(),
+            sample["quaternion_wb"].copy(),
+        )
+        self._tracker.tracked(pose, link.vehicle_ns())
 
     def _truth(self, received: Received) -> None:
         stamp_ns, state = topics.decode_odometry(received.payload, self._vehicle)

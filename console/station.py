@@ -33,6 +33,8 @@ def run_station(
     operator: str = "",
     settings: Mapping[str, ParameterValue] | None = None,
     database_url: str | None = None,
+    *,
+    follows_process: bool = False,
 ) -> int:
     """Run until SIGINT or SIGTERM, then closes the runs' files and returns 0.
 
@@ -42,6 +44,7 @@ def run_station(
         loopback_port: TCP port for web, simulator and ROS 2 nodes on this machine.
         operator: written into runs no one asked for by name.
         settings: `station.*` parameters to start with, of every vehicle.
+        follows_process: poses are to come from a tracker process.
 
     Raises LinkError (port in use, certificate), StorageError, ParameterError or UsageError.
     """
@@ -76,6 +79,7 @@ def run_station(
                 f"dials the vehicle at {endpoint}, serves page and ROS 2 at "
                 f"127.0.0.1:{loopback_port}"
             ),
+            follows_process=follows_process,
         )
         stations.append(station)
         radio = Radio(

@@ -1,8 +1,9 @@
-"""The simulated tracking system and the bearing emulator of the station, fed with the truth.
+"""The poses and emulated bearings that the station sends, from one tracker at a time.
 
-Measurements without delay leave in the truth's own callback; delayed ones from a thread.
-Poses have the truth's stamps, which are of the vehicle's clock; frames of bearings are taken at
-instants of their own on that clock, seen from the tracker's poses.
+That is the simulated tracking system, fed with the truth, unless there is a tracker process
+(console.trackers). Measurements without delay leave in the callback of what they are made of;
+delayed ones from a thread. Poses have stamps of the vehicle's clock, as the truth has; frames of
+bearings are taken at instants of their own on that clock, seen from the tracker's poses.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import threading
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
+from typing import Any
 
 from bearing_sim import (
     BearingEmulator,
@@ -24,6 +26,9 @@ from quadrotor.plain_rotations import Array
 from vehicle_link.clock import monotonic
 
 RATE_WINDOW = 1.0
+SILENT, PROCESS_SILENT, STARTING = 1.0, 0.4, 10.0
+"""s without a truth, or without the tracker process's status, until it is told; s for it to start.
+"""
 SHORTEST_WAIT = 0.0005
 """s; simulated time may stand still just before something is due."""
 
@@ -35,6 +40,10 @@ class TrackerFeed:
         publish_pose, publish_bearings: called with each measurement when it is due, never two at
             once.
         clock: a steady clock in s.
+        follows_process: whether poses are to come from a tracker process.
+
+    Attributes:
+        follows_process: they are, or have: from then on the simulated tracker is off.
     """
 
     def __init__(
@@ -44,7 +53,11 @@ class TrackerFeed:
         publish_pose: Callable[[PoseMeasurement], None],
         publish_bearings: Callable[[BearingMeasurement], None],
         clock: Callable[[], float] = monotonic,
+        *,
+        follows_process: bool = False,
     ) -> None:
+        self.follows_process = follows_process
+        self._parameters = tracker
         self._tracker = SimulatedTracker(tracker)
         self._emulator = BearingEmulator(bearings)
         self._publish_pose, self._publish_bearings = publish_pose, publish_bearings
@@ -54,6 +67,8 @@ class TrackerFeed:
         self._heard: float | None = None
         self._sent: deque[float] = deque(maxlen=1000)
         self._frames: deque[float] = deque(maxlen=1000)
+        self._process: Any = None  # its newest TrackerStatus
+        self._told = clock() + STARTING
         self._closed = False
         self._thread = threading.Thread(target=self._run, name="tracker", daemon=True)
         self._thread.start()
@@ -61,13 +76,40 @@ class TrackerFeed:
     def truth(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
         """Take one true pose: (3,) m, (4,) unit quaternion (w, x, y, z) body to world."""
         with self._changed:
-            now = self._clock()
-            self._heard = now
-            self._ahead_ns = stamp_ns - round(now * 1e9)
+            if self.follows_process:
+                return
+            self._heard = self._clock()
             self._tracker.observe(stamp_ns, position_w, quaternion_wb)
-            self._release(stamp_ns)
-            if self._next_ns() is not None:
-                self._changed.notify()
+            self._catch_up(stamp_ns)
+
+    def tracked(self, pose: PoseMeasurement, now_ns: int) -> None:
+        """Take a pose of a tracker process. Args: `now_ns` of the pose's clock, the vehicle's."""
+        with self._changed:
+            self._send(pose)
+            self._catch_up(now_ns)
+
+    def process_told(self, status: Any) -> None:
+        """Take a TrackerStatus of the tracker process."""
+        self.follows_process, self._process, self._told = True, status, self._clock()
+
+    @property
+    def alarm(self) -> str | None:
+        """Return what is wrong with the tracker, None when nothing is."""
+        if self.follows_process:
+            if self._clock() - self._told > PROCESS_SILENT:
+                return "tracker: its process is silent; start quadlab tracker, or read its lines"
+            problem = "" if self._process is None else self._process.problem
+            return f"tracker: {problem}" if problem else None
+        if self._heard is None or self._clock() - self._heard <= SILENT:
+            return None  # before the first truth: no simulator, no tracking system
+        return "tracker: the truth has stopped coming"
+
+    @property
+    def nominal(self) -> float:
+        """Return the poses a second to expect, Hz."""
+        if self.follows_process:
+            return 0.0 if self._process is None else float(self._process.frame_rate)
+        return self._parameters.rate * (1.0 - self._parameters.drop_out)
 
     @property
     def rate(self) -> float:
@@ -79,24 +121,26 @@ class TrackerFeed:
         """Return the frames of bearings sent in the last second, Hz."""
         return self._recent(self._frames)
 
-    @property
-    def silence(self) -> float | None:
-        """Return the seconds since the last truth, None before the first (no simulator, no tracking
-        system).
-        """
-        return None if self._heard is None else self._clock() - self._heard
-
     def close(self) -> None:
         with self._changed:
             self._closed = True
             self._changed.notify()
         self._thread.join(5.0)
 
+    def _catch_up(self, now_ns: int) -> None:
+        self._ahead_ns = now_ns - round(self._clock() * 1e9)
+        self._release(now_ns)
+        if self._next_ns() is not None:
+            self._changed.notify()
+
+    def _send(self, pose: PoseMeasurement) -> None:
+        self._sent.append(self._clock())
+        self._publish_pose(pose)
+        self._emulator.observe(*pose)
+
     def _release(self, now_ns: int) -> None:
         for pose in self._tracker.due(now_ns):
-            self._sent.append(self._clock())
-            self._publish_pose(pose)
-            self._emulator.observe(*pose)
+            self._send(pose)
         for frame in self._emulator.due(now_ns):
             self._frames.append(self._clock())
             self._publish_bearings(frame)

@@ -60,7 +60,6 @@ class Gatherer:
         status, observed = self._observed.newest_status(), self._observed
         board, recorder = self._alarms.keyed(), self._recorder.status()
         noticed = [line for key, line in board.items() if key in NOTICES]
-        tracker = self._station.tracker
         estimator, battery = observed.newest("estimator"), observed.newest("battery")
         return Facts(
             link=self._link.state(),
@@ -82,7 +81,7 @@ class Gatherer:
             voltage=float(battery.voltage) if battery else None,
             tracker_rate=self._tracker.rate,
             bearings_rate=self._tracker.bearings_rate,
-            tracker_nominal=tracker.rate * (1.0 - tracker.drop_out),
+            tracker_nominal=max(1.0, self._tracker.nominal),
             battery_warning=_number(self._vehicle.newest("safety.battery_warning")),
             volume=self._volume(),
             parameters_behind=self._behind(),

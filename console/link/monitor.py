@@ -122,9 +122,9 @@ class LinkMonitor:
     def clock_known(self) -> bool:
         return self._clock.known
 
-    def vehicle_ns(self) -> int:
-        """Return the vehicle's clock now; the station's own until it is known."""
-        return self._clock.to_server(time_ns())
+    def vehicle_ns(self, station_ns: int | None = None) -> int:
+        """Return the vehicle's clock, now or then; the station's own until it is known."""
+        return self._clock.to_server(time_ns() if station_ns is None else station_ns)
 
     def message(self, station_ns: int) -> Any:
         """Return quadlab_msgs/LinkStatus."""

@@ -14,7 +14,6 @@ from vehicle_link.clock import real_time_factor, time_ns
 from vehicle_link.messages import header, new
 from vehicle_link.transport.heartbeat import LinkState
 
-TRACKER_SILENT = 1.0
 INFO, WARN = 20, 30
 
 
@@ -49,9 +48,6 @@ class StatusSender:
         if state is not self._said:
             self._said = state
             self._outbox.say(INFO if state is LinkState.GOOD else WARN, f"link {state}")
-        silence = self._tracker.silence
-        lost = silence is not None and silence > TRACKER_SILENT
-        self._alarms.set("tracker", "tracker: the truth has stopped coming" if lost else None)
         recorder = self._recorder.status()
         status = new(
             "quadlab_msgs/StationStatus",

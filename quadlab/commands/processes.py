@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
+import threading
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +18,8 @@ from quadlab.data_folder import open_data_folder
 from quadlab.settings import parse_settings
 from quadlab.up import serial_ports
 from quadlab.up.page_options import PageOptions, say_authority
-from quadrotor.errors import UsageError
+from quadlab.up.supervise import Child
+from quadrotor.errors import QuadlabError, UsageError
 from vehicle_link.serial.identity import THE_ONE, Identity
 
 Settings = Annotated[
@@ -25,6 +29,7 @@ Folder = Annotated[Path | None, tyro.conf.arg(metavar="DIR")]
 File = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
 Names = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME")]
 THE_VEHICLE = "quad1"
+WATCH_PERIOD = 0.2
 SIGN_IN_TOKEN = "QUADLAB_SIGN_IN_TOKEN"
 """Environment variable by which `up` hands `web` its one-time token."""
 OPEN_BROWSER = "QUADLAB_OPEN_BROWSER"
@@ -181,6 +186,9 @@ class Station:
     """namespace of the vehicle's topics, where --vehicle names none"""
     set: Settings = ()
     """start with this parameter value of the station, tracker.rate=50 for instance"""
+    tracker: Annotated[str, tyro.conf.arg(metavar="WORDS")] = ""
+    """start `quadlab tracker` with these words too, like "vrpn --host mocap --body cf7", and again
+    when it dies; the simulated tracker is off"""
 
     def run(self) -> int:
         from console.link.known_vehicles import KnownVehicles
@@ -196,7 +204,35 @@ class Station:
 
             found = parse_settings(StationParameters(), self.set)
             settings = {f"station.{name}": value for name, value in found.items()}
-        return run_station(data, vehicles, loopback_port=self.loopback_port, settings=settings)
+        if self.tracker:
+            self._keep_tracker()
+        return run_station(
+            data,
+            vehicles,
+            loopback_port=self.loopback_port,
+            settings=settings,
+            follows_process=bool(self.tracker),
+        )
+
+    def _keep_tracker(self) -> None:
+        """Start the tracker process and keep it going, in a thread. Raises UsageError."""
+        from quadlab.__main__ import parse
+
+        loopback = ("--loopback-port", str(self.loopback_port))
+        child = Child("tracker", ["tracker", *shlex.split(self.tracker), *loopback], niceness=-10)
+        parse(child.words)
+
+        def keep() -> None:
+            try:
+                child.start()
+                while True:
+                    time.sleep(WATCH_PERIOD)
+                    if said := child.watch():
+                        print(f"station: {said}", flush=True)
+            except QuadlabError as error:
+                print(f"station: {error}", flush=True)
+
+        threading.Thread(target=keep, name="tracker process", daemon=True).start()
 
 
 @dataclass

@@ -10,6 +10,7 @@ from quadlab.commands.gains import Gains
 from quadlab.commands.link import LinkCommand
 from quadlab.commands.log import LogCommand
 from quadlab.commands.processes import Simulator, Station, Vehicle, Web
+from quadlab.commands.tracker import Tracker
 from quadlab.commands.up import Up
 from quadlab.commands.user import User
 from quadlab.replay.command import Replay
@@ -33,5 +34,6 @@ COMMANDS: dict[str, type[Command]] = {
     "simulator": Simulator,
     "station": Station,
     "web": Web,
+    "tracker": Tracker,
     "user": User,
 }

@@ -22,6 +22,7 @@ from quadlab.commands.processes import (
     OPEN_BROWSER,
     SIGN_IN_TOKEN,
     THE_VEHICLE,
+    WATCH_PERIOD,
     Folder,
     Settings,
     check_name,
@@ -40,7 +41,6 @@ from vehicle_link.serial.capacity import check_rate
 if TYPE_CHECKING:
     from vehicle_link.security.authority import TlsFiles
 
-WATCH_PERIOD = 0.2
 PROGRESS_PERIOD = 1.5
 """s between two lines while the processes start."""
 MCU_PORTS = ("mcu0", "mcu1")
@@ -68,6 +68,9 @@ class Up(PageOptions):
     real_time: bool = False
     """for timing tests: let the simulation go on by the computer's time, even when flight stack or
     station are late (default: it waits for them, and slows on a busy machine)"""
+    tracker: Annotated[str, tyro.conf.arg(metavar="WORDS")] = ""
+    """fly on the poses of `quadlab tracker` with these words, like udp, in real time (default: on
+    the simulated tracker's, without such a process)"""
     set: Settings = ()
     """start with this vehicle parameter, or simulator.NAME=VALUE"""
 
@@ -86,7 +89,9 @@ class Up(PageOptions):
             owned(folder),
             _Progress(self.host, self.port),
             tempfile.TemporaryDirectory(prefix="quadlab-") as run_folder,
-            contextlib.nullcontext() if self.real_time else _lockstep(fleet, Path(run_folder)),
+            contextlib.nullcontext()
+            if self.real_time or self.tracker
+            else _lockstep(fleet, Path(run_folder)),
         ):
             groups = self._children(fleet, folder, Path(run_folder), vehicle_words, simulator_words)
             return self._watch(groups, fleet)
@@ -153,6 +158,8 @@ class Up(PageOptions):
             simulator = ["--set", f"imu_rate={self._rate(fleet)}", *simulator]
         robot = ["simulator", "--folder", str(run_folder), *loopback, *names, *simulator]
         base = ["station", *common, *dialled, *loopback, *fleet.station_words]
+        if self.tracker:
+            base += ["--tracker", self._tracker_words(fleet)]
         page = ["web", *common, "--port", str(self.port), *loopback, *names, *self.words()]
         return [
             [Child("simulator", robot, niceness=first)],
@@ -163,6 +170,12 @@ class Up(PageOptions):
             [Child("station", base, niceness=station)],
             [Child("web", page, niceness=last, environment=token)],
         ]
+
+    def _tracker_words(self, fleet: SimulatedFleet) -> str:
+        """Return the words of `quadlab tracker`: a body each, named as its vehicle, unless said."""
+        if "--body" in self.tracker:
+            return self.tracker
+        return " ".join([self.tracker, *(f"--body {name}={name}" for name in fleet.names)])
 
     def _on_board(
         self, fleet: SimulatedFleet, data: Path, run_folder: Path, files: TlsFiles

@@ -100,6 +100,12 @@ _UNITS: dict[str, dict[str, str]] = {
         "outage_longest": "s",
         "outage_total": "s",
     },
+    "quadlab_msgs/msg/TrackerStatus": {
+        "frame_rate": "Hz",
+        "latency": "s",
+        "latency_p99": "s",
+        "clock_drift": "s/s",
+    },
     "quadlab_msgs/msg/Transfer": {"bytes": "B", "total_bytes": "B", "rate": "B/s"},
     "quadlab_msgs/msg/ExperimentStatus": {"elapsed": "s", "planned": "s"},
 }

@@ -8,7 +8,7 @@ from typing import Literal
 from vehicle_link.commands import COMMANDS
 from vehicle_link.transport.rmw_keys import RELIABLE, SENSOR_DATA, Qos
 
-Sender = Literal["vehicle", "station", "simulator", "web"]
+Sender = Literal["vehicle", "station", "simulator", "tracker", "web"]
 Priority = Literal["real_time", "interactive_high", "data_high", "data", "background"]
 
 
@@ -180,6 +180,9 @@ _ROWS = (
         stale=0.3,
         page="seen",
     ),
+    # Of the tracker process; stamps are of the station's clock.
+    Topic("tracker_body", "geometry_msgs/PoseStamped", "tracker", 100, "real_time", newest=50),
+    Topic("tracker_status", "quadlab_msgs/TrackerStatus", "tracker", 10, recorded=True, stale=1.5),
     # In imported flights alone: Lighthouse base stations.
     Topic("sweeps", "quadlab_msgs/SweepArray", "simulator", 120),
     Topic("stick", "sensor_msgs/Joy", "web", 50),

@@ -35,7 +35,7 @@ class Sink:
 def test_without_delay_pose_and_bearings_leave_with_the_truth() -> None:
     sink = Sink()
     feed = TrackerFeed(TrackerParameters(), BearingParameters(), sink.pose, sink.frame)
-    assert feed.silence is None
+    assert feed.alarm is None
     for k in range(100):
         feed.truth(10**18 + 10 * k * MS, HERE, LEVEL)
     assert [p.stamp_ns for p in sink.poses] == [10**18 + 10 * k * MS for k in range(100)]
@@ -44,7 +44,7 @@ def test_without_delay_pose_and_bearings_leave_with_the_truth() -> None:
     ]
     assert len(sink.frames) == 30
     assert feed.rate == 100
-    assert now(feed).silence is not None
+    assert now(feed).alarm is None
     feed.close()
 
 

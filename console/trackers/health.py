@@ -1,0 +1,189 @@
+"""What is wrong with a body's poses: told in one line, and which of them must not be flown on.
+
+A pose whose meaning is in doubt (unit, axes, which body) is withheld, never corrected by a guess:
+the vehicle then does what it does without poses. A jump that has no such explanation is passed on
+and told: estimator and supervisor on board judge it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+
+from console.trackers.source import Body
+from quadrotor.plain_rotations import Array, matrix_of
+
+Unit = Literal["m", "mm"]
+Up = Literal["z", "y"]
+
+FARTHEST = 50.0
+"""m from the origin; no laboratory is larger, and millimetres are soon beyond."""
+LOWEST = -0.5
+"""m; the floor of a laboratory is at 0."""
+FORGOTTEN = 2.0
+"""s unseen, after which a body's past says nothing about it."""
+SPEED, STEP = 10.0, 0.15
+"""A body moves by SPEED (m/s) and STEP (m) at most between two frames …"""
+TURN_RATE, TURN = 20.0, math.radians(45)
+"""… and turns by TURN_RATE (rad/s) and TURN (rad)."""
+LIKE = 0.15
+"""m between a place and what would explain it."""
+ON_ITS_SIDE = math.radians(60)
+SETTLED = 0.5
+"""s without moving by STEP before a body's attitude is judged."""
+NOTED = 1.0
+"""s for which a jump that is over is told."""
+
+_AXES = ("x", "y", "z")
+_WRONG: Mapping[str, Array] = {
+    "mirrored along x": np.diag([-1.0, 1.0, 1.0]),
+    "mirrored along y": np.diag([1.0, -1.0, 1.0]),
+    "mirrored along z": np.diag([1.0, 1.0, -1.0]),
+    "turned by 180° about z": np.diag([-1.0, -1.0, 1.0]),
+    "turned by 90° about z": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    "turned by −90° about z": np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    "y-up": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
+    "z-up and were y-up": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+}
+"""Matrices from right positions to such."""
+
+
+class BodyHealth:
+    """One body's poses, in the axes and the unit that the user named.
+
+    Attributes:
+        jumps: since the start.
+        withheld: why its newest pose must not be flown on; "" when it may.
+    """
+
+    def __init__(self) -> None:
+        self.jumps = 0
+        self.withheld = ""
+        self._last: Body | None = None
+        self._at = self._still_since = -math.inf
+        self._rest: Array | None = None
+        self._moved = ""  # by which jump the positions lost their meaning
+        self._turn = np.eye(3)  # of all jumps of the attitude, in body axes
+        self._note, self._noted = "", -math.inf
+
+    def problem(self, now: float) -> str:
+        """Return what is wrong, or was until just now; "" when nothing is."""
+        return self.withheld or (self._note if now - self._noted < NOTED else "")
+
+    def take(self, body: Body, now: float, others: Mapping[str, Array]) -> bool:
+        """Take a pose and return whether it may be flown on.
+
+        Args:
+            now: when it was true, s, steady.
+            others: places of the other bodies in the frame before, m.
+        """
+        if now - self._at > FORGOTTEN:
+            self._last, self._moved, self._turn, self._rest = None, "", np.eye(3), None
+        self.withheld = _invalid(body)
+        if not self.withheld:
+            if self._last is not None:
+                self._compare(self._last, body, now, others)
+            self._last, self._at = body, now
+            self.withheld = self._moved or self._flipped(body) or self._lying(body, now)
+        return not self.withheld
+
+    def _compare(self, last: Body, body: Body, now: float, others: Mapping[str, Array]) -> None:
+        past = max(0.0, now - self._at)
+        far = float(np.linalg.norm(body.position_w - last.position_w))
+        if far > STEP + SPEED * past:
+            # What follows a jump that made no sense is taken for the way back.
+            self._moved = "" if self._moved else _explained(last, body, others)
+            self._jumped(f"{body.name} jumped by {far:.2f} m from one frame to the next", now)
+        if last.quaternion_wb is not None and body.quaternion_wb is not None:
+            turn = matrix_of(last.quaternion_wb).T @ matrix_of(body.quaternion_wb)
+            if (angle := _angle(turn)) > TURN + TURN_RATE * past:
+                self._turn = self._turn @ turn
+                self._jumped(f"{body.name} turned by {math.degrees(angle):.0f}° at once", now)
+
+    def _jumped(self, note: str, now: float) -> None:
+        self.jumps += 1
+        self._note, self._noted = note, now
+
+    def _flipped(self, body: Body) -> str:
+        if (angle := _angle(self._turn)) < TURN:
+            return ""
+        by = 5 * round(math.degrees(angle) / 5)
+        return (
+            f"{body.name}'s axes have flipped by {by}° from one frame to the next: make "
+            "its markers less symmetric and define the body anew"
+        )
+
+    def _lying(self, body: Body, now: float) -> str:
+        """Return what is wrong with the attitude of a body that does not move."""
+        if self._rest is None or np.linalg.norm(body.position_w - self._rest) > STEP:
+            self._rest, self._still_since = body.position_w, now
+        if body.quaternion_wb is None or now - self._still_since < SETTLED:
+            return ""
+        up = matrix_of(body.quaternion_wb)[:, 2]
+        if math.acos(min(1.0, max(-1.0, float(up[2])))) < ON_ITS_SIDE:
+            return ""
+        axis = int(np.argmax(np.abs(up)))
+        along = f"{'+' if up[axis] > 0 else '−'}{_AXES[axis]}"
+        return (
+            f"{body.name} lies still with its z axis along the world's {along}: stand it upright; "
+            "if it is, the system is y-up (--up y), or the body's axes are turned in it"
+        )
+
+
+def _invalid(body: Body) -> str:
+    """Return what makes no usable pose of it by itself."""
+    place, turn = body.position_w, body.quaternion_wb
+    if not np.isfinite(place).all():
+        return f"{body.name} comes with a position that is not finite: {place.tolist()}"
+    if (far := float(np.linalg.norm(place))) > FARTHEST:
+        return (
+            f"{body.name} is {far:.0f} m from the origin: the system seems to send millimetres; "
+            "let it send metres, or start the tracker with --unit mm"
+        )
+    if place[2] < LOWEST:
+        return (
+            f"{body.name} is {-place[2]:.1f} m below the floor: the system seems to be y-up; let "
+            "its z axis point up, or start the tracker with --up y"
+        )
+    if turn is not None and not abs(float(np.linalg.norm(turn)) - 1.0) < 0.05:
+        return (
+            f"{body.name} comes with the quaternion (w, x, y, z) {turn.tolist()}, which has not "
+            "unit length; look at the order of the fields"
+        )
+    return ""
+
+
+def _explained(last: Body, body: Body, others: Mapping[str, Array]) -> str:
+    """Return which error of names or axes explains a jump; "" when none does."""
+    for name, place in others.items():
+        if np.linalg.norm(body.position_w - place) < LIKE:
+            return (
+                f"{body.name} and {name} have changed places from one frame to the next: the "
+                "system takes one for the other; make their markers differ more"
+            )
+    for how, wrong in _WRONG.items():
+        if np.linalg.norm(wrong @ last.position_w - body.position_w) < LIKE:
+            return f"{body.name}'s positions have become {how}: set the system's axes back"
+    return ""
+
+
+def _angle(turn: Array) -> float:
+    return math.acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(turn)) - 1.0))))
+
+
+def to_world(body: Body, unit: Unit, up: Up) -> Body:
+    """Return a body of a system with this unit and upward axis in m, z up.
+
+    Of a y-up system x stays x, y becomes z, and z becomes −y, in the world and in the body.
+    """
+    place, turn = body.position_w, body.quaternion_wb
+    if unit == "mm":
+        place = 1e-3 * place
+    if up == "y":
+        place = np.array([place[0], -place[2], place[1]])
+        if turn is not None:
+            turn = np.array([turn[0], turn[1], -turn[3], turn[2]])
+    return Body(body.name, place, turn)

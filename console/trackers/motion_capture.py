@@ -1,0 +1,121 @@
+"""Vicon, OptiTrack (NatNet), Qualisys (QTM) and VRPN, through the library `motioncapture`.
+
+The library holds the interpreter while it waits for a server that does not answer, some systems
+for ever. So it runs in a process of its own, which is ended when it is silent for too long. It
+passes no stamps of the system on: frames are stamped where they are received.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import socket
+import time
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from console.trackers.source import Body, Frame
+from quadrotor.errors import JobError, QuadlabError, UnreachableError, UsageError
+from vehicle_link.clock import monotonic_ns
+from vehicle_link.jobs import Job
+
+LIBRARY = "motioncapture"
+PATIENCE = 5.0
+"""s for a server to answer, and then for frames to come."""
+POLL = 0.05
+
+Settings = Callable[[str, int], Mapping[str, str]]
+"""The library's for a server's address and port."""
+SYSTEMS: Mapping[str, tuple[str, int, Settings]] = {
+    "vicon": ("vicon", 801, lambda host, port: {"hostname": f"{host}:{port}"}),
+    "natnet": ("optitrack", 1510, lambda host, port: {"hostname": host, "port_command": str(port)}),
+    "qtm": ("qualisys", 22222, lambda host, port: {"hostname": host, "port": str(port)}),
+    "vrpn": ("vrpn", 3883, lambda host, port: {"hostname": f"{host}:{port}"}),
+}
+"""By our name: the library's name, the usual port, its settings."""
+
+
+class MotionCaptureSource:
+    """Args: system, one of SYSTEMS; its server. Raises UsageError, UnreachableError."""
+
+    def __init__(self, system: str, host: str, port: int) -> None:
+        if importlib.util.find_spec(LIBRARY) is None:
+            raise UsageError(
+                f"{system} needs the package {LIBRARY}; install it with "
+                "`pip install 'quadlab[trackers]'`, or choose udp or ros2"
+            )
+        self._server = f"{system} server at {host}:{port}"
+        try:
+            address = socket.gethostbyname(host)
+        except OSError as error:
+            raise UnreachableError(
+                f"no host {host} is known ({error.strerror}); give the server's name or address "
+                "with --host"
+            ) from None
+        name, _, settings = SYSTEMS[system]
+        self._order = name, dict(settings(address, port))
+        self._closed = False
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield each frame with a body. Raises UnreachableError when none comes for PATIENCE."""
+        came: list[Any] = []
+        job = Job(_read, *self._order, niceness=0, report=came.append)
+        heard, connected = time.monotonic(), False
+        try:
+            while not self._closed:
+                if job.look(POLL):
+                    self._ended(job)
+                if came:
+                    heard, connected = time.monotonic(), True
+                for stamp, bodies in came:
+                    if bodies:
+                        yield Frame(None, stamp, tuple(map(_body, bodies)))
+                came.clear()
+                if time.monotonic() - heard > PATIENCE:
+                    what = "sends nothing" if connected else "does not answer"
+                    raise UnreachableError(
+                        f"the {self._server} {what} for {PATIENCE:.0f} s; start it and its "
+                        "streaming, look at the network, or give another --host"
+                    )
+        finally:
+            job.stop()
+
+    def close(self) -> None:
+        self._closed = True
+
+    def _ended(self, job: Job[None]) -> None:
+        try:
+            job.result()
+        except JobError as error:
+            raise UnreachableError(f"the client of the {self._server}: {error}") from None
+        except QuadlabError as error:
+            raise UnreachableError(f"the {self._server} does not answer: {error}") from None
+
+
+def _body(told: tuple[str, list[float], list[float]]) -> Body:
+    name, place, turn = told
+    return Body(name, np.array(place), np.array(turn))
+
+
+def _read(system: str, settings: dict[str, str], report: Callable[[Any], None]) -> None:
+    """Report each frame as (host's steady clock in ns, bodies); runs in a process of its own."""
+    import motioncapture
+
+    try:
+        client = motioncapture.connect(system, settings)
+    except RuntimeError as error:
+        raise UnreachableError(str(error)) from None
+    while True:
+        client.waitForNextFrame()
+        now = monotonic_ns()
+        bodies = [
+            (
+                name,
+                [float(x) for x in body.position],
+                [body.rotation.w, body.rotation.x, body.rotation.y, body.rotation.z],
+            )
+            for name, body in client.rigidBodies.items()
+        ]
+        if bodies or system != "vrpn":  # whose library wakes every 10 ms, whatever came
+            report((now, bodies))

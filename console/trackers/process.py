@@ -1,0 +1,247 @@
+"""`quadlab tracker`: the process that brings a tracking system's bodies to the station.
+
+One thread reads the source and tries again while no one answers; the other maps stamps, watches
+over the bodies, publishes each vehicle's poses (`tracker_body`, stamps of the station's clock) and
+tells how they are (`tracker_status`). The station puts them on the vehicle's clock and sends them.
+"""
+
+from __future__ import annotations
+
+import queue
+import re
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from console.trackers.health import BodyHealth, Unit, Up, to_world
+from console.trackers.source import Body, Frame, Source
+from console.trackers.system_clock import SystemClock
+from quadrotor.errors import MeasurementError, QuadlabError, UsageError
+from quadrotor.plain_rotations import Array
+from quadrotor.records import pose_sample
+from vehicle_link import topics
+from vehicle_link.clock import monotonic, monotonic_ns, time_ns
+from vehicle_link.messages import encode, header, new
+from vehicle_link.termination_signal import Ending
+from vehicle_link.topics import TOPICS
+from vehicle_link.transport.node import Node
+
+TOLD_EVERY = 0.1
+"""s between two statuses; a new problem is told at once."""
+GAP = 0.2
+"""s without a body, or without frames, until it is told."""
+RETRY = 1.0
+RECENT = 1.0
+"""s over which rates are counted."""
+KEPT = 64
+LATENCIES, STEP = 32, 0.001
+"""Bars of the histogram of latency, and their width in s."""
+SEEN_MOST = 8
+"""Bodies that a line lists."""
+
+
+_FIGURES = re.compile(r"[\d.]+")
+
+
+class _Vehicle:
+    """One vehicle's body: what of it was published, and how it is."""
+
+    def __init__(self, session: Any, vehicle: str, body: str) -> None:
+        self.vehicle, self.body = vehicle, body
+        self.health = BodyHealth()
+        self.seen = monotonic()
+        self.gaps = 0
+        self.is_missing = self.is_doubled = False
+        self.told = ""
+        self._node = Node(session, f"/{vehicle}", "tracker")
+        self.poses = self._node.advertise(TOPICS["tracker_body"])
+        self.status = self._node.advertise(TOPICS["tracker_status"])
+
+    def close(self) -> None:
+        self._node.close()
+
+
+class Tracker:
+    """Args:
+    words: what the system is, with its address.
+    open_source: connects; may raise QuadlabError, and is tried again.
+    bodies: the system's name of each vehicle's body.
+    session: with the station.
+    """
+
+    def __init__(
+        self,
+        words: str,
+        open_source: Callable[[], Source],
+        bodies: Mapping[str, str],
+        session: Any,
+        unit: Unit = "m",
+        up: Up = "z",
+    ) -> None:
+        self._words, self._open_source, self._unit, self._up = words, open_source, unit, up
+        self._vehicles = [_Vehicle(session, vehicle, body) for vehicle, body in bodies.items()]
+        self._clock = SystemClock()
+        self._came: queue.Queue[Frame | QuadlabError] = queue.Queue(KEPT)
+        self._closing = threading.Event()
+        self._frames: deque[float] = deque()
+        self._seen: deque[tuple[float, str]] = deque()
+        self._places: dict[str, Array] = {}
+        self._latencies: deque[float] = deque(maxlen=1000)
+        self._trouble = ""  # of the whole system
+        self._heard = monotonic()
+        self._told = 0.0
+        self._note, self._noted = "", 0.0  # what happened to it just now
+        self._source: Source | None = None
+        self._reader = threading.Thread(target=self._read, name="source", daemon=True)
+
+    def run(self, stopping: Ending) -> None:
+        """Run until `stopping`. Raises UsageError when the source cannot be had as asked for."""
+        self._reader.start()
+        try:
+            while not stopping.wait(0.0):
+                try:
+                    item = self._came.get(timeout=TOLD_EVERY / 2)
+                except queue.Empty:
+                    pass
+                else:
+                    if isinstance(item, UsageError):
+                        raise item
+                    if isinstance(item, Frame):
+                        self._take(item)
+                    elif isinstance(item, MeasurementError):
+                        self._note, self._noted = f"{self._words}: {item}", monotonic()
+                    else:
+                        self._trouble = str(item)
+                self._tell()
+        finally:
+            self._closing.set()
+            if self._source is not None:
+                self._source.close()
+            self._reader.join(RETRY)
+            for one in self._vehicles:
+                one.close()
+
+    # ------------------------------------------------------------------ the reader's thread
+    def _read(self) -> None:
+        while not self._closing.is_set():
+            try:
+                self._source = self._open_source()
+                self._read_on(self._source)
+            except QuadlabError as error:
+                self._came.put(error)
+            if self._source is not None:
+                self._source.close()
+            self._closing.wait(RETRY)
+
+    def _read_on(self, source: Source) -> None:
+        while not self._closing.is_set():
+            try:
+                for frame in source.frames():
+                    self._came.put(frame)
+                return
+            except MeasurementError as error:  # of one message: the next may be good
+                self._came.put(error)
+
+    # ------------------------------------------------------------------ frames
+    def _take(self, frame: Frame) -> None:
+        now = monotonic()
+        self._heard, self._trouble = now, ""
+        self._frames.append(now)
+        bodies = [to_world(body, self._unit, self._up) for body in frame.bodies]
+        self._seen.extend((now, body.name) for body in bodies)
+        taken_ns = self._taken_ns(frame, now)
+        names = Counter(body.name for body in bodies)
+        for one in self._vehicles:
+            if names[one.body]:
+                self._take_body(one, bodies, names[one.body], taken_ns, now)
+        self._places.update((body.name, body.position_w) for body in bodies)
+
+    def _taken_ns(self, frame: Frame, now: float) -> int | None:
+        """Return when a frame was taken, on the host's steady clock; None when it is in doubt."""
+        if frame.stamp_ns is None:
+            return frame.received_ns
+        jumps = self._clock.jumps
+        taken_ns = self._clock.host_ns(frame.stamp_ns, frame.received_ns)
+        if self._clock.jumps != jumps:
+            by = 1e-9 * self._clock.jump_ns
+            self._note, self._noted = f"the clock of {self._words} was set by {by:+.3f} s", now
+        if taken_ns is not None:
+            self._latencies.append(1e-9 * (frame.received_ns - taken_ns))
+        return taken_ns
+
+    def _take_body(
+        self, one: _Vehicle, bodies: Iterable[Body], count: int, taken_ns: int | None, now: float
+    ) -> None:
+        one.gaps += one.is_missing
+        one.seen, one.is_missing, one.is_doubled = now, False, count > 1
+        if one.is_doubled or taken_ns is None:
+            return
+        body = next(body for body in bodies if body.name == one.body)
+        others = {name: place for name, place in self._places.items() if name != one.body}
+        if not one.health.take(body, 1e-9 * taken_ns, others) or body.quaternion_wb is None:
+            return
+        stamp_ns = taken_ns + time_ns() - monotonic_ns()
+        sample = pose_sample(stamp_ns, body.position_w, body.quaternion_wb)
+        one.poses.put(topics.encode_poses(sample)[0], stamp_ns)
+
+    # ------------------------------------------------------------------ statuses
+    def _tell(self) -> None:
+        now = monotonic()
+        while self._frames and now - self._frames[0] > RECENT:
+            self._frames.popleft()
+        while self._seen and now - self._seen[0][0] > RECENT:
+            self._seen.popleft()
+        is_due = now - self._told >= TOLD_EVERY
+        for one in self._vehicles:
+            problem = self._problem(one, now)
+            if _FIGURES.sub("", problem) == _FIGURES.sub("", one.told):
+                problem = one.told  # the same with other figures
+            if problem and problem != one.told:
+                print(f"tracker: {one.vehicle}: {problem}", flush=True)
+            if is_due or problem != one.told:
+                one.told = problem
+                one.status.put(encode(self._status(one, problem)))
+        if is_due:
+            self._told = now
+
+    def _problem(self, one: _Vehicle, now: float) -> str:
+        """Return what is wrong for one vehicle, the first cause of all; "" when nothing is."""
+        if self._trouble:
+            return self._trouble
+        if now - self._heard > GAP:
+            return f"no frames from {self._words}; look at the system and its network"
+        one.is_missing = now - one.seen > GAP
+        if one.is_missing:
+            seen = sorted({name for _, name in self._seen})
+            listed = ", ".join(seen[:SEEN_MOST]) + (", …" if len(seen) > SEEN_MOST else "")
+            return f"no body {one.body!r} is seen; {self._words} shows {listed or 'none'}"
+        if one.is_doubled:
+            return f"two bodies are called {one.body!r}; give each a name of its own in the system"
+        return one.health.problem(now) or (self._note if now - self._noted < RECENT else "")
+
+    def _status(self, one: _Vehicle, problem: str) -> Any:
+        rates = Counter(name for _, name in self._seen)
+        latencies = np.array(self._latencies or [0.0])
+        bars = np.minimum(latencies / STEP, LATENCIES - 1).astype(int)
+        return new(
+            "quadlab_msgs/TrackerStatus",
+            header=header(time_ns()),
+            system=self._words,
+            body=one.body,
+            seen=list(rates),
+            rates=np.array([count / RECENT for count in rates.values()]),
+            frame_rate=len(self._frames) / RECENT,
+            latency=float(np.median(latencies)),
+            latency_p99=float(np.quantile(latencies, 0.99)),
+            latency_counts=np.bincount(bars, minlength=LATENCIES).astype(np.uint32)
+            * bool(self._latencies),
+            clock_drift=self._clock.drift,
+            gaps=one.gaps,
+            jumps=one.health.jumps,
+            clock_jumps=self._clock.jumps,
+            problem=problem,
+            withheld=bool(one.health.withheld) or one.is_doubled,
+        )

@@ -1,0 +1,45 @@
+"""Poses of ROS 2 nodes: topics of geometry_msgs/PoseStamped, each the body of its name.
+
+They come as everything of ROS 2 does, through the station's router (docs/ros2.md).
+"""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import Any
+
+from console.trackers.source import Body, Frame
+from vehicle_link import topics
+from vehicle_link.clock import monotonic_ns
+from vehicle_link.transport.node import Node, Received
+
+KEPT = 64
+TYPE = "geometry_msgs/PoseStamped"
+
+
+class Ros2Source:
+    """Args: `session` with the station; topics, with their leading slash."""
+
+    def __init__(self, session: Any, names: Sequence[str]) -> None:
+        self._node = Node(session, "", "quadlab_tracker")
+        self._came: queue.Queue[tuple[str, bytes, int] | None] = queue.Queue(KEPT)
+        for name in names:
+            self._node.subscribe(name, TYPE, partial(self._put, name))
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield a frame of one body a message. Raises LinkError, MeasurementError."""
+        while item := self._came.get():
+            name, payload, received_ns = item
+            sample = topics.decode_pose(payload)[0]
+            body = Body(name, sample["position_w"].copy(), sample["quaternion_wb"].copy())
+            yield Frame(int(sample["stamp_ns"]) or None, received_ns, (body,))
+
+    def close(self) -> None:
+        self._node.close()
+        self._came = queue.Queue()
+        self._came.put(None)
+
+    def _put(self, name: str, received: Received) -> None:
+        self._came.put_nowait((name, received.payload, monotonic_ns()))

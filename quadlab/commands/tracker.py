@@ -1,0 +1,116 @@
+"""`quadlab tracker`: brings a laboratory's tracking system to the station."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+from quadlab.commands.processes import THE_VEHICLE, check_name
+from quadrotor.errors import LinkError, UsageError
+
+if TYPE_CHECKING:
+    from console.trackers.source import Source
+
+UDP_PORT = 5005
+ANYWHERE, HERE = "0.0.0.0", "127.0.0.1"
+
+
+@dataclass
+class Tracker:
+    """Bring the poses of a laboratory's tracking system to the station."""
+
+    system: Annotated[
+        Literal["vicon", "natnet", "qtm", "vrpn", "ros2", "udp"], tyro.conf.Positional
+    ]
+    """what to connect to; udp takes lines stamp,name,x,y,z,qw,qx,qy,qz"""
+    body: Annotated[
+        tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="[VEHICLE=]NAME")
+    ] = ()
+    """the system's name of the vehicle's body, of ROS 2 its topic (default: the vehicle's name);
+    of several vehicles the option once for each"""
+    host: str = ""
+    """of the system; of udp the address to listen on"""
+    port: Annotated[int | None, tyro.conf.arg(metavar="PORT")] = None
+    """where it is not the system's usual one (udp: 5005)"""
+    unit: Literal["m", "mm"] = "m"
+    """of the positions that the system sends"""
+    up: Literal["z", "y"] = "z"
+    """the system's axis that points up"""
+    loopback_port: int = 7447
+    """TCP port of the station's session on loopback"""
+
+    def run(self) -> int:
+        bodies = parse_bodies(self.body)
+        if self.port is not None and not 1 <= self.port <= 65535:
+            raise UsageError(f"--port {self.port} is not one; allowed 1 to 65535")
+        if self.system == "ros2" and not all(name.startswith("/") for name in bodies.values()):
+            raise UsageError(
+                "of ros2, --body is a topic with its leading slash, like --body /vrpn/cf7/pose"
+            )
+        from console.trackers.motion_capture import SYSTEMS
+        from console.trackers.process import Tracker as Process
+        from vehicle_link.termination_signal import EndSignal
+        from vehicle_link.transport.session import loopback_session
+
+        stopping = EndSignal()
+        host = self.host or (ANYWHERE if self.system == "udp" else HERE)
+        usual = SYSTEMS[self.system][1] if self.system in SYSTEMS else UDP_PORT
+        port = usual if self.port is None else self.port
+        where = "" if self.system == "ros2" else f" at {host}:{port}"
+        session, has_told = None, False
+        while session is None:
+            try:
+                session = loopback_session(self.loopback_port)
+            except LinkError as error:
+                if not has_told:
+                    print(f"tracker: {error}; trying again", flush=True)
+                has_told = True
+                if stopping.wait(1.0):
+                    return 0
+        print(f"tracker: {self.system}{where}, for {', '.join(bodies)}", flush=True)
+        Process(
+            f"{self.system}{where}",
+            lambda: self._source(host, port, session, list(bodies.values())),
+            bodies,
+            session,
+            self.unit,
+            self.up,
+        ).run(stopping)
+        session.close()
+        return 0
+
+    def _source(self, host: str, port: int, session: Any, bodies: Sequence[str]) -> Source:
+        """Connect. Raises QuadlabError."""
+        if self.system == "udp":
+            from console.trackers.udp import UdpSource
+
+            return UdpSource(host, port)
+        if self.system == "ros2":
+            from console.trackers.ros2 import Ros2Source
+
+            return Ros2Source(session, bodies)
+        from console.trackers.motion_capture import MotionCaptureSource
+
+        return MotionCaptureSource(self.system, host, port)
+
+
+def parse_bodies(words: Sequence[str]) -> dict[str, str]:
+    """Return `vehicle=body` words as {vehicle: body}. Raises UsageError."""
+    found: dict[str, str] = {}
+    for word in words or (THE_VEHICLE,):
+        vehicle, equals, body = word.partition("=")
+        if not equals:
+            vehicle, body = THE_VEHICLE, word
+        check_name(vehicle)
+        if vehicle in found or body in found.values():
+            raise UsageError(
+                f"--body {word} names a vehicle or a body a second time; give each vehicle a body "
+                "of its own, like --body quad1=cf7 --body quad2=cf8"
+            )
+        if not body:
+            raise UsageError(f"--body {word} names no body; write it like --body {vehicle}=cf7")
+        found[vehicle] = body
+    return found

@@ -1,0 +1,214 @@
+"""`quadlab tracker` as a process of its own, between a system's bytes and the vehicle."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from quadrotor.records import beacon_ids_of
+from tests.support.station import LinkedStation
+from tests.waiting import free_port, wait_for
+from vehicle_link import topics
+from vehicle_link.messages import decode, encode, header, new
+from vehicle_link.time_sync import serve_time_sync
+from vehicle_link.topics import TOPICS
+from vehicle_link.transport.node import Received
+
+AHEAD_NS = 40_000_000_000
+"""Of the vehicle's clock before the station's."""
+PERIOD = 0.01
+PLACE = (0.5, -0.5, 1.0)
+
+
+class Laboratory:
+    """A system that sends lines over UDP at 100 Hz, with stamps of a clock of its own."""
+
+    def __init__(self, port: int) -> None:
+        self.lines = ["{stamp},cf7,0.5,-0.5,1.0,1,0,0,0"]
+        self.ahead = 5000.0  # s, of its clock
+        self._port, self._stop = port, threading.Event()
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join(5)
+        self._socket.close()
+
+    def _run(self) -> None:
+        while not self._stop.wait(PERIOD):
+            text = "\n".join(self.lines).format(stamp=f"{time.time() + self.ahead:.6f}")
+            if text:
+                self._socket.sendto(text.encode(), ("127.0.0.1", self._port))
+
+
+class Bench(LinkedStation):
+    """A station that follows a tracker process, a vehicle that listens, and that process."""
+
+    def __init__(self, data: Path) -> None:
+        super().__init__(data, {}, follows_process=True)
+        self.poses: list[Received] = []
+        self.frames: list[Received] = []
+        self.events: list[str] = []
+        self.statuses: list[Any] = []
+        serve_time_sync(self.at_vehicle, lambda: time.time_ns() + AHEAD_NS)
+        for name, came in (("tracker_pose", self.poses), ("bearings", self.frames)):
+            self.at_vehicle.subscribe(name, TOPICS[name].type_name, came.append)
+        self.page.subscribe("events", TOPICS["events"].type_name, self._event)
+        self.page.subscribe("tracker_status", TOPICS["tracker_status"].type_name, self._status)
+        self.children: list[subprocess.Popen[bytes]] = []
+        self._closing = threading.Event()
+        self._beating = threading.Thread(target=self._beat, daemon=True)
+        self._beating.start()
+        wait_for(lambda: self.station.link.clock_known)
+
+    def track(self, *words: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", "quadlab", "tracker", *words]
+        self.children.append(subprocess.Popen([*command, "--loopback-port", str(self.loopback)]))
+        return self.children[-1]
+
+    def told(self, words: str) -> bool:
+        return any(words in event for event in self.events)
+
+    def close(self) -> None:
+        self._closing.set()
+        self._beating.join(5)
+        for child in self.children:
+            child.terminate()
+        for child in self.children:
+            child.wait(20)
+        super().close()
+
+    def _beat(self) -> None:
+        beats = self.at_vehicle.advertise(TOPICS["vehicle_heartbeat"])
+        while not self._closing.wait(0.05):
+            now_ns = time.time_ns() + AHEAD_NS
+            beats.put(topics.encode_heartbeat(1, now_ns), now_ns)
+
+    def _event(self, received: Received) -> None:
+        self.events.append(str(decode(received.payload, TOPICS["events"].type_name).msg))
+
+    def _status(self, received: Received) -> None:
+        self.statuses.append(decode(received.payload, TOPICS["tracker_status"].type_name))
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    bench = Bench(tmp_path_factory.mktemp("data"))
+    yield bench
+    bench.close()
+
+
+@pytest.fixture(scope="module")
+def laboratory(bench: Bench) -> Iterator[Laboratory]:
+    port = free_port(socket.SOCK_DGRAM)
+    laboratory = Laboratory(port)
+    bench.track("udp", "--host", "127.0.0.1", "--port", str(port), "--body", "quad1=cf7")
+    wait_for(lambda: bench.poses)
+    yield laboratory
+    laboratory.close()
+
+
+def test_lines_over_udp_become_poses_and_bearings_on_the_vehicles_clock(
+    bench: Bench, laboratory: Laboratory
+) -> None:
+    wait_for(lambda: len(bench.poses) > 50 and len(bench.frames) > 5)
+    newest = bench.poses[-1]
+    pose = topics.decode_pose(newest.payload)[0]
+    np.testing.assert_allclose(pose["position_w"], PLACE)
+    age = 1e-9 * (newest.received_ns + AHEAD_NS - int(pose["stamp_ns"]))
+    assert -0.005 < age < 1.0  # right by the jitter; a busy machine may deliver late
+    assert beacon_ids_of(topics.decode_bearings(bench.frames[-1].payload)) == [1, 2, 3, 4]
+    wait_for(lambda: bench.statuses[-1].frame_rate > 10)
+    status = bench.statuses[-1]
+    assert (list(status.seen), status.body, status.problem) == (["cf7"], "cf7", "")
+    assert sum(status.latency_counts) > 0
+
+
+def test_the_simulated_tracker_is_off_beside_a_tracker_process(
+    bench: Bench, laboratory: Laboratory
+) -> None:
+    truth = bench.page.advertise(TOPICS["truth"])
+    assert truth.wait(10)
+    for _ in range(20):
+        stamp_ns = time.time_ns() + AHEAD_NS
+        odometry = new("nav_msgs/Odometry", header=header(stamp_ns, "world"))
+        odometry.pose.pose.orientation.w = 1.0
+        odometry.pose.pose.position.x = 9.0
+        truth.put(encode(odometry), stamp_ns)
+    after = len(bench.poses)
+    wait_for(lambda: len(bench.poses) > after + 10)
+    xs = {float(topics.decode_pose(one.payload)["position_w"][0, 0]) for one in list(bench.poses)}
+    assert xs == {0.5}
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        (["{stamp},cf8,0.5,-0.5,1.0,1,0,0,0"], "no body 'cf7' is seen; udp"),
+        (["{stamp},cf7,0.5,-0.5,1.0,1,0,0,0"] * 2, "two bodies are called 'cf7'"),
+        (["{stamp},cf7,500,-500,1000,1,0,0,0"], "--unit mm"),
+        (["{stamp},cf7,0.5,-0.5,1.0,0.7071,0,0,0.7071"], "flipped by 90°"),
+        (["{stamp},cf7,0.5,-0.5,-1.0,1,0,0,0"], "--up y"),
+    ],
+)
+def test_poses_that_must_not_be_flown_on_are_kept_from_the_vehicle_and_told(
+    bench: Bench, laboratory: Laboratory, lines: list[str], told: str
+) -> None:
+    good, laboratory.lines = laboratory.lines, lines
+    bench.events.clear()
+    wait_for(lambda: bench.told(told))
+    kept = len(bench.poses)
+    wait_for(lambda: len(bench.statuses) > 5)
+    assert len(bench.poses) <= kept + 1  # the last good one may still be on its way
+    laboratory.lines = good
+    wait_for(lambda: len(bench.poses) > kept + 5 and not bench.statuses[-1].problem)
+
+
+def test_a_clock_that_is_set_by_a_second_is_told_and_followed(
+    bench: Bench, laboratory: Laboratory
+) -> None:
+    laboratory.ahead += 1.0
+    wait_for(lambda: bench.told("was set by +1.0"))
+    before = len(bench.poses)
+    wait_for(lambda: len(bench.poses) > before + 10)
+    newest = bench.poses[-1]
+    stamp_ns = int(topics.decode_pose(newest.payload)["stamp_ns"][0])
+    assert abs(newest.received_ns + AHEAD_NS - stamp_ns) < 500_000_000
+
+
+def test_a_line_that_is_none_is_told_and_the_next_frame_taken(
+    bench: Bench, laboratory: Laboratory
+) -> None:
+    good = laboratory.lines
+    laboratory.lines = ["hello, mocap"]
+    wait_for(lambda: bench.told("a line that is no body: 'hello, mocap'"))
+    laboratory.lines = good
+    before = len(bench.poses)
+    wait_for(lambda: len(bench.poses) > before + 10)
+
+
+def test_a_system_that_falls_silent_is_told_and_taken_up_again(
+    bench: Bench, laboratory: Laboratory
+) -> None:
+    good, laboratory.lines = laboratory.lines, []
+    wait_for(lambda: bench.told("no frames from udp"))
+    before, laboratory.lines = len(bench.poses), good
+    wait_for(lambda: len(bench.poses) > before + 10)
+    assert bench.statuses[-1].gaps > 0
+
+
+def test_a_tracker_process_that_dies_is_told(bench: Bench, laboratory: Laboratory) -> None:
+    bench.events.clear()
+    bench.children[0].kill()
+    wait_for(lambda: bench.told("its process is silent"))
