@@ -1,0 +1,1 @@
+"""Poses of rigid bodies from pictures of AprilTag and ArUco markers on them."""

@@ -1,0 +1,82 @@
+"""Detection of AprilTag and ArUco markers in a grey picture, corners to a fraction of a pixel.
+
+E. Olson, "AprilTag: a robust and flexible visual fiducial system" (2011); S. Garrido-Jurado et
+al., "Automatic generation and detection of highly reliable fiducial markers under occlusion"
+(2014). Both families are read by OpenCV's detector.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from estimation.tags.corners import refine_corners
+from estimation.tags.intrinsics import Intrinsics
+from quadrotor.errors import MeasurementError
+
+Array = npt.NDArray[np.float64]
+Picture = npt.NDArray[np.uint8]
+
+DEFAULT_FAMILY = "APRILTAG_36h11"
+
+
+class TagDetector:
+    """Finds the tags of one family.
+
+    Args:
+        lens: of the camera.
+        family: OpenCV's name of its dictionary without DICT_, such as APRILTAG_36h11, 4X4_50.
+
+    Raises MeasurementError for an unknown family.
+    """
+
+    def __init__(self, lens: Intrinsics, family: str = DEFAULT_FAMILY) -> None:
+        import cv2
+
+        self._lens = lens
+        self._dictionary: Any = dictionary_of(family)
+        self._detector: Any = cv2.aruco.ArucoDetector(self._dictionary)
+
+    def detect(self, grey: Picture) -> list[tuple[int, Array]]:
+        """Return the tags in a picture: number and corners (4, 2) in pixels, in the order top
+        left, top right, bottom right, bottom left of the upright tag.
+
+        Raises MeasurementError for a picture of another size than the lens's.
+        """
+        size, wanted = grey.shape[::-1], (self._lens.width, self._lens.height)
+        if size != wanted:
+            raise MeasurementError(
+                f"a picture of {' x '.join(map(str, size))} pixels, but the intrinsics are of "
+                f"{wanted[0]} x {wanted[1]}: set the camera to that size, or calibrate it at this"
+            )
+        corners, numbers, _ = self._detector.detectMarkers(grey)
+        if numbers is None:
+            return []
+        return [
+            (
+                int(number),
+                refine_corners(grey, places.reshape(4, 2), self.picture(int(number)), self._lens),
+            )
+            for number, places in zip(np.ravel(numbers), corners, strict=True)
+        ]
+
+    def picture(self, number: int) -> Picture:
+        """Return the tag as it is printed, a pixel a cell, with its white rim of one cell."""
+        import cv2
+
+        size = self._dictionary.markerSize + 2
+        tag = cv2.aruco.generateImageMarker(self._dictionary, number, size)
+        return np.pad(np.asarray(tag, np.uint8), 1, constant_values=255)
+
+
+def dictionary_of(family: str) -> Any:
+    """Return OpenCV's dictionary. Raises MeasurementError for an unknown family."""
+    import cv2
+
+    number = getattr(cv2.aruco, f"DICT_{family}", None)
+    if number is None:
+        there = sorted({n[5:] for n in dir(cv2.aruco) if n.startswith("DICT_") and "H" not in n})
+        raise MeasurementError(f"no tag family {family!r:.40}; there are {', '.join(there)}")
+    return cv2.aruco.getPredefinedDictionary(number)

@@ -1,0 +1,94 @@
+"""The intrinsics of a camera, in the file that ROS's camera_info uses.
+
+Model: focal lengths, principal point and D. C. Brown, "Close-range camera calibration" (1971),
+with OpenCV's coefficients k1, k2, p1, p2, k3. Pixel (0, 0) is the centre of the first one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.errors import MeasurementError, StorageError
+
+Array = npt.NDArray[np.float64]
+
+MODEL = "plumb_bob"
+"""ROS's name of the model."""
+NEEDED = "allowed is a camera_info YAML file, as `quadlab camera` writes it"
+
+
+@dataclass(frozen=True, eq=False)
+class Intrinsics:
+    """A camera's lens and picture.
+
+    Attributes:
+        width, height: of the picture, pixels.
+        matrix: (3, 3), pixels: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]].
+        distortion: (5,) k1, k2, p1, p2, k3.
+    """
+
+    width: int
+    height: int
+    matrix: Array
+    distortion: Array
+
+    def save(self, path: Path) -> None:
+        """Write the file. Raises StorageError."""
+        from ruamel.yaml import YAML
+
+        told = {
+            "image_width": self.width,
+            "image_height": self.height,
+            "camera_name": path.stem,
+            "camera_matrix": {"rows": 3, "cols": 3, "data": self.matrix.ravel().tolist()},
+            "distortion_model": MODEL,
+            "distortion_coefficients": {"rows": 1, "cols": 5, "data": self.distortion.tolist()},
+        }
+        try:
+            YAML().dump(told, path)
+        except OSError as error:
+            raise StorageError(
+                f"{path}: {error.strerror}; name a file that can be written"
+            ) from None
+
+
+def load_intrinsics(path: Path) -> Intrinsics:
+    """Return the intrinsics in a file. Raises StorageError, MeasurementError."""
+    told = read_yaml(path, NEEDED)
+    try:
+        model = told.get("distortion_model", MODEL)
+        if model != MODEL:
+            raise ValueError(f"distortion_model {model!r:.30}, not {MODEL}")
+        width, height = int(told["image_width"]), int(told["image_height"])
+        matrix = np.array(told["camera_matrix"]["data"], float).reshape(3, 3)
+        coefficients = np.array(told["distortion_coefficients"]["data"], float).reshape(5)
+        numbers = np.concatenate([matrix.ravel(), coefficients])
+        if not (np.isfinite(numbers).all() and min(matrix[0, 0], matrix[1, 1]) > 1.0):
+            raise ValueError("numbers not finite, or focal lengths of 1 pixel or less")
+        if not (0 < matrix[0, 2] < width and 0 < matrix[1, 2] < height):
+            raise ValueError("the principal point is outside the picture")
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise MeasurementError(f"intrinsics {path}: {error!s:.120}; {NEEDED}") from None
+    return Intrinsics(width, height, matrix, coefficients)
+
+
+def read_yaml(path: Path, needed: str) -> Any:
+    """Return what a YAML file says; `needed` ends the errors. Raises StorageError,
+    MeasurementError.
+    """
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
+    try:
+        return YAML(typ="safe").load(path)
+    except OSError as error:
+        raise StorageError(f"{path}: {error.strerror}; {needed}") from None
+    except (YAMLError, UnicodeDecodeError) as error:
+        raise MeasurementError(
+            f"{path} is no YAML: {str(error).splitlines()[0]:.80}; {needed}"
+        ) from None

@@ -1,0 +1,107 @@
+"""Poses of points with known places on a body, from their pixels.
+
+Starts: T. Collins and A. Bartoli, "Infinitesimal plane-based pose estimation" (2014), which gives
+both poses that a flat target may have, and G. Terzakis and M. Lourakis, "A consistently fast and
+globally optimal solution to the perspective-n-point problem" (2020) for points that are not in one
+plane. Each is refined by least squares on the pixels, through the lens's distortion.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from estimation.tags.intrinsics import Intrinsics
+from quadrotor.rotations import hat, rotation_exp, rotation_log
+
+Array = npt.NDArray[np.float64]
+
+FLAT = 1e-3
+"""Share of the extent by which points may leave a plane and still count as in it."""
+NOISE = 0.05
+"""Pixels on each axis, of the corners of `TagDetector`, whatever the lens's blur."""
+CLEARLY = 9.0
+"""Variances of the corner noise by which squared residuals must differ for one pose of a flat
+target to be clearly better than the other."""
+
+
+@dataclass(frozen=True, eq=False)
+class TagPose:
+    """A body's pose in camera axes: x right, y down in the picture, z forward.
+
+    Attributes:
+        position_c: (3,) m. R_cb: (3, 3).
+        residual: rms of the pixels' distances from where the pose puts them, pixels.
+        points_b: (N, 3) m, those it was found from. lens: of the camera.
+    """
+
+    position_c: Array
+    R_cb: Array
+    residual: float
+    points_b: Array
+    lens: Intrinsics
+
+    @cached_property
+    def information(self) -> Array:
+        """Return J^T J (6, 6), for corner noise of 1 pixel on each axis.
+
+        Order: position_c, m; then the rotation vector of a turn in body axes, rad. Its inverse
+        times the noise's variance is the pose's covariance and the Cramér–Rao bound.
+        """
+        import cv2
+
+        turned = self.points_b @ self.R_cb.T
+        zero = np.zeros(3)
+        _, slopes = cv2.projectPoints(
+            turned + self.position_c, zero, zero, self.lens.matrix, self.lens.distortion
+        )
+        along = slopes[:, 3:6].reshape(-1, 2, 3)
+        levers = np.stack([-self.R_cb @ hat(p) for p in self.points_b])
+        J = np.concatenate([along, along @ levers], axis=2).reshape(-1, 6)
+        found: Array = J.T @ J
+        return found
+
+
+def poses_of(points_b: Array, pixels: Array, lens: Intrinsics) -> list[TagPose]:
+    """Return the poses that fit, least residual first: two of a flat target as a rule; none where
+    the solver finds none before the camera.
+
+    Args: points_b: (N, 3) m, N >= 4. pixels: (N, 2).
+    """
+    import cv2
+
+    off = points_b - points_b.mean(axis=0)
+    spread = np.linalg.svd(off, compute_uv=False)
+    method = cv2.SOLVEPNP_IPPE if spread[2] < FLAT * spread[0] else cv2.SOLVEPNP_SQPNP
+    K, distortion = lens.matrix, lens.distortion
+    _, turns, places, _ = cv2.solvePnPGeneric(points_b, pixels, K, distortion, flags=method)
+    found = []
+    for start in zip(turns, places, strict=True):
+        turn, place = cv2.solvePnPRefineLM(points_b, pixels, K, distortion, *start)
+        seen, _ = cv2.projectPoints(points_b, turn, place, K, distortion)
+        residual = math.sqrt(float(((seen[:, 0] - pixels) ** 2).sum(axis=1).mean()))
+        R_cb, position_c = (
+            rotation_exp(np.asarray(turn[:, 0], float)),
+            np.asarray(place[:, 0], float),
+        )
+        if math.isfinite(residual) and (points_b @ R_cb[2] + position_c[2]).min() > 0.0:
+            found.append(TagPose(position_c, R_cb, residual, points_b, lens))
+    return sorted(found, key=lambda pose: pose.residual)
+
+
+def likeliest(poses: list[TagPose], R_cb: Array) -> TagPose:
+    """Return the pose nearest in attitude to R_cb (3, 3), of those as good as the first.
+
+    Args: poses: as of `poses_of`, not empty.
+    """
+    best = poses[0]
+
+    def as_good(pose: TagPose) -> bool:
+        more = len(best.points_b) * (pose.residual**2 - best.residual**2)
+        return more <= CLEARLY * NOISE * NOISE
+
+    return min(filter(as_good, poses), key=lambda p: np.linalg.norm(rotation_log(R_cb.T @ p.R_cb)))

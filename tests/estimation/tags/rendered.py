@@ -1,0 +1,40 @@
+"""Pictures of tags with known places, for the tests of what is found in them."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from bearing_sim.rendered_camera import Pattern, RenderedCamera
+from estimation.tags.detector import TagDetector
+from estimation.tags.intrinsics import Intrinsics
+from quadrotor.rotations import rotation_exp
+
+Array = npt.NDArray[np.float64]
+
+SIZE = 0.12
+MATRIX = np.array([[600.0, 0.0, 322.0], [0.0, 602.0, 238.0], [0.0, 0.0, 1.0]])
+DISTORTION = np.array([-0.2, 0.05, 0.001, -0.001, 0.0])
+LENS = Intrinsics(640, 480, MATRIX, DISTORTION)
+CAMERA = RenderedCamera(640, 480, MATRIX, DISTORTION)
+CORNERS = 0.5 * SIZE * np.array([[-1.0, 1.0, 0.0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]])
+FACING = np.diag([1.0, -1.0, -1.0])
+"""Of a tag that looks at the camera, upright."""
+
+
+def a_pose(random: np.random.Generator, distance: float) -> tuple[Array, Array]:
+    """Return position_c and R_ct of a tag turned anyhow and tilted by 20 to 50 degrees."""
+    around, tilt = random.uniform(-np.pi, np.pi, 2), random.uniform(0.35, 0.87)
+    axis = np.array([np.cos(around[0]), np.sin(around[0]), 0.0])
+    R_ct = FACING @ rotation_exp(np.array([0.0, 0.0, around[1]])) @ rotation_exp(tilt * axis)
+    side = random.uniform(-1.0, 1.0, 2) * (0.35, 0.25)
+    return distance * np.array([*side, 1.0]), R_ct
+
+
+def tag(
+    number: int, position_c: Array, R_ct: Array, size: float = SIZE, **motion: Array
+) -> Pattern:
+    """Return a printed tag with its rim; `size` is that of its black square, m."""
+    picture = TagDetector(LENS).picture(number)
+    wide = size * len(picture) / (len(picture) - 2)
+    return Pattern(picture, (wide, wide), position_c, R_ct, **motion)
