@@ -11,6 +11,7 @@ from bearing_sim.chance import Draws
 from bearing_sim.sampling import SECOND_NS, DelayLine, SampleGrid
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.plain_rotations import Array, Triple, turned
+from quadrotor.records import NO_ATTITUDE
 
 
 class TrackerParameters(Parameters):
@@ -49,11 +50,16 @@ class TrackerParameters(Parameters):
     outlier_attitude: float = parameter(
         0.0, unit="deg", ge=0, le=180, step=5, description="how far an outlier is turned, anyhow"
     )
+    positions_only: bool = parameter(
+        False, description="a single marker is tracked: positions without attitude"
+    )
     seed: int = parameter(1, ge=0, le=2**31 - 1, step=1, description="of the noise")
 
 
 class PoseMeasurement(NamedTuple):
-    """One pose: when it was true (ns), position (3,) m, quaternion (4,) (w, x, y, z)."""
+    """One pose: when it was true (ns), position (3,) m, quaternion (4,) (w, x, y, z), or
+    NO_ATTITUDE of a single marker.
+    """
 
     stamp_ns: int
     position_w: Array
@@ -99,6 +105,8 @@ class SimulatedTracker:
             np.array((x + far * d, y + far * e, z + far * f)),
             turned(quaternion_wb, (wide * a, wide * b, wide * c)),
         )
+        if p.positions_only:
+            measurement = measurement._replace(quaternion_wb=np.array(NO_ATTITUDE))
         self._line.put(stamp_ns + round(p.delay * SECOND_NS), measurement)
 
     def due(self, now_ns: int) -> list[PoseMeasurement]:

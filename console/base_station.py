@@ -47,6 +47,7 @@ from console.transfers.service import Transfers
 from console.tuning.log_window import LogWindow
 from quadrotor.errors import LinkError, ParameterError, RefusedError
 from quadrotor.parameters import ParameterValue
+from quadrotor.records import has_attitude
 from vehicle_link import time_sync
 from vehicle_link.lockstep import STATION_PROCESS, Part
 from vehicle_link.parameters.service import serve_parameters
@@ -336,8 +337,9 @@ class BaseStation:
 
     def _on_pose(self, pose: PoseMeasurement) -> None:
         self._outbox.pose(pose)
-        self._comparison.pose(pose)
-        self.experiments.readings.pose(pose)
+        if has_attitude(pose.quaternion_wb):
+            self._comparison.pose(pose)
+            self.experiments.readings.pose(pose)
 
     # ------------------------------------------------------------------ threads
     def _beat(self) -> None:

@@ -23,6 +23,7 @@ from bearing_sim import (
     TrackerParameters,
 )
 from quadrotor.plain_rotations import Array
+from quadrotor.records import has_attitude
 from vehicle_link.clock import monotonic
 
 RATE_WINDOW = 1.0
@@ -136,7 +137,8 @@ class TrackerFeed:
     def _send(self, pose: PoseMeasurement) -> None:
         self._sent.append(self._clock())
         self._publish_pose(pose)
-        self._emulator.observe(*pose)
+        if has_attitude(pose.quaternion_wb):
+            self._emulator.observe(*pose)
 
     def _release(self, now_ns: int) -> None:
         for pose in self._tracker.due(now_ns):

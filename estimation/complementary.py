@@ -17,8 +17,8 @@ from estimation.poses.planar_pose import planar_pose
 from estimation.poses.position_at_attitude import position_at_attitude
 from estimation.refusals import refuse_bearings, refuse_pose
 from estimation.stability import gain_warnings
-from quadrotor.errors import DegenerateGeometryError
-from quadrotor.records import MAX_BEACONS, POSE_SAMPLE, Record
+from quadrotor.errors import DegenerateGeometryError, MeasurementError
+from quadrotor.records import MAX_BEACONS, POSE_SAMPLE, Record, has_attitude
 
 __all__ = ["ComplementaryEstimator", "correct", "correct_one", "predict", "predict_one", "report"]
 
@@ -158,6 +158,11 @@ class ComplementaryEstimator:
         last, older than the history or ahead of the IMU is counted in `ignored`. Raises
         MeasurementError when it is not finite or its quaternion not unit.
         """
+        if not has_attitude(pose["quaternion_wb"]):
+            raise MeasurementError(
+                "complementary cannot use positions without attitude; track a rigid body, or set "
+                "estimation.estimator = error_state for a single marker"
+            )
         if not self._initialized:
             self.initialize(pose)
             return

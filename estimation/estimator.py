@@ -5,7 +5,7 @@ A new one is registered by name (`estimation.registry`) and then chosen by param
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from estimation.convergence import Convergence, Deviations
 from estimation.parameters import EstimationParameters
@@ -77,6 +77,15 @@ class Estimator(Protocol):
 
     def warnings(self, rate: float) -> list[str]:
         """Return what is wrong with the gains at this rate (Hz) of measurements."""
+        ...
+
+
+@runtime_checkable
+class TakesHeading(Protocol):
+    """An estimator that can run on the positions of a marker."""
+
+    def take_heading(self) -> None:
+        """Take the heading stated, on such positions: the vehicle is armed."""
         ...
 
 

@@ -10,14 +10,22 @@ called with the EstimationParameters and returns an `estimation.estimator.Estima
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from estimation.estimator import Estimator
 from estimation.parameters import EstimationParameters
-from quadrotor.errors import UnknownParameterError
-from quadrotor.records import BEARINGS_SAMPLE, ESTIMATE, IMU_SAMPLE, POSE_SAMPLE, new_state
+from quadrotor.errors import MeasurementError, UnknownParameterError
+from quadrotor.records import (
+    BEARINGS_SAMPLE,
+    ESTIMATE,
+    IMU_SAMPLE,
+    NO_ATTITUDE,
+    POSE_SAMPLE,
+    new_state,
+)
 
 Factory = Callable[[EstimationParameters], Estimator]
 
@@ -104,6 +112,10 @@ def rehearse(estimator: Estimator, bearings: bool) -> None:
                 estimator.correct_bearings(frame, estimate)
             estimator.correct(pose, estimate)
         estimator.report(estimate)
+    estimator.reset()
+    pose["quaternion_wb"] = NO_ATTITUDE
+    with suppress(MeasurementError):  # of one that needs attitudes
+        estimator.correct(pose, estimate)
     estimator.reset()
     if bearings:
         estimator.correct_bearings(frame, estimate)  # the start of one that has no pose

@@ -55,10 +55,13 @@ POSE_SAMPLE = np.dtype(
     [
         ("stamp_ns", "i8"),  # when the pose was true, not when it arrived
         ("position_w", "f8", 3),  # m
-        ("quaternion_wb", "f8", 4),  # (w, x, y, z)
+        ("quaternion_wb", "f8", 4),  # (w, x, y, z); NO_ATTITUDE for the position of a marker
     ],
     align=True,
 )
+
+NO_ATTITUDE = (0.0, 0.0, 0.0, 0.0)
+"""Quaternion of a POSE_SAMPLE that is the position of a single marker alone."""
 
 MAX_BEACONS = 32
 """Bearings of one frame that a record holds."""
@@ -213,6 +216,11 @@ def pose_sample(stamp_ns: int, position_w: Numbers, quaternion_wb: Numbers) -> R
     sample = np.zeros(1, POSE_SAMPLE)
     sample[0] = stamp_ns, position_w, quaternion_wb
     return sample
+
+
+def has_attitude(quaternion_wb: npt.ArrayLike) -> bool:
+    """Return whether a tracked quaternion is one, and not that of the position of a marker."""
+    return bool(np.any(quaternion_wb))
 
 
 def bearings_sample(

@@ -11,7 +11,7 @@ from console.commands.stick_watchdog import StickOrder
 from console.link.permission import Standing
 from console.link.telemetry_topics import ENCODERS
 from quadrotor.parameters import ParameterValue
-from quadrotor.records import pose_sample
+from quadrotor.records import has_attitude, pose_sample
 from vehicle_link import topics
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import encode
@@ -97,7 +97,12 @@ class Outbox:
         self.put(name, encode(message), stamp_ns)
 
     def pose(self, pose: PoseMeasurement) -> None:
-        self.put("tracker_pose", topics.encode_poses(pose_sample(*pose))[0], pose.stamp_ns)
+        """Send a tracked pose, or the position of a marker when it has no attitude."""
+        sample = pose_sample(*pose)
+        if has_attitude(pose.quaternion_wb):
+            self.put("tracker_pose", topics.encode_poses(sample)[0], pose.stamp_ns)
+        else:
+            self.put("tracker_position", topics.encode_positions(sample)[0], pose.stamp_ns)
 
     def bearings(self, frame: BearingMeasurement) -> None:
         payload = topics.encode_bearings(

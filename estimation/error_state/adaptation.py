@@ -77,14 +77,15 @@ def learn(m: Any, first: int, u: Vector, largest: float) -> bool:
 
 
 @compiled(inner=True)
-def learn_from_pose(m: Any, of_process: bool) -> None:
-    """Adapt to the innovation of a pose whose rows are linearised at the prediction; the prior and
-    the variances are those it is expected with.
+def learn_from_pose(m: Any, whole: bool, of_process: bool) -> None:
+    """Adapt to the innovation of a pose, or of a position, whose rows are linearised at the
+    prediction; the prior and the variances are those it is expected with.
 
-    of_process: whether it says something about the noise of the IMU, too.
+    whole: whether it has an attitude. of_process: whether it says something about the noise of the
+    IMU, too.
     """
     pace = MEASUREMENT_PACE * (HURRY if m.refused > HURRY else 1.0)
-    for first in (0, 3):
+    for first in range(0, 6 if whole else 3, 3):
         u = (unit(m, first), unit(m, first + 1), unit(m, first + 2))
         aligned = learn(m, first, u, LARGEST if of_process else 0.0)
         rises = dot(u, u) > USUAL_TRIPLE and not aligned

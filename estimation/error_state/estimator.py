@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from estimation.convergence import Convergence, Deviations
 from estimation.error_state import filter as kernels
-from estimation.error_state.memory import ERRORS, new_memory
+from estimation.error_state.memory import ERRORS, MARKER, SAMPLES, new_memory
 from estimation.error_state.parameters import noise_record
 from estimation.error_state.timeline import apply_one
 from estimation.error_state.update import FIT_CONSISTENCY, FIT_UPDATES, LOST_REFUSALS
@@ -22,7 +22,16 @@ from estimation.poses.sweep_pose import sweep_pose
 from estimation.refusals import refuse_bearings, refuse_pose, refuse_sweeps
 from estimation.sweep_angles import plane_numbers
 from quadrotor.errors import DegenerateGeometryError, MeasurementError, UndeterminedStartError
-from quadrotor.records import BEARINGS_SAMPLE, POSE_SAMPLE, SWEEPS_SAMPLE, Record
+from quadrotor.records import (
+    BEARINGS_SAMPLE,
+    NO_ATTITUDE,
+    POSE_SAMPLE,
+    SWEEPS_SAMPLE,
+    Record,
+    has_attitude,
+    pose_sample,
+)
+from quadrotor.rotations import quaternion_from_euler, rotate
 
 Array = npt.NDArray[np.float64]
 
@@ -37,6 +46,11 @@ RUN_LEAST = 4
 """Refused poses that have to agree with each other for a start from them."""
 START = np.repeat([0.05, math.radians(3.0), 0.5, 0.01, 0.1], 3)
 """Deviations at a start: m, rad, m/s (taken to be at rest), rad/s, m/s^2."""
+HEADING_SIGMA = math.radians(10.0)
+"""Deviation of the heading at which a vehicle on a marker alone is said to stand."""
+CALIBRATED = 0.001
+"""rad/s, deviation of the bias that a calibrated gyroscope keeps: without an attitude measured
+START's would leave the heading open within seconds."""
 DETERMINED = 4
 """Bearings to beacons in one plane that leave one pose."""
 ONE_PLACE_NS = 60_000_000
@@ -63,7 +77,7 @@ class ErrorStateEstimator:
     def __init__(self, parameters: EstimationParameters | None = None) -> None:
         self.restarts: list[str] = []
         self._memory = new_memory()
-        self._initialized = False
+        self._initialized = self._on_marker = False
         self._waiting: list[tuple[int, Record]] = []
         self._sweeps: dict[int, Record] = {}
         self._due_ns = 1 << 62
@@ -83,6 +97,7 @@ class ErrorStateEstimator:
         self._noise = noise_record(
             p.error_state, p.rate_low_pass, p.accelerometer_bias_limit, p.gyroscope_bias_limit
         )
+        self._marker_b = np.array([self._noise[f"marker_{axis}"][0] for axis in "xyz"])
 
     @property
     def initialized(self) -> bool:
@@ -208,7 +223,9 @@ class ErrorStateEstimator:
     def initialize(
         self, pose: Record, deviations: Array = START, velocity_w: Array | None = None
     ) -> None:
-        """Start again at a POSE_SAMPLE (1,), with the biases so far.
+        """Start again at a POSE_SAMPLE (1,), with the biases so far. Of a marker's position the
+        attitude is the one so far or, at the first start, level by the accelerometer with the
+        heading of the parameters.
 
         Args:
             deviations: (15,) of the error, in its order.
@@ -217,6 +234,12 @@ class ErrorStateEstimator:
         Raises MeasurementError when the pose is not finite or its quaternion not unit.
         """
         m, position, quaternion = self._memory[0], pose["position_w"][0], pose["quaternion_wb"][0]
+        if not has_attitude(quaternion):
+            quaternion = m["now"][6:10].copy() if self._initialized else self._at_rest()
+            position = position - rotate(quaternion, self._marker_b)
+            heading = math.sqrt(m["covariance"][5, 5]) if self._initialized else HEADING_SIGMA
+            deviations = deviations.copy()
+            deviations[5], deviations[9:12] = heading, CALIBRATED
         norm2 = float(quaternion @ quaternion)
         if not (np.isfinite(position).all() and abs(norm2 - 1.0) < NORM_TOLERANCE):
             raise refuse_pose(pose)
@@ -242,6 +265,23 @@ class ErrorStateEstimator:
         self._initialized = True
         if m["stamp_ns"] > m["base_ns"]:
             self._anchor()
+
+    def take_heading(self) -> None:
+        """Start again where it is with the heading of the parameters if it runs on a marker alone:
+        nothing tells of a vehicle turned, or waiting for minutes, on the ground.
+        """
+        m = self._memory[0]
+        if self._initialized and self._on_marker:
+            marker_w = m["now"][:3] + rotate(m["now"][6:10], self._marker_b)
+            self._initialized = False
+            self.initialize(pose_sample(int(m["stamp_ns"]), marker_w, NO_ATTITUDE))
+
+    def _at_rest(self) -> Array:
+        """Return the quaternion that the newest specific force and the heading give."""
+        newest = int(self._memory["sample_next"][0] - 1) % SAMPLES
+        x, y, z = self._memory["sample"][0, newest, 3:]
+        level = (math.atan2(y, z), math.atan2(-x, math.hypot(y, z)))
+        return quaternion_from_euler(*level, float(self._noise["heading"][0]))
 
     def predict(self, imu: Record, dt: float, state: Record) -> None:
         """Advance by an IMU_SAMPLE (1,) that came `dt` s after the last; write the STATE (1,).
@@ -313,7 +353,9 @@ class ErrorStateEstimator:
         """Make it the new measurement; False when it is none."""
         m, item = self._memory[0], measurement[0]
         if measurement.dtype == POSE_SAMPLE:
-            return bool(kernels.take_pose(m, item))
+            taken = bool(kernels.take_pose(m, item))
+            self._on_marker = m["new_kind"] == MARKER
+            return taken
         if measurement.dtype == BEARINGS_SAMPLE:
             return bool(kernels.take_bearings(m, item))
         return bool(kernels.take_sweeps(m, item, plane_numbers(item)))

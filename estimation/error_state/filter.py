@@ -16,6 +16,7 @@ from estimation.error_state.memory import (
     BEARING,
     BEARINGS,
     FORCE,
+    MARKER,
     NOTHING,
     PLANE_ROWS,
     POSE,
@@ -74,12 +75,17 @@ def predict_one(m: Any, sample: Any, g: Any, dt: float, out: Any) -> None:
 
 @compiled
 def take_pose(m: Any, z: Any) -> bool:
-    """Make a POSE_SAMPLE item the new measurement; False when it is none."""
+    """Make a POSE_SAMPLE item, with or without attitude, the new measurement; False when it is
+    none.
+    """
     p, q = z.position_w, z.quaternion_wb
     m.new_ns, m.new_kind, m.new_count = z.stamp_ns, POSE, 2
     n = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
     for i in range(3):
         m.new_data[0, i] = p[i]
+    if n == 0.0:
+        m.new_kind, m.new_count = MARKER, 1
+        return math.isfinite(p[0] + p[1] + p[2])
     for i in range(4):
         m.new_data[1, i] = q[i] / math.sqrt(n)
     return math.isfinite(p[0] + p[1] + p[2]) and abs(n - 1.0) < NORM_TOLERANCE

@@ -31,7 +31,7 @@ at 120 Hz, the most that sensors are set to."""
 ROWS = 2 * MAX_BEACONS
 PLANE_ROWS = 2
 
-NOTHING, POSE, BEARINGS, SWEEPS = 0, 1, 2, 3
+NOTHING, POSE, BEARINGS, SWEEPS, MARKER = range(5)
 """Kinds of an event. One that measures nothing only brings the filter to its time."""
 
 FORCE, RATE, POSITION, ATTITUDE, BEARING = range(5)
@@ -54,7 +54,8 @@ ERROR_STATE_MEMORY = np.dtype(
         ("sample_ns", "i8", SAMPLES),
         ("sample", "f8", (SAMPLES, 6)),  # rate (rad/s), specific force (m/s^2)
         # A measurement about to be applied. Data of bearings: a row each, beacon_w (m) then
-        # bearing_b; of a pose: position_w in the first row, quaternion_wb in the second; of sweeps:
+        # bearing_b; of a pose: position_w in the first row, quaternion_wb in the second, which
+        # a marker has not; of sweeps:
         # the plane in the first PLANE_ROWS, then a row each, sensor_b and angle.
         ("new_ns", "i8"),
         ("new_kind", "i8"),
@@ -73,7 +74,7 @@ ERROR_STATE_MEMORY = np.dtype(
         ("after_covariance", "f8", (EVENTS, ERRORS, ERRORS)),
         # What the newest measurement to arrive said.
         ("innovation", "f8", POSE_ERRORS),  # before the correction: m, rad, in world axes
-        ("freedom", "i8"),  # numbers it gave, 2 a bearing, 6 a pose; 0: it was refused
+        ("freedom", "i8"),  # numbers it gave: 2 a bearing, 6 a pose, 3 a marker; 0: it was refused
         ("nis", "f8"),  # normalised innovation squared, of `freedom` degrees
         ("consistency", "f8"),  # mean of nis / freedom over the last few dozen
         ("refused_share", "f8"),  # of the last few dozen measurements

@@ -19,6 +19,10 @@ ERROR_STATE_NOISE = np.dtype(
         ("pose_attitude_sigma", "f8"),  # rad
         ("bearing_sigma_floor", "f8"),  # rad
         ("gate", "f8"),  # standard deviations
+        ("heading", "f8"),  # rad
+        ("marker_x", "f8"),  # m
+        ("marker_y", "f8"),  # m
+        ("marker_z", "f8"),  # m
         ("rate_low_pass", "f8"),  # Hz
         ("accelerometer_bias_limit", "f8"),  # m/s^2
         ("gyroscope_bias_limit", "f8"),  # rad/s
@@ -93,9 +97,47 @@ class ErrorStateParameters(Parameters):
         step=0.5,
         description="standard deviations beyond which a bearing or pose is an outlier",
     )
+    heading: float = parameter(
+        0.0,
+        unit="deg",
+        ge=-180.0,
+        le=180.0,
+        step=5.0,
+        description="a marker alone: yaw of the vehicle when it is armed, within 10 deg",
+    )
+    marker_x: float = parameter(
+        0.0,
+        unit="m",
+        ge=-1.0,
+        le=1.0,
+        step=0.001,
+        description="a marker alone: where it is, in body axes, forward of the IMU",
+    )
+    marker_y: float = parameter(
+        0.0,
+        unit="m",
+        ge=-1.0,
+        le=1.0,
+        step=0.001,
+        description="a marker alone: where it is, in body axes, left of the IMU",
+    )
+    marker_z: float = parameter(
+        0.0,
+        unit="m",
+        ge=-1.0,
+        le=1.0,
+        step=0.001,
+        description="a marker alone: where it is, in body axes, above the IMU",
+    )
 
 
-DEGREES = ("gyroscope_noise", "gyroscope_bias_walk", "pose_attitude_sigma", "bearing_sigma_floor")
+DEGREES = (
+    "gyroscope_noise",
+    "gyroscope_bias_walk",
+    "pose_attitude_sigma",
+    "bearing_sigma_floor",
+    "heading",
+)
 """Parameters given in degrees; the record holds radians."""
 
 

@@ -9,7 +9,8 @@ position error dp and an attitude error phi (R_true = exp(phi) R) make it
 so along a tangent axis t the row is (-t / rho, t x d). No perspective is divided by: bearings may
 point anywhere. Of a pose, e = (p_m - p, log(R_m R^T)) and the rows are those of the identity. The
 angle at which a plane of light met a sensor at p + R l has the row (g, R l x g), g being the
-angle's gradient by the sensor's place.
+angle's gradient by the sensor's place; the position of a marker at p + R l has such a row for each
+axis g of the world.
 """
 
 from __future__ import annotations
@@ -20,7 +21,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from estimation.error_state.memory import ATTITUDE, BEARING, PLANE_ROWS, POSE, POSITION, SWEEPS
+from estimation.error_state.memory import (
+    ATTITUDE,
+    BEARING,
+    MARKER,
+    PLANE_ROWS,
+    POSE,
+    POSE_ERRORS,
+    POSITION,
+    SWEEPS,
+)
 from estimation.sweep_angles import swept
 from quadrotor.compiled import compiled
 from quadrotor.vectors import (
@@ -61,6 +71,8 @@ def linearize(m: Any, slot: int, x: Array, g: Any) -> int:
         return 3
     if m.event_kind[slot] == SWEEPS:
         return linearize_sweeps(m, slot, x)
+    if m.event_kind[slot] == MARKER:
+        return linearize_marker(m, slot, x, g)
     sigma = max(m.event_sigma[slot], g.bearing_sigma_floor) * math.sqrt(m.noise_scale[BEARING])
     axes = axes_of((x[6], x[7], x[8], x[9]))
     for k in range(m.event_beacons[slot]):
@@ -85,6 +97,27 @@ def linearize(m: Any, slot: int, x: Array, g: Any) -> int:
             variance[2 * k + i] = sigma * sigma if distance > NEAREST else math.inf
             t = turn
     return int(m.event_beacons[slot])
+
+
+@compiled(inner=True)
+def linearize_marker(m: Any, slot: int, x: Array, g: Any) -> int:
+    """Write row, rest and variance of a marker's position; how many pairs.
+
+    The last number has an empty row beside it; the rest of an attitude is 0, for runs.
+    """
+    lever = to_world(axes_of((x[6], x[7], x[8], x[9])), (g.marker_x, g.marker_y, g.marker_z))
+    for i in range(POSE_ERRORS):
+        row = m.row[i]
+        m.variance[i], m.rest[i] = 1.0, 0.0
+        for j in range(POSE_ERRORS):
+            row[j] = 0.0
+        if i < 3:
+            row[i] = 1.0
+            turn = cross(lever, vector(row))
+            row[3], row[4], row[5] = turn
+            m.rest[i] = m.event_data[slot][0, i] - x[i] - lever[i]
+            m.variance[i] = m.noise_scale[POSITION] * g.pose_position_sigma * g.pose_position_sigma
+    return 2
 
 
 @compiled(inner=True)

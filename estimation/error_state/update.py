@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from estimation.error_state.adaptation import learn_from_bearings, learn_from_pose
 from estimation.error_state.gate import along, gate, project, run
-from estimation.error_state.memory import ERRORS, NOMINAL, NOTHING, POSE, POSE_ERRORS
+from estimation.error_state.memory import ERRORS, MARKER, NOMINAL, NOTHING, POSE, POSE_ERRORS
 from estimation.error_state.rows import linearize
 from quadrotor.compiled import compiled
 from quadrotor.vectors import Vector, add, cross, dot, multiply, normalized, scale, turned, vector
@@ -124,7 +124,7 @@ def shift(m: Any, pairs: int, first: int, all_of_them: bool) -> Vector:
 @compiled(inner=True)
 def tell_innovation(m: Any, pairs: int, kind: int, count: int) -> None:
     """Write `innovation` of the rows linearised at the prediction; of all when none was used."""
-    if kind == POSE:
+    if kind in (POSE, MARKER):
         for i in range(POSE_ERRORS):
             m.innovation[i] = m.rest[i]
         return
@@ -161,7 +161,7 @@ def judge(m: Any, pairs: int, kind: int, count: int) -> None:
     fits by chance wherever a lost filter is.
     """
     tell_innovation(m, pairs, kind, count)
-    m.freedom, m.nis = 2 * count, 0.0
+    m.freedom, m.nis = min(2 * count, 3) if kind == MARKER else 2 * count, 0.0
     m.refused_share += MEMORY * (1.0 - count / pairs - m.refused_share)
     few = 2 * count < pairs
     if few and m.refused == 0:
@@ -172,9 +172,9 @@ def judge(m: Any, pairs: int, kind: int, count: int) -> None:
         m.refused = 0
     elif few:
         m.refused += 1
-    if kind == POSE:
+    if kind in (POSE, MARKER):
         # A tracker that jumped says nothing about the IMU.
-        learn_from_pose(m, count > 0 or m.at_once == 0)
+        learn_from_pose(m, kind == POSE, count > 0 or m.at_once == 0)
         run(m, count == 0)
     else:
         learn_from_bearings(m, pairs)
@@ -195,7 +195,8 @@ def fuse(m: Any, slot: int, g: Any, newest: bool) -> bool:
         for j in range(ERRORS):
             m.prior[i, j] = P[i, j]
     pairs = linearize(m, slot, x, g)
-    count = gate(m, pairs, kind == POSE, g.gate)
+    tracked = kind in (POSE, MARKER)
+    count = gate(m, pairs, tracked, g.gate)
     if newest:
         judge(m, pairs, kind, count)
     if count == 0:
@@ -215,7 +216,7 @@ def fuse(m: Any, slot: int, g: Any, newest: bool) -> bool:
             one, other = along(m.row[2 * k], found), along(m.row[2 * k + 1], found)
             bent = max(bent, one * one + other * other)
         displace(x, step, m.trial)
-        if kind == POSE or bent < STRAIGHT**2:
+        if tracked or bent < STRAIGHT**2:
             break
         linearize(m, slot, m.trial, g)
     reset(P, step[3:])

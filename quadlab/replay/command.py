@@ -138,16 +138,16 @@ class Replay:
 
     def _truth(self, recording: Recording) -> Truth:
         from quadlab.replay.errors import Truth
-        from quadlab.replay.window import tracked_truth
+        from quadlab.replay.window import tracked_truth, with_attitude
 
         if self.truth == "tracker":
-            if len(recording.poses) < 2:
+            if len(with_attitude(recording)) < 2:
                 raise LogFormatError(f"{self.file} holds no tracker poses to compare with")
             return tracked_truth(recording)
         if len(recording.truth) < 2:
             hint = (
                 "--truth tracker takes the tracker's poses for it"
-                if recording.poses
+                if with_attitude(recording)
                 else "and no tracker poses either, so nothing can be compared"
             )
             raise LogFormatError(

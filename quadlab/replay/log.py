@@ -24,7 +24,7 @@ from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.plain_rotations import rotate
 from quadrotor.records import IMU_SAMPLE, STATE, Record
 from vehicle_link.messages import decode, stamp_of
-from vehicle_link.topics import decode_bearings, decode_pose, decode_sweeps
+from vehicle_link.topics import decode_bearings, decode_pose, decode_position, decode_sweeps
 from vehicle_link.topics.ticks import FROM_ROS, SECOND_NS, WORLD, layout
 
 Stamps = npt.NDArray[np.int64]
@@ -42,13 +42,14 @@ WANTED = {
     "truth": (*HEADER_STAMP, *ODOMETRY),
     "status": (*HEADER_STAMP, "airborne"),
 }
-EVENTS = ("tracker_pose", "bearings", "sweeps", "events", "parameter_changes")
+EVENTS = ("tracker_pose", "tracker_position", "bearings", "sweeps", "events", "parameter_changes")
 WHOLE = tuple(f"/{name}" for name in EVENTS)
 MOST_BYTES = 200_000_000
 """Largest size of what is held: half an hour's flight at 400 Hz."""
-CALIBRATED = "ready: gyroscope bias"
+CALIBRATED, ARMED = "ready: gyroscope bias", "armed: "
+"""The events at whose sample the vehicle's estimators forget what they learnt, and take the
+heading stated."""
 PARAMETERS = "parameters.json"
-"""The event at whose sample the vehicle's estimators forget what they learnt."""
 UNIT = 1e-14
 """A quaternion this near to unit length is taken as it was sent, as simulated flights do."""
 
@@ -88,6 +89,7 @@ class Recording:
     parameters_recorded: bool = True  # False: an imported flight, with this version's defaults
     changes: list[Change] = field(default_factory=list)
     resets: set[int] = field(default_factory=set)  # stamps of samples
+    armed: set[int] = field(default_factory=set)
     airborne: list[tuple[int, bool]] = field(default_factory=list)
 
     @property
@@ -131,13 +133,20 @@ def read_recording(path: Path) -> Recording:
         state,
         _newest(truth_ns, truth_ns),
         _newest(truth_ns, truth),
-        poses=_arrivals(topics["tracker_pose"], _pose),
+        poses=sorted(
+            (
+                *_arrivals(topics["tracker_pose"], _pose),
+                *_arrivals(topics["tracker_position"], decode_position),
+            ),
+            key=itemgetter(0),
+        ),
         bearings=_arrivals(topics["bearings"], decode_bearings),
         sweeps=_arrivals(topics["sweeps"], decode_sweeps),
         parameters=_parameters(path, reader.log.attachments),
         parameters_recorded=PARAMETERS in reader.log.attachments,
         changes=sorted(map(_change, _messages(topics["parameter_changes"])), key=itemgetter(0, 1)),
-        resets=_calibrations(topics["events"]),
+        resets=_told(topics["events"], CALIBRATED),
+        armed=_told(topics["events"], ARMED),
         airborne=list(zip(status_ns.tolist(), (airborne[:, 0] > 0.0).tolist(), strict=True)),
     )
 
@@ -234,9 +243,10 @@ def _change(change: Any) -> Change:
     return Change(stamp_of(change), int(change.revision), change.name, value)
 
 
-def _calibrations(events: Topic) -> set[int]:
+def _told(events: Topic, words: str) -> set[int]:
+    """Return the stamps of the events that begin with these words."""
     return {
         event.stamp.sec * SECOND_NS + event.stamp.nanosec
         for event in _messages(events)
-        if event.msg.startswith(CALIBRATED)
+        if event.msg.startswith(words)
     }

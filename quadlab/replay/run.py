@@ -12,7 +12,7 @@ from bearing_sim.beacons import parse_layout
 from bearing_sim.known_beacons import KnownBeacons
 from estimation import registry
 from estimation.error_state.estimator import ErrorStateEstimator
-from estimation.estimator import Estimator
+from estimation.estimator import Estimator, TakesHeading
 from quadlab.replay.consistency import ALL, Consistency, Posterior, of_innovations
 from quadlab.replay.errors import Array, Stamps
 from quadlab.replay.lines import BELIEVED_LAYOUT, Run
@@ -109,6 +109,7 @@ class _Vehicle:
         state, states = new_state(), out.states.view(_BYTES)
         state_bytes = state.view(_BYTES)
         resets, changes = self._recording.resets, self._changes
+        armed = self._recording.armed
         next_arrival = next_change = 0
         last_ns = 0
         began = time.process_time()
@@ -129,6 +130,8 @@ class _Vehicle:
                     self._take(arrivals[next_arrival].measurement, now_ns)
                     next_arrival += 1
                 estimator.report(self._estimate)
+                if now_ns in armed and isinstance(estimator, TakesHeading):
+                    estimator.take_heading()
             states[k] = state_bytes[0]
         out.processor = time.process_time() - began
         return out

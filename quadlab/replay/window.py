@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from quadlab.replay.errors import Truth
-from quadlab.replay.log import Recording
+from quadlab.replay.log import Arrival, Recording
 from quadrotor.errors import UsageError
+from quadrotor.records import has_attitude
 
 HEIGHT = 0.05
 """m above its lowest point at which a vehicle counts as airborne when the log does not say."""
@@ -69,9 +70,14 @@ def _airborne(recording: Recording, truth: Truth) -> tuple[int, int, str]:
     return int(truth.stamps_ns[0]), int(truth.stamps_ns[-1]), "all of it: it was never airborne"
 
 
+def with_attitude(recording: Recording) -> list[Arrival]:
+    """Return the tracker's recorded poses without the positions of a marker."""
+    return [one for one in recording.poses if has_attitude(one.measurement["quaternion_wb"])]
+
+
 def tracked_truth(recording: Recording) -> Truth:
     """Return the tracker's recorded poses in the truth's place; velocities are not known."""
-    ordered = {int(pose["stamp_ns"][0]): pose[0] for _, pose in recording.poses}
+    ordered = {int(pose["stamp_ns"][0]): pose[0] for _, pose in with_attitude(recording)}
     states = np.zeros(len(ordered), recording.truth.dtype)
     stamps = np.array(sorted(ordered), np.int64)
     for k, stamp_ns in enumerate(stamps.tolist()):

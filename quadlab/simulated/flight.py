@@ -22,7 +22,7 @@ from quadlab.simulated.guide import REQUESTER, SimulatedGuide
 from quadlab.simulated.stage_clock import StageClock
 from quadrotor.errors import MeasurementError, RefusedError, UsageError
 from quadrotor.parameters import ParameterValue
-from quadrotor.records import Record, bearings_sample, pose_sample
+from quadrotor.records import Record, bearings_sample, has_attitude, pose_sample
 from vehicle.comms.bearing_pose import bearing_pose
 from vehicle.estimators.navigation import COMPLAIN_NS
 from vehicle.flight.microcontroller_commands import Orders
@@ -186,7 +186,8 @@ class SimulatedFlight(SimulatedGuide):
             self._log.truth(now_ns, self._simulated.truth)
         for pose in self._tracker.due(now_ns):
             self.stack.measure(pose_sample(pose.stamp_ns, pose.position_w, pose.quaternion_wb))
-            self._pose = pose
+            if has_attitude(pose.quaternion_wb):
+                self._pose = pose
             self._log.pose(pose.stamp_ns, pose.position_w, pose.quaternion_wb, now_ns)
         for frame in self._emulator.due(now_ns):
             self._log.bearings(frame, now_ns)

@@ -13,7 +13,7 @@ from flight_log import LogWriter
 from flight_log.provenance import provenance
 from flight_log.writer import Batch
 from quadrotor.parameters import ParameterStore
-from quadrotor.records import POSE_SAMPLE, STATE, TICK, Record
+from quadrotor.records import POSE_SAMPLE, STATE, TICK, Record, has_attitude, pose_sample
 from vehicle.comms.publish import FLOWN_ON, Publisher
 from vehicle.processes import mailbox
 from vehicle_link import topics
@@ -101,7 +101,11 @@ class FlightLog:
         self._truths.append(state.tobytes())
 
     def pose(self, stamp_ns: int, position_w: Array, quaternion_wb: Array, log_ns: int) -> None:
-        """Log a tracker pose that arrived at `log_ns`."""
+        """Log a tracker pose, or the position of a marker, that arrived at `log_ns`."""
+        if not has_attitude(quaternion_wb):
+            sample = pose_sample(stamp_ns, position_w, quaternion_wb)
+            self._put("tracker_position", topics.encode_positions(sample)[0], stamp_ns, log_ns)
+            return
         self._poses.append((stamp_ns, position_w, quaternion_wb))
         self._pose_arrivals.append(log_ns)
 

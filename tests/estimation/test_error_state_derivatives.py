@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
-from estimation.error_state.memory import BEARINGS, NOISES, POSE, new_memory
+from estimation.error_state.memory import BEARINGS, MARKER, NOISES, POSE, new_memory
 from estimation.error_state.motion import move, spread
 from estimation.error_state.parameters import ErrorStateParameters, noise_record
 from estimation.error_state.rows import linearize
@@ -18,7 +18,7 @@ from estimation.error_state.update import displace, reset
 
 Array = npt.NDArray[np.float64]
 UP = np.array([0.0, 0.0, 9.81])
-NOISE = noise_record(ErrorStateParameters())
+NOISE = noise_record(ErrorStateParameters(marker_x=0.05, marker_y=-0.03, marker_z=0.1))
 BEACONS = np.array([[1.0, 1.0, 0.1], [-1.0, 1.0, 0.1], [-1.0, -1.0, 0.1], [1.0, -1.0, 0.1]])
 
 
@@ -98,7 +98,7 @@ def test_noise_grows_with_time_alone(rng: np.random.Generator) -> None:
         np.testing.assert_allclose(np.diag(P)[block : block + 3], expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize("kind", [BEARINGS, POSE])
+@pytest.mark.parametrize("kind", [BEARINGS, POSE, MARKER])
 def test_rows_are_minus_the_derivative_of_the_residuals(
     kind: int, rng: np.random.Generator
 ) -> None:
@@ -112,6 +112,8 @@ def test_rows_are_minus_the_derivative_of_the_residuals(
             away = rotation(x).inv().apply(BEACONS - x[:3])
             item["event_data"][0, :4, :3] = BEACONS
             item["event_data"][0, :4, 3:] = away / np.linalg.norm(away, axis=1)[:, None]
+        elif kind == MARKER:
+            item["event_data"][0, 0, :3] = x[:3] + rotation(x).apply([0.05, -0.03, 0.1])
         else:
             item["event_data"][0, 0, :3], item["event_data"][0, 1, :4] = x[:3], x[6:10]
         count = 2 * linearize(m[0], 0, x, NOISE[0])

@@ -38,11 +38,15 @@ ON_BEARINGS = 9.0
 TIMED = {"processor_s_per_s"}
 
 
-def flown(path: Path, handed_over: bool) -> Path:
-    """A short flight on the tracker, late measurements, gains changed in it; or on bearings."""
+def flown(path: Path, handed_over: bool, marker: bool = False) -> Path:
+    """A short flight on the tracker, or on a marker, late measurements, gains changed in it; or on
+    bearings.
+    """
     parameters = FlightParameters().model_copy(deep=True)
     parameters.seed(7)
     parameters.tracker.delay, parameters.bearings.delay = 0.012, 0.0155
+    parameters.tracker.positions_only = marker
+    parameters.estimation.estimator = "error_state" if marker else "complementary"
     simulated = SimulatedVehicle(parameters.simulator)
     simulated.warm_up()
     prepare(lambda line: None)
@@ -145,6 +149,13 @@ def test_the_flight_is_replayed_byte_for_byte(recording: Recording, truth: Truth
     same = as_flown(recording, truth)
     assert len(same) > 3000
     assert all(same), f"first differs sample {same.index(False)} of {len(same)}"
+
+
+def test_a_flight_on_a_marker_is_replayed_byte_for_byte(tmp_path: Path) -> None:
+    recording = read_recording(flown(tmp_path / "marker.mcap", handed_over=False, marker=True))
+    assert len(recording.poses) > 700
+    assert len(recording.armed) == 1
+    assert all(as_flown(recording, Truth(recording.truth_ns, recording.truth)))
 
 
 def test_a_flight_handed_over_to_bearings_is_replayed_byte_for_byte(tmp_path: Path) -> None:

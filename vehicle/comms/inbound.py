@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable
+from functools import partial
 
 from bearing_sim.beacons import PAPER_BEACONS, parse_layout
 from bearing_sim.known_beacons import KnownBeacons
@@ -93,7 +94,8 @@ class Inbound:
         }
         self.newest_state: Record | None = None
         self.handlers: dict[str, Callable[[bytes], None]] = {
-            "tracker_pose": self._tracker_pose,
+            "tracker_pose": partial(self._tracked, "tracker_pose", topics.decode_pose),
+            "tracker_position": partial(self._tracked, "tracker_position", topics.decode_position),
             "bearings": self._bearings,
             "joy": self._joy,
             "external_reference": self._external_reference,
@@ -150,12 +152,12 @@ class Inbound:
         except (LinkError, MeasurementError) as error:
             self._complain(topic, str(error))
 
-    def _tracker_pose(self, payload: bytes) -> None:
-        sample = topics.decode_pose(payload)
+    def _tracked(self, topic: str, decode: Callable[[bytes], Record], payload: bytes) -> None:
+        sample = decode(payload)
         stamp_ns = int(sample["stamp_ns"][0])
-        if self._fresh("tracker_pose", stamp_ns):
+        if self._fresh(topic, stamp_ns):
             self._send(sample)
-            self._log("tracker_pose", payload, stamp_ns)
+            self._log(topic, payload, stamp_ns)
 
     def _joy(self, payload: bytes) -> None:
         sticks = topics.decode_joy(payload)

@@ -26,7 +26,7 @@ from vehicle_link.transport.node import Node, Publisher, Received
 
 log = logging.getLogger(__name__)
 
-ONE_WAY = ("tracker_pose", "bearings")
+ONE_WAY = ("tracker_pose", "tracker_position", "bearings")
 """Topics that are subscribed to over Zenoh only while the lane is silent."""
 SILENT_AFTER = 0.3
 """s without a heartbeat by the lane: several of them are missing."""

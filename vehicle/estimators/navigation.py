@@ -13,7 +13,7 @@ from bearing_sim.beacons import PAPER_BEACONS, Beacons
 from bearing_sim.known_beacons import KnownBeacons, with_rows
 from estimation import registry
 from estimation.convergence import difference
-from estimation.estimator import Estimator, fewest_beacons
+from estimation.estimator import Estimator, TakesHeading, fewest_beacons
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError, UndeterminedStartError
 from quadrotor.parameters import ParameterValue
@@ -33,6 +33,7 @@ from vehicle.estimators.choice import (
 )
 from vehicle.estimators.estimator_runner import BEARINGS, POSES, Runner
 from vehicle.estimators.fade import Fade
+from vehicle.estimators.heading_watch import HeadingWatch
 from vehicle.estimators.measurement_rate import MeasurementRate
 from vehicle.estimators.suspect_beacon import SuspectBeacon
 from vehicle.parameters import FallBackParameters
@@ -57,6 +58,7 @@ class Navigation:
         active: the estimator in use.
         source: its source: "poses", "bearings" or "both".
         agreement: reports whether measurements agree with it.
+        heading: reports a heading that nothing tells of.
         suspect: reports a beacon whose bearings are off.
         measured: whether the last step had measurements.
     """
@@ -72,6 +74,7 @@ class Navigation:
         p = self._parameters = parameters
         self.watch = BearingsWatch(fallback or FallBackParameters())
         self.agreement = AgreementWatch(say)
+        self.heading = HeadingWatch(say)
         self.suspect = SuspectBeacon(say)
         self.measured = False
         self._fade = Fade()
@@ -149,6 +152,7 @@ class Navigation:
         active.report(estimate)
         if measured:
             self.agreement.look(estimate, imu["stamp_ns"].item())
+            self.heading.look(estimate)
         if self.agreement.flags:
             self.agreement.step(imu["stamp_ns"].item())
 
@@ -179,6 +183,12 @@ class Navigation:
         state[...] = now
         if self._fade.on:
             self._fade.step(0.0, state)
+
+    def take_heading(self) -> None:
+        """Have filters that run on a marker alone take the heading stated: the vehicle is armed."""
+        for runner in self._seats.all():
+            if isinstance(runner.estimator, TakesHeading):
+                runner.estimator.take_heading()
 
     def reset(self) -> None:
         """Reset all estimators: the gyroscope was calibrated again."""

@@ -22,6 +22,8 @@ from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Supervisor
 
 WITHOUT_A_POSE = ("near_hovering", "emergency_landing")
+WITH_HEADING = ("follow_trajectory", "excite", "external")
+"""Behaviors that fly a plan, refused while the heading is unknown."""
 
 
 class CommandHandler:
@@ -160,6 +162,7 @@ class CommandHandler:
         tilt, limit = math.degrees(self._tick.tilt), self._parameters.safety.arm_tilt_max
         if tilt > limit:
             raise RefusedError(f"not armed: tilted by {tilt:.0f} deg, allowed {limit:.0f} deg")
+        self._navigation.take_heading()
         modes.move(Mode.ARMED, f"by {requester}")
 
     def _disarm(self, requester: str) -> None:
@@ -183,6 +186,12 @@ class CommandHandler:
             raise RefusedError(
                 f"{command.name} refused: no fresh pose measurement to hold position by; "
                 f"possible now: {', '.join(WITHOUT_A_POSE)}"
+            )
+        heading = self._navigation.heading
+        if heading.flags and command.name in WITH_HEADING:
+            raise RefusedError(
+                f"{command.name} refused: heading not observed, {heading.state}; "
+                "fly to and fro by fly_to or sticks first"
             )
         self._behaviors.request(
             command.name,

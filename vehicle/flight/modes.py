@@ -89,3 +89,4 @@ class Flag(IntFlag):
     ESTIMATE_DRIFTED = 4096  # measurements moved away from the prediction gradually
     BEACON_OFF = 8192  # bearings of one beacon do not fit the others
     RESCUED = 16384  # flown on the shadow: the estimator chosen is inconsistent
+    HEADING_UNKNOWN = 32768  # on a marker alone: no motion told of the heading for too long

@@ -83,6 +83,7 @@ class StatusWriter:
         navigation, airborne = self._navigation, self._ground.airborne
         flags = int(self._supervisor.flags) | self._guard.flags
         flags |= navigation.agreement.flags | navigation.suspect.flags | self._rescue.flags
+        flags |= navigation.heading.flags
         if mode is Mode.STARTING:
             flags |= _GYRO_UNCALIBRATED
         if pose_age > self._estimation.measurement_timeout:

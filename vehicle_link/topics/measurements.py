@@ -19,11 +19,13 @@ import numpy.typing as npt
 from quadrotor.errors import MeasurementError
 from quadrotor.records import (
     MAX_SENSORS,
+    NO_ATTITUDE,
     POSE_SAMPLE,
     REFERENCE,
     SWEEPS_SAMPLE,
     Record,
     bearings_sample,
+    pose_sample,
 )
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.messages.cdr_layout import FixedLayout, Records, payloads_of
@@ -99,6 +101,28 @@ def decode_pose(payload: bytes) -> Record:
         )
     sample["quaternion_wb"] /= length
     return sample
+
+
+def encode_positions(samples: Record) -> list[bytes]:
+    """Encode `tracker_position`: geometry_msgs/PointStamped of POSE_SAMPLE without attitude,
+    shape (N,).
+    """
+    out = layout("geometry_msgs/PointStamped", WORLD).new(len(samples))
+    set_stamps(out, samples["stamp_ns"])
+    out["point"] = samples["position_w"]
+    return payloads_of(out)
+
+
+def decode_position(payload: bytes) -> Record:
+    """Decode a POSE_SAMPLE of shape (1,) without attitude from a `tracker_position`.
+
+    Raises LinkError; MeasurementError when a number is not finite.
+    """
+    message = decode(payload, "geometry_msgs/PointStamped")
+    position = xyz(message.point)
+    if not all(map(math.isfinite, position)):
+        raise MeasurementError(f"marker at {position}: finite numbers are needed")
+    return pose_sample(stamp_of(message), position, NO_ATTITUDE)
 
 
 def encode_bearing_pose(

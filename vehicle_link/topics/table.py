@@ -113,6 +113,18 @@ _ROWS = (
         stale=0.3,
         page="chart",
     ),
+    Topic(  # of a single marker, in place of poses
+        "tracker_position",
+        "geometry_msgs/PointStamped",
+        "station",
+        100,
+        "real_time",
+        lane=7,
+        one_source=True,
+        recorded=True,
+        stale=0.3,
+        page="seen",
+    ),
     Topic(
         "bearings",
         "quadlab_msgs/BearingArray",

@@ -33,6 +33,7 @@ def _estimator(xp: Any, *columns: Any) -> Sequence[Any]:
         1e3 * rms(xp, *p),
         1e3 * rms(xp, *v),
         DEGREES * rms(xp, *a),
+        DEGREES * rms(xp, a[2]),
     )
 
 
@@ -96,6 +97,7 @@ HEALTH = (
             Signal("deviation.position", "position", "mm", "rms deviation", "estimator"),
             Signal("deviation.velocity", "velocity", "mm/s", "rms deviation", "estimator"),
             Signal("deviation.attitude", "attitude", "°", "rms deviation", "estimator"),
+            Signal("deviation.heading", "heading", "°", "rms deviation", "estimator"),
         ),
         function=_estimator,
     ),

@@ -14,7 +14,7 @@ from bearing_sim.beacons import PAPER_BEACONS
 from control.behaviors.table import BehaviorName
 from estimation.outcome import LATEST_NS
 from quadrotor.errors import LinkError, ParameterError
-from quadrotor.records import POSE_SAMPLE, TICK, Record, pose_sample
+from quadrotor.records import NO_ATTITUDE, POSE_SAMPLE, TICK, Record, pose_sample
 from tests.support.narrowing import now
 from vehicle.comms.commands import FlightMailbox, FlightParameters
 from vehicle.comms.inbound import Inbound
@@ -403,6 +403,14 @@ def test_a_fresh_pose_reaches_flight_and_log(receiver: Receiver) -> None:
     (pose,) = receiver.flight.measured()
     assert pose.tobytes() == pose_sample(stamp, (1.0, 2.0, 3.0), (0.0, 1.0, 0.0, 0.0)).tobytes()
     assert receiver.logged == ["tracker_pose"]
+
+
+def test_the_position_of_a_marker_reaches_flight_and_log(receiver: Receiver) -> None:
+    sent = pose_sample(START_NS - 30 * MS, (1.0, 2.0, 3.0), NO_ATTITUDE)
+    receiver.inbound.take("tracker_position", topics.encode_positions(sent)[0])
+    (taken,) = receiver.flight.measured()
+    assert taken.tobytes() == sent.tobytes()
+    assert receiver.logged == ["tracker_position"]
 
 
 @pytest.mark.parametrize(

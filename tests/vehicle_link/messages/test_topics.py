@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from quadrotor.errors import LinkError, MeasurementError
-from quadrotor.records import POSE_SAMPLE, TICK, Record, beacon_ids_of
+from quadrotor.records import NO_ATTITUDE, POSE_SAMPLE, TICK, Record, beacon_ids_of
 from quadrotor.rotations import rotate_inverse
 from vehicle_link.messages import TYPESTORE, decode, encode, header, new, stamp_of, stored_name
 from vehicle_link.parameters.messages import AppliedChange, decode_change
@@ -23,6 +23,7 @@ from vehicle_link.topics import (
     decode_joy,
     decode_odometry,
     decode_pose,
+    decode_position,
     decode_reference,
     encode_actuators,
     encode_batteries,
@@ -35,6 +36,7 @@ from vehicle_link.topics import (
     encode_joy,
     encode_parameter_change,
     encode_poses,
+    encode_positions,
     encode_pressures,
     encode_references,
     encode_states,
@@ -242,6 +244,16 @@ def test_a_pose_the_estimator_could_not_use_is_refused(
     samples["position_w"], samples["quaternion_wb"] = position, quaternion
     with pytest.raises(MeasurementError, match="finite numbers and a unit quaternion"):
         decode_pose(encode_poses(samples)[0])
+
+
+def test_positions_of_a_marker_survive_and_bad_ones_are_refused() -> None:
+    samples = _pose_samples()
+    samples["quaternion_wb"] = NO_ATTITUDE
+    for sample, payload in zip(samples, encode_positions(samples), strict=True):
+        assert decode_position(payload)[0] == sample
+    samples["position_w"][0, 1] = math.nan
+    with pytest.raises(MeasurementError, match="nan"):
+        decode_position(encode_positions(samples)[0])
 
 
 def test_bearing_pose_keeps_covariance() -> None:

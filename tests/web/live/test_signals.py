@@ -84,6 +84,7 @@ def test_consistency_is_told_a_number_and_deviations_as_lengths() -> None:
     assert now["nis"] == 1.5
     assert now["deviation.position"] == pytest.approx(30.0)
     assert now["deviation.attitude"] == pytest.approx(0.5)
+    assert now["deviation.heading"] == 0.0
     told.nis_freedom = 0  # the newest was refused, or there is no covariance
     assert math.isnan(values(live_with("estimator", told))["nis"])
 

@@ -26,7 +26,7 @@ export class TrackerSection {
     const missing = rate === undefined || !nominal ? NONE : `${fixed(100 * Math.max(0, 1 - rate / nominal), 0)} % of ${fixed(nominal, 0)} Hz`;
     const pose = preflight?.armed ? undefined : preflight?.checks.find(({ name }) => name === "measurements");
     const rows = [
-      ["Source", old ? NONE : rate > 0 ? "simulated tracker" : "none: no data from a simulator or tracking system"],
+      ["Source", old ? NONE : rate > 0 ? `simulated tracker${this.parameters.value("station.tracker.positions_only") ? " of a single marker: positions alone" : ""}` : "none: no data from a simulator or tracking system"],
       ["Rate", rate === undefined ? NONE : `${fixed(rate, 0)} Hz`],
       ["Missing", `${missing}${lost ? ` (${fixed(100 * lost, 0)} % are lost on purpose)` : ""}`],
       ["At the vehicle", pose ? `${pose.found} (${pose.wanted})` : NONE],
