@@ -113,7 +113,7 @@ class Reception:
             print(f"station: {self._vehicle}: {text}", flush=True)
 
     def _tracked(self, received: Received) -> None:
-        sample, link = topics.decode_pose(received.payload)[0], self._link
+        sample, link = topics.decode_pose(received.payload, or_position=True)[0], self._link
         pose = PoseMeasurement(
             link.vehicle_ns(int(sample["stamp_ns"])),
             sample["position_w"].copy(),

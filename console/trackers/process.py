@@ -21,7 +21,7 @@ from console.trackers.source import Body, Frame, Source
 from console.trackers.system_clock import SystemClock
 from quadrotor.errors import MeasurementError, QuadlabError, UsageError
 from quadrotor.plain_rotations import Array
-from quadrotor.records import pose_sample
+from quadrotor.records import NO_ATTITUDE, pose_sample
 from vehicle_link import topics
 from vehicle_link.clock import monotonic, monotonic_ns, time_ns
 from vehicle_link.messages import encode, header, new
@@ -181,10 +181,11 @@ class Tracker:
             return
         body = next(body for body in bodies if body.name == one.body)
         others = {name: place for name, place in self._places.items() if name != one.body}
-        if not one.health.take(body, 1e-9 * taken_ns, others) or body.quaternion_wb is None:
+        if not one.health.take(body, 1e-9 * taken_ns, others):
             return
         stamp_ns = taken_ns + time_ns() - monotonic_ns()
-        sample = pose_sample(stamp_ns, body.position_w, body.quaternion_wb)
+        turn = NO_ATTITUDE if body.quaternion_wb is None else body.quaternion_wb
+        sample = pose_sample(stamp_ns, body.position_w, turn)
         one.poses.put(topics.encode_poses(sample)[0], stamp_ns)
 
     # ------------------------------------------------------------------ statuses

@@ -72,8 +72,11 @@ def pose_messages(samples: Record) -> Records:
     return out
 
 
-def decode_pose(payload: bytes) -> Record:
+def decode_pose(payload: bytes, *, or_position: bool = False) -> Record:
     """Decode POSE_SAMPLE of shape (1,), the quaternion normalised.
+
+    Args:
+        or_position: whether NO_ATTITUDE may stand for the quaternion.
 
     Raises:
         LinkError: the bytes are no PoseStamped.
@@ -94,12 +97,13 @@ def decode_pose(payload: bytes) -> Record:
         sample["quaternion_wb"] = (pose.orientation.w, *xyz(pose.orientation))
     position, quaternion = sample["position_w"][0].tolist(), sample["quaternion_wb"][0].tolist()
     length = math.hypot(*quaternion)
-    if not all(map(math.isfinite, position)) or not abs(length - 1.0) < 0.1:
+    is_position = or_position and length == 0.0
+    if not all(map(math.isfinite, position)) or not (is_position or abs(length - 1.0) < 0.1):
         raise MeasurementError(
             f"pose with position {position} and quaternion (w, x, y, z) {quaternion}: "
             "finite numbers and a unit quaternion are needed"
         )
-    sample["quaternion_wb"] /= length
+    sample["quaternion_wb"] /= length or 1.0
     return sample
 
 

@@ -62,7 +62,12 @@ class Bench(LinkedStation):
         self.events: list[str] = []
         self.statuses: list[Any] = []
         serve_time_sync(self.at_vehicle, lambda: time.time_ns() + AHEAD_NS)
-        for name, came in (("tracker_pose", self.poses), ("bearings", self.frames)):
+        self.places: list[Received] = []
+        for name, came in (
+            ("tracker_pose", self.poses),
+            ("tracker_position", self.places),
+            ("bearings", self.frames),
+        ):
             self.at_vehicle.subscribe(name, TOPICS[name].type_name, came.append)
         self.page.subscribe("events", TOPICS["events"].type_name, self._event)
         self.page.subscribe("tracker_status", TOPICS["tracker_status"].type_name, self._status)
@@ -173,6 +178,15 @@ def test_poses_that_must_not_be_flown_on_are_kept_from_the_vehicle_and_told(
     assert len(bench.poses) <= kept + 1  # the last good one may still be on its way
     laboratory.lines = good
     wait_for(lambda: len(bench.poses) > kept + 5 and not bench.statuses[-1].problem)
+
+
+def test_a_single_marker_is_sent_as_positions(bench: Bench, laboratory: Laboratory) -> None:
+    good, laboratory.lines = laboratory.lines, ["{stamp},cf7,0.5,-0.5,1.0"]
+    wait_for(lambda: len(bench.places) > 5)
+    place = topics.decode_position(bench.places[-1].payload)[0]
+    np.testing.assert_allclose(place["position_w"], PLACE)
+    laboratory.lines, before = good, len(bench.poses)
+    wait_for(lambda: len(bench.poses) > before + 5)
 
 
 def test_a_clock_that_is_set_by_a_second_is_told_and_followed(
