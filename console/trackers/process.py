@@ -214,7 +214,7 @@ class Tracker:
             return self._trouble
         if now - self._heard > GAP:
             return f"no frames from {self._words}; look at the system and its network"
-        one.is_missing = now - one.seen > GAP
+        one.is_missing = self._heard - one.seen > GAP
         if one.is_missing:
             seen = sorted({name for _, name in self._seen})
             listed = ", ".join(seen[:SEEN_MOST]) + (", …" if len(seen) > SEEN_MOST else "")
