@@ -145,6 +145,7 @@ def summarize(live: Live) -> Message:
         "status": _fields(live.newest("status")),
         "station": _fields(live.newest("station_status")),
         "link": _fields(live.newest("link_status")),
+        "tracker": _fields(live.newest("tracker_status")),
         "battery": _battery(live.newest("battery")),
         "estimate": _estimate(live.newest("estimator")),
     }

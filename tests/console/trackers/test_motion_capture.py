@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from console.trackers import motion_capture
@@ -22,8 +23,29 @@ def test_a_server_that_does_not_answer_is_named_also_where_the_library_waits_for
     source.close()
 
 
+def test_frames_of_the_library_are_bodies_stamped_where_they_are_received(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bodies = {"rigid_bodies": "cf7(0.5,-0.5,1,0.6,0,0,0.8)", "frequency": "100"}
+    mock = {"mock": ("mock", 0, lambda host, port: bodies)}
+    monkeypatch.setattr(motion_capture, "SYSTEMS", mock)
+    source = MotionCaptureSource("mock", "127.0.0.1", 1)
+    frames = source.frames()
+    first, second = next(frames), next(frames)
+    source.close()
+    for _ in frames:  # ends, and the library's process with it
+        pass
+    [body] = first.bodies
+    assert body.name == "cf7"
+    np.testing.assert_allclose(body.position_w, (0.5, -0.5, 1.0))
+    assert body.quaternion_wb is not None
+    np.testing.assert_allclose(body.quaternion_wb, (0.6, 0.0, 0.0, 0.8), atol=1e-6)
+    assert first.stamp_ns is None
+    assert second.received_ns > first.received_ns
+
+
 def test_a_host_that_no_one_knows_is_named() -> None:
-    with pytest.raises(UnreachableError, match="no host mocap.invalid is known"):
+    with pytest.raises(UnreachableError, match=r"no host mocap\.invalid is known"):
         MotionCaptureSource("vrpn", "mocap.invalid", 3883)
 
 

@@ -12,28 +12,68 @@ export class TrackerSection {
     this.events = events;
     this.parameters = parameters;
     this.facts = element("dl", { className: "facts" });
+    this.problem = element("p", { className: "reason", hidden: true });
+    this.bars = element("div", { className: "latencies", role: "img" });
+    this.latencies = element("figure", { hidden: true }, this.bars, element("figcaption", {}, "frames of the last seconds by their latency above the smallest, in steps of 1 ms; the last bar: all longer ones"));
     const fields = element("div");
-    place.append(element("p", { className: "hint" }, "Poses of the simulated tracking system, made by the station from the simulator's truth; what is set here is what its measurements suffer."), this.facts, fields);
+    this.simulated = element("div", {}, element("p", { className: "hint" }, "Poses of the simulated tracking system, made by the station from the simulator's truth; what is set here is what its measurements suffer."), fields);
+    place.append(this.facts, this.problem, this.latencies, this.simulated);
     new Fields(fields, parameters, LABELS.map(([name, label]) => [`station.tracker.${name}`, label]));
     this.timer = setInterval(() => this.draw(), PERIOD);
     this.draw();
   }
 
   draw() {
-    const { station, preflight } = this.events.summary, old = !(this.events.age("station_status") < 1.5);
-    const nominal = this.parameters.value("station.tracker.rate"), lost = this.parameters.value("station.tracker.drop_out");
+    const { station, preflight, tracker } = this.events.summary, old = !(this.events.age("station_status") < 1.5);
     const rate = old ? undefined : station?.tracker_rate;
-    const missing = rate === undefined || !nominal ? NONE : `${fixed(100 * Math.max(0, 1 - rate / nominal), 0)} % of ${fixed(nominal, 0)} Hz`;
     const pose = preflight?.armed ? undefined : preflight?.checks.find(({ name }) => name === "measurements");
     const rows = [
-      ["Source", old ? NONE : rate > 0 ? `simulated tracker${this.parameters.value("station.tracker.positions_only") ? " of a single marker: positions alone" : ""}` : "none: no data from a simulator or tracking system"],
-      ["Rate", rate === undefined ? NONE : `${fixed(rate, 0)} Hz`],
-      ["Missing", `${missing}${lost ? ` (${fixed(100 * lost, 0)} % are lost on purpose)` : ""}`],
+      ...(tracker ? this.system(tracker) : this.simulation(old, rate)),
+      ["Poses sent", rate === undefined ? NONE : `${fixed(rate, 0)} Hz`],
       ["At the vehicle", pose ? `${pose.found} (${pose.wanted})` : NONE],
     ];
-    const key = JSON.stringify(rows);
+    const silent = tracker && !(this.events.age("tracker_status") < 1.5);
+    const problem = silent ? "The tracker process is silent: start quadlab tracker, or read its lines." : tracker?.problem ?? "";
+    const key = JSON.stringify([rows, problem, tracker?.latency_counts]);
     if (key === this.drawn) return;
     this.drawn = key;
     this.facts.replaceChildren(...rows.flatMap(([label, text]) => [element("dt", {}, label), element("dd", {}, text)]));
+    this.problem.textContent = problem;
+    this.problem.hidden = !problem;
+    this.simulated.hidden = Boolean(tracker);
+    this.drawLatencies(tracker?.latency_counts ?? []);
+  }
+
+  simulation(old, rate) {
+    const nominal = this.parameters.value("station.tracker.rate"), lost = this.parameters.value("station.tracker.drop_out");
+    const missing = rate === undefined || !nominal ? NONE : `${fixed(100 * Math.max(0, 1 - rate / nominal), 0)} % of ${fixed(nominal, 0)} Hz`;
+    return [
+      ["Source", old ? NONE : rate > 0 ? "simulated tracker" : "none: no data from a simulator or tracking system"],
+      ["Missing", `${missing}${lost ? ` (${fixed(100 * lost, 0)} % are lost on purpose)` : ""}`],
+    ];
+  }
+
+  system(told) {
+    const stamped = told.latency_counts.some((count) => count > 0);
+    return [
+      ["Source", told.system],
+      ["This vehicle's body", `${told.body}${told.withheld ? " (its poses are withheld)" : ""}`],
+      ["Frames", `${fixed(told.frame_rate, 0)} Hz`],
+      ["Bodies seen", told.seen.map((name, k) => `${name} ${fixed(told.rates[k], 0)} Hz`).join(", ") || "none"],
+      ["Latency", stamped ? `median ${fixed(1e3 * told.latency, 1)} ms, 99 % below ${fixed(1e3 * told.latency_p99, 1)} ms` : "not known: no stamps of the system"],
+      ["Drift of its clock", stamped ? `${fixed(1e6 * told.clock_drift, 0)} µs/s` : NONE],
+      ["Since the start", `${told.gaps} gaps, ${told.jumps} jumps, clock set ${told.clock_jumps} times`],
+    ];
+  }
+
+  drawLatencies(counts) {
+    const most = Math.max(0, ...counts);
+    this.latencies.hidden = !most;
+    this.bars.ariaLabel = counts.map((count, k) => `${k} ms: ${count}`).join(", ");
+    this.bars.replaceChildren(...counts.map((count) => {
+      const bar = element("i");
+      bar.style.height = `${(100 * count) / Math.max(1, most)}%`;
+      return bar;
+    }));
   }
 }

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from bearing_sim.emulator import BearingParameters
@@ -235,6 +236,36 @@ def test_vehicle_tracker_and_beacons_are_told_wherever_the_address_points(
     look.value("#beacons tbody tr >> nth=0 >> input >> nth=1", "1.000")
     assert page.get_attribute("#vehicles p a", "href") == "/#tab=gains&search=model."
     assert page.evaluate("strips.filter((said) => said.includes('could not start'))") == []
+
+
+def test_the_tracker_process_is_shown_with_its_bodies_its_latency_and_what_is_wrong(
+    ground: Ground, open_tab: Any, look_at: Any
+) -> None:
+    status = new(
+        "quadlab_msgs/TrackerStatus",
+        system="vrpn at mocap:3883",
+        body="cf7",
+        seen=["cf7", "wand"],
+        rates=np.array([99.0, 98.0]),
+        frame_rate=100.0,
+        latency=0.0012,
+        latency_p99=0.0091,
+        latency_counts=np.array([400, 300, 150, 80, 30, 20, 10, 5, 3, 2] + [0] * 22, np.uint32),
+        gaps=3,
+        jumps=1,
+        problem="cf7 and wand have changed places",
+        withheld=True,
+    )
+    page = open_tab("/setup")
+    look = look_at(page)
+    ground.station.put("tracker_status", status)
+    look.text(
+        "#tracker dl", "vrpn at mocap:3883.*cf7 .its poses are withheld.*cf7 99 Hz, wand 98 Hz"
+    )
+    look.text("#tracker dl", "median 1.2 ms, 99 % below 9.1 ms.*3 gaps, 1 jumps")
+    look.text("#tracker > p.reason", "changed places|process is silent")
+    assert page.locator("#tracker .latencies i").count() == 32
+    assert not page.is_visible("#tracker .fields")
 
 
 def test_an_admin_adds_a_user_changes_the_role_and_deletes(
