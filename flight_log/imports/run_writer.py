@@ -49,15 +49,20 @@ def _slice(flight: ImportedFlight, start: int, end: int) -> Iterator[Batch]:
             stamps = track.stamps_ns[rows]
             made = topics.odometry_messages(stamps, track.states[rows], name)
             yield _batch(flight, topic, made, stamps)
-    if flight.truth is not None and flight.truth.attitude_known:
+    if flight.truth is not None:
         rows = _rows(flight.truth.stamps_ns, start, end)
         rows = rows[_thinned(flight.truth.stamps_ns[rows])]
         if len(rows):
             poses = np.zeros(len(rows), POSE_SAMPLE)
             poses["stamp_ns"] = flight.truth.stamps_ns[rows]
             poses["position_w"] = flight.truth.states["position_w"][rows]
-            poses["quaternion_wb"] = flight.truth.states["quaternion_wb"][rows]
-            yield _batch(flight, "tracker_pose", topics.pose_messages(poses), poses["stamp_ns"])
+            if flight.truth.attitude_known:
+                poses["quaternion_wb"] = flight.truth.states["quaternion_wb"][rows]
+                made = topics.pose_messages(poses)
+                yield _batch(flight, "tracker_pose", made, poses["stamp_ns"])
+            else:
+                made = topics.position_messages(poses)
+                yield _batch(flight, "tracker_position", made, poses["stamp_ns"])
     if flight.sweeps is not None:
         sweeps = flight.sweeps[_rows(flight.sweeps["stamp_ns"], start, end)]
         for count in np.unique(sweeps["count"]):

@@ -304,6 +304,13 @@ def test_crazyflie_with_motion_capture_by_another_clock_and_in_another_world(
     assert np.allclose(found.imu.angular_velocity_b, FLIGHT.rate, atol=1e-5)
     off = found.estimate.states["position_w"] - FLIGHT.position
     assert np.abs(off).max() < 2e-3
+    read = read_recording(NewRun(found, log).write(tmp_path, "run"))
+    assert len(read.poses) > 1000
+    assert not any(one.measurement["quaternion_wb"].any() for one in read.poses)
+    [run] = plan_runs(read, (), ["error_state"], (), "poses")
+    done = replay(read, run, read.poses)
+    off = np.linalg.norm(done.states["position_w"] - FLIGHT.position, axis=1)[500:2300]
+    assert np.sqrt((off**2).mean()) < 0.02
     assert read_flight(log).truth is None
     log.write_bytes(log.read_bytes()[:50_000])
     with pytest.raises(LogFormatError, match="not whole"):

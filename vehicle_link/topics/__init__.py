@@ -17,6 +17,7 @@ from vehicle_link.topics.measurements import (
     encode_poses,
     encode_positions,
     pose_messages,
+    position_messages,
     sweep_messages,
 )
 from vehicle_link.topics.status import (
@@ -86,6 +87,7 @@ __all__ = [
     "imu_messages",
     "odometry_messages",
     "pose_messages",
+    "position_messages",
     "reference_messages",
     "state_messages",
     "sweep_messages",

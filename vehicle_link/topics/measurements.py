@@ -111,10 +111,15 @@ def encode_positions(samples: Record) -> list[bytes]:
     """Encode `tracker_position`: geometry_msgs/PointStamped of POSE_SAMPLE without attitude,
     shape (N,).
     """
+    return payloads_of(position_messages(samples))
+
+
+def position_messages(samples: Record) -> Records:
+    """Encode as `encode_positions`, as records of shape (N,)."""
     out = layout("geometry_msgs/PointStamped", WORLD).new(len(samples))
     set_stamps(out, samples["stamp_ns"])
     out["point"] = samples["position_w"]
-    return payloads_of(out)
+    return out
 
 
 def decode_position(payload: bytes) -> Record:
