@@ -31,10 +31,13 @@ TUNED: Settings = {
 """The noise is that of the whole vibration, not of its broadband share alone."""
 WORLDS: dict[str, Settings] = {"clean": {}, "rough": ROUGH, "rough, tuned": TUNED}
 EIGHT: Settings = {"experiment.manoeuvre": "figure_eight"}
+MARKER: Settings = {"estimation.estimator": "error_state", "tracker.positions_only": True}
 FLIGHTS: dict[str, tuple[str, Settings]] = {
     "hover": ("hover", {}),
     "figure 8": ("figure_eight", {}),
     "figure 8, error-state": ("figure_eight", {"estimation.estimator": "error_state"}),
+    "hover on a marker": ("hover", MARKER),
+    "figure 8 on a marker": ("figure_eight", MARKER),
     "hover on bearings": ("bearings", {}),
     "figure 8 on bearings": ("bearings", EIGHT),
     "mass": ("mass", {}),

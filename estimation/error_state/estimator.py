@@ -237,9 +237,9 @@ class ErrorStateEstimator:
         if not has_attitude(quaternion):
             quaternion = m["now"][6:10].copy() if self._initialized else self._at_rest()
             position = position - rotate(quaternion, self._marker_b)
-            heading = math.sqrt(m["covariance"][5, 5]) if self._initialized else HEADING_SIGMA
+            heading = math.sqrt(m["covariance"][5, 5]) if self._initialized else 0.0
             deviations = deviations.copy()
-            deviations[5], deviations[9:12] = heading, CALIBRATED
+            deviations[5], deviations[9:12] = max(heading, HEADING_SIGMA), CALIBRATED
         norm2 = float(quaternion @ quaternion)
         if not (np.isfinite(position).all() and abs(norm2 - 1.0) < NORM_TOLERANCE):
             raise refuse_pose(pose)
