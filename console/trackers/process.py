@@ -12,6 +12,7 @@ import re
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,21 +20,23 @@ import numpy as np
 from console.trackers.health import BodyHealth, Unit, Up, to_world
 from console.trackers.source import Body, Frame, Source
 from console.trackers.system_clock import SystemClock
-from quadrotor.errors import MeasurementError, QuadlabError, UsageError
+from quadrotor.errors import MeasurementError, QuadlabError, RefusedError, UsageError
 from quadrotor.plain_rotations import Array
 from quadrotor.records import NO_ATTITUDE, pose_sample
 from vehicle_link import topics
 from vehicle_link.clock import monotonic, monotonic_ns, time_ns
-from vehicle_link.messages import encode, header, new
+from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.termination_signal import Ending
 from vehicle_link.topics import TOPICS
-from vehicle_link.transport.node import Node
+from vehicle_link.transport.node import Node, Received
 
 TOLD_EVERY = 0.1
 """s between two statuses; a new problem is told at once."""
 GAP = 0.2
 """s without a body, or without frames, until it is told."""
 RETRY = 1.0
+LISTENING = 0.5
+"""s before the start: whoever sends the same poses tells five statuses meanwhile."""
 RECENT = 1.0
 """s over which rates are counted."""
 KEPT = 64
@@ -83,6 +86,7 @@ class Tracker:
     ) -> None:
         self._words, self._open_source, self._unit, self._up = words, open_source, unit, up
         self._vehicles = [_Vehicle(session, vehicle, body) for vehicle, body in bodies.items()]
+        self._session = session
         self._clock = SystemClock()
         self._came: queue.Queue[Frame | QuadlabError] = queue.Queue(KEPT)
         self._closing = threading.Event()
@@ -98,9 +102,12 @@ class Tracker:
         self._reader = threading.Thread(target=self._read, name="source", daemon=True)
 
     def run(self, stopping: Ending) -> None:
-        """Run until `stopping`. Raises UsageError when the source cannot be had as asked for."""
-        self._reader.start()
+        """Run until `stopping`. Raises UsageError when the source cannot be had as asked for,
+        RefusedError when another process sends a vehicle's poses.
+        """
         try:
+            self._refuse_a_second(stopping)
+            self._reader.start()
             while not stopping.wait(0.0):
                 try:
                     item = self._came.get(timeout=TOLD_EVERY / 2)
@@ -120,9 +127,30 @@ class Tracker:
             self._closing.set()
             if self._source is not None:
                 self._source.close()
-            self._reader.join(RETRY)
+                self._reader.join(RETRY)
             for one in self._vehicles:
                 one.close()
+
+    def _refuse_a_second(self, stopping: Ending) -> None:
+        others: list[str] = []
+
+        def heard(vehicle: str, received: Received) -> None:
+            status = decode(received.payload, TOPICS["tracker_status"].type_name)
+            others.append(
+                f"a tracker process for {status.system} already sends the poses of {vehicle}; end "
+                "it first, or leave this vehicle to it"
+            )
+
+        listener = Node(self._session, "", "tracker_listener")
+        for one in self._vehicles:
+            topic = f"/{one.vehicle}/tracker_status"
+            listener.subscribe(
+                topic, TOPICS["tracker_status"].type_name, partial(heard, one.vehicle)
+            )
+        stopping.wait(LISTENING)
+        listener.close()
+        if others:
+            raise RefusedError(others[0])
 
     # ------------------------------------------------------------------ the reader's thread
     def _read(self) -> None:

@@ -93,6 +93,8 @@ class Up(PageOptions):
             if self.real_time or self.tracker
             else _lockstep(fleet, Path(run_folder)),
         ):
+            if self.tracker:
+                print("quadlab: in real time, as poses come by quadlab tracker", flush=True)
             groups = self._children(fleet, folder, Path(run_folder), vehicle_words, simulator_words)
             return self._watch(groups, fleet)
 

@@ -14,14 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from quadrotor.records import beacon_ids_of
+from console.trackers.ros2 import Ros2Source
+from quadrotor.records import beacon_ids_of, pose_sample
 from tests.support.station import LinkedStation
 from tests.waiting import free_port, wait_for
 from vehicle_link import topics
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import TOPICS
-from vehicle_link.transport.node import Received
+from vehicle_link.transport.node import Node, Received
 
 AHEAD_NS = 40_000_000_000
 """Of the vehicle's clock before the station's."""
@@ -220,6 +221,32 @@ def test_a_system_that_falls_silent_is_told_and_taken_up_again(
     before, laboratory.lines = len(bench.poses), good
     wait_for(lambda: len(bench.poses) > before + 10)
     assert bench.statuses[-1].gaps > 0
+
+
+def test_a_second_process_for_the_same_vehicle_is_refused(
+    bench: Bench, laboratory: Laboratory
+) -> None:
+    port = str(free_port(socket.SOCK_DGRAM))
+    second = bench.track("udp", "--host", "127.0.0.1", "--port", port)
+    assert second.wait(60) == 1
+    assert not bench.statuses[-1].problem
+
+
+def test_poses_of_a_ros_2_node_are_frames_of_their_topic(bench: Bench) -> None:
+    source = Ros2Source(bench.page.session, ["/mocap/cf7/pose"])
+    node = Node(bench.page.session, "/mocap", "driver")
+    poses = node.publisher("cf7/pose", "geometry_msgs/PoseStamped")
+    assert poses.wait(10)
+    sample = pose_sample(5_000_000_123, PLACE, (0.6, 0.0, 0.0, 0.8))
+    poses.put(topics.encode_poses(sample)[0])
+    frame = next(source.frames())
+    source.close()
+    node.close()
+    [body] = frame.bodies
+    assert (frame.stamp_ns, body.name) == (5_000_000_123, "/mocap/cf7/pose")
+    np.testing.assert_allclose(body.position_w, PLACE)
+    assert body.quaternion_wb is not None
+    np.testing.assert_allclose(body.quaternion_wb, (0.6, 0.0, 0.0, 0.8))
 
 
 def test_a_tracker_process_that_dies_is_told(bench: Bench, laboratory: Laboratory) -> None:
