@@ -44,6 +44,7 @@ FOLDERS = {
         "explanations",
         "rough_world",
         "hostile_flights",
+        "tracking_faults",
         "starved",
         "real_flights",
     ),
@@ -66,7 +67,7 @@ OWN_OPTIONS = {
     "seed": ("fuzz_logs",),
     "data": ("real_flights",),
     "against": ("up_cost", "late_ticks"),
-    "flights": ("hostile_flights",),
+    "flights": ("hostile_flights", "tracking_faults"),
 }
 """Options of some benchmarks only."""
 

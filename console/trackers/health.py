@@ -8,6 +8,7 @@ and told: estimator and supervisor on board judge it.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping
 from typing import Literal
 
@@ -25,11 +26,13 @@ LOWEST = -0.5
 """m; the floor of a laboratory is at 0."""
 FORGOTTEN = 2.0
 """s unseen, after which a body's past says nothing about it."""
-SPEED, STEP = 10.0, 0.15
-"""A body moves by SPEED (m/s) and STEP (m) at most between two frames …"""
+SPEED, STEP = 10.0, 0.1
+"""A body of unknown velocity moves by SPEED (m/s) and STEP (m) at most between two frames; …"""
+ACCELERATION, BASE = 30.0, 0.1
+"""… one whose velocity is known from the last BASE (s) differs from it by ACCELERATION (m/s²) …"""
 TURN_RATE, TURN = 20.0, math.radians(45)
 """… and turns by TURN_RATE (rad/s) and TURN (rad)."""
-LIKE = 0.15
+LIKE = 0.1
 """m between a place and what would explain it."""
 ON_ITS_SIDE = math.radians(60)
 SETTLED = 0.5
@@ -65,6 +68,7 @@ class BodyHealth:
         self._last: Body | None = None
         self._at = self._still_since = -math.inf
         self._rest: Array | None = None
+        self._track: deque[tuple[float, Array]] = deque()  # of the last BASE, without a jump
         self._moved = ""  # by which jump the positions lost their meaning
         self._turn = np.eye(3)  # of all jumps of the attitude, in body axes
         self._note, self._noted = "", -math.inf
@@ -82,26 +86,40 @@ class BodyHealth:
         """
         if now - self._at > FORGOTTEN:
             self._last, self._moved, self._turn, self._rest = None, "", np.eye(3), None
+            self._track.clear()
         self.withheld = _invalid(body)
         if not self.withheld:
             if self._last is not None:
                 self._compare(self._last, body, now, others)
             self._last, self._at = body, now
+            self._track.append((now, body.position_w))
+            while now - self._track[0][0] > BASE:
+                self._track.popleft()
             self.withheld = self._moved or self._flipped(body) or self._lying(body, now)
         return not self.withheld
 
     def _compare(self, last: Body, body: Body, now: float, others: Mapping[str, Array]) -> None:
         past = max(0.0, now - self._at)
-        far = float(np.linalg.norm(body.position_w - last.position_w))
-        if far > STEP + SPEED * past:
+        velocity = self._velocity()
+        expected = last.position_w if velocity is None else last.position_w + velocity * past
+        far = float(np.linalg.norm(body.position_w - expected))
+        if far > STEP + past * (SPEED if velocity is None else ACCELERATION * (BASE + past)):
+            self._track.clear()
             # What follows a jump that made no sense is taken for the way back.
-            self._moved = "" if self._moved else _explained(last, body, others)
+            self._moved = "" if self._moved else _explained(expected, body, others)
             self._jumped(f"{body.name} jumped by {far:.2f} m from one frame to the next", now)
         if last.quaternion_wb is not None and body.quaternion_wb is not None:
             turn = matrix_of(last.quaternion_wb).T @ matrix_of(body.quaternion_wb)
             if (angle := _angle(turn)) > TURN + TURN_RATE * past:
                 self._turn = self._turn @ turn
                 self._jumped(f"{body.name} turned by {math.degrees(angle):.0f}° at once", now)
+
+    def _velocity(self) -> Array | None:
+        """Return the velocity of the last BASE, (3,) m/s, when that much is known."""
+        if not self._track or self._track[-1][0] - self._track[0][0] < 0.5 * BASE:
+            return None
+        (begin, first), (end, newest) = self._track[0], self._track[-1]
+        return (newest - first) / (end - begin)
 
     def _jumped(self, note: str, now: float) -> None:
         self.jumps += 1
@@ -156,7 +174,7 @@ def _invalid(body: Body) -> str:
     return ""
 
 
-def _explained(last: Body, body: Body, others: Mapping[str, Array]) -> str:
+def _explained(expected: Array, body: Body, others: Mapping[str, Array]) -> str:
     """Return which error of names or axes explains a jump; "" when none does."""
     for name, place in others.items():
         if np.linalg.norm(body.position_w - place) < LIKE:
@@ -165,7 +183,7 @@ def _explained(last: Body, body: Body, others: Mapping[str, Array]) -> str:
                 "system takes one for the other; make their markers differ more"
             )
     for how, wrong in _WRONG.items():
-        if np.linalg.norm(wrong @ last.position_w - body.position_w) < LIKE:
+        if np.linalg.norm(wrong @ expected - body.position_w) < LIKE:
             return f"{body.name}'s positions have become {how}: set the system's axes back"
     return ""
 

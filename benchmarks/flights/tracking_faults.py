@@ -1,0 +1,239 @@
+"""Flights on a tracking system that fails: what the vehicle does, and how soon it is told.
+
+    python -m benchmarks tracking_faults --flights 20
+
+Each flight hovers or flies the figure 8 in simulated time on the poses of `console.trackers`, the
+process's own code without its sockets: frames of a system with a clock of its own, drifting and
+read with jitter. Then one thing fails, for half a second or for good.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any, ClassVar
+from unittest import mock
+
+import numpy as np
+
+from bearing_sim import PoseMeasurement, SimulatedTracker
+from benchmarks.flights.watched_flight import WatchedFlight
+from benchmarks.harness import Report, Row, Target
+from console.trackers import process
+from console.trackers.source import Body, Frame
+from quadrotor.errors import RefusedError
+from quadrotor.plain_rotations import Array, turned
+from vehicle_link import topics
+from vehicle_link.messages import decode
+
+FLIGHTS = 20
+SECONDS = 12.0
+"""Watched from when it fails: enough to land from 1 m."""
+SHORT = 0.6
+"""s: longer than it takes to be told, shorter than pose_land_after."""
+TOLD = 0.5
+HARD = 1.0
+"""m/s at the ground, beyond which a landing was none."""
+PLANE = 0.1
+"""m from the plane of a mirror, at least: on it nothing jumps."""
+AHEAD_NS, DRIFT, JITTER = 3_000_000_000_000, 40e-6, 0.001
+OTHER = np.array([1.5, -1.0, 0.8])
+"""Place of another body, m."""
+Fault = Callable[["System", float, list[Body]], list[Body] | None]
+
+
+def _silent(system: System, past: float, bodies: list[Body]) -> None:
+    return None
+
+
+def _lost(system: System, past: float, bodies: list[Body]) -> list[Body]:
+    return bodies[1:]
+
+
+def _dropped(system: System, past: float, bodies: list[Body]) -> list[Body] | None:
+    return None if system.chance.random() < 0.3 else bodies
+
+
+def _flipped(system: System, past: float, bodies: list[Body]) -> list[Body]:
+    own = bodies[0]
+    assert own.quaternion_wb is not None
+    return [own._replace(quaternion_wb=turned(own.quaternion_wb, (0, 0, np.pi / 2))), *bodies[1:]]
+
+
+def _mirrored(system: System, past: float, bodies: list[Body]) -> list[Body]:
+    return [one._replace(position_w=one.position_w * (-1, 1, 1)) for one in bodies]
+
+
+def _swapped(system: System, past: float, bodies: list[Body]) -> list[Body]:
+    return [bodies[0]._replace(name=bodies[1].name), bodies[1]._replace(name=bodies[0].name)]
+
+
+def _set(seconds: int) -> Fault:
+    def jump(system: System, past: float, bodies: list[Body]) -> list[Body]:
+        system.ahead_ns = AHEAD_NS + seconds * 1_000_000_000
+        return bodies
+
+    return jump
+
+
+FAULTS: dict[str, tuple[Fault, float, bool]] = {
+    "server killed, back after 0.6 s": (_silent, SHORT, True),
+    "server killed": (_silent, SECONDS, False),
+    "body lost for 0.6 s": (_lost, SHORT, True),
+    "body lost": (_lost, SECONDS, False),
+    "30 % of the frames dropped": (_dropped, SECONDS, True),
+    "stamps jump by +1 s": (_set(1), SECONDS, True),
+    "stamps jump by -1 s": (_set(-1), SECONDS, True),
+    "axes flipped by 90° for 0.6 s": (_flipped, SHORT, True),
+    "axes flipped by 90°": (_flipped, SECONDS, False),
+    "mirrored along x, 0.1 m or more from its plane": (_mirrored, SECONDS, False),
+    "bodies swapped": (_swapped, SECONDS, False),
+}
+"""What fails, for how long (s), and whether the vehicle is to fly on; else it is to land."""
+
+
+class _Node:
+    """A node that goes nowhere: what it publishes is kept by its topic."""
+
+    sent: ClassVar[dict[str, list[bytes]]] = {}
+
+    def __init__(self, *_: Any) -> None: ...
+
+    def advertise(self, topic: Any) -> Any:
+        kept = self.sent.setdefault(topic.name, [])
+        return mock.Mock(put=lambda payload, *_: kept.append(payload))
+
+
+class System:
+    """A tracking system and its process, in the place of a flight's simulated tracker."""
+
+    def __init__(self, tracker: SimulatedTracker, seed: int) -> None:
+        self.parameters = tracker.parameters
+        self.chance = np.random.default_rng((seed, 77))
+        self.ahead_ns, self.failed_ns = AHEAD_NS, 0
+        self.fault: Fault | None = None
+        self.seconds, self.told = 0.0, float("inf")
+        self._inner = tracker
+        self._now_ns = 0
+        self._under_way: deque[tuple[int, int, list[Body]]] = deque()
+        _Node.sent.clear()
+        clock: dict[str, Any] = {
+            "monotonic": lambda: 1e-9 * self._now_ns,
+            "monotonic_ns": lambda: self._now_ns,
+            "time_ns": lambda: self._now_ns,
+            "Node": _Node,
+            "print": lambda *_, **__: None,
+        }
+        self._patch = mock.patch.dict(vars(process), clock)
+        with self._patch:
+            self._process = process.Tracker("vrpn", mock.Mock(), {"quad1": "cf7"}, None)
+
+    def fail(self, fault: Fault, seconds: float, now_ns: int) -> None:
+        self.fault, self.seconds, self.failed_ns = fault, seconds, now_ns
+        self.told = float("inf")
+
+    def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
+        self._inner.observe(stamp_ns, position_w, quaternion_wb)
+        for pose in self._inner.due(stamp_ns):
+            bodies: list[Body] | None = [Body("cf7", pose.position_w, pose.quaternion_wb)]
+            bodies.append(Body("wand", OTHER, np.array([1.0, 0, 0, 0])))  # type: ignore[union-attr]
+            past = 1e-9 * (stamp_ns - self.failed_ns)
+            if self.fault is not None and past < self.seconds:
+                bodies = self.fault(self, past, bodies)  # type: ignore[arg-type]
+            late = 2_000_000 + round(1e9 * self.chance.exponential(JITTER))
+            if bodies is not None:
+                taken_ns = round((1 - DRIFT) * pose.stamp_ns) + self.ahead_ns
+                self._under_way.append((stamp_ns + late, taken_ns, bodies))
+
+    def due(self, now_ns: int) -> list[PoseMeasurement]:
+        self._now_ns = now_ns
+        with self._patch:
+            while self._under_way and self._under_way[0][0] <= now_ns:
+                received_ns, taken_ns, bodies = self._under_way.popleft()
+                self._process._take(Frame(taken_ns, received_ns, tuple(bodies)))
+            self._process._tell()
+        for payload in _Node.sent["tracker_status"]:
+            if self.fault and decode(payload, "quadlab_msgs/TrackerStatus").problem:
+                self.told = min(self.told, 1e-9 * (now_ns - self.failed_ns))
+        _Node.sent["tracker_status"].clear()
+        found = [topics.decode_pose(payload)[0] for payload in _Node.sent["tracker_body"]]
+        _Node.sent["tracker_body"].clear()
+        return [
+            PoseMeasurement(int(one["stamp_ns"]), one["position_w"], one["quaternion_wb"])
+            for one in found
+        ]
+
+    @property
+    def next_ns(self) -> int | None:
+        return self._under_way[0][0] if self._under_way else None
+
+
+def fly(seed: int, name: str) -> dict[str, float]:
+    """Fly once and return what became of it."""
+    fault, seconds, goes_on = FAULTS[name]
+    flight = WatchedFlight(seed)
+    system = System(flight._tracker, seed)
+    flight._tracker = system  # type: ignore[assignment]
+    flight.hover()
+    if seed % 2:
+        flight.start("follow_trajectory", trajectory="figure_eight", laps=3)
+    else:  # away from the planes and the axis of symmetry, where being mirrored changes nothing
+        flight.start("fly_to", x=0.6, y=-0.4, z=1.0)
+    flight.wait(5.0)
+    flight.wait(float(system.chance.uniform(0.0, 1.0)))
+    while fault is _mirrored and abs(flight.robot.truth["position_w"][0, 0]) < PLANE:
+        flight.advance()
+    flight.forget()
+    system.fail(fault, seconds, flight.stack.stamp_ns)
+    flight.wait(SECONDS)
+    view = flight.view()
+    _, places, wanted = flight.trace()
+    flies = view.airborne and flight.airborne
+    safe = flight.hardest < HARD and flight.most_tilted < 1.0
+    as_meant = safe and (flies if goes_on else not flies)
+    return {
+        "as meant": float(as_meant),
+        "told": system.told,
+        "hardest": flight.hardest,
+        "error": float(np.linalg.norm(places - wanted, axis=1).max()) if goes_on else 0.0,
+    }
+
+
+def run(quick: bool = False, flights: int | None = None) -> Report:
+    count = flights or (2 if quick else FLIGHTS)
+    report = Report(
+        "tracking_faults",
+        "A tracking system that fails",
+        [
+            f"{count} seeds each, every other one in the figure 8, the others hovering at 1 m; "
+            f"100 frames a second, their clock {1e6 * DRIFT:.0f} ppm off, read with "
+            f"{1e3 * JITTER:g} ms of jitter",
+            f"as meant: it flies on after a short fault and lands after a long one, below "
+            f"{HARD:g} m/s and never tilted by more than 1 rad; {SECONDS:g} s are watched",
+        ],
+    )
+    late, wrong = 0.0, 0
+    for name, (fault, _, goes_on) in FAULTS.items():
+        found = []
+        for seed in range(1, count + 1):
+            try:
+                found.append(fly(seed, name))
+            except RefusedError as error:
+                report.notes.append(f"seed {seed}, {name}: {error}")
+        figures: dict[str, float | str] = {
+            "flights": float(len(found)),
+            "as meant": sum(one["as meant"] for one in found),
+            "hardest landing, m/s": max(one["hardest"] for one in found),
+        }
+        if goes_on:
+            figures["largest error, m"] = max(one["error"] for one in found)
+        if fault is not _dropped:  # nothing is wrong with every third frame missing
+            told = max(one["told"] for one in found)
+            figures["told after, s, at most"], late = told, max(late, told)
+        wrong += count - round(sum(one["as meant"] for one in found))
+        report.rows.append(Row(name, figures))
+    report.targets = [
+        Target("flights that did not do what was meant", wrong, 0),
+        Target("told, s after the fault, at most", late, TOLD),
+    ]
+    return report
