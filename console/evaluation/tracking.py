@@ -22,6 +22,7 @@ POSE = (
 WANTED = {
     "truth": (*HEADER_STAMP, *(f"pose.{name}" for name in POSE)),
     "tracker_pose": (*HEADER_STAMP, *POSE),
+    "tracker_position": (*HEADER_STAMP, *(f"point.{axis}" for axis in "xyz")),
     "reference": (*HEADER_STAMP, "position.x", "position.y", "position.z", "yaw"),
 }
 
@@ -48,14 +49,17 @@ class TrackingErrors:
 def tracking_errors(log: Path, vehicle: str, start: float, end: float) -> TrackingErrors:
     """Return errors of the flight in `log` for start <= t <= end (s, vehicle clock).
 
-    Where there is no truth, the tracker's poses count as it. Raises LogFormatError when either or
-    the reference is missing there.
+    Where there is no truth, the tracker's poses count as it, or the positions of a marker, whose
+    yaw errors are NaN. Raises LogFormatError when they or the reference are missing there.
     """
     found = read_topics(log, vehicle, WANTED, dtype=np.float64)
-    topic = "truth" if len(found["truth"]) else "tracker_pose"
+    true = ("truth", "tracker_pose", "tracker_position")
+    topic = next((name for name in true if len(found[name])), "truth")
     stamps, pose = _rows(found[topic], WANTED[topic], start, end)
     if topic == "tracker_pose":
         pose[:, 5:] /= np.linalg.norm(pose[:, 5:], axis=1, keepdims=True)
+    elif topic == "tracker_position":
+        pose = np.hstack([pose, np.full((len(pose), 4), np.nan)])
     given, reference = _rows(found["reference"], WANTED["reference"], start, end)
     yaw = reference[:, 5]
     turns = np.column_stack([np.cos(yaw), np.sin(yaw)])

@@ -123,7 +123,7 @@ _ROWS = (
         one_source=True,
         recorded=True,
         stale=0.3,
-        page="seen",
+        page="chart",
     ),
     Topic(
         "bearings",

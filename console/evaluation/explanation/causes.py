@@ -12,7 +12,6 @@ from console.evaluation.explanation.finding import (
     POSITION,
     SETTLING,
     THRUSTS,
-    TRACKED,
     Array,
     Finding,
     Parameters,
@@ -29,6 +28,7 @@ from console.evaluation.explanation.finding import (
     number,
     overlaps,
     rms_of,
+    tracker_of,
     within,
 )
 from quadrotor.constants import MOTORS
@@ -150,6 +150,7 @@ def tracker_gaps(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findin
     longest = max(length for _, length in found)
     times = f"{len(found)} times, longest" if len(found) > 1 else "once, for"
     starts, lengths = np.array(found).T
+    time = topics[tracker_of(topics)[0]].time
     yield Finding(
         "tracker_gaps",
         longest / SILENCE,
@@ -160,18 +161,19 @@ def tracker_gaps(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findin
         "time between two poses",
         "s",
         SILENCE,
-        topics["tracker_pose"].time[1:],
-        np.diff(topics["tracker_pose"].time),
+        time[1:],
+        np.diff(time),
         follows=any(overlaps(flagged(topics, "link_lost"), t, t + s) for t, s in found),
     )
 
 
 def tracker_outliers(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
     """Find single poses far from the estimate, while most are near it."""
-    if not has(topics, "tracker_pose", *TRACKED) or not has(topics, "state", *POSITION):
+    topic, fields = tracker_of(topics)
+    if not has(topics, topic, *fields) or not has(topics, "state", *POSITION):
         return
-    state, seen = topics["state"], topics["tracker_pose"]
-    distance = distances(seen, TRACKED, state, POSITION)
+    state, seen = topics["state"], topics[topic]
+    distance = distances(seen, fields, state, POSITION)
     time, share = blocks(seen.time, distance[:, None], spans, _outlying)
     far = share[:, 0]
     for start, end in longest(time, far, OUTLIERS, 1):
@@ -184,7 +186,7 @@ def tracker_outliers(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Fi
             end,
             f"{100 * most:.0f} % of the tracker's poses were far from the estimate while most were "
             f"near it, up to {float(np.nanmax(distance[inside])):.2f} m.",
-            (*(f"tracker_pose/{name}" for name in TRACKED), *axes("state.position")),
+            (*(f"{topic}/{name}" for name in fields), *axes("state.position")),
             "distance between pose and estimate",
             "m",
             OUTLIER_DISTANCE,
@@ -278,9 +280,10 @@ def battery_sag(topics: Topics, parameters: Parameters, spans: Spans) -> Iterato
 
 def _silences(topics: Topics) -> Spans:
     """Return start and length (s) of the tracker's silences."""
-    if not has(topics, "tracker_pose"):
+    topic, _ = tracker_of(topics)
+    if not has(topics, topic):
         return []
-    time = topics["tracker_pose"].time
+    time = topics[topic].time
     return [(float(time[k]), float(time[k + 1] - time[k])) for k in _long(time)]
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from console.evaluation.explanation import causes, consequences
 from console.evaluation.explanation.finding import (
     ACCELERATION,
+    MARKED,
     POSITION,
     REFERENCE,
     ROLL_PITCH,
@@ -27,6 +28,7 @@ COLUMNS = {
     "imu": ACCELERATION,
     "state": (*POSITION, *ROLL_PITCH),
     "tracker_pose": TRACKED,
+    "tracker_position": MARKED,
     "reference": REFERENCE,
     "actuators": (*THRUSTS, "scaling"),
     "estimator": ("measurement_age", "consistency", "refused_share"),

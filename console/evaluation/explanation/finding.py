@@ -28,7 +28,7 @@ def axes(stem: str, names: str = "xyz") -> tuple[str, ...]:
 ACCELERATION = axes("linear_acceleration")
 POSITION = axes("pose.pose.position")
 ROLL_PITCH = axes("pose.pose.orientation", "xy")
-TRACKED = axes("pose.position")
+TRACKED, MARKED = axes("pose.position"), axes("point")
 REFERENCE = axes("position")
 THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
 
@@ -96,6 +96,12 @@ def airborne(topics: Topics) -> Spans:
 def has(topics: Topics, topic: str, *names: str) -> bool:
     """Return whether the log has these fields."""
     return topic in topics and all(name in topics[topic] for name in names)
+
+
+def tracker_of(topics: Topics) -> tuple[str, tuple[str, ...]]:
+    """Return the topic of the tracker and its fields of a position: poses, or those of a marker."""
+    of_marker = has(topics, "tracker_position", *MARKED)
+    return ("tracker_position", MARKED) if of_marker else ("tracker_pose", TRACKED)
 
 
 def number(parameters: Parameters, name: str, default: float) -> float:

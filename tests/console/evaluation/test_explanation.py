@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from console.evaluation.explanation.explain import COLUMNS, explain, explain_log
-from console.evaluation.explanation.finding import Finding
+from console.evaluation.explanation.finding import MARKED, Finding
 from console.reports.report import write_report
 from flight_log.run import Series
 from quadlab.__main__ import main
@@ -168,6 +168,11 @@ def test_a_silent_tracker_is_named_and_stands_behind_the_link_that_was_lost() ->
     [found] = explain(topics, {})
     assert (found.kind, found.follows) == ("tracker_gaps", False)
     assert found.weight == pytest.approx(0.81 / 0.2, rel=0.01)
+    marker = Made(100, dict.fromkeys(MARKED, 0.0))
+    marker.time = poses.time
+    alone = {name: topic for name, topic in topics.items() if name != "tracker_pose"}
+    [same] = explain({**alone, "tracker_position": marker}, {})
+    assert (same.kind, same.weight) == (found.kind, found.weight)
     lost = flight(status={"flags": [(0.0, ""), (20.4, "link_lost"), (20.8, "")]})
     kinds = [one.kind for one in explain({**lost, "tracker_pose": poses}, {})]
     assert kinds == ["link_lost", "tracker_gaps"]

@@ -56,11 +56,11 @@ def write(
     poses = np.zeros(len(true_ns), POSE_SAMPLE)
     poses["stamp_ns"] = true_ns
     poses["position_w"], poses["quaternion_wb"] = states["position_w"], states["quaternion_wb"]
-    true = (
-        topics.encode_odometries(true_ns, states)
-        if truth == "truth"
-        else topics.encode_poses(poses)
-    )
+    true = {
+        "truth": lambda: topics.encode_odometries(true_ns, states),
+        "tracker_pose": lambda: topics.encode_poses(poses),
+        "tracker_position": lambda: topics.encode_positions(poses),
+    }[truth]()
     messages: list[tuple[str, bytes, int]] = [
         *(
             ("state", p, ns)
@@ -116,6 +116,13 @@ def test_without_truth_the_trackers_poses_count_and_give_no_velocity(tmp_path: P
     assert "estimate_velocity_rms_m_s" not in metrics
     errors = tracking_errors(tmp_path / "run.mcap", "quad1", 1.0, 9.0).metrics()
     assert errors["position_rms_m"] == pytest.approx(OFF, abs=1e-5)
+
+
+def test_without_truth_the_positions_of_a_marker_count_and_give_no_yaw(tmp_path: Path) -> None:
+    log = write(tmp_path / "run.mcap", "tracker_position")
+    errors = tracking_errors(log, "quad1", 1.0, 9.0).metrics()
+    assert errors["position_rms_m"] == pytest.approx(OFF, abs=1e-5)
+    assert np.isnan(errors["yaw_rms_deg"])
 
 
 def test_a_flight_that_was_cut_fails_however_well_it_flew(tmp_path: Path) -> None:
