@@ -154,18 +154,27 @@ class Simulator:
     """TCP port of the station's session on loopback"""
     name: Names = ()
     """namespace of the vehicle's topics (default: quad1); of several, once for each"""
+    serve: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SYSTEM[=PORT]")] = ()
+    """serve poses as these tracking systems do, on loopback: vrpn, natnet"""
     set: Settings = ()
-    """start with this parameter value"""
+    """start with this parameter value; tracker.NAME=VALUE sets how served poses are measured"""
 
     def run(self) -> int:
         names = parse_names(self.name)
         from vehicle.simulator.parameters import SimulatorParameters
         from vehicle.simulator.process import run
 
-        parameters = SimulatorParameters()
-        if self.set:
-            parse_settings(parameters, self.set)
-        run(parameters, self.folder, self.loopback_port, vehicles=names)
+        parameters, served, prefix = SimulatorParameters(), None, "tracker."
+        of_tracker = [word for word in self.set if word.startswith(prefix) and self.serve]
+        parse_settings(parameters, [word for word in self.set if word not in of_tracker])
+        if self.serve:
+            from bearing_sim import TrackerParameters
+            from vehicle.simulator.tracking_systems.served import ServedSystems, parse_systems
+
+            tracker, systems = TrackerParameters(), parse_systems(self.serve)
+            parse_settings(tracker, [word.removeprefix(prefix) for word in of_tracker], prefix)
+            served = ServedSystems(systems, names, tracker, parameters.served)
+        run(parameters, self.folder, self.loopback_port, vehicles=names, served=served)
         return 0
 
 

@@ -69,8 +69,9 @@ class Up(PageOptions):
     """for timing tests: let the simulation go on by the computer's time, even when flight stack or
     station are late (default: it waits for them, and slows on a busy machine)"""
     tracker: Annotated[str, tyro.conf.arg(metavar="WORDS")] = ""
-    """fly on the poses of `quadlab tracker` with these words, like udp, in real time (default: on
-    the simulated tracker's, without such a process)"""
+    """fly on the poses of `quadlab tracker` with these words, in real time: vrpn, natnet and qtm
+    without --host are served by the simulator, udp is what you send (default: on the simulated
+    tracker's, without such a process)"""
     set: Settings = ()
     """start with this vehicle parameter, or simulator.NAME=VALUE"""
 
@@ -162,6 +163,7 @@ class Up(PageOptions):
         base = ["station", *common, *dialled, *loopback, *fleet.station_words]
         if self.tracker:
             base += ["--tracker", self._tracker_words(fleet)]
+            robot += self._serve_words()
         page = ["web", *common, "--port", str(self.port), *loopback, *names, *self.words()]
         return [
             [Child("simulator", robot, niceness=first)],
@@ -178,6 +180,16 @@ class Up(PageOptions):
         if "--body" in self.tracker:
             return self.tracker
         return " ".join([self.tracker, *(f"--body {name}={name}" for name in fleet.names)])
+
+    def _serve_words(self) -> list[str]:
+        """Return what the simulator is to serve, when it is the tracking system's server."""
+        from vehicle.simulator.tracking_systems.served import SYSTEMS
+
+        system, *words = self.tracker.split()
+        if system not in SYSTEMS or any(word.startswith("--host") for word in words):
+            return []
+        port = words[words.index("--port") + 1 :][:1] if "--port" in words else []
+        return ["--serve", "=".join([system, *port])]
 
     def _on_board(
         self, fleet: SimulatedFleet, data: Path, run_folder: Path, files: TlsFiles

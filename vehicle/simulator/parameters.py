@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from quadrotor.parameters import parameter
 from quadrotor.vehicle_model import VehicleModel
+from vehicle.simulator.tracking_systems.frame import TrackingFaults
 
 
 def _matrix_entry(entry: str) -> float:
@@ -364,6 +365,8 @@ class SimulatorParameters(VehicleModel):
         step=0.1,
         description="tachometer noise per reading, in counts of motor reference",
     )
+
+    served: TrackingFaults = TrackingFaults()
 
     @property
     def accelerometer_matrix(self) -> npt.NDArray[np.float64]:

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vehicle.simulator.attendant import Attendant
 from vehicle.simulator.live_parameters import LiveParameters
@@ -32,6 +32,9 @@ from vehicle.simulator.truth import TruthPublisher, connect_to_station
 from vehicle.simulator.uart import Uart
 from vehicle_link import clock
 from vehicle_link.transport.shared_session import SharedSession
+
+if TYPE_CHECKING:
+    from vehicle.simulator.tracking_systems.served import ServedSystems
 
 PRIORITY = 40
 """SCHED_FIFO, below the flight process: late samples would look like a late flight loop."""
@@ -64,6 +67,7 @@ def run(
     *,
     vehicles: Sequence[str] = ("quad1",),
     stop: threading.Event | None = None,
+    served: ServedSystems | None = None,
 ) -> RunStatistics:
     """Fly until `stop` is set, or without one until SIGTERM or SIGINT.
 
@@ -72,6 +76,7 @@ def run(
         folder: where the links `mcu0` and `mcu1` to the serial devices are made; of several
             vehicles in a folder of their name.
         loopback_port: of the station's router; None publishes no truth.
+        served: tracking systems that are given the truth; closed at the end.
 
     Raises StorageError when the links cannot be made.
     """
@@ -87,7 +92,7 @@ def run(
         for truth, name in zip(side_by_side(parameters, len(vehicles)), vehicles, strict=True):
             place = folder if len(vehicles) == 1 else folder / name
             place.mkdir(exist_ok=True)
-            robots.append(_Robot(name, truth, place, session, pace, lockstep))
+            robots.append(_Robot(name, truth, place, session, pace, lockstep, served))
         where = f"microcontroller at {robots[0].place}"
         if len(robots) > 1:
             where = f"microcontrollers of {', '.join(vehicles)} in {folder}"
@@ -110,6 +115,8 @@ def run(
             robot.close()
         if lockstep is not None:
             lockstep.close()
+        if served is not None:
+            served.close()
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,8 +167,9 @@ class _Robot:
         session: SharedSession | None,
         pace: Pace,
         lockstep: LockstepPace | None = None,
+        served: ServedSystems | None = None,
     ) -> None:
-        self._pace = pace
+        self._pace, self._served = pace, served
         self._name = name
         self._publisher: TruthPublisher | None = None
         self._terminals: list[PseudoTerminal] = []
@@ -208,6 +216,8 @@ class _Robot:
         changed = self._live.take()
         if changed is not None:
             simulated.configure(changed)
+            if self._served is not None:
+                self._served.set_faults(self._name, changed.served)
         charge = self._live.take_charge()
         if charge is not None:
             simulated.charge_battery(charge)
@@ -216,14 +226,18 @@ class _Robot:
         for line in self._lines:
             line.advance((simulated.due_ns(self._pace.periods) - before_ns) * 1e-9)
         simulated.step_periods(self._pace.periods)
-        if self._publisher is None:
-            return
-        reading = simulated.bench_reading()
-        if reading is not None:
-            self._publisher.offer_reading(self._epoch_ns + reading.stamp_ns, reading)
+        if self._publisher is not None:
+            reading = simulated.bench_reading()
+            if reading is not None:
+                self._publisher.offer_reading(self._epoch_ns + reading.stamp_ns, reading)
         if simulated.stamp_ns >= self._truth_due_ns:
             self._truth_due_ns = simulated.stamp_ns + SECOND_NS // self._pace.truth_rate
-            self._publisher.offer(self._epoch_ns + simulated.stamp_ns, simulated.truth)
+            stamp_ns, truth = self._epoch_ns + simulated.stamp_ns, simulated.truth
+            if self._publisher is not None:
+                self._publisher.offer(stamp_ns, truth)
+            if self._served is not None:
+                pose = truth["position_w"][0], truth["quaternion_wb"][0]
+                self._served.offer(self._name, stamp_ns, *pose)
 
     def add_to(self, statistics: RunStatistics) -> None:
         statistics.dropped_bytes += sum(line.terminal.dropped for line in self._lines)

@@ -83,20 +83,20 @@ class TruthPublisher:
         self._thread.join(2.0)
 
     def _run(self) -> None:
-        _hurry(True)
+        hurry(True)
         # Imported here: the message types take a while to load, and the plant need not wait.
         from vehicle_link.topics.bench import encode_bench_reading
         from vehicle_link.topics.ticks import encode_odometries
 
         while not self._stop.is_set():
-            _hurry(False)  # the network's threads start now, at normal priority
+            hurry(False)  # the network's threads start now, at normal priority
             try:
                 put, close = self._connect()
             except LinkError as error:
                 self._complain(error)
                 self._stop.wait(RETRY_S)
                 continue
-            _hurry(True)
+            hurry(True)
             with contextlib.suppress(queue.Empty):  # drop states from before the session
                 while True:
                     self._states.get_nowait()
@@ -124,7 +124,7 @@ class TruthPublisher:
             print(f"simulator: truth is not published yet: {error}", file=sys.stderr, flush=True)
 
 
-def _hurry(on: bool) -> None:
+def hurry(on: bool) -> None:
     """Give this thread a real-time priority or remove it, as far as that is allowed.
 
     It shares the interpreter lock with the plant: preempted while it holds the lock, it would stop

@@ -1,0 +1,158 @@
+"""What every simulated tracking system sends, what may be wrong with it, and what all share."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from quadrotor.errors import UsageError
+from quadrotor.parameters import Parameters, parameter
+from quadrotor.plain_rotations import Array
+
+HOST = "127.0.0.1"
+BEHIND = 1 << 18
+"""Bytes that a client may leave unread until it is dropped."""
+
+
+class Body(NamedTuple):
+    """A body in the units and axes of the system: position (3,), quaternion (4,) w x y z, body to
+    world; `is_seen` is False while the cameras have lost it.
+    """
+
+    name: str
+    position: Array
+    quaternion: Array
+    is_seen: bool = True
+
+
+class TrackingFaults(Parameters):
+    """What a laboratory's tracking system does when something is wrong with it."""
+
+    dropped: float = parameter(
+        0.0, ge=0, le=1, step=0.05, description="share of the served frames that are not sent"
+    )
+    body_lost: bool = parameter(False, description="the served system does not see the vehicle")
+    stamps_ahead: float = parameter(
+        0.0, unit="s", ge=-10, le=10, step=0.5, description="by which the served stamps are set"
+    )
+    y_up: bool = parameter(False, description="poses are served in axes with y up")
+    millimetres: bool = parameter(False, description="positions are served in mm")
+    stopped: bool = parameter(False, description="the servers of poses are stopped")
+
+
+def in_system(name: str, position_w: Array, quaternion_wb: Array, faults: TrackingFaults) -> Body:
+    """Return a vehicle's body as the system has it: with y up, x stays x, z becomes y and −y
+    becomes z, in the world and in the body.
+    """
+    position, quaternion = position_w, quaternion_wb
+    if faults.y_up:
+        position = np.array((position[0], position[2], -position[1]))
+        quaternion = np.array((quaternion[0], quaternion[1], quaternion[3], -quaternion[2]))
+    if faults.millimetres:
+        position = 1000.0 * position
+    return Body(name, position, quaternion, not faults.body_lost)
+
+
+class Server(Protocol):
+    """A system's server; nothing blocks, all is called by one thread."""
+
+    def poll(self) -> None:
+        """Answer what clients asked for since the last call."""
+        ...
+
+    def send(self, stamp_ns: int, bodies: Sequence[Body]) -> None:
+        """Send a frame of all bodies, in a constant order, to each client."""
+        ...
+
+    def close(self) -> None: ...
+
+
+def bound(kind: socket.SocketKind, port: int, system: str) -> socket.socket:
+    """Return a socket on this port of loopback that does not block. Raises UsageError."""
+    found = socket.socket(socket.AF_INET, kind)
+    if kind == socket.SOCK_STREAM:
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        found.bind((HOST, port))
+        if kind == socket.SOCK_STREAM:
+            found.listen()
+    except OSError as error:
+        found.close()
+        raise UsageError(
+            f"port {port} of the {system} server cannot be used ({error.strerror}); "
+            f"stop what uses it or choose another, like --serve {system}={port + 10000}"
+        ) from None
+    found.setblocking(False)
+    return found
+
+
+def datagrams(source: socket.socket) -> list[tuple[bytes, tuple[str, int]]]:
+    """Return all datagrams that have come, with their senders."""
+    found = []
+    with contextlib.suppress(OSError):  # none left, or of one sent to a port that nobody reads
+        while True:
+            found.append(source.recvfrom(65536))
+    return found
+
+
+class Client:
+    """A TCP client that the server never waits for.
+
+    Attributes:
+        received: bytes that nobody has used up yet.
+        is_open: False once it has left, or left too much unread.
+    """
+
+    def __init__(self, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._connection, self._unsent = connection, bytearray()
+        self.received, self.is_open = bytearray(), True
+
+    @property
+    def address(self) -> str:
+        return str(self._connection.getpeername()[0])
+
+    def poll(self) -> None:
+        try:
+            while data := self._connection.recv(65536):
+                self.received += data
+            self.is_open = False
+        except BlockingIOError:
+            self.send(b"")
+        except OSError:
+            self.is_open = False
+
+    def send(self, data: bytes) -> None:
+        self._unsent += data
+        try:
+            while self._unsent:
+                del self._unsent[: self._connection.send(self._unsent)]
+        except BlockingIOError:
+            self.is_open = len(self._unsent) <= BEHIND
+        except OSError:
+            self.is_open = False
+
+    def close(self) -> None:
+        self._connection.close()
+
+
+def accepted(listener: socket.socket) -> list[Client]:
+    """Return the clients that have called."""
+    found = []
+    with contextlib.suppress(OSError):
+        while True:
+            found.append(Client(listener.accept()[0]))
+    return found
+
+
+def open_ones(clients: Sequence[Client]) -> list[Client]:
+    """Close the clients that left and return the others."""
+    for client in clients:
+        if not client.is_open:
+            client.close()
+    return [client for client in clients if client.is_open]
