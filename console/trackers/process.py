@@ -240,8 +240,9 @@ class Tracker:
         """Return what is wrong for one vehicle, the first cause of all; "" when nothing is."""
         if self._trouble:
             return self._trouble
+        note = self._note if now - self._noted < RECENT else ""
         if now - self._heard > GAP:
-            return f"no frames from {self._words}; look at the system and its network"
+            return note or f"no frames from {self._words}; look at the system and its network"
         one.is_missing = self._heard - one.seen > GAP
         if one.is_missing:
             seen = sorted({name for _, name in self._seen})
@@ -249,7 +250,7 @@ class Tracker:
             return f"no body {one.body!r} is seen; {self._words} shows {listed or 'none'}"
         if one.is_doubled:
             return f"two bodies are called {one.body!r}; give each a name of its own in the system"
-        return one.health.problem(now) or (self._note if now - self._noted < RECENT else "")
+        return one.health.problem(now) or note
 
     def _status(self, one: _Vehicle, problem: str) -> Any:
         rates = Counter(name for _, name in self._seen)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
@@ -23,7 +24,7 @@ class Tracker:
     """Bring the poses of a laboratory's tracking system to the station."""
 
     system: Annotated[
-        Literal["vicon", "natnet", "qtm", "vrpn", "ros2", "udp"], tyro.conf.Positional
+        Literal["vicon", "natnet", "qtm", "vrpn", "ros2", "udp", "camera"], tyro.conf.Positional
     ]
     """what to connect to; udp takes lines stamp,name,x,y,z,qw,qx,qy,qz"""
     body: Annotated[
@@ -39,6 +40,14 @@ class Tracker:
     """of the positions that the system sends"""
     up: Literal["z", "y"] = "z"
     """the system's axis that points up"""
+    device: int = 0
+    """of camera: its number, as in /dev/video0"""
+    video: Path | None = None
+    """of camera: a file in its place"""
+    intrinsics: Path | None = None
+    """of camera: ROS camera_info YAML, of its calibration"""
+    tags: Path | None = None
+    """of camera: the TOML file that says which tags are where"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback"""
 
@@ -50,6 +59,8 @@ class Tracker:
             raise UsageError(
                 "of ros2, --body is a topic with its leading slash, like --body /vrpn/cf7/pose"
             )
+        if self.system == "camera" and None in (self.intrinsics, self.tags):
+            raise UsageError("camera needs --intrinsics FILE and --tags FILE; see docs/trackers.md")
         from console.trackers.motion_capture import SYSTEMS
         from console.trackers.process import Tracker as Process
         from vehicle_link.termination_signal import EndSignal
@@ -59,7 +70,11 @@ class Tracker:
         host = self.host or (ANYWHERE if self.system == "udp" else HERE)
         usual = SYSTEMS[self.system][1] if self.system in SYSTEMS else UDP_PORT
         port = usual if self.port is None else self.port
-        where = "" if self.system == "ros2" else f" at {host}:{port}"
+        where = f" at {host}:{port}"
+        if self.system == "ros2":
+            where = ""
+        elif self.system == "camera":
+            where = f" {self.device if self.video is None else self.video}"
         session, has_told = None, False
         while session is None:
             try:
@@ -92,6 +107,11 @@ class Tracker:
             from console.trackers.ros2 import Ros2Source
 
             return Ros2Source(session, bodies)
+        if self.intrinsics is not None and self.tags is not None:
+            from console.trackers.camera import CameraSource
+
+            camera = self.device if self.video is None else self.video
+            return CameraSource(camera, self.intrinsics, self.tags)
         from console.trackers.motion_capture import MotionCaptureSource
 
         return MotionCaptureSource(self.system, host, port)

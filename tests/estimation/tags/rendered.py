@@ -8,7 +8,8 @@ import numpy.typing as npt
 from bearing_sim.rendered_camera import Pattern, RenderedCamera
 from estimation.tags.detector import TagDetector
 from estimation.tags.intrinsics import Intrinsics
-from quadrotor.rotations import rotation_exp
+from estimation.tags.tag_layout import CameraPlace, TagLayout, TagPlace
+from quadrotor.rotations import quaternion_from_euler, quaternion_to_matrix, rotation_exp
 
 Array = npt.NDArray[np.float64]
 
@@ -38,3 +39,37 @@ def tag(
     picture = TagDetector(LENS).picture(number)
     wide = size * len(picture) / (len(picture) - 2)
     return Pattern(picture, (wide, wide), position_c, R_ct, **motion)
+
+
+STAND = CameraPlace(position=(-3.0, 0.5, 2.0), looks_at=(0.0, 0.0, 0.8))
+LAYOUT = TagLayout(
+    bodies={
+        "cf7": {
+            3: TagPlace(size=0.12, position=(0.0, 0.0, 0.03)),
+            4: TagPlace(size=0.12, position=(-0.1, 0.0, -0.05), turn=(90.0, 0.0, -90.0)),
+        }
+    },
+    world={
+        10: TagPlace(size=0.3, position=(0.3, 1.0, 0.0)),
+        11: TagPlace(size=0.3, position=(0.3, -1.0, 0.0)),
+        12: TagPlace(size=0.3, position=(1.0, 0.3, 1.0), turn=(90.0, 0.0, -90.0)),
+    },
+)
+"""A body with a tag on top and one at its back, and tags on the floor and on a wall."""
+
+
+def a_scene(
+    position_w: Array, R_wb: Array, layout: TagLayout = LAYOUT, stand: CameraPlace = STAND
+) -> list[Pattern]:
+    """Return all tags as a camera at `stand` sees them, the body at a pose in the world."""
+    to_camera = stand.axes_w.T
+    patterns = []
+    for places, place, R in (
+        (layout.world, np.zeros(3), np.eye(3)),
+        (layout.bodies["cf7"], position_w, R_wb),
+    ):
+        for number, one in places.items():
+            turn = R @ quaternion_to_matrix(quaternion_from_euler(*np.radians(one.turn)))
+            at = place + R @ np.array(one.position) - np.array(stand.position)
+            patterns.append(tag(number, to_camera @ at, to_camera @ turn, one.size))
+    return patterns

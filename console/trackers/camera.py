@@ -1,0 +1,110 @@
+"""A camera, or a video file, as a tracking system: tags on the bodies, read by OpenCV.
+
+OpenCV gives the driver's stamp of a buffer under V4L2 (opencv/opencv, pull request 740), and a
+picture's time in a file.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from console.trackers.source import Body, Frame
+from estimation.tags.detector import Picture
+from estimation.tags.intrinsics import Intrinsics, load_intrinsics
+from estimation.tags.tag_layout import load_tags
+from estimation.tags.tag_tracker import TagTracker
+from quadrotor.errors import StorageError, UnreachableError, UsageError
+from vehicle_link.clock import monotonic_ns
+
+MS = 1_000_000
+
+
+class CameraSource:
+    """Args: `camera`, a device's number, or a video file that is played at its own pace; files of
+    its intrinsics and of the tags.
+
+    Raises StorageError, MeasurementError, UnreachableError.
+    """
+
+    def __init__(self, camera: int | Path, intrinsics: Path, tags: Path) -> None:
+        lens = load_intrinsics(intrinsics)
+        self._tracker = TagTracker(load_tags(tags), lens)
+        self._pictures = Pictures(camera, lens)
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield a frame a picture. Raises MeasurementError, UnreachableError, UsageError."""
+        for stamp_ns, received_ns, grey in self._pictures:
+            bodies = self._tracker.take(grey)
+            yield Frame(
+                stamp_ns,
+                received_ns,
+                tuple(Body(name, place, turn) for name, (place, turn) in bodies.items()),
+            )
+
+    def close(self) -> None:
+        self._pictures.close()
+
+
+class Pictures:
+    """Iterates over (driver's stamp in ns or None, host's steady clock in ns, grey picture).
+
+    Raises StorageError or UnreachableError when the camera cannot be opened, UnreachableError when
+    it gives no more pictures, UsageError when the file has ended.
+    """
+
+    def __init__(self, camera: int | Path, lens: Intrinsics | None = None) -> None:
+        self._camera = camera
+        self._closed = threading.Event()
+        self._first: tuple[int, int] | None = None
+        if isinstance(camera, Path):
+            if not camera.is_file():
+                raise StorageError(f"no video {camera}; name a file that there is")
+            self._capture = cv2.VideoCapture(str(camera))
+        else:
+            self._capture = cv2.VideoCapture(camera)
+            if lens is not None:
+                self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, lens.width)
+                self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, lens.height)
+        if not self._capture.isOpened():
+            raise UnreachableError(
+                f"{camera} is no video that OpenCV reads; convert it to MP4 or AVI"
+                if isinstance(camera, Path)
+                else f"camera {camera} cannot be opened: plug it in, look whether another program "
+                f"uses /dev/video{camera}, or give another --device"
+            )
+
+    def __iter__(self) -> Iterator[tuple[int | None, int, Picture]]:
+        while not self._closed.is_set():
+            came, picture = self._capture.read()
+            received_ns = monotonic_ns()
+            if not came:
+                raise self._end()
+            stamp_ns = round(MS * self._capture.get(cv2.CAP_PROP_POS_MSEC))
+            if isinstance(self._camera, Path):
+                received_ns = self._paced(stamp_ns, received_ns)
+            grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+            yield stamp_ns or None, received_ns, np.asarray(grey, np.uint8)
+
+    def close(self) -> None:
+        self._closed.set()
+
+    def _end(self) -> Exception:
+        if isinstance(self._camera, Path):
+            return UsageError(f"the video {self._camera} has ended")
+        self._capture.release()
+        return UnreachableError(
+            f"camera {self._camera} gives no more pictures: plug it in again, or look at its cable"
+        )
+
+    def _paced(self, stamp_ns: int, now_ns: int) -> int:
+        """Wait until a picture of a file is due and return the time."""
+        if self._first is None:
+            self._first = stamp_ns, now_ns
+        due_ns = self._first[1] + stamp_ns - self._first[0]
+        self._closed.wait(max(0.0, 1e-9 * (due_ns - now_ns)))
+        return monotonic_ns()

@@ -1,0 +1,110 @@
+"""Which tags are on which body and where, and how the camera's place in the world is known.
+
+A TOML file. A tag's axes: x right and y up in its upright picture, z out of the paper.
+
+    family = "APRILTAG_36h11"   # the default
+
+    [bodies.quad1.3]            # tag 3
+    size = 0.12                 # of the black square, m
+    position = [0, 0, 0.04]     # of its centre, body axes, m
+    turn = [0, 0, 90]           # of its axes in the body's: roll, pitch, yaw, degrees
+
+    [world.10]                  # a tag with a known place: it says where the camera is
+    size = 0.3
+    position = [1, 0, 0]
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+
+from estimation.tags.detector import DEFAULT_FAMILY
+from quadrotor.errors import MeasurementError, StorageError
+from quadrotor.rotations import quaternion_from_euler, quaternion_to_matrix
+
+Array = npt.NDArray[np.float64]
+Triple = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+
+ROUND = np.array([[-0.5, 0.5, 0.0], [0.5, 0.5, 0.0], [0.5, -0.5, 0.0], [-0.5, -0.5, 0.0]])
+"""Corners of a tag of size 1, in the order of `TagDetector.detect`."""
+
+
+class Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class TagPlace(Strict):
+    """A tag on a body, or in the world."""
+
+    size: Annotated[float, Field(gt=0.0, le=10.0)]
+    position: Triple
+    turn: Triple = (0.0, 0.0, 0.0)
+
+    @property
+    def corners(self) -> Array:
+        """Return the corners (4, 3), m."""
+        R = quaternion_to_matrix(quaternion_from_euler(*np.radians(self.turn)))
+        corners: Array = self.size * ROUND @ R.T + np.array(self.position)
+        return corners
+
+
+class CameraPlace(Strict):
+    """A camera that stands where it was measured to stand, its picture's rows level."""
+
+    position: Triple
+    looks_at: Triple
+
+    @property
+    def axes_w(self) -> Array:
+        """Return R_wc: columns are the camera's x right, y down, z forward."""
+        z = np.array(self.looks_at) - self.position
+        z /= np.linalg.norm(z)
+        ahead = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < 0.999 else np.array([1.0, 0.0, 0.0])
+        x = np.cross(z, ahead)
+        x /= np.linalg.norm(x)
+        return np.column_stack([x, np.cross(z, x), z])
+
+
+class TagLayout(Strict):
+    """All tags of a laboratory, and the camera's place unless tags of the world tell it."""
+
+    family: str = DEFAULT_FAMILY
+    bodies: dict[str, dict[int, TagPlace]]
+    world: dict[int, TagPlace] = {}
+    camera: CameraPlace | None = None
+
+    @model_validator(mode="after")
+    def _is_complete(self) -> TagLayout:
+        numbers = [n for tags in (*self.bodies.values(), self.world) for n in tags]
+        if twice := {n for n in numbers if numbers.count(n) > 1}:
+            raise ValueError(f"tag {min(twice)} is in it twice; give each place a tag of its own")
+        if not self.bodies or not all(self.bodies.values()):
+            raise ValueError("a body needs a tag, like [bodies.quad1.3]")
+        if bool(self.world) == (self.camera is not None):
+            raise ValueError(
+                "it needs either tags with places in the world, like [world.10], or [camera] with "
+                "position and looks_at"
+            )
+        if self.camera is not None and self.camera.position == self.camera.looks_at:
+            raise ValueError("the camera looks at its own position")
+        return self
+
+
+def load_tags(path: Path) -> TagLayout:
+    """Return the layout in a file. Raises StorageError, MeasurementError."""
+    try:
+        return TagLayout.model_validate(tomllib.loads(path.read_text()))
+    except OSError as error:
+        raise StorageError(f"tags {path}: {error.strerror}; name a TOML file of tags") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = "".join(f"{part}." for part in first["loc"])[:-1]
+        raise MeasurementError(f"tags {path}: {where} {first['msg']}".replace("  ", " ")) from None
+    except ValueError as error:  # no TOML, or no text
+        raise MeasurementError(f"tags {path}: {error}") from None

@@ -1,0 +1,154 @@
+"""Bodies' poses in the world, picture by picture, of one camera that stands still."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import numpy.typing as npt
+
+from estimation.tags.detector import Picture, TagDetector
+from estimation.tags.intrinsics import Intrinsics
+from estimation.tags.tag_layout import TagLayout, TagPlace
+from estimation.tags.tag_pose import TagPose, likeliest, poses_of
+from quadrotor.errors import MeasurementError
+from quadrotor.rotations import quaternion_from_matrix
+
+Array = npt.NDArray[np.float64]
+Tags = dict[int, Array]
+"""Corners (4, 2), pixels, of each tag seen."""
+
+PLACED_OVER = 30
+"""Pictures over which the tags of the world are averaged to place the camera."""
+MOVED = 2.0
+"""Pixels by which the tags of the world may leave their places."""
+STILL_RESIDUAL_MAX, RESIDUAL_MAX = 0.5, 1.0
+"""Pixels; a pose of the camera, or of a body in motion, that leaves more is none."""
+DARK, BRIGHT = 12.0, 243.0
+"""Mean grey levels beyond which the exposure is wrong."""
+REMEMBERED = 15
+"""Pictures without a body, after which its last attitude says nothing."""
+
+
+class TagTracker:
+    """Args: layout of the tags; lens of the camera.
+
+    Raises MeasurementError for an unknown family.
+    """
+
+    def __init__(self, layout: TagLayout, lens: Intrinsics) -> None:
+        self._layout, self._lens = layout, lens
+        self._detector = TagDetector(lens, layout.family)
+        self._seen: list[Tags] = []  # tags of the world while the camera is being placed
+        self._stood: Tags = {}  # where they were then
+        self._place: tuple[Array, Array] | None = None  # position_w and R_wc
+        if layout.camera is not None:
+            self._place = np.array(layout.camera.position), layout.camera.axes_w
+        self._attitude: dict[str, tuple[int, Array]] = {}
+        self._count = 0
+
+    def take(self, grey: Picture) -> dict[str, tuple[Array, Array]]:
+        """Return position_w (3,) m and quaternion_wb (4,) of each body in a picture.
+
+        Raises MeasurementError when the picture, the tags in it or the intrinsics are wrong.
+        """
+        self._count += 1
+        found = self._detector.detect(grey)
+        times = Counter(number for number, _ in found)
+        if twice := [number for number, count in times.items() if count > 1]:
+            raise MeasurementError(
+                f"tag {min(twice)} is seen twice: cover one, or its mirror image; each tag may be "
+                "there once"
+            )
+        tags = dict(found)
+        if not tags:
+            _check_exposure(float(grey.mean()))
+        position_w, R_wc = self._camera(tags)
+        bodies = {}
+        for name, places in self._layout.bodies.items():
+            pose = self._pose(name, places, tags, R_wc)
+            if pose is not None:
+                R_wb = R_wc @ pose.R_cb
+                self._attitude[name] = self._count, R_wb
+                place = position_w + R_wc @ pose.position_c
+                bodies[name] = place, quaternion_from_matrix(R_wb)
+        return bodies
+
+    def _pose(
+        self, name: str, places: dict[int, TagPlace], tags: Tags, R_wc: Array
+    ) -> TagPose | None:
+        poses = _fitting(f"the tags of {name}", places, tags, self._lens, RESIDUAL_MAX)
+        if not poses:
+            return None
+        last, R_wb = self._attitude.get(name, (-REMEMBERED, np.eye(3)))
+        if self._count - last < REMEMBERED:
+            return likeliest(poses, R_wc.T @ R_wb)
+        # A vehicle not seen before is rather upright than not.
+        return likeliest(poses, max(poses, key=lambda pose: R_wc[2] @ pose.R_cb[:, 2]).R_cb)
+
+    def _camera(self, tags: Tags) -> tuple[Array, Array]:
+        """Return position_w and R_wc of the camera. Raises MeasurementError while not known."""
+        world = {number: tags[number] for number in self._layout.world if number in tags}
+        if self._place is not None:
+            off = [np.abs(world[n] - self._stood[n]).mean() for n in world if n in self._stood]
+            if off and np.median(off) > MOVED:
+                self._place = None
+                raise MeasurementError(
+                    f"the camera has moved, by {np.median(off):.1f} pixels; it is placed anew"
+                )
+            return self._place
+        if not world:
+            raise MeasurementError(
+                "where the camera is is not known: none of the tags with known places is seen ("
+                f"{', '.join(map(str, sorted(self._layout.world)))}); turn it until one is"
+            )
+        self._seen.append(world)
+        if len(self._seen) < PLACED_OVER:
+            raise MeasurementError(f"the camera is being placed, {len(self._seen)}/{PLACED_OVER}")
+        seen, self._seen = self._seen, []
+        often = [n for n in self._layout.world if sum(n in one for one in seen) > PLACED_OVER / 2]
+        mean = {n: np.mean([one[n] for one in seen if n in one], axis=0) for n in often}
+        poses = _fitting(
+            "the tags with known places", self._layout.world, mean, self._lens, STILL_RESIDUAL_MAX
+        )
+        if not poses:
+            raise MeasurementError("the tags with known places come and go; bring them closer")
+        best = poses[0]
+        if any(likeliest(poses, pose.R_cb) is not best for pose in poses[1:]):
+            raise MeasurementError(
+                "the camera may be in two places: the tags with known places look too small; add "
+                "one that is larger, or far from them"
+            )
+        self._stood, R_wc = mean, best.R_cb.T
+        self._place = -R_wc @ best.position_c, R_wc
+        return self._place
+
+
+def _fitting(
+    what: str, places: dict[int, TagPlace], tags: Tags, lens: Intrinsics, allowed: float
+) -> list[TagPose]:
+    """Return the poses of tags with known places, best first; none where no tag is seen.
+
+    Raises MeasurementError where none fits.
+    """
+    seen = [number for number in places if number in tags]
+    if not seen:
+        return []
+    points = np.concatenate([places[number].corners for number in seen])
+    poses = poses_of(points, np.concatenate([tags[number] for number in seen]), lens)
+    if not poses or poses[0].residual > allowed:
+        left = f"{poses[0].residual:.1f} pixels are left" if poses else "there is no pose"
+        raise MeasurementError(
+            f"{what} do not fit where they are seen: {left}, allowed {allowed:g}; the "
+            "intrinsics are of another camera, or their sizes and places are wrong"
+        )
+    return poses
+
+
+def _check_exposure(mean: float) -> None:
+    if not DARK < mean < BRIGHT:
+        what = "black" if mean <= DARK else "white"
+        raise MeasurementError(
+            f"the picture is {what} (mean grey level {mean:.0f} of 255): look at the lens's cap, "
+            "the light and the exposure"
+        )

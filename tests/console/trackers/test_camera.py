@@ -1,0 +1,119 @@
+"""`quadlab tracker camera` reads videos and devices, and says what is wrong with them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from console.trackers.camera import CameraSource, Pictures
+from console.trackers.source import Frame
+from quadlab.commands.tracker import Tracker
+from quadrotor.errors import MeasurementError, StorageError, UnreachableError, UsageError
+from tests.estimation.tags.rendered import CAMERA, LENS, a_scene
+
+TAGS = """
+[bodies.cf7.3]
+size = 0.12
+position = [0, 0, 0.03]
+[bodies.cf7.4]
+size = 0.12
+position = [-0.1, 0, -0.05]
+turn = [90, 0, -90]
+[camera]
+position = [-3, 0.5, 2]
+looks_at = [0, 0, 0.8]
+"""
+PLACES = [np.array([0.0, 0.1 * k, 0.9]) for k in range(4)]
+RATE = 50.0
+
+
+@pytest.fixture
+def lens(tmp_path: Path) -> Path:
+    LENS.save(tmp_path / "camera.yaml")
+    return tmp_path / "camera.yaml"
+
+
+@pytest.fixture
+def tags(tmp_path: Path) -> Path:
+    (tmp_path / "tags.toml").write_text(TAGS)
+    return tmp_path / "tags.toml"
+
+
+@pytest.fixture
+def video(tmp_path: Path) -> Path:
+    path = tmp_path / "flight.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), RATE, (640, 480))
+    random = np.random.default_rng(5)
+    for place in PLACES:
+        grey = CAMERA.take(a_scene(place, np.eye(3)), random)
+        writer.write(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR))
+    writer.release()
+    return path
+
+
+def test_a_video_gives_frames_at_its_own_pace_with_its_own_stamps(
+    video: Path, lens: Path, tags: Path
+) -> None:
+    frames: list[Frame] = []
+    with pytest.raises(UsageError, match="has ended"):  # noqa: PT012  the end of the loop
+        for frame in CameraSource(video, lens, tags).frames():
+            frames.append(frame)
+    stamps = [frame.stamp_ns or 0 for frame in frames]
+    np.testing.assert_allclose(np.diff(stamps), 1e9 / RATE, atol=1e6)
+    assert frames[-1].received_ns - frames[0].received_ns >= 0.99 * (stamps[-1] - stamps[0])
+    for frame, place in zip(frames, PLACES, strict=True):
+        (body,) = frame.bodies
+        assert body.name == "cf7"
+        np.testing.assert_allclose(body.position_w, place, atol=0.02)
+
+
+class Unplugged:
+    """A device that gives one picture and is gone."""
+
+    def __init__(self, number: int) -> None:
+        self.left, self.is_there = 1, number == 0
+
+    def isOpened(self) -> bool:
+        return self.is_there
+
+    def set(self, *_: float) -> None: ...
+
+    def get(self, _: int) -> float:
+        return 0.0
+
+    def release(self) -> None: ...
+
+    def read(self) -> tuple[bool, object]:
+        self.left -= 1
+        return self.left >= 0, np.zeros((480, 640, 3), np.uint8)
+
+
+def test_a_camera_that_is_unplugged_or_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cv2, "VideoCapture", Unplugged)
+    with pytest.raises(UnreachableError, match="camera 1 cannot be opened"):
+        Pictures(1)
+    pictures = iter(Pictures(0))
+    stamp_ns, _, _ = next(pictures)
+    assert stamp_ns is None  # the driver gave none
+    with pytest.raises(UnreachableError, match="camera 0 gives no more pictures"):
+        next(pictures)
+
+
+def test_files_that_are_no_videos_and_sizes_that_do_not_fit_are_told(
+    video: Path, lens: Path, tags: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(StorageError, match="no video"):
+        CameraSource(tmp_path / "other.avi", lens, tags)
+    with pytest.raises(UnreachableError, match="no video that OpenCV reads"):
+        CameraSource(tags, lens, tags)
+    lens.write_text(lens.read_text().replace("image_width: 640", "image_width: 800"))
+    with pytest.raises(MeasurementError, match=r"640 x 480 pixels, but .* 800 x 480"):
+        next(CameraSource(video, lens, tags).frames())
+
+
+def test_without_its_files_the_command_is_refused() -> None:
+    with pytest.raises(UsageError, match="--intrinsics FILE and --tags FILE"):
+        Tracker("camera").run()
