@@ -12,6 +12,7 @@ from bearing_sim.sampling import SECOND_NS, DelayLine, SampleGrid
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.plain_rotations import Array, Triple, turned
 from quadrotor.records import NO_ATTITUDE
+from quadrotor.tracked_body import TrackedBody
 
 
 class TrackerParameters(Parameters):
@@ -54,6 +55,7 @@ class TrackerParameters(Parameters):
         False, description="a single marker is tracked: positions without attitude"
     )
     seed: int = parameter(1, ge=0, le=2**31 - 1, step=1, description="of the noise")
+    body: TrackedBody = TrackedBody()
 
 
 class PoseMeasurement(NamedTuple):
@@ -93,6 +95,7 @@ class SimulatedTracker:
         lost = self._random.random() < p.drop_out
         if lost:
             return
+        position_w, quaternion_wb = p.body.tracked(position_w, quaternion_wb)
         draws = Draws(p.seed, stamp_ns) if p.outliers > 0.0 else None
         if draws is not None and draws.uniform() <= p.outliers:
             position_w = position_w + np.multiply(p.outlier_position, _direction(draws))

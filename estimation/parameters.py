@@ -13,7 +13,8 @@ import numpy as np
 
 from estimation.error_state.parameters import ErrorStateParameters
 from quadrotor.parameters import Parameters, parameter
-from quadrotor.records import Record
+from quadrotor.records import Record, pose_sample
+from quadrotor.tracked_body import TrackedBody
 
 ESTIMATION_GAINS = np.dtype(
     [
@@ -31,6 +32,32 @@ ESTIMATION_GAINS = np.dtype(
     ],
     align=True,
 )
+
+
+class TrackerCalibration(TrackedBody):
+    """What is known of the tracker's poses; the experiments `tracker_delay` and `tracker_body` find
+    it.
+    """
+
+    delay: float = parameter(
+        0.0,
+        unit="s",
+        ge=-0.1,
+        le=0.15,
+        step=0.001,
+        flight_step=0.01,
+        description="by which the tracker's poses are stamped too late; taken off their stamps",
+    )
+
+    def measured(self, pose: Record) -> Record:
+        """Return the vehicle's POSE_SAMPLE (1,) of the tracked body's."""
+        if self.delay == 0.0 and self.is_vehicle:
+            return pose
+        position_w, quaternion_wb = pose["position_w"][0], pose["quaternion_wb"][0]
+        if not math.isnan(quaternion_wb[0]):  # of a single marker the delay alone is taken off
+            position_w, quaternion_wb = self.vehicle(position_w, quaternion_wb)
+        stamp_ns = pose["stamp_ns"].item() - round(1e9 * self.delay)
+        return pose_sample(stamp_ns, position_w, quaternion_wb)
 
 
 class EstimationParameters(Parameters):
@@ -160,6 +187,7 @@ class EstimationParameters(Parameters):
         step=0.1,
         description="least deviation the gate takes for an attitude on each axis",
     )
+    tracker: TrackerCalibration = TrackerCalibration()
     error_state: ErrorStateParameters = ErrorStateParameters()
 
 

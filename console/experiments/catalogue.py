@@ -14,6 +14,7 @@ from console.experiments.hover import Hover
 from console.experiments.inertia import InertiaExperiment
 from console.experiments.mass import MassExperiment
 from console.experiments.motor_bench import MotorBench
+from console.experiments.tracked_body import TrackerBody, TrackerDelay
 from console.experiments.vibration import VibrationExperiment
 from quadrotor.errors import UsageError
 
@@ -28,6 +29,8 @@ EXPERIMENTS: dict[str, Callable[[str], Experiment]] = {
     "inertia": InertiaExperiment,
     "drag": DragExperiment,
     "vibration": VibrationExperiment,
+    "tracker_delay": TrackerDelay,
+    "tracker_body": TrackerBody,
 }
 
 

@@ -9,9 +9,9 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from flight_log.imports.frames import angular_velocity, axes, bodies
+from estimation.calibration.motion import Turn, angular_velocity, best_turn, interpolated, on_grid
+from flight_log.imports.frames import axes, bodies
 from flight_log.imports.mapping import ORDERS
-from flight_log.imports.motion import Turn, best_turn, interpolated, on_grid
 from flight_log.imports.raw import RawTrack, ordered
 from quadrotor.errors import LogFormatError
 from quadrotor.plain_rotations import matrices_of

@@ -44,14 +44,6 @@ def bodies() -> list[str]:
     return sorted(found, key=lambda one: ("FLU", "FRD").index(one) if one in ("FLU", "FRD") else 2)
 
 
-def product_of(one: Array, other: Array) -> Array:
-    """Return the products of quaternions, (N, 4); either may have one row."""
-    w, v = one[:, :1], one[:, 1:]
-    u, q = other[:, :1], other[:, 1:]
-    scalar = w * u - np.sum(v * q, axis=1, keepdims=True)
-    return np.concatenate([scalar, w * q + u * v + np.cross(v, q)], axis=1)
-
-
 def quaternion_of(matrix: Array) -> Array:
     """Return the quaternion of a rotation matrix, (1, 4)."""
     from scipy.spatial.transform import Rotation
@@ -60,26 +52,9 @@ def quaternion_of(matrix: Array) -> Array:
     return np.array([[w, x, y, z]])
 
 
-def conjugate(quaternions: Array) -> Array:
-    found: Array = quaternions * np.array([1.0, -1.0, -1.0, -1.0])
-    return found
-
-
 def continuous(quaternions: Array) -> Array:
     """Return the same attitudes with signs that do not jump."""
     flips = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0
     signs = np.where(np.concatenate([[0], np.cumsum(flips)]) % 2 == 1, -1.0, 1.0)
     found: Array = quaternions * signs[:, None]
     return found
-
-
-def angular_velocity(seconds: Array, quaternions: Array) -> Array:
-    """Return the angular velocity (rad/s, body axes) of attitudes at N times, (N, 3)."""
-    turns = product_of(conjugate(quaternions[:-1]), quaternions[1:])
-    turns *= np.where(turns[:, :1] < 0.0, -1.0, 1.0)
-    length = np.linalg.norm(turns[:, 1:], axis=1, keepdims=True)
-    angle = 2.0 * np.arctan2(length, turns[:, :1])
-    vectors = turns[:, 1:] * np.where(length > 1e-9, angle / np.maximum(length, 1e-9), 2.0)
-    rates = vectors / np.diff(seconds)[:, None]
-    middle = 0.5 * (rates[1:] + rates[:-1])
-    return np.concatenate([rates[:1], middle, rates[-1:]])

@@ -8,21 +8,23 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from flight_log.imports import motion
-from flight_log.imports.attitude_fit import FITS, GRAVITY, angle_between, fit_order, nearest_body
-from flight_log.imports.flight import Track
-from flight_log.imports.frames import angular_velocity, axes, product_of, quaternion_of
-from flight_log.imports.mapping import LENGTH_UNITS
-from flight_log.imports.motion import (
+from estimation.calibration import motion
+from estimation.calibration.motion import (
     STEP,
+    angular_velocity,
     best_lag,
     best_turn,
     common_grid,
     interpolated,
     joined,
     on_grid,
+    product_of,
     speed,
 )
+from flight_log.imports.attitude_fit import FITS, GRAVITY, angle_between, fit_order, nearest_body
+from flight_log.imports.flight import Track
+from flight_log.imports.frames import axes, quaternion_of
+from flight_log.imports.mapping import LENGTH_UNITS
 from flight_log.imports.raw import RawTrack, ordered
 from flight_log.imports.trajectory import derivative
 from quadrotor.errors import LogFormatError

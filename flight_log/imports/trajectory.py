@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from estimation.calibration.motion import best_turn, interpolated, product_of
 from flight_log.imports.flight import Track
-from flight_log.imports.frames import product_of, quaternion_of
-from flight_log.imports.motion import best_turn, interpolated
+from flight_log.imports.frames import quaternion_of
 from flight_log.imports.raw import FEWEST
 from quadrotor.records import Record
 

@@ -19,7 +19,8 @@ class Calibrate:
     """Calibrate the vehicle of the running station, guided; without a name: what is in force."""
 
     calibration: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = None
-    """gyroscope, accelerometer, motor_bench, mass, inertia, drag, vibration, or one of a file of
+    """gyroscope, accelerometer, motor_bench, mass, inertia, drag, vibration, tracker_delay,
+    tracker_body, or one of a file of
     your own"""
     set: Settings = ()
     """an option of the calibration"""

@@ -161,7 +161,8 @@ class _Vehicle:
                 if self._source == "bearings":
                     return
                 self._last_pose_ns = now_ns
-                estimator.correct(measurement, self._estimate)
+                tracked = self._parameters.estimation.tracker.measured(measurement)
+                estimator.correct(tracked, self._estimate)
             else:
                 if self._source == "poses" or not self._wants_bearings(now_ns):
                     return

@@ -162,7 +162,7 @@ class Navigation:
         """
         if measurement.dtype == POSE_SAMPLE:
             if self._takes_poses:
-                self._queue.append(measurement)
+                self._queue.append(self._parameters.tracker.measured(measurement))
         elif self._takes_bearings and not self._refuses_bearings:
             frame = self._beacons.place(measurement)
             if frame["count"][0]:

@@ -1,0 +1,170 @@
+"""The tracker's delay and the tracked body's place on the vehicle, from a log."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from console.evaluation.log_columns import read_columns
+from estimation.calibration.tracked_body import Motion, TrackedBody, identify_tracked_body
+from quadrotor.calibration_record import CalibrationRecord, Quality
+from quadrotor.errors import MeasurementError
+from quadrotor.parameters import ParameterStore
+
+FORCE = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
+RATE = tuple(f"angular_velocity.{axis}" for axis in "xyz")
+POSITION = tuple(f"pose.position.{axis}" for axis in "xyz")
+ATTITUDE = tuple(f"pose.orientation.{axis}" for axis in "wxyz")
+WANTED = {"imu": FORCE + RATE, "tracker_pose": POSITION + ATTITUDE}
+PARAMETER = "estimation.tracker."
+DELAY_DEVIATION_MAX = 0.5
+"""ms."""
+DRIFT_MAX = 1.0
+"""ms a minute: more is a clock that runs, which no constant takes off."""
+TURN_DEVIATION_MAX = 0.1
+"""deg."""
+LEVER_DEVIATION_MAX = 1.0
+"""mm."""
+WORLD_TILT_MAX = 1.0
+"""deg."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackedBodyFound:
+    """What both experiments judge and propose."""
+
+    found: TrackedBody
+
+    @property
+    def drift(self) -> float:
+        """Return the change of the delay, ms a minute."""
+        return 60e3 * self.found.drift
+
+    @property
+    def angles(self) -> tuple[float, float, float]:
+        """Return roll, pitch and yaw (deg) of the tracked body's axes, ZYX."""
+        m = self.found.matrix_bt
+        return (
+            math.degrees(math.atan2(m[2, 1], m[2, 2])),
+            math.degrees(math.asin(max(-1.0, min(1.0, -float(m[2, 0]))))),
+            math.degrees(math.atan2(m[1, 0], m[0, 0])),
+        )
+
+    def delay_record(self) -> CalibrationRecord:
+        """Return the delay for estimation.tracker.delay. Raises MeasurementError beyond bounds."""
+        f = self.found
+        return self._record(
+            "tracker_delay",
+            {"delay": f.delay},
+            (Quality(name="at 1 m/s the delay is, of position", value=1e3 * f.delay, unit="mm"),),
+            (
+                Quality(
+                    name="deviation",
+                    value=1e3 * f.delay_deviation,
+                    unit="ms",
+                    limit=DELAY_DEVIATION_MAX,
+                ),
+                Quality(
+                    name="drift, either way", value=abs(self.drift), unit="ms/min", limit=DRIFT_MAX
+                ),
+            ),
+        )
+
+    def body_record(self) -> CalibrationRecord:
+        """Return place and axes for estimation.tracker.*. Raises MeasurementError beyond bounds."""
+        f = self.found
+        turn = math.acos(max(-1.0, min(1.0, 0.5 * (float(np.trace(f.matrix_bt)) - 1.0))))
+        pose = dict(zip(("roll", "pitch", "yaw"), self.angles, strict=True))
+        pose |= dict(zip("xyz", f.lever_b.tolist(), strict=True))
+        return self._record(
+            "tracker_body",
+            pose,
+            (
+                Quality(name="turned by", value=math.degrees(turn), unit="deg"),
+                Quality(name="lever arm", value=1e3 * float(np.linalg.norm(f.lever_b)), unit="mm"),
+                Quality(
+                    name="untold, the turn accelerates by up to",
+                    value=9.81 * math.sin(min(turn, 0.5 * math.pi)),
+                    unit="m/s²",
+                ),
+            ),
+            (
+                Quality(
+                    name="deviation of the axes",
+                    value=math.degrees(f.turn_deviation),
+                    unit="deg",
+                    limit=TURN_DEVIATION_MAX,
+                ),
+                Quality(
+                    name="deviation of the lever arm",
+                    value=1e3 * f.lever_deviation,
+                    unit="mm",
+                    limit=LEVER_DEVIATION_MAX,
+                ),
+                Quality(
+                    name="tracker's z against gravity",
+                    value=math.degrees(f.world_tilt),
+                    unit="deg",
+                    limit=WORLD_TILT_MAX,
+                ),
+            ),
+        )
+
+    def _record(
+        self,
+        name: str,
+        values: dict[str, float],
+        figures: tuple[Quality, ...],
+        quality: tuple[Quality, ...],
+    ) -> CalibrationRecord:
+        from estimation.parameters import TrackerCalibration
+
+        store = ParameterStore(TrackerCalibration())
+        for key, value in values.items():
+            d = store.description(key)
+            if not float(d.minimum or 0.0) <= value <= float(d.maximum or 0.0):
+                raise MeasurementError(
+                    f"{PARAMETER}{key} = {value:.3g} {d.unit} is none the vehicle takes: "
+                    f"{d.minimum:g} to {d.maximum:g}; is it this vehicle's body, in metres?"
+                )
+        f = self.found
+        return CalibrationRecord(
+            name=name,
+            values={f"{PARAMETER}{key}": round(value, 5) for key, value in values.items()},
+            figures=(
+                *figures,
+                Quality(name="attitude, rms", value=math.degrees(f.attitude_rms), unit="deg"),
+                Quality(name="position, rms", value=1e3 * f.position_rms, unit="mm"),
+            ),
+            quality=quality,
+            residuals=tuple(
+                (f"second {k}, deg", math.degrees(part)) for k, part in enumerate(f.parts[:200], 1)
+            ),
+            conditions={"seen": f"{f.seconds:.0f} s"},
+        )
+
+
+def read_tracked_body(log: Path, vehicle: str) -> TrackedBodyFound:
+    """Identify from a log. Raises LogFormatError without IMU or poses, MeasurementError with what
+    is missing in the motion.
+    """
+    columns = read_columns(log, vehicle, WANTED)
+    imu, poses = columns["imu"], columns["tracker_pose"]
+    inertial, seen = imu.rows(FORCE + RATE), poses.rows(POSITION + ATTITUDE)
+    known = np.isfinite(seen).all(axis=1)
+    fresh, rising = np.isfinite(inertial).all(axis=1), np.diff(poses.time, prepend=-np.inf) > 0.0
+    fresh &= np.diff(imu.time, prepend=-np.inf) > 0.0
+    known &= rising
+    inertial, seen = inertial[fresh], seen[known]
+    motion = Motion(
+        imu.time[fresh],
+        inertial[:, :3],
+        inertial[:, 3:],
+        poses.time[known],
+        seen[:, :3],
+        seen[:, 3:],
+    )
+    return TrackedBodyFound(identify_tracked_body(motion))

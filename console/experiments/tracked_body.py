@@ -1,0 +1,147 @@
+"""How late the tracker's poses are, and where the tracked body sits on the vehicle.
+
+The vehicle is turned by hand, motors off, from attitude to attitude without a rest; or it flies a
+figure 8.
+"""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from pathlib import Path
+
+from console.evaluation.tracked_body import TrackedBodyFound, read_tracked_body
+from console.evaluation.verdict import judged
+from console.experiments.calibration_flight import CLEAR, come_down, missing_place
+from console.experiments.client import Client, Result, VehicleView
+from console.experiments.pose_guide import attitude_of, spread_poses, words_of
+from console.experiments.readings import Progress
+from quadrotor.calibration_record import CalibrationRecord
+from quadrotor.errors import QuadlabError, RefusedError
+from quadrotor.parameters import Parameters, parameter
+
+POSES = 12
+TILT = math.radians(60.0)
+EACH = 1.5
+"""s, for which an attitude is asked for."""
+LAP = 6.0
+"""s."""
+
+
+class TrackedBodyOptions(Parameters):
+    """Options of both."""
+
+    method: str = parameter(
+        "hand",
+        choices=("hand", "air"),
+        description="turned by hand, motors off; or in the air, a figure 8, which shows the lever "
+        "arm less",
+    )
+    duration: float = parameter(
+        60.0, unit="s", ge=15.0, le=600.0, step=5.0, description="of the motion"
+    )
+
+
+class TrackerDelay:
+    """Proposes the delay."""
+
+    name = "tracker_delay"
+
+    def __init__(self, vehicle: str = "quad1") -> None:
+        self.parameters = TrackedBodyOptions()
+        self._vehicle = vehicle
+
+    @property
+    def planned(self) -> float:
+        """Return the planned time in s, about."""
+        return 15.0 + self.parameters.duration
+
+    def check(self) -> None:
+        """Accept all options: every combination is valid."""
+
+    def preconditions(self, view: VehicleView) -> str:
+        """Return what is missing before it may start, as text."""
+        return missing_place(view)
+
+    def fly(self, client: Client) -> None:
+        """Have it turned, or fly. Raises RefusedError with the reason when that cannot be."""
+        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        if self.parameters.method == "hand":
+            self._turned_by_hand(client)
+        else:
+            self._flown(client)
+
+    def _turned_by_hand(self, client: Client) -> None:
+        ups = spread_poses(POSES, TILT)
+        count = max(1, round(self.parameters.duration / EACH))
+        try:
+            for k in range(count):
+                if client.finished:
+                    break
+                up = ups[k * 5 % POSES]  # 5 and 12 have no common divisor: far apart, all of them
+                client.turn(attitude_of(up))
+                told = f"Turn it on, in the tracker's view, to: {words_of(up)}"
+                client.tell(Progress(told, k + 1, count, k / count))
+                client.wait(EACH)
+                view = client.view()
+                if view.armed or view.mode != "ready":
+                    raise RefusedError(
+                        f"the vehicle is {view.mode}; motors must be off while it is held. Disarm "
+                        "it and begin again"
+                    )
+            client.tell(Progress("Set the vehicle down, level", count, count, 1.0))
+        finally:
+            with suppress(QuadlabError):  # why it ended is what counts
+                client.turn(None)
+
+    def _flown(self, client: Client) -> None:
+        client.confirm(CLEAR)
+        client.wait(0.5)
+        client.arm()
+        client.wait(1.0)
+        laps = max(2, round(self.parameters.duration / LAP))
+        try:
+            client.start("take_off", height=1.2)
+            client.wait_until(
+                lambda v: v.behavior == "hover", what="hover after take-off", timeout=20
+            )
+            client.tell(Progress("It flies a figure 8: keep clear", 1, 2))
+            client.start("follow_trajectory", trajectory="figure_eight", period=LAP, laps=laps)
+            client.wait_until(
+                lambda v: v.behavior == "hover" or client.finished,
+                what="the end of the figure 8",
+                timeout=laps * LAP + 20.0,
+            )
+            if client.view().behavior == "follow_trajectory":  # finished before its end
+                client.start("brake")
+                client.wait(2.0)
+        except RefusedError:
+            come_down(client)
+            raise
+        client.tell(Progress("It lands", 2, 2))
+        come_down(client)
+
+    def evaluate(self, log: Path) -> Result:
+        """Judge what was found. Raises LogFormatError without IMU or poses, MeasurementError with
+        what is missing in the motion.
+        """
+        record = self.proposal(log)
+        metrics = {one.name: one.value for one in (*record.figures, *record.quality)}
+        limits = {one.name: one.limit for one in record.quality if one.limit is not None}
+        return judged(metrics, limits)
+
+    def proposal(self, log: Path) -> CalibrationRecord:
+        """Return the record to accept. Raises as `evaluate`."""
+        return self._record(read_tracked_body(log, self._vehicle))
+
+    def _record(self, found: TrackedBodyFound) -> CalibrationRecord:
+        return found.delay_record()
+
+
+class TrackerBody(TrackerDelay):
+    """Proposes place and axes of the tracked body."""
+
+    name = "tracker_body"
+
+    def _record(self, found: TrackedBodyFound) -> CalibrationRecord:
+        return found.body_record()
