@@ -37,7 +37,9 @@ class CalibrationRecord(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str = Field(min_length=1, max_length=32)
-    """gyroscope, accelerometer, motor, mass, inertia, drag, vibration, tracker_delay or tracker_body."""
+    """gyroscope, accelerometer, motor, mass, inertia, drag, vibration, tracker_delay or
+    tracker_body.
+    """
     values: dict[str, ParameterValue] = Field(default={}, max_length=100)
     figures: tuple[Quality, ...] = Field(default=(), max_length=50)
     quality: tuple[Quality, ...] = Field(default=(), max_length=50)

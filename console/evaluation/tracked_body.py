@@ -153,7 +153,8 @@ def read_tracked_body(log: Path, vehicle: str) -> TrackedBodyFound:
     """
     columns = read_columns(log, vehicle, WANTED)
     imu, poses = columns["imu"], columns["tracker_pose"]
-    inertial, seen = imu.rows(FORCE + RATE), poses.rows(POSITION + ATTITUDE)
+    inertial = imu.rows(FORCE + RATE).astype(np.float64)
+    seen = poses.rows(POSITION + ATTITUDE).astype(np.float64)
     known = np.isfinite(seen).all(axis=1)
     fresh, rising = np.isfinite(inertial).all(axis=1), np.diff(poses.time, prepend=-np.inf) > 0.0
     fresh &= np.diff(imu.time, prepend=-np.inf) > 0.0

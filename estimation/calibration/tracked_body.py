@@ -167,8 +167,8 @@ def coarse_fit(
             f"{math.degrees(STILL):.1f}): turn it about all three axes, then begin again"
         )
     seen = on_grid(grid, pose_time, angular_velocity(pose_time, quaternion_wt))
-    lengths = [np.linalg.norm(one, axis=1, keepdims=True) for one in (gyro, seen)]
-    shift, _ = best_lag(*lengths, round(DELAY_MAX / STEP))
+    turns, seen_turns = (np.linalg.norm(one, axis=1, keepdims=True) for one in (gyro, seen))
+    shift, _ = best_lag(turns, seen_turns, round(DELAY_MAX / STEP))
     late = interpolated(grid + shift * STEP, grid, seen)
     return shift * STEP, best_turn(late, gyro)
 

@@ -20,8 +20,7 @@ class Calibrate:
 
     calibration: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = None
     """gyroscope, accelerometer, motor_bench, mass, inertia, drag, vibration, tracker_delay,
-    tracker_body, or one of a file of
-    your own"""
+    tracker_body, or one of a file of your own"""
     set: Settings = ()
     """an option of the calibration"""
     yes: bool = False

@@ -88,10 +88,10 @@ def hold(
         if angle > step:
             phi *= step / angle
             q = quaternion_normalize(quaternion_multiply(q, quaternion_exp(phi)))
+            for i in range(3):
+                p.x[10 + i] = phi[i] / duration
         else:
             q = h.quaternion_wb.copy()
-        for i in range(3):
-            p.x[10 + i] = phi[i] / duration
         p.x[6:10] = q
         up = (LIFT_HEIGHT if h.held == HAND else 0.0) - p.x[2]
         if abs(up) > LIFT_SPEED * duration:
