@@ -26,7 +26,7 @@ DRIFT_MAX = 1.0
 """ms a minute: more is a clock that runs, which no constant takes off."""
 TURN_DEVIATION_MAX = 0.1
 """deg."""
-LEVER_DEVIATION_MAX = 1.0
+LEVER_DEVIATION_MAX = 1.5
 """mm."""
 WORLD_TILT_MAX = 1.0
 """deg."""
