@@ -155,7 +155,7 @@ class Simulator:
     name: Names = ()
     """namespace of the vehicle's topics (default: quad1); of several, once for each"""
     serve: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SYSTEM[=PORT]")] = ()
-    """serve poses as these tracking systems do, on loopback: vrpn, natnet"""
+    """serve poses as these tracking systems do, on loopback: vrpn, natnet, qtm"""
     set: Settings = ()
     """start with this parameter value; tracker.NAME=VALUE sets how served poses are measured"""
 

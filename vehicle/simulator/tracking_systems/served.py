@@ -18,12 +18,15 @@ from quadrotor.plain_rotations import Array
 from vehicle.simulator.tracking_systems.frame import Server, TrackingFaults, in_system
 from vehicle.simulator.tracking_systems.natnet import PORT as NATNET_PORT
 from vehicle.simulator.tracking_systems.natnet import NatNetServer
+from vehicle.simulator.tracking_systems.qtm import PORT as QTM_PORT
+from vehicle.simulator.tracking_systems.qtm import QtmServer
 from vehicle.simulator.tracking_systems.vrpn import PORT as VRPN_PORT
 from vehicle.simulator.tracking_systems.vrpn import VrpnServer
 
 SYSTEMS: Mapping[str, tuple[int, Callable[[Sequence[str], int], Server]]] = {
     "vrpn": (VRPN_PORT, VrpnServer),
     "natnet": (NATNET_PORT, NatNetServer),
+    "qtm": (QTM_PORT, QtmServer),
 }
 """By name: the usual port and the server."""
 KEPT = 64

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import asyncio
 import itertools
 import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import qtm_rt
 from natnet import DataDescriptions, DataFrame, NatNetClient
+from qtm_rt.packet import QRTPacket
 
 from bearing_sim import TrackerParameters
 from console.trackers.health import to_world
 from console.trackers.motion_capture import MotionCaptureSource
 from console.trackers.source import Body, Frame
 from quadrotor.errors import UsageError
+from quadrotor.plain_rotations import matrix_of
 from tests.waiting import free_port, until, wait_for
 from vehicle.simulator.tracking_systems.frame import TrackingFaults, bound
 from vehicle.simulator.tracking_systems.served import SYSTEMS, ServedSystems, parse_systems
@@ -162,6 +167,36 @@ def test_served_natnet_is_read_with_its_stamps_by_another_client() -> None:
             k = check(Body(name, np.array(body.pos), np.array((w, x, y, z))))
             stamp_ns = EPOCH_NS + 10_000_000 * k
             assert 100 * frame.suffix.stamp_camera_mid_exposure == stamp_ns
+
+
+def test_served_qtm_is_read_with_its_stamps_by_the_makers_client() -> None:
+    async def read(port: int) -> tuple[bytes, list[QRTPacket]]:
+        connection = await qtm_rt.connect("127.0.0.1", port + 1)
+        settings = await connection.get_parameters(["6d"])
+        came: list[QRTPacket] = []
+        enough = asyncio.Event()
+
+        def take(packet: QRTPacket) -> None:
+            came.append(packet)
+            if len(came) == 20:
+                enough.set()
+
+        await connection.stream_frames(components=["6d"], on_packet=take)
+        await asyncio.wait_for(enough.wait(), 20)
+        connection.disconnect()
+        return settings, came
+
+    with laboratory("qtm") as running:
+        settings, packets = asyncio.run(read(running.port))
+    tree = ElementTree.fromstring(settings)
+    assert [name.text for name in tree.iterfind("The_6D/Body/Name")] == list(NAMES)
+    for packet in packets:
+        _, bodies = packet.get_6d()
+        for (position, rotation), name in zip(bodies, NAMES, strict=True):
+            k = check(Body(name, 1e-3 * np.array(position), TURN))
+            columns = np.reshape(rotation.matrix, (3, 3))
+            np.testing.assert_allclose(columns.T, matrix_of(TURN), atol=1e-6)
+            assert 1000 * packet.timestamp == EPOCH_NS + 10_000_000 * k
 
 
 def test_systems_and_ports_that_cannot_be_served_are_named() -> None:
