@@ -19,7 +19,7 @@ Array = npt.NDArray[np.float64]
 
 MODEL = "plumb_bob"
 """ROS's name of the model."""
-NEEDED = "allowed is a camera_info YAML file, as ROS calibrations write it"
+NEEDED = "allowed is a camera_info YAML file, as `quadlab camera` writes it"
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from quadlab.commands.calibrate import Calibrate
+from quadlab.commands.camera import Camera
 from quadlab.commands.fly import Fly
 from quadlab.commands.gains import Gains
 from quadlab.commands.link import LinkCommand
@@ -26,6 +27,7 @@ COMMANDS: dict[str, type[Command]] = {
     "up": Up,
     "fly": Fly,
     "calibrate": Calibrate,
+    "camera": Camera,
     "log": LogCommand,
     "link": LinkCommand,
     "replay": Replay,

@@ -45,7 +45,7 @@ class Tracker:
     video: Path | None = None
     """of camera: a file in its place"""
     intrinsics: Path | None = None
-    """of camera: ROS camera_info YAML, of its calibration"""
+    """of camera: the file that `quadlab camera` wrote"""
     tags: Path | None = None
     """of camera: the TOML file that says which tags are where"""
     loopback_port: int = 7447
