@@ -18,6 +18,8 @@ from vehicle_link.transport.heartbeat import LinkState
 
 BEHIND = 2.0
 """s; a change of parameters is read back within one second."""
+GRAVITY_OFF = 15.0
+"""deg, between gravity and the z of the tracker's attitude, which a crooked mounting may have."""
 MISSED = 0.01
 """Share of the flight loop's periods without a tick that is worth a note."""
 _SILENT = "nothing heard"
@@ -144,6 +146,22 @@ def level_and_still(f: Facts, p: PreflightParameters) -> Check:
     return Check(name, "ok" if good else "fail", found, wanted, advice)
 
 
+def tracked_body(f: Facts, p: PreflightParameters) -> Check:
+    """Check that gravity is where the tracker's attitude has it: its body's axes are the
+    vehicle's.
+    """
+    name, wanted = "tracked body", f"gravity at most {GRAVITY_OFF:.0f}° off"
+    if f.gravity_off is None:
+        return Check(name, "unknown", _SILENT, wanted)
+    off = math.degrees(f.gravity_off)
+    advice = (
+        "the tracked body's axes are turned or mirrored: mend them in the tracking system, or "
+        "calibrate tracker_body"
+    )
+    state: State = "ok" if off <= GRAVITY_OFF else "fail"
+    return Check(name, state, f"gravity {off:.0f}° off", wanted, advice)
+
+
 def flight_volume(f: Facts, p: PreflightParameters) -> Check:
     """Check the place against the flight volume: a vehicle on the ground is below its floor; none
     may be above its ceiling or outside its sides.
@@ -224,6 +242,7 @@ ITEMS: tuple[Item, ...] = (
     measurements,
     battery,
     level_and_still,
+    tracked_body,
     flight_volume,
     parameters,
     recording,

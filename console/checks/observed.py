@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from quadrotor.errors import LinkError
-from quadrotor.plain_rotations import tilt_of
+from quadrotor.plain_rotations import rotate, tilt_of
 from quadrotor.records import Record
 from vehicle_link.clock import monotonic
 from vehicle_link.messages import decode
@@ -23,8 +23,10 @@ KEPT = ("estimator", "battery", "stick")
 STILL_WINDOW = 0.5
 """s for which the vehicle must have been at rest."""
 
-Sample = tuple[float, Any, Any, Any, Any]
-"""Reception time (s); position (3,), velocity (3,), quaternion (4,), angular velocity (3,)."""
+Sample = tuple[float, Any, Any, Any, Any, Any]
+"""Reception time (s); position (3,), velocity (3,), quaternion (4,), angular velocity (3,),
+specific force (3,).
+"""
 
 
 class Observed:
@@ -47,14 +49,16 @@ class Observed:
         if name in KEPT:
             self._payloads[name] = (self._clock(), payload)
 
-    def telemetry(self, state: Record) -> None:
-        """Store the newest STATE of a packet."""
+    def telemetry(self, tick: Record) -> None:
+        """Store the newest TICK of a packet."""
+        state = tick["state"]
         sample = (
             self._clock(),
             state["position_w"],
             state["velocity_w"],
             state["quaternion_wb"],
             state["angular_velocity_b"],
+            tick["imu"]["specific_force_b"],
         )
         with self._lock:
             self._samples.append(sample)
@@ -89,9 +93,12 @@ class Observed:
         if not samples or now - samples[-1][0] > STALE["telemetry"]:
             return {}
         recent = [one for one in samples if now - one[0] <= STILL_WINDOW]
-        _, position, _, quaternion, _ = samples[-1]
+        _, position, _, quaternion, _, _ = samples[-1]
+        forces_w = [rotate([float(x) for x in one[3]], one[5]) for one in recent]
+        up = [float(sum(axis)) for axis in zip(*forces_w, strict=True)]
         return {
             "position_w": tuple(float(x) for x in position),
+            "gravity_off": math.atan2(math.hypot(*up[:2]), up[2]) if any(up) else None,
             "tilt": tilt_of(*map(float, quaternion)),
             "speed": sum(math.hypot(*one[2]) for one in recent) / len(recent),
             "body_rate": sum(math.hypot(*one[4]) for one in recent) / len(recent),

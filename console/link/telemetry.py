@@ -45,7 +45,7 @@ class TelemetryIn:
         self._comparison.telemetry(received.payload)
         self._experiments.readings.telemetry(sequence, ticks)
         if shown:
-            self._observed.telemetry(ticks["state"][-1])
+            self._observed.telemetry(ticks[-1])
             self._experiments.feed.telemetry(stamp_ns, ticks["state"]["position_w"][-1])
         payloads: dict[str, list[bytes]] = {}
         if self._recorder.run_id:

@@ -69,6 +69,7 @@ class FitVehicle:
             "age": 0.004,
             "x": 0.0,
             "tilt": 0.0,
+            "body_off": 0.0,
             "revision": 1,
             "telemetry": True,
             "silent": False,
@@ -136,6 +137,8 @@ class FitVehicle:
             half = state["tilt"] / 2.0
             ticks["state"]["quaternion_wb"] = (math.cos(half), math.sin(half), 0.0, 0.0)
             ticks["state"]["position_w"][:, 0] = state["x"]
+            up = state["tilt"] + state["body_off"]
+            ticks["imu"]["specific_force_b"] = (0.0, 9.8 * math.sin(up), 9.8 * math.cos(up))
             if state["telemetry"]:
                 self._out["telemetry"].put(pack(ticks, count), now_ns)
             self._out["vehicle_heartbeat"].put(topics.encode_heartbeat(count, now_ns), now_ns)
@@ -240,6 +243,7 @@ UNFIT: list[tuple[str, Callable[[Bench], Any]]] = [
     ("measurements", lambda b: setattr(b, "tracked", False)),
     ("battery", lambda b: b.vehicle.state.update(voltage=13.0)),
     ("level and still", lambda b: b.vehicle.state.update(tilt=0.4)),
+    ("tracked body", lambda b: b.vehicle.state.update(body_off=1.5)),
     ("flight volume", lambda b: b.vehicle.state.update(x=4.0)),
     ("parameters", lambda b: b.vehicle.state.update(revision=2)),
     ("alarms", lambda b: b.station._alarms.set("defect", "a defect of the station")),
