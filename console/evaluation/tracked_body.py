@@ -59,7 +59,10 @@ class TrackedBodyFound:
         return self._record(
             "tracker_delay",
             {"delay": f.delay},
-            (Quality(name="at 1 m/s the delay is, of position", value=1e3 * f.delay, unit="mm"),),
+            (
+                Quality(name="at 1 m/s the delay is, of position", value=1e3 * f.delay, unit="mm"),
+                Quality(name="drift", value=self.drift, unit="ms/min"),
+            ),
             (
                 Quality(
                     name="deviation",
@@ -68,7 +71,10 @@ class TrackedBodyFound:
                     limit=DELAY_DEVIATION_MAX,
                 ),
                 Quality(
-                    name="drift, either way", value=abs(self.drift), unit="ms/min", limit=DRIFT_MAX
+                    name="drift beyond doubt",
+                    value=max(0.0, abs(self.drift) - 2.0 * 60e3 * f.drift_deviation),
+                    unit="ms/min",
+                    limit=DRIFT_MAX,
                 ),
             ),
         )

@@ -16,7 +16,7 @@ from console.evaluation.inertia import RATES, THRUSTS, WANTED, estimate_inertia,
 from console.evaluation.log_columns import read_columns, read_parameters
 from console.evaluation.mass import read_mass
 from console.experiments.catalogue import find
-from console.experiments.client import ExperimentEndedError, VehicleView
+from console.experiments.client import Calibrating, ExperimentEndedError, VehicleView
 from console.experiments.figure_eight import FigureEight
 from console.experiments.inertia import InertiaExperiment
 from flight_log import LogWriter
@@ -313,3 +313,32 @@ def test_the_noise_of_a_rough_vehicle_is_found_in_hover_and_proposed(tmp_path: P
         "estimation.error_state.accelerometer_noise": pytest.approx(0.0123, rel=0.05),
         "estimation.error_state.gyroscope_noise": pytest.approx(0.029, rel=0.05),
     }
+
+
+# ---------------------------------------------------------------- tracker
+def test_a_tracker_late_and_askew_is_found_by_hand(tmp_path: Path) -> None:
+    log = tmp_path / "tracker.mcap"
+    body = {"x": 0.05, "y": -0.03, "z": 0.04, "roll": 3.0, "pitch": -2.0, "yaw": 100.0}
+    settings = {f"tracker__body__{name}": value for name, value in body.items()}
+    settings |= {"tracker__delay": 0.04, "tracker__stamp_error": 0.04, "experiment__duration": 30.0}
+    with laboratory("tracker_body", log, **settings) as (experiment, flight):
+        experiment.fly(flight)
+        assert flight.view().mode == "ready"
+    found = pickle.loads(pickle.dumps(experiment)).proposal(log).values
+    for name, value in body.items():
+        near = 0.002 if name in "xyz" else 0.2
+        assert found[f"estimation.tracker.{name}"] == pytest.approx(value, abs=near)
+    late = find("tracker_delay")
+    assert isinstance(late, Calibrating)
+    assert late.evaluate(log).verdict == "passed"
+    delay = late.proposal(log).values
+    assert delay == {"estimation.tracker.delay": pytest.approx(0.04, abs=1e-3)}
+
+
+def test_a_tracker_that_sends_nothing_cannot_be_identified(tmp_path: Path) -> None:
+    log = tmp_path / "tracker.mcap"
+    settings = {"tracker__drop_out": 1.0, "experiment__duration": 15.0}
+    with laboratory("tracker_delay", log, **settings) as (experiment, flight):
+        experiment.fly(flight)
+    with pytest.raises(LogFormatError, match="tracker_pose"):
+        experiment.evaluate(log)
