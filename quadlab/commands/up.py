@@ -185,8 +185,8 @@ class Up(PageOptions):
         """Return what the simulator is to serve, when it is the tracking system's server."""
         from vehicle.simulator.tracking_systems.served import SYSTEMS
 
-        system, *words = self.tracker.split()
-        if system not in SYSTEMS or any(word.startswith("--host") for word in words):
+        system, *words = self.tracker.replace("=", " ").split() or [""]
+        if system not in SYSTEMS or "--host" in words:
             return []
         port = words[words.index("--port") + 1 :][:1] if "--port" in words else []
         return ["--serve", "=".join([system, *port])]

@@ -29,3 +29,19 @@ def test_the_start_goes_on_until_the_page_answers_and_not_only_listens(
             progress._thread.join(BOUND)
         assert not progress._thread.is_alive()
     assert "starting, " in said
+
+
+@pytest.mark.parametrize(
+    ("words", "served"),
+    [
+        ("vrpn", ["--serve", "vrpn"]),
+        ("natnet --port=2510", ["--serve", "natnet=2510"]),
+        ("qtm --host 10.0.0.2", []),
+        ("udp --port 5005", []),
+        (" ", []),
+    ],
+)
+def test_the_simulator_serves_the_system_that_no_other_host_does(
+    words: str, served: list[str]
+) -> None:
+    assert up.Up(tracker=words)._serve_words() == served
