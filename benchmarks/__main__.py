@@ -47,6 +47,7 @@ FOLDERS = {
         "tracking_faults",
         "starved",
         "real_flights",
+        "camera_flight",
     ),
     "page": (
         "replay",
