@@ -6,6 +6,7 @@ import asyncio
 import itertools
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from xml.etree import ElementTree
@@ -20,9 +21,9 @@ from bearing_sim import TrackerParameters
 from console.trackers.health import to_world
 from console.trackers.motion_capture import MotionCaptureSource
 from console.trackers.source import Body, Frame
-from quadrotor.errors import UsageError
+from quadrotor.errors import UnreachableError, UsageError
 from quadrotor.plain_rotations import matrix_of
-from tests.waiting import free_port, until, wait_for
+from tests.waiting import LIMIT, free_port, until, wait_for
 from vehicle.simulator.tracking_systems.frame import TrackingFaults, bound
 from vehicle.simulator.tracking_systems.served import SYSTEMS, ServedSystems, parse_systems
 
@@ -81,10 +82,21 @@ def laboratory(system: str) -> Iterator[Laboratory]:
 
 @contextmanager
 def frames_of(system: str, port: int) -> Iterator[Iterator[Frame]]:
-    source = MotionCaptureSource(system, "127.0.0.1", port)
-    frames = source.frames()
+    """The library's frames; for QTM it waits until no other client here has the one UDP port that
+    the library can use.
+    """
+    end = time.monotonic() + LIMIT
+    while True:
+        source = MotionCaptureSource(system, "127.0.0.1", port)
+        frames = source.frames()
+        try:
+            first = next(frames)
+            break
+        except UnreachableError:
+            if time.monotonic() > end:
+                raise
     try:
-        yield frames
+        yield itertools.chain([first], frames)
     finally:
         source.close()
         for _ in frames:  # ends, and the library's process with it
