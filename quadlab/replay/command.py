@@ -15,7 +15,9 @@ from quadrotor.errors import LogFormatError, StorageError, UsageError
 
 if TYPE_CHECKING:
     from quadlab.replay.errors import Truth
+    from quadlab.replay.lines import Run
     from quadlab.replay.log import Recording
+    from quadlab.replay.measurements import MeasurementStore
 
 Names = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME")]
 Runs = Annotated[
@@ -56,6 +58,10 @@ class Replay:
     beacons: File = None
     """beacons of a CSV file with the header id,x,y,z (m); layouts by name with
     --set bearings.layout=NAME"""
+    survey: bool = False
+    """first find where the beacons (or, of sweeps, the base stations) are from the flight itself,
+    and give that to all runs; with --on both the tracker's poses say where, with bearings alone
+    the IMU does"""
     truth: Literal["recorded", "tracker"] = "recorded"
     """compare with, and make bearings from, the simulator's truth or the tracker's poses"""
     start: Annotated[float | None, tyro.conf.arg(name="from", metavar="S")] = None
@@ -92,6 +98,7 @@ class Replay:
         )
         window = find_window(recording, truth, self.start, self.end)
         store = MeasurementStore(recording, truth)
+        surveyed = self._survey(recording, runs, store) if self.survey else []
         rows = [recorded_row(recording, truth, window)] if len(recording.state) else []
         for run in runs:
             replayed = replay(recording, run, store.of(run))
@@ -108,6 +115,8 @@ class Replay:
         if self.set or self.beacons:
             words = [*self.set, *([f"beacons of {self.beacons}"] if self.beacons else [])]
             print(f"set in all runs: {', '.join(words)}")
+        for line in surveyed:
+            print(f"  {line}")
         print_table(rows)
         if len(flown := flown_choices(recording)) > 1:
             told = ", ".join(
@@ -135,6 +144,28 @@ class Replay:
             from quadlab.replay.plot import check_plot
 
             check_plot(self.plot)
+
+    def _survey(self, recording: Recording, runs: list[Run], store: MeasurementStore) -> list[str]:
+        """Find where base stations or beacons are, give that to the runs; lines that tell it."""
+        from bearing_sim.beacons import format_layout
+        from quadlab.replay.lines import BELIEVED_LAYOUT, SWEEPS
+        from quadlab.replay.survey import survey_beacons, survey_stations
+
+        run = next((run for run in runs if run.estimator == "error_state"), None)
+        if run is None or run.source == "poses":
+            raise UsageError(
+                "--survey goes by a run of error_state on bearings, both or sweeps; "
+                "add --estimator error_state --on both"
+            )
+        print("surveying: the flight is replayed some hundred times", flush=True)
+        if run.source == SWEEPS:
+            return [f"base station {line}" for line in survey_stations(recording, run).lines]
+        beacons, found = survey_beacons(recording, run, store.of(run))
+        for one in runs:
+            one.parameters.beacons.layout = format_layout(beacons)
+            one.fixed |= {BELIEVED_LAYOUT}
+        layout = f"in use from here on: --set 'beacons.layout={run.parameters.beacons.layout}'"
+        return [*(f"beacon {line}" for line in found.lines), layout]
 
     def _truth(self, recording: Recording) -> Truth:
         from quadlab.replay.errors import Truth

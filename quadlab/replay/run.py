@@ -77,10 +77,10 @@ def replay(recording: Recording, run: Run, arrivals: list[Arrival]) -> Replayed:
         arrivals: in the order of their arrival.
     """
     registry.prepare(run.estimator, bearings=True)
-    return _Vehicle(recording, run).fly(arrivals)
+    return Vehicle(recording, run).fly(arrivals)
 
 
-class _Vehicle:
+class Vehicle:
     """The part of a vehicle that `vehicle.estimators.navigation` does with its active estimator.
 
     Parameters changed in flight change here too, unless the run fixes them.

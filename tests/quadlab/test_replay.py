@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bearing_sim.beacons import parse_layout
 from estimation import registry
 from estimation.complementary import ComplementaryEstimator
 from flight_log import LogWriter, read_attachments, read_log
@@ -287,6 +288,24 @@ def test_a_mistaken_map_of_the_beacons_shows(capsys: pytest.CaptureFixture[str],
     rows, _ = table(capsys, log, "--run", "error_state bearings.layout=wide", "--run", wrong)
     assert rows["error_state bearings.layout=wide"]["position_rms_m"] < 0.05
     assert rows[wrong]["position_rms_m"] > 0.2
+
+
+def test_a_survey_finds_where_the_beacons_are(
+    capsys: pytest.CaptureFixture[str], log: Path
+) -> None:
+    believed = "beacons.layout=1 1.1 0.9 0.1; 2 -1 1 0.05; 3 -0.92 -1.1 0.1; 4 1 -1 0.2"
+    words = ["--estimator", "error_state", "--on", "both", "--set", believed]
+    assert main(["replay", str(log), *words, "--survey"]) == 0
+    told = capsys.readouterr().out
+    [line] = [line for line in told.splitlines() if "in use from here on" in line]
+    found = parse_layout(line.partition("beacons.layout=")[2].rstrip("'"))
+    off = found.positions_w - parse_layout("paper").positions_w
+    assert np.abs(off).max() < 0.045  # 10 s of flight; they were believed up to 0.13 m off
+    assert np.linalg.norm(off) < 0.4 * np.linalg.norm(
+        parse_layout(believed.partition("=")[2]).positions_w - parse_layout("paper").positions_w
+    )
+    assert main(["replay", str(log), "--estimator", "complementary", "--survey"]) == 2
+    assert "add --estimator error_state --on both" in capsys.readouterr().err
 
 
 def test_beacons_of_a_file_are_those_of_the_layout(

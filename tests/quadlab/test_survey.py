@@ -1,0 +1,86 @@
+"""Base stations are found from the sweeps and the IMU of a flight, without its truth."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy.spatial.transform import Rotation
+
+from quadlab.replay.lines import Run, plan_runs
+from quadlab.replay.log import Arrival, Recording
+from quadlab.replay.run import replay
+from quadlab.replay.survey import survey_stations
+from quadlab.simulated.flight import FlightParameters
+from quadrotor.errors import MeasurementError
+from quadrotor.records import IMU_SAMPLE, STATE
+from tests.support.sweeps import sweeps_of
+
+MOVED = np.array([0.06, -0.03, 0.04])
+"""m: how far from its place station 1 is believed to be."""
+RATE = 200
+
+
+def circling(seconds: float) -> tuple[Recording, npt.NDArray[np.float64]]:
+    """Return a level flight on a slanted 8 below two stations, one of them believed elsewhere, and
+    its path.
+    """
+    rng, arrivals = np.random.default_rng(8), []
+    t = np.arange(1, round(RATE * seconds)) / RATE
+    path = np.column_stack([np.sin(1.5 * t), np.sin(3.0 * t) / 2, 1.0 + 0.3 * np.sin(2.0 * t)])
+    imu = np.zeros(len(t), IMU_SAMPLE)
+    imu["stamp_ns"] = np.round(1e9 * t)
+    imu["specific_force_b"] = np.column_stack(
+        [-2.25 * np.sin(1.5 * t), -4.5 * np.sin(3.0 * t), 9.80665 - 1.2 * np.sin(2.0 * t)]
+    )
+    imu["specific_force_b"] += 0.05 * rng.normal(size=(len(t), 3))
+    imu["angular_velocity_b"] = 0.005 * rng.normal(size=(len(t), 3))
+    for k in range(0, len(t), 2):
+        number = (k // 2) % 4
+        frame = sweeps_of(number, int(imu["stamp_ns"][k]), path[k], rng)
+        if number // 2 == 1:
+            frame["plane"]["origin_w"] += MOVED
+        arrivals.append(Arrival(int(imu["stamp_ns"][k]), frame))
+    nothing = np.zeros(0, np.int64)
+    recording = Recording(
+        Path("flight.mcap"),
+        "quad1",
+        imu,
+        nothing,
+        np.zeros(0, STATE),
+        nothing,
+        np.zeros(0, STATE),
+        poses=[],
+        bearings=[],
+        sweeps=arrivals,
+        parameters=FlightParameters(),
+    )
+    return recording, path
+
+
+def error(recording: Recording, run: Run, path: npt.NDArray[np.float64]) -> float:
+    """Return the rms error of the path flown, brought over the true one as a whole; m."""
+    flown = replay(recording, run, recording.sweeps).states["position_w"][2 * RATE :]
+    true = path[2 * RATE :]
+    _, rest = Rotation.align_vectors(true - true.mean(axis=0), flown - flown.mean(axis=0))
+    return float(rest) / math.sqrt(len(true))
+
+
+def test_a_base_station_that_is_elsewhere_is_found_without_the_truth() -> None:
+    recording, path = circling(16.0)
+    [run] = plan_runs(recording, (), ["error_state"], (), "sweeps")
+    before = error(recording, run, path)
+    found = survey_stations(recording, run)
+    assert error(recording, run, path) < 0.5 * before
+    assert found.after < 0.5 * found.before
+    assert np.isnan(found.places[0].deviation_w).all()
+
+
+def test_a_survey_of_few_sweeps_is_refused() -> None:
+    recording, _ = circling(0.4)
+    [run] = plan_runs(recording, (), ["error_state"], (), "sweeps")
+    with pytest.raises(MeasurementError, match=r"\b\d+ sweeps .* it takes 100"):
+        survey_stations(recording, run)
