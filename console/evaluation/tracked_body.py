@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from console.evaluation.log_columns import read_columns
-from estimation.calibration.tracked_body import Motion, TrackedBody, identify_tracked_body
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterStore
+
+if TYPE_CHECKING:
+    from estimation.calibration.tracked_body import TrackedBody
 
 FORCE = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
 RATE = tuple(f"angular_velocity.{axis}" for axis in "xyz")
@@ -166,6 +169,8 @@ def read_tracked_body(log: Path, vehicle: str) -> TrackedBodyFound:
     fresh &= np.diff(imu.time, prepend=-np.inf) > 0.0
     known &= rising
     inertial, seen = inertial[fresh], seen[known]
+    from estimation.calibration.tracked_body import Motion, identify_tracked_body  # slow
+
     motion = Motion(
         imu.time[fresh],
         inertial[:, :3],
