@@ -147,15 +147,15 @@ def level_and_still(f: Facts, p: PreflightParameters) -> Check:
 
 
 def tracked_body(f: Facts, p: PreflightParameters) -> Check:
-    """Check that gravity is where the tracker's attitude has it: its body's axes are the
-    vehicle's.
+    """Check the direction of gravity by the accelerometer against the tracker's attitude: if they
+    differ, the axes of the tracked body are not those of the vehicle.
     """
     name, wanted = "tracked body", f"gravity at most {GRAVITY_OFF:.0f}° off"
     if f.gravity_off is None:
         return Check(name, "unknown", _SILENT, wanted)
     off = math.degrees(f.gravity_off)
     advice = (
-        "the tracked body's axes are turned or mirrored: mend them in the tracking system, or "
+        "the tracked body's axes are turned or mirrored: correct them in the tracking system, or "
         "calibrate tracker_body"
     )
     state: State = "ok" if off <= GRAVITY_OFF else "fail"

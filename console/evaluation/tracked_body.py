@@ -37,7 +37,7 @@ WORLD_TILT_MAX = 1.0
 
 @dataclass(frozen=True, slots=True)
 class TrackedBodyFound:
-    """What both experiments judge and propose."""
+    """The result that both experiments judge and propose from."""
 
     found: TrackedBody
 

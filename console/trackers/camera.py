@@ -25,8 +25,11 @@ MS = 1_000_000
 
 
 class CameraSource:
-    """Args: `camera`, a device's number, or a video file that is played at its own pace; files of
-    its intrinsics and of the tags.
+    """Bodies with tags, as one camera sees them.
+
+    Args:
+        camera: a device's number, or a video file, which is played at its own pace.
+        intrinsics, tags: files of the camera's intrinsics and of the layout of the tags.
 
     Raises StorageError, MeasurementError, UnreachableError.
     """

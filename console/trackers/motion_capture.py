@@ -37,7 +37,7 @@ SYSTEMS: Mapping[str, tuple[str, int, Settings]] = {
 
 
 class MotionCaptureSource:
-    """Args: system, one of SYSTEMS; its server. Raises UsageError, UnreachableError."""
+    """The client of a server of one of SYSTEMS. Raises UsageError, UnreachableError."""
 
     def __init__(self, system: str, host: str, port: int) -> None:
         if importlib.util.find_spec(LIBRARY) is None:

@@ -68,11 +68,14 @@ class _Vehicle:
 
 
 class Tracker:
-    """Args:
-    words: what the system is, with its address.
-    open_source: connects; may raise QuadlabError, and is tried again.
-    bodies: the system's name of each vehicle's body.
-    session: with the station.
+    """Publishes the poses of a tracking system's bodies, and how they are.
+
+    Args:
+        words: the system and its address, for messages.
+        open_source: connects; may raise QuadlabError, and is tried again.
+        bodies: the system's name of each vehicle's body.
+        session: with the station.
+        unit, up: of the positions that the system sends, and its axis that points up.
     """
 
     def __init__(
@@ -88,7 +91,7 @@ class Tracker:
         self._vehicles = [_Vehicle(session, vehicle, body) for vehicle, body in bodies.items()]
         self._session = session
         self._clock = SystemClock()
-        self._came: queue.Queue[Frame | QuadlabError] = queue.Queue(KEPT)
+        self._came: queue.Queue[Frame | Exception] = queue.Queue(KEPT)
         self._closing = threading.Event()
         self._frames: deque[float] = deque()
         self._seen: deque[tuple[float, str]] = deque()
@@ -114,10 +117,10 @@ class Tracker:
                 except queue.Empty:
                     pass
                 else:
-                    if isinstance(item, UsageError):
-                        raise item
                     if isinstance(item, Frame):
                         self._take(item)
+                    elif isinstance(item, UsageError) or not isinstance(item, QuadlabError):
+                        raise item  # not mended by another try in this process
                     elif isinstance(item, MeasurementError):
                         self._note, self._noted = f"{self._words}: {item}", monotonic()
                     else:
@@ -158,7 +161,7 @@ class Tracker:
             try:
                 self._source = self._open_source()
                 self._read_on(self._source)
-            except QuadlabError as error:
+            except Exception as error:
                 self._came.put(error)
             if self._source is not None:
                 self._source.close()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import queue
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -20,7 +21,12 @@ TYPE = "geometry_msgs/PoseStamped"
 
 
 class Ros2Source:
-    """Args: `session` with the station; topics, with their leading slash."""
+    """Poses that ROS 2 nodes publish.
+
+    Args:
+        session: with the station.
+        names: of the topics, with their leading slash.
+    """
 
     def __init__(self, session: Any, names: Sequence[str]) -> None:
         self._node = Node(session, "", "quadlab_tracker")
@@ -38,8 +44,11 @@ class Ros2Source:
 
     def close(self) -> None:
         self._node.close()
-        self._came = queue.Queue()
+        with suppress(queue.Empty):  # room for the end
+            while True:
+                self._came.get_nowait()
         self._came.put(None)
 
     def _put(self, name: str, received: Received) -> None:
-        self._came.put_nowait((name, received.payload, monotonic_ns()))
+        with suppress(queue.Full):  # a pose that has to wait is worth nothing
+            self._came.put_nowait((name, received.payload, monotonic_ns()))

@@ -23,10 +23,12 @@ was set. After a pause of the network they would come ever less late."""
 
 
 class SystemClock:
-    """Attributes:
-    drift: s/s by which the system's clock is slower than ours.
-    jump_ns: by which it was last set, forwards positive.
-    jumps: how often it was set.
+    """Maps stamps of a system's clock onto the host's.
+
+    Attributes:
+        drift: s/s by which the system's clock is slower than ours.
+        jump_ns: by which it was last set, forwards positive.
+        jumps: how often it was set.
     """
 
     def __init__(self) -> None:

@@ -22,7 +22,7 @@ MARKER, RIGID = 5, 9
 
 
 class UdpSource:
-    """Args: address to listen on. Raises LinkError when it cannot be."""
+    """Frames that arrive at a UDP port of this host. Raises LinkError when it cannot be opened."""
 
     def __init__(self, host: str, port: int) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

@@ -36,11 +36,13 @@ class Board:
 
 @dataclass(frozen=True, eq=False)
 class CameraCalibration:
-    """Attributes:
-    residual: rms of the corners' distances from where the model puts them, pixels.
-    coverage: share of GRID's cells with a corner in them.
-    pictures: used.
-    focal_deviation: standard deviation of the focal length, pixels.
+    """The intrinsics found, and how well.
+
+    Attributes:
+        residual: rms of the corners' distances from where the model puts them, pixels.
+        coverage: share of GRID's cells with a corner in them.
+        pictures: used.
+        focal_deviation: standard deviation of the focal length, pixels.
     """
 
     intrinsics: Intrinsics

@@ -31,7 +31,11 @@ REMEMBERED = 15
 
 
 class TagTracker:
-    """Args: layout of the tags; lens of the camera.
+    """Places a camera by tags of known places, and bodies by their tags.
+
+    Args:
+        layout: of the tags.
+        lens: of the camera.
 
     Raises MeasurementError for an unknown family.
     """

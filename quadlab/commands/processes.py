@@ -144,6 +144,19 @@ class Vehicle:
         )
 
 
+def check_tracker(words: str) -> None:
+    """Check the words of `quadlab tracker`. Raises UsageError."""
+    from quadlab.__main__ import parse
+    from quadlab.commands.tracker import Tracker
+
+    try:
+        command = parse(["tracker", *shlex.split(words)])
+    except ValueError as error:
+        raise UsageError(f"--tracker {words!r}: {error}; close the quotes") from None
+    assert isinstance(command, Tracker)
+    command.check()
+
+
 @dataclass
 class Simulator:
     """Run the simulated plant and microcontroller behind two pseudo-terminals."""
@@ -225,11 +238,9 @@ class Station:
 
     def _keep_tracker(self) -> None:
         """Start the tracker process and keep it going, in a thread. Raises UsageError."""
-        from quadlab.__main__ import parse
-
+        check_tracker(self.tracker)
         loopback = ("--loopback-port", str(self.loopback_port))
         child = Child("tracker", ["tracker", *shlex.split(self.tracker), *loopback], niceness=-10)
-        parse(child.words)
 
         def keep() -> None:
             try:

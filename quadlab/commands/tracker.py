@@ -51,16 +51,21 @@ class Tracker:
     loopback_port: int = 7447
     """TCP port of the station's session on loopback"""
 
-    def run(self) -> int:
+    def check(self) -> dict[str, str]:
+        """Return the body of each vehicle. Raises UsageError for words that do not go together."""
         bodies = parse_bodies(self.body)
         if self.port is not None and not 1 <= self.port <= 65535:
-            raise UsageError(f"--port {self.port} is not one; allowed 1 to 65535")
+            raise UsageError(f"--port {self.port} is out of range (1 to 65535)")
         if self.system == "ros2" and not all(name.startswith("/") for name in bodies.values()):
             raise UsageError(
                 "of ros2, --body is a topic with its leading slash, like --body /vrpn/cf7/pose"
             )
         if self.system == "camera" and None in (self.intrinsics, self.tags):
             raise UsageError("camera needs --intrinsics FILE and --tags FILE; see docs/trackers.md")
+        return bodies
+
+    def run(self) -> int:
+        bodies = self.check()
         from console.trackers.motion_capture import SYSTEMS
         from console.trackers.process import Tracker as Process
         from vehicle_link.termination_signal import EndSignal
@@ -107,7 +112,9 @@ class Tracker:
             from console.trackers.ros2 import Ros2Source
 
             return Ros2Source(session, bodies)
-        if self.intrinsics is not None and self.tags is not None:
+        if self.system == "camera":
+            assert self.intrinsics is not None
+            assert self.tags is not None
             from console.trackers.camera import CameraSource
 
             camera = self.device if self.video is None else self.video

@@ -26,6 +26,7 @@ from quadlab.commands.processes import (
     Folder,
     Settings,
     check_name,
+    check_tracker,
 )
 from quadlab.data_folder import open_data_folder, owned
 from quadlab.settings import parse_settings
@@ -81,6 +82,8 @@ class Up(PageOptions):
         fleet.check()
         check_rate(self._rate(fleet), len(MCU_PORTS))
         self._check_ports(fleet)
+        if self.tracker:
+            check_tracker(self._tracker_words(fleet))
         vehicle_words, simulator_words = self._check_settings()
         folder = open_data_folder(self.data)
         self.check_page(folder)

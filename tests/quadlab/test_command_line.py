@@ -50,6 +50,8 @@ def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int)
         (["up", "--name", "a b/../c"], "allowed are up to 32 small letters"),
         (["fly", "hover", "--set", "behavior.volume_x_min=50"], "not below"),
         (["up", "--set", "simulator.mas=1"], "mass"),
+        (["up", "--tracker", "vrpm"], "did you mean vrpn"),
+        (["up", "--tracker", "vrpn --port 99999"], "1 to 65535"),
         (["log", "inspect", "x.mcap"], "info"),
     ],
 )

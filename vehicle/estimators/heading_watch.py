@@ -1,4 +1,4 @@
-"""Reports a heading that nothing tells of: a single marker shows it by horizontal motion alone."""
+"""Reports an unknown heading: on a single marker only horizontal motion shows it."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ class Navigation:
         active: the estimator in use.
         source: its source: "poses", "bearings" or "both".
         agreement: reports whether measurements agree with it.
-        heading: reports a heading that nothing tells of.
+        heading: reports an unknown heading.
         suspect: reports a beacon whose bearings are off.
         measured: whether the last step had measurements.
     """

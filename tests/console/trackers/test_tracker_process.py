@@ -200,6 +200,7 @@ def test_a_clock_that_is_set_by_a_second_is_told_and_followed(
     newest = bench.poses[-1]
     stamp_ns = int(topics.decode_pose(newest.payload)["stamp_ns"][0])
     assert abs(newest.received_ns + AHEAD_NS - stamp_ns) < 500_000_000
+    assert bench.statuses[-1].clock_jumps == 1
 
 
 def test_a_line_that_is_none_is_told_and_the_next_frame_taken(

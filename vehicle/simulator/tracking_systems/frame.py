@@ -30,7 +30,7 @@ class Body(NamedTuple):
 
 
 class TrackingFaults(Parameters):
-    """What a laboratory's tracking system does when something is wrong with it."""
+    """Faults of the served tracking system, as laboratories have them."""
 
     dropped: float = parameter(
         0.0, ge=0, le=1, step=0.05, description="share of the served frames that are not sent"
