@@ -306,7 +306,7 @@ class Recorder:
             self._free = free_bytes(self._folder)
         except StorageError as error:
             self._free = 0
-            problem = problem or str(error)
+            problem = problem or self._on_watch() or str(error)  # gone since it was asked
         if problem:
             self._alarms["folder"] = problem
         else:
