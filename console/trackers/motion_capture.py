@@ -36,15 +36,20 @@ SYSTEMS: Mapping[str, tuple[str, int, Settings]] = {
 """By our name: the library's name, the usual port, its settings."""
 
 
+def check_library(system: str) -> None:
+    """Check that the library is installed. Raises UsageError."""
+    if importlib.util.find_spec(LIBRARY) is None:
+        raise UsageError(
+            f"{system} needs the package {LIBRARY}; install it with `scripts/setup trackers`, or "
+            "choose udp or ros2"
+        )
+
+
 class MotionCaptureSource:
     """The client of a server of one of SYSTEMS. Raises UsageError, UnreachableError."""
 
     def __init__(self, system: str, host: str, port: int) -> None:
-        if importlib.util.find_spec(LIBRARY) is None:
-            raise UsageError(
-                f"{system} needs the package {LIBRARY}; install it with "
-                "`pip install 'quadlab[trackers]'`, or choose udp or ros2"
-            )
+        check_library(system)
         self._server = f"{system} server at {host}:{port}"
         try:
             address = socket.gethostbyname(host)

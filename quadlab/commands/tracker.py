@@ -62,6 +62,10 @@ class Tracker:
             )
         if self.system == "camera" and None in (self.intrinsics, self.tags):
             raise UsageError("camera needs --intrinsics FILE and --tags FILE; see docs/trackers.md")
+        from console.trackers.motion_capture import SYSTEMS, check_library
+
+        if self.system in SYSTEMS:
+            check_library(self.system)
         return bodies
 
     def run(self) -> int:
