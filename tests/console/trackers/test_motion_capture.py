@@ -53,5 +53,5 @@ def test_without_the_library_the_package_to_install_is_named(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(motion_capture, "LIBRARY", "motioncapture_that_is_not_there")
-    with pytest.raises(UsageError, match="pip install"):
+    with pytest.raises(UsageError, match="scripts/setup trackers"):
         MotionCaptureSource("vicon", "127.0.0.1", 801)
