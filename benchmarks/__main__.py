@@ -33,7 +33,7 @@ FOLDERS = {
         "serial_line",
         "onboard_log",
     ),
-    "estimation": ("pose", "filters", "comparison"),
+    "estimation": ("pose", "filters", "comparison", "tags"),
     "flights": (
         "bearing_flights",
         "faults",

@@ -27,6 +27,16 @@ REAL_TIME = (
 )
 """Whole laboratories, which take the machine by their priority, vehicles that fly in real time, and
 processes that leave it to others by theirs: the last, and nothing runs beside them."""
+LOCKSTEP = (
+    "system/test_browser_flight.py",
+    "system/test_control.py",
+    "system/test_experiment_flight.py",
+    "system/test_external_reference.py",
+    "system/test_parameter_hammer.py",
+    "system/test_simulated_battery.py",
+)
+"""Whole laboratories whose simulated time waits for the machine: one after another in one process,
+beside other tests."""
 LIVE = (
     "vehicle/simulator/test_process.py",
     "console/beacons/test_agreement.py",
@@ -48,15 +58,17 @@ BEFORE = pytest.StashKey[tuple[int, int]]()
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Pages first, for they take longest; what flies last."""
-    gone = [name for name in (*REAL_TIME, *LIVE, BROWSER, *LONG) if not _path(name).exists()]
+    gone = [
+        name for name in (*REAL_TIME, *LOCKSTEP, *LIVE, BROWSER, *LONG) if not _path(name).exists()
+    ]
     if gone:
         raise pytest.UsageError(f"{__file__} names files that do not exist: {', '.join(gone)}")
 
     def turn(item: pytest.Item) -> int:
         name = _name(item.nodeid)
-        if name.startswith(REAL_TIME):
+        if _is_alone(name):
             return 2
-        return 0 if name.startswith((BROWSER, *LIVE, *LONG)) else 1
+        return 0 if name.startswith((BROWSER, *LOCKSTEP, *LIVE, *LONG)) else 1
 
     items.sort(key=turn)
     for item in items:
@@ -82,7 +94,9 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     class ByFile(LoadScopeScheduling):  # type: ignore[misc]  # of an untyped package
         def _split_scope(self, nodeid: str) -> str:
             name = _name(nodeid)
-            return "real time" if name.startswith(REAL_TIME) else name.split("::", 1)[0]
+            if name.startswith(LOCKSTEP):
+                return "lockstep"
+            return "real time" if _is_alone(name) else name.split("::", 1)[0]
 
     return ByFile(config, log)
 
@@ -93,7 +107,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
     run = getattr(item.config, "workerinput", {}).get("testrunuid")
     if run is None:
         return (yield)
-    alone = _name(item.nodeid).startswith(REAL_TIME)
+    alone = _is_alone(_name(item.nodeid))
     with (Path(tempfile.gettempdir()) / f"quadlab-tests-{run}").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
         return (yield)
@@ -160,6 +174,10 @@ def chromium_path() -> str:
 def _path(name: str) -> Path:
     """Return the file or folder of a name above."""
     return HERE / name.split("::", 1)[0]
+
+
+def _is_alone(name: str) -> bool:
+    return name.startswith(REAL_TIME) and not name.startswith(LOCKSTEP)
 
 
 def _name(nodeid: str) -> str:

@@ -33,10 +33,11 @@ LEAST = 10.0
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 
-def refine_corners(grey: Picture, corners: Array, tag: Picture, lens: Intrinsics) -> Array:
-    """Return corners (4, 2), pixels, in the order of `TagDetector.detect`.
+def refine_corners(grey: Picture, corners: Array, tag: Picture, lens: Intrinsics) -> Array | None:
+    """Return corners (4, 2), pixels, in the order of `TagDetector.detect`; None where the picture
+    does not fit.
 
-    The given ones must be within half a cell; where the picture does not fit, they come back.
+    The given ones must be within half a cell and a pixel.
 
     Args: tag: its upright picture, a pixel a cell, with the border and the rim.
     """
@@ -74,7 +75,7 @@ def refine_corners(grey: Picture, corners: Array, tag: Picture, lens: Intrinsics
         A = np.stack([*moves, u * both, v * both, drawn, inside, one]).reshape(11, -1)
         *step, contrast, _, _ = np.linalg.lstsq(A @ A.T, A @ seen[:, 0])[0]
         if contrast * 255.0 < LEAST:
-            return corners
+            return None
         a = np.array(step) / contrast
         off = np.array([[1 + a[1], a[2], a[0]], [a[4], 1 + a[5], a[3]], [a[6], a[7], 1]])
         H = H @ np.linalg.inv(off)
@@ -82,7 +83,7 @@ def refine_corners(grey: Picture, corners: Array, tag: Picture, lens: Intrinsics
             break
     found = _pixels(H, outline, lens)
     near = np.abs(found - corners).max() < 0.5 * np.abs(cell).max() + 1.0
-    return found if near else corners
+    return found if near else None
 
 
 def _pixels(H: Array, places: Array, lens: Intrinsics) -> Array:

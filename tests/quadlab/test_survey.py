@@ -21,7 +21,7 @@ from tests.support.sweeps import sweeps_of
 
 MOVED = np.array([0.06, -0.03, 0.04])
 """m: how far from its place station 1 is believed to be."""
-RATE = 200
+RATE = 100
 
 
 def circling(seconds: float) -> tuple[Recording, npt.NDArray[np.float64]]:

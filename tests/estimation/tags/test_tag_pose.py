@@ -35,6 +35,20 @@ def test_poses_in_pictures_are_within_the_bound_of_the_stated_corner_noise(dista
     assert (off < 1.5**2 * bound).all(), np.sqrt(off / bound)
 
 
+def test_a_tag_seen_from_the_side_is_read_from_four_metres() -> None:
+    """Its cells are less than a pixel high there."""
+    random, detector = np.random.default_rng(9), TagDetector(LENS)
+    R_ct = FACING @ rotation_exp(np.array([np.radians(-60.0), 0.0, 0.0]))
+    found = []
+    for _ in range(10):
+        position_c = np.array([*random.uniform(-0.5, 0.5, 2), 3.9])
+        there = CAMERA.project(CORNERS @ R_ct.T + position_c)
+        for number, pixels in detector.detect(CAMERA.take([tag(3, position_c, R_ct)], random)):
+            found.append(number)
+            np.testing.assert_allclose(pixels, there, atol=0.3)
+    assert found.count(3) == len(found) >= 7
+
+
 def test_noise_of_the_corners_alone_gives_poses_at_the_bound() -> None:
     random = np.random.default_rng(8)
     ratios = []

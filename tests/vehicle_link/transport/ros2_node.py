@@ -78,6 +78,9 @@ class Peer:
         return made(**{k: self._value(v) for k, v in value.items()})
 
     def call(self, service: str, kind: str, fields: dict[str, Any], kind_hash: str | None) -> Any:
+        end = time.monotonic() + WAIT
+        while service not in dict(get_service_names_and_types(timeout=2.0)):
+            assert time.monotonic() < end, f"there is no service {service}"
         client = ROS2ServiceClient(service, kind, timeout=WAIT, type_hash=kind_hash)
         try:
             answer = client.call(**{k: self._value(v) for k, v in fields.items()})

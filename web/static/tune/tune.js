@@ -32,6 +32,8 @@ export class Tune {
     this.isKnown = false;
     this.build();
     events.on("hello", () => this.load());
+    events.on("parameters", () => this.load()); // the limits come with them
+    events.on("parameter", ({ name }) => { if (name.startsWith("behavior.excite_")) this.load(); });
     events.on("tuning", ({ status, runs }) => this.take(status, runs));
     events.on("summary", () => this.draw());
     document.addEventListener("tab", ({ detail }) => { if (detail === "tune") this.redraw(); });
