@@ -22,7 +22,7 @@ def test_what_is_old_has_a_sign_and_says_when_it_was_heard(
     page: Any, look: Any, flying: Any, until: Callable[..., None]
 ) -> None:
     look.text("#battery", "^15.6 V$")
-    look.has_no_class("#battery", "stale")  # a loaded machine may paint it first and hear of it late
+    look.has_no_class("#battery", "stale")
     until(lambda: not marked(page, "#battery"))
     flying(False)
     look.has_class("#mode", "stale")
