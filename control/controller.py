@@ -249,6 +249,18 @@ def step(
         )
 
 
+@compiled
+def apply_wrench(wrench: Array, model: Record, actuators: Record) -> None:
+    """Write the actuators of a wrench (1, 4) (N, N m) that another law wants; in place.
+
+    Args:
+        model: MODEL (1,). actuators: ACTUATORS (1,).
+    """
+    u = wrench[0]
+    thrusts, scaling = allocate((u[0], u[1], u[2], u[3]), model[0])
+    command(thrusts, scaling, model[0], actuators[0])
+
+
 Law = Callable[[Record, Record, Record, Record, Record, bool, float, Record], None]
 """The arguments of `step`."""
 

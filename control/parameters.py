@@ -35,7 +35,7 @@ Item = Any
 """One record `array[k]` inside compiled code, where its fields are attributes."""
 
 RATES = ("nominal", "exact")
-GEOMETRIC, NEAR_HOVERING = "geometric", "near_hovering"
+GEOMETRIC, NEAR_HOVERING, NONE = "geometric", "near_hovering", "none"
 
 
 def _gain(
@@ -173,19 +173,62 @@ class DisturbanceParameters(Parameters):
     )
 
 
+class PluginBounds(Parameters):
+    """Bounds beyond which a law from outside is taken out, and where one over UDP answers."""
+
+    thrust_max: float = parameter(
+        0.5,
+        ge=0.05,
+        le=2.0,
+        step=0.05,
+        description="largest difference of thrust from the built-in law's, in weights",
+    )
+    torque_max: float = parameter(
+        0.5,
+        unit="N m",
+        ge=0.05,
+        le=5.0,
+        step=0.05,
+        description="largest difference of torque from the built-in law's, about each axis",
+    )
+    tilt_max: float = parameter(
+        20.0,
+        unit="°",
+        ge=2.0,
+        le=60.0,
+        step=1.0,
+        description="largest tilt away from the built-in law's desired attitude",
+    )
+    distance_max: float = parameter(
+        0.5, unit="m", ge=0.05, le=5.0, step=0.05, description="largest distance from the reference"
+    )
+    udp_peer: str = parameter(
+        "127.0.0.1:9101", description="HOST:PORT of the program that is the law `udp`"
+    )
+    udp_port: int = parameter(
+        9102, ge=1024, le=65535, description="port of the vehicle that it answers to"
+    )
+
+
 class ControlParameters(Parameters):
     """The parameters of the controller."""
 
     law: str = parameter(
         GEOMETRIC,
-        choices=(GEOMETRIC, NEAR_HOVERING),
-        description="the paper's geometric law, or the linear one of the near-hovering mode; "
-        "changed on the ground only",
+        description="geometric (the paper's), near_hovering (its linear form), udp (a program that "
+        "answers over UDP), or a file of the folder plugins without its ending; changed on the "
+        "ground, in flight only between geometric and a law that runs beside it",
+    )
+    shadow_law: str = parameter(
+        NONE,
+        description="a law from outside (udp or a file of plugins) that runs beside the one in "
+        "use and is compared with it; none: no law",
     )
     position: PositionGains = PositionGains()
     attitude: AttitudeGains = AttitudeGains()
     limits: ControlLimits = ControlLimits()
     disturbance: DisturbanceParameters = DisturbanceParameters()
+    plugin: PluginBounds = PluginBounds()
 
 
 def control_record(parameters: ControlParameters) -> Record:

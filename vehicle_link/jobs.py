@@ -19,7 +19,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import IO, Any, Generic, TypeVar, cast, get_type_hints
 
@@ -49,6 +49,7 @@ class Job(Generic[T]):
         niceness: of the process, 0 to 19.
         report: takes each value the function reports; the function's last argument is then what it
             calls to do so.
+        keep: file descriptors that the process gets too, under the same numbers.
 
     Raises JobError when it cannot be started.
     """
@@ -59,6 +60,7 @@ class Job(Generic[T]):
         *arguments: Any,
         niceness: int = NICENESS,
         report: Callable[[Any], None] | None = None,
+        keep: Sequence[int] = (),
     ) -> None:
         self._function, self._report = function, report
         self._complaint = self._partial = b""
@@ -78,6 +80,7 @@ class Job(Generic[T]):
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 env={**os.environ, "PYTHONPATH": path},
+                pass_fds=keep,
                 process_group=0,  # Ctrl-C in the terminal is for the parent
             )
         except OSError as error:
@@ -136,6 +139,11 @@ class Job(Generic[T]):
                 self._process.wait(patience)
         self._process.kill()
         self._process.wait()
+        self._close()
+
+    def abandon(self) -> None:
+        """Kill it and wait for nothing: a later process that is started reaps it."""
+        self._process.kill()
         self._close()
 
     def _receive(self, stream: IO[bytes], take: Callable[[bytes], None]) -> None:

@@ -14,16 +14,16 @@ import math
 import pickle
 import re
 import sys
-import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import Any
 
 from console.experiments.client import Experiment
-from quadrotor.errors import QuadlabError, StorageError, UsageError
+from quadrotor.errors import QuadlabError, UsageError
 from quadrotor.parameters import Parameters, ParameterStore
+from quadrotor.python_file import line_of, read_source, told
 
 METHODS = {
     "check": "def check(self) -> None",
@@ -39,7 +39,6 @@ OPTIONAL = {
 ATTRIBUTES = ("name", "parameters", "planned")
 NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 WHERE = "docs/experiments.md shows one"
-T = TypeVar("T")
 
 
 class UserFileError(QuadlabError):
@@ -57,14 +56,10 @@ def load(path: Path, vehicle: str = "quad1") -> Experiment:
     Raises StorageError for a file that cannot be read, UsageError that names file and line for
     everything that is wrong in it.
     """
-    try:
-        source = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "it is no text in UTF-8"
-        raise StorageError(f"the experiment {path} cannot be read: {why}") from None
+    source = read_source(path)
     kind, node = _class_of(path, source)
     takes_vehicle = _accepts(kind, 1)
-    experiment = _told(path, lambda: kind(vehicle) if takes_vehicle else kind(), UsageError)
+    experiment = told(path, lambda: kind(vehicle) if takes_vehicle else kind(), UsageError)
     _check(path, experiment, node)
     checked: Experiment = experiment
     return checked
@@ -84,18 +79,14 @@ def mistakes_told(experiment: Experiment) -> Iterator[None]:
     except (Exception, SystemExit) as error:
         if path is None:
             raise
-        raise UserFileError(_line(path, error)) from error
+        raise UserFileError(line_of(path, error)) from error
 
 
 def _class_of(path: Path, source: str) -> tuple[type, ast.ClassDef]:
     """Return the one class of the file that flies or evaluates, and the line where it is
     defined.
     """
-    try:
-        tree = ast.parse(source, str(path))
-    except (SyntaxError, ValueError) as error:
-        line = getattr(error, "lineno", None) or 1
-        raise UsageError(f"{path.name} line {line}: {_words(error)}") from None
+    tree = told(path, lambda: ast.parse(source, str(path)), UsageError)
     module = _module(path, source)
     nodes = [
         node
@@ -131,7 +122,7 @@ def _module(path: Path, source: str) -> ModuleType:
     sys.modules[name] = module
     try:
         code = compile(source, str(path), "exec")
-        _told(path, lambda: exec(code, vars(module)), UsageError)
+        told(path, lambda: exec(code, vars(module)), UsageError)
     except BaseException:
         del sys.modules[name]
         raise
@@ -168,7 +159,7 @@ def _check(path: Path, experiment: Any, node: ast.ClassDef) -> None:
         line = lines.get(attribute, node.lineno)
         return UsageError(f"{path.name} line {line}: {node.name} {what}; {WHERE}")
 
-    missing = _told(path, lambda: [n for n in ATTRIBUTES if not hasattr(experiment, n)], UsageError)
+    missing = told(path, lambda: [n for n in ATTRIBUTES if not hasattr(experiment, n)], UsageError)
     if missing:
         raise refuse(missing[0], f"has no {missing[0]!r}")
     for name, wanted in (METHODS | OPTIONAL).items():
@@ -185,8 +176,8 @@ def _check(path: Path, experiment: Any, node: ast.ClassDef) -> None:
     if options is not None and not isinstance(options, Parameters):
         raise refuse("parameters", "has `parameters` that are neither None nor Parameters")
     if options is not None:
-        _told(path, lambda: ParameterStore(options), UsageError)
-    planned = _told(path, lambda: experiment.planned, UsageError)
+        told(path, lambda: ParameterStore(options), UsageError)
+    planned = told(path, lambda: experiment.planned, UsageError)
     number = isinstance(planned, int | float) and not isinstance(planned, bool)
     if not number or not (math.isfinite(planned) and planned >= 0.0):
         raise refuse("planned", f"has planned = {planned!r}, needed are the seconds it takes")
@@ -198,24 +189,3 @@ def _accepts(method: Callable[..., object], count: int) -> bool:
     except (TypeError, ValueError):
         return False
     return True
-
-
-def _told(path: Path, what: Callable[[], T], error_type: type[QuadlabError]) -> T:
-    """Return `what()`, with every mistake of the file reported as one line."""
-    try:
-        return what()
-    except QuadlabError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise error_type(_line(path, error)) from None
-
-
-def _line(path: Path, error: BaseException) -> str:
-    frames = traceback.extract_tb(error.__traceback__)
-    lines = [frame.lineno for frame in frames if frame.filename == str(path)]
-    return f"{path.name} line {lines[-1] if lines else 1}: {_words(error)}"
-
-
-def _words(error: BaseException) -> str:
-    text = error.msg if isinstance(error, SyntaxError) else str(error)
-    return f"{type(error).__name__}: {' '.join(text.split())}" if text else type(error).__name__

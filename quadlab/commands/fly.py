@@ -46,6 +46,8 @@ class Fly:
     beacons: File = None
     """beacons of a CSV file with the header id,x,y,z (m); layouts by name with
     --set bearings.layout=NAME"""
+    plugins: Folder = None
+    """folder of control laws of your own (default: plugins in the data folder)"""
     true_state: bool = False
     """let the controller see the true state instead of the estimate"""
     report: bool = False
@@ -67,6 +69,7 @@ class Fly:
         from quadlab.simulated.flight_log import FlightLog
         from quadrotor.parameters import ParameterStore
         from vehicle.flight.kernels import prepare
+        from vehicle.processes.parent import PLUGINS
         from vehicle.simulator.simulated_vehicle import SimulatedVehicle
         from vehicle_link.messages import typestore
 
@@ -92,7 +95,8 @@ class Fly:
         # of flying alone.
         _, later = prepare(lambda line: print(f"quadlab: {line}", file=sys.stderr, flush=True))
         typestore()
-        flight = SimulatedFlight(parameters, simulated, log, estimator)
+        plugins = self.plugins or open_data_folder(None) / PLUGINS
+        flight = SimulatedFlight(parameters, simulated, log, estimator, plugins)
         if not self.json:
             flight.on_tell = Teller(flight)
         began, processor = time.perf_counter(), time.process_time()
@@ -106,6 +110,7 @@ class Fly:
         finally:
             log.close()
             later.close()
+            flight.stack.steering.close()
         wall, processor = time.perf_counter() - began, time.process_time() - processor
         flown, rate = flight.view().time, parameters.simulator.imu_rate
         result, proposal = judged(experiment, path, aborted)

@@ -100,9 +100,10 @@ class SimulatedFleet:
                 (files.key("vehicle"), copies.key("vehicle")),
             ):
                 shutil.copy2(source, copy)
-            trajectories = folder / "trajectories"
-            if not trajectories.is_symlink() and not trajectories.exists():
-                trajectories.symlink_to(Path("..", "..", "trajectories"))
+            for shared in ("trajectories", "plugins"):
+                link = folder / shared
+                if not link.is_symlink() and not link.exists():
+                    link.symlink_to(Path("..", "..", shared))
         except OSError as error:
             raise StorageError(f"cannot make {folder}: {error.strerror or error}") from error
         return folder

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from bearing_sim.beacons import parse_layout
 from bearing_sim.emulator import BearingEmulator, BearingParameters
@@ -28,6 +29,7 @@ from vehicle.estimators.navigation import COMPLAIN_NS
 from vehicle.flight.microcontroller_commands import Orders
 from vehicle.flight.modes import MOTORS_ON
 from vehicle.flight.stack import FlightStack
+from vehicle.laws.laws import Laws
 from vehicle.microcontroller.microcontroller import Microcontroller
 from vehicle.parameters import VehicleParameters
 from vehicle.processes import mailbox
@@ -61,6 +63,7 @@ class SimulatedFlight(SimulatedGuide):
         simulated: the robot, made from `parameters.simulator`.
         log: where every message goes.
         estimator: a plugin in place of the vehicle's own.
+        plugins: folder of control laws.
     """
 
     def __init__(
@@ -69,10 +72,11 @@ class SimulatedFlight(SimulatedGuide):
         simulated: SimulatedVehicle,
         log: FlightLog,
         estimator: Estimator | None = None,
+        plugins: Path | None = None,
     ) -> None:
         super().__init__(parameters, simulated, log)
         self.parameters = parameters
-        self.stack = FlightStack(parameters, estimator=estimator)
+        self.stack = FlightStack(parameters, estimator=estimator, laws=Laws(plugins))
         self.clock = StageClock()
         self._mcu = Microcontroller(simulated.ports, epoch_ns=0, rate=parameters.simulator.imu_rate)
         self._tracker = SimulatedTracker(parameters.tracker)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Self
 
 import numpy as np
@@ -27,17 +28,19 @@ class Lab(SimulatedFlight):
     Args:
         parameters: the defaults where there are none.
         settings: changed before the flight, by their full names.
+        plugins: folder of control laws.
     """
 
     def __init__(
         self,
         parameters: FlightParameters | None = None,
         settings: Mapping[str, ParameterValue] | None = None,
+        plugins: Path | None = None,
     ) -> None:
         parameters = parameters or flight_parameters()
         self.kept = KeptLog()
         self.robot = SimulatedVehicle(parameters.simulator)
-        super().__init__(parameters, self.robot, self.kept)  # type: ignore[arg-type]
+        super().__init__(parameters, self.robot, self.kept, None, plugins)  # type: ignore[arg-type]
         if settings:
             self.change(dict(settings))
 

@@ -1,28 +1,25 @@
 """The control law in use and its vehicle model, which follows the battery voltage and the mass.
 
-A law is changed on the ground only: the integrals of one mean nothing to another.
+A built-in law is changed on the ground only: the integrals of one mean nothing to another. A law
+from outside runs above a built-in one, and the two may change places in flight.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
 
-from control.controller import Controller, GeometricController
+from control.controller import Controller
 from control.disturbance_observer import DisturbanceObserver
-from control.near_hovering import NearHoveringController
-from control.parameters import GEOMETRIC, NEAR_HOVERING, ControlParameters
+from control.parameters import NONE, ControlParameters
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
 from quadrotor.vehicle_model import VehicleModel
+from vehicle.laws.laws import BUILT_IN, LAW, SHADOW_LAW, Laws, base_of
+from vehicle.laws.outside import OutsideLaw
 
-LAWS: dict[str, Callable[[], Controller]] = {
-    GEOMETRIC: GeometricController,
-    NEAR_HOVERING: NearHoveringController,
-}
-LAW = "control.law"
 SETTLING = 1.0
 """s, time constant of the filtered battery voltage that the model follows (without ripple)."""
 GRAM = 0.001
@@ -56,18 +53,28 @@ class Steering:
     Args:
         control, model: parameters, read again by each `configure`.
         plugin: a law used in place of the one named in the parameters, until another is set.
+        laws: those there are.
 
     Attributes:
         model: MODEL, shape (1,), with the mass in use; updated in place, so others hold a view.
         mass: kg, the same.
         observer: the disturbance observer; off unless the parameters switch it on.
+        outside: the law from outside that is flown or runs as the shadow.
     """
 
     def __init__(
-        self, control: ControlParameters, model: VehicleModel, plugin: Controller | None = None
+        self,
+        control: ControlParameters,
+        model: VehicleModel,
+        plugin: Controller | None = None,
+        laws: Laws | None = None,
     ) -> None:
-        self._name = control.law
-        self.controller: Controller = plugin or LAWS[self._name]()
+        self._laws = laws or Laws()
+        self._name, self._shadow = base_of(control.law), NONE
+        self.outside: OutsideLaw | None = None
+        self._base_name = self._name
+        self._base = BUILT_IN[self._base_name]()
+        self.controller: Controller = plugin or self._base
         self._voltage: float | None = None  # V, filtered; None before the first reading
         self._modelled: float | None = None  # V, the voltage the model was made for
         self.mass = model.mass
@@ -76,20 +83,56 @@ class Steering:
 
     def check(self, values: Mapping[str, ParameterValue], armed: bool) -> None:
         """Raise RefusedError when a change of parameters is not allowed now."""
-        if armed and values.get(LAW, self._name) != self._name:
+        law = str(values.get(LAW, self._name))
+        shadow = str(values.get(SHADOW_LAW, self._shadow))
+        if (law, shadow) == (self._name, self._shadow):
+            return
+        self._laws.check(law, shadow)
+        if not armed:
+            return
+        outside = self.outside
+        if shadow not in (self._shadow, NONE):
+            raise RefusedError(f"{SHADOW_LAW} is chosen on the ground: land and disarm first")
+        if law == self._name:
+            return
+        if outside is None or {law, self._name} != {outside.name, self._base_name}:
             raise RefusedError(
-                f"{LAW} stays {self._name} while armed: land and disarm to change it"
+                f"{LAW} stays {self._name} while armed: land and disarm to change it, or set "
+                f"{SHADOW_LAW} before arming and change to that law in flight"
             )
+        if law == outside.name and not outside.is_ready:
+            raise RefusedError(f"law {law} cannot fly: {outside.failure or 'it is loading'}")
 
     def configure(self, control: ControlParameters, model: VehicleModel) -> None:
         """Apply the present parameters, which `check` has accepted."""
         self._control, self._parameters = control, model
         self.mass = model.mass
         self.observer.configure(control.disturbance)
-        if control.law != self._name:
-            self._name = control.law
-            self.controller = LAWS[self._name]()
+        if (control.law, control.shadow_law) != (self._name, self._shadow):
+            self._name, self._shadow = control.law, control.shadow_law
+            self._choose()
         self._remodel()
+
+    def close(self) -> None:
+        """End the law from outside."""
+        if self.outside is not None:
+            self.outside.close()
+            self.outside = None
+
+    def _choose(self) -> None:
+        """Take the laws that the parameters name; those that run already go on."""
+        base_name = base_of(self._name)
+        if base_name != self._base_name:
+            self._base_name, self._base = base_name, BUILT_IN[base_name]()
+        name = self._shadow if self._name in BUILT_IN else self._name
+        outside = self.outside
+        if outside is not None and (outside.name, outside.base) != (name, self._base):
+            self.close()
+        if name != NONE and self.outside is None:
+            self.outside = self._laws.start(name, self._base, self._control.plugin)
+        if self.outside is not None:
+            self.outside.flown = self._name == name
+        self.controller = self.outside or self._base
 
     def follow_battery(self, voltage: float, dt: float) -> bool:
         """Take one reading (V) and the time (s) since the last; return whether the model was made

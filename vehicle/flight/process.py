@@ -49,20 +49,22 @@ def fly(config: FlightConfig) -> None:
     refusals, later = prepare(say)
 
     from vehicle.flight.stack import FlightStack
+    from vehicle.laws.laws import Laws
     from vehicle.parameters import new_parameters
 
     rings = open_rings(config.rings)
     ports = open_ports(config.ports)
     parameters = new_parameters()
     ParameterStore(parameters).preset(config.parameters)
-    stack = FlightStack(parameters)
+    part = Part(config.name)
+    plugins = Path(config.plugins) if config.plugins else None
+    stack = FlightStack(parameters, laws=Laws(plugins, waits=part.in_lockstep))
     if config.trajectories:
         load_trajectories(stack, Path(config.trajectories))
     for refusal in refusals:
         say(f"not compiled before the flight: {refusal}")
     robot = None if ports else _in_process(config.rate, stack)
     granted = become_real_time()
-    part = Part(config.name)
     part.is_this_process(FLIGHT_PROCESS)
     if granted.refusal and not part.in_lockstep:  # in lockstep nothing is late: time waits
         say(granted.refusal)
@@ -91,6 +93,7 @@ def fly(config: FlightConfig) -> None:
     signal.signal(signal.SIGINT, stop)
     loop.run()
     later.close()
+    stack.steering.close()
 
 
 def _in_process(rate: int, stack: FlightStack) -> InProcessRobot:

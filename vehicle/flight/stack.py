@@ -16,6 +16,7 @@ from control.behaviors.machine import BehaviorMachine
 from control.behaviors.near_hovering import Level
 from control.behaviors.table import BehaviorName
 from control.controller import Controller
+from control.parameters import GEOMETRIC, NONE
 from estimation.estimator import Estimator
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import Record
@@ -39,6 +40,8 @@ from vehicle.flight.reference_rounding import ReferenceRounding
 from vehicle.flight.situation import SituationReader
 from vehicle.flight.status_writer import StatusWriter
 from vehicle.flight.tick_record import TickRecord
+from vehicle.laws.laws import LAW, SHADOW_LAW, Laws
+from vehicle.laws.outside import OutsideLaw
 from vehicle.microcontroller.microcontroller import RawSample
 from vehicle.parameters import VehicleParameters
 from vehicle.processes import mailbox
@@ -56,6 +59,7 @@ class FlightStack:
         parameters: the vehicle's parameter tree; this stack becomes its only writer.
         estimator, controller: plugins, any object with the protocol's methods; defaults are the
             estimator and the law that the parameters name.
+        laws: the control laws there are; default: the built-in ones and `udp`.
     """
 
     def __init__(
@@ -63,11 +67,12 @@ class FlightStack:
         parameters: VehicleParameters,
         estimator: Estimator | None = None,
         controller: Controller | None = None,
+        laws: Laws | None = None,
     ) -> None:
         p = self.parameters = parameters
         tick = self._tick = TickRecord()
         outbox = self._outbox = Outbox(tick)
-        self.steering = Steering(p.control, p.model, controller)
+        self.steering = Steering(p.control, p.model, controller, laws)
         self.mass = FlownMass(p.mass, p.model.mass)
         self.behaviors = BehaviorMachine(p.behavior)
         self.supervisor = Supervisor(p.safety)
@@ -184,6 +189,9 @@ class FlightStack:
             self._end_bearings(self.guard.step(armed=modes.mode is Mode.ARMED))
         if modes.mode in FLYING:
             modes.heed(sample)
+
+        if self.steering.outside is not None:
+            self._watch_law(self.steering.outside)
 
         command = None
         if modes.mode is Mode.BENCH:
@@ -353,6 +361,18 @@ class FlightStack:
         self.say(change.why, change.level)
         self.configuration.apply(change.values, "vehicle")
         self.navigation.take_over(self._tick.state)
+
+    def _watch_law(self, law: OutsideLaw) -> None:
+        """Tell when a law from outside is ready; end one that failed, for which the built-in one
+        flew that very tick.
+        """
+        if law.becomes_ready():
+            self.say(f"law {law.name} is ready")
+        if not law.failure:
+            return
+        flies = "took over" if law.flown else "flies on"
+        self.say(f"law {law.name} taken out, {GEOMETRIC} {flies}: {law.failure}", mailbox.WARN)
+        self.configuration.apply({LAW: GEOMETRIC, SHADOW_LAW: NONE}, "vehicle")
 
     def _follow_altitude(self, sample: RawSample, dt: float) -> None:
         """Estimate the altitude by the barometer in every mode: it may be needed at any time."""

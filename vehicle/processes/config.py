@@ -43,6 +43,7 @@ class FlightConfig(msgspec.Struct, frozen=True):
     rate: int = DEFAULT_RATE  # Hz
     parameters: dict[str, ParameterValue] = {}  # set before the start
     trajectories: str = ""  # folder of trajectory files, may be missing
+    plugins: str = ""  # folder of control laws, may be missing
     identity: Identity = THE_ONE
     name: str = "quad1"
 

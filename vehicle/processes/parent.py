@@ -42,7 +42,7 @@ PATIENCE_S = 5.0
 GIVEN_UP = 3  # exit status of a comms process that cannot work with its configuration
 STABLE_S = 5.0  # a comms process that lived this long is started again after the short pause
 SHORT_PAUSE_S, LONG_PAUSE_S = 0.1, 2.0
-TRAJECTORIES = "trajectories"
+TRAJECTORIES, PLUGINS = "trajectories", "plugins"
 """Folder, inside the data folder, of the user's trajectory files."""
 
 
@@ -155,7 +155,15 @@ def run_vehicle(
         children = _Children(
             rings,
             FlightConfig(
-                parent, rings, ports, rate, values, str(folder / TRAJECTORIES), identity, name
+                parent,
+                rings,
+                ports,
+                rate,
+                values,
+                str(folder / TRAJECTORIES),
+                str(folder / PLUGINS),
+                identity,
+                name,
             ),
             CommsConfig(
                 parent,

@@ -1,0 +1,64 @@
+"""Python files that people write: run here, with every mistake told as one line."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import TypeVar
+
+from quadrotor.errors import QuadlabError, StorageError
+
+T = TypeVar("T")
+
+
+def read_source(path: Path) -> str:
+    """Return the text of a file. Raises StorageError when it cannot be read."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else "it is not text in UTF-8"
+        raise StorageError(f"{path} cannot be read: {why}") from None
+
+
+def run_file(path: Path, prefix: str, mistake: type[QuadlabError]) -> ModuleType:
+    """Run the file with all the rights of this process, as a module called prefix_file_STEM.
+
+    Raises StorageError for a file that cannot be read, `mistake` that names file and line for
+    everything that goes wrong in it.
+    """
+    source = read_source(path)
+    module = ModuleType(f"{prefix}_file_{path.stem}")
+    module.__file__ = str(path)
+    sys.modules[module.__name__] = module  # where dataclasses and pickles look for it
+    code = told(path, lambda: compile(source, str(path), "exec"), mistake)
+    told(path, lambda: exec(code, vars(module)), mistake)
+    return module
+
+
+def told(path: Path, what: Callable[[], T], mistake: type[QuadlabError]) -> T:
+    """Return `what()`. Raises `mistake` with one line for whatever the file raises; errors of
+    this project pass as they are.
+    """
+    try:
+        return what()
+    except QuadlabError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise mistake(line_of(path, error)) from None
+
+
+def line_of(path: Path, error: BaseException) -> str:
+    """Return "FILE.py line N: Kind: message", with the last line of the file that took part."""
+    line = error.lineno if isinstance(error, SyntaxError) else None
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if frame.filename == str(path)]
+    return f"{path.name} line {line or (lines[-1] if lines else 1)}: {words_of(error)}"
+
+
+def words_of(error: BaseException) -> str:
+    """Return kind and message of an exception as one line."""
+    text = error.msg if isinstance(error, SyntaxError) else str(error)
+    return f"{type(error).__name__}: {' '.join(text.split())}" if text else type(error).__name__

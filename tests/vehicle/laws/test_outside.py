@@ -1,0 +1,185 @@
+"""Laws from outside: a file that flies, files that do harm, and swaps in flight."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from quadlab.simulated.flight import FlightParameters
+from quadrotor.parameters import ParameterValue
+from tests.support.lab import Lab, flight_parameters, refusal
+
+GOOD = """
+import numpy as np
+
+class law:
+    def reset(self):
+        self.integral = np.zeros(3)
+
+    def step(self, x):
+        e = x.reference_position_w - x.position_w
+        if x.flying:
+            self.integral += e * x.dt
+        a = (x.reference_acceleration_w + 4.0 * e + self.integral
+             + 3.5 * (x.reference_velocity_w - x.velocity_w) + [0.0, 0.0, 9.81])
+        w, *v = x.quaternion_wb
+        v = np.array(v)
+        R = ((w * w - v @ v) * np.eye(3) + 2.0 * np.outer(v, v)
+             + 2.0 * w * np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]]))
+        z = a / np.linalg.norm(a)
+        heading = np.array([np.cos(x.reference_yaw), np.sin(x.reference_yaw), 0.0])
+        y = np.cross(z, heading)
+        y /= np.linalg.norm(y)
+        D = np.stack([np.cross(y, z), y, z], axis=1)
+        E = R.T @ D - D.T @ R
+        e_R = 0.5 * np.array([E[2, 1], E[0, 2], E[1, 0]])
+        rates = np.array([0.0, 0.0, x.reference_yaw_rate])
+        torque = x.inertia_b * ([60.0, 60.0, 12.0] * e_R
+                                + [12.0, 12.0, 5.0] * (rates - x.angular_velocity_b))
+        HARM
+        return x.mass * (a @ R[:, 2]), torque
+"""
+"""A law after Lee et al. 2010 without feed-forward of rates; harm begins at 6 s of its time."""
+HARM = {
+    "raises": ("if x.time > 6.0: 1 / 0", "ZeroDivisionError: division by zero"),
+    "nan": ("if x.time > 6.0: torque[1] = np.nan", "not finite"),
+    "inf": ("if x.time > 6.0: a[2] = np.inf", "not finite"),
+    "stalls": ("if x.time > 6.0: import time; time.sleep(10)", "no answer in time"),
+    "too strong": ("if x.time > 6.0: torque[0] = 2.0", "torque is 2.0"),
+    "no thrust": ("if x.time > 6.0: a *= 0.0", "of the weight"),
+    "creeps": ("if x.time > 6.0: torque[0] += 0.08 * (x.time - 6.0)", "position is 0.5"),
+    "memory": ("if x.time > 6.0: self.hoard = bytearray(3 << 29)", "MemoryError"),
+    "ends": ("if x.time > 6.0: raise SystemExit", "SystemExit"),
+    "crashes": (
+        "if x.time > 6.0: import os, signal; os.kill(os.getpid(), signal.SIGSEGV)",
+        "killed by SIGSEGV",
+    ),
+    "wrong shape": ("if x.time > 6.0: torque = np.zeros(7)", "ValueError"),
+}
+
+
+@pytest.fixture
+def fly(tmp_path: Path) -> Iterator[Callable[..., Lab]]:
+    """Make a lab with one law file, chosen on the ground."""
+    labs: list[Lab] = []
+
+    def made(source: str, name: str = "mine", **settings: ParameterValue) -> Lab:
+        (tmp_path / f"{name}.py").write_text(textwrap.dedent(source))
+        lab = Lab(flight_parameters(), plugins=tmp_path)
+        labs.append(lab)
+        lab.ready()
+        lab.change(dict(settings) or {"control.law": name})
+        return lab
+
+    yield made
+    for lab in labs:
+        lab.stack.steering.close()
+
+
+def good(harm: str = "pass") -> str:
+    return GOOD.replace("HARM", harm)
+
+
+def test_a_law_of_a_file_hovers_where_it_should(fly: Callable[..., Lab]) -> None:
+    lab = fly(good())
+    lab.hovering(settling=4.0)
+    outside = lab.stack.steering.outside
+    assert outside is not None
+    assert outside.flown
+    assert outside.missed == 0
+    assert outside.ticks > 2000
+    assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.03)
+    lab.start("land")
+    lab.wait_until(lambda v: not v.armed, what="landed", timeout=15)
+    assert "law mine is ready" in lab.said
+    assert "taken out" not in lab.said
+
+
+@pytest.mark.parametrize("kind", HARM)
+def test_a_harmful_law_is_taken_out_and_the_built_in_one_flies_on(
+    fly: Callable[..., Lab], kind: str
+) -> None:
+    harm, why = HARM[kind]
+    lab = fly(good(harm))
+    lab.hovering(settling=7.0)
+    assert lab.parameter("control.law") == "geometric"
+    assert lab.stack.steering.outside is None
+    line = next(text for text in lab.kept.texts if "taken out" in text)
+    assert why in line
+    assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.1)
+    lab.start("land")
+    lab.wait_until(lambda v: not v.armed, what="landed", timeout=15)
+
+
+@pytest.mark.parametrize(
+    ("source", "why"),
+    [
+        ("def law(:", "mine.py line 1: SyntaxError"),
+        ("x = 1\nraise OSError('no device')", "mine.py line 2: OSError: no device"),
+        ("x = 1", "defines no 'law'"),
+        ("class law:\n    def step(self, x): ...", "has no method reset"),
+    ],
+)
+def test_a_file_that_is_no_law_is_told_before_arming(
+    fly: Callable[..., Lab], source: str, why: str
+) -> None:
+    lab = fly(source)
+    lab.advance()
+    lab.advance()
+    assert why in lab.said
+    assert lab.parameter("control.law") == "geometric"
+
+
+def test_a_law_runs_beside_takes_over_in_flight_and_hands_back(fly: Callable[..., Lab]) -> None:
+    lab = fly(good(), **{"control.shadow_law": "mine"})
+    lab.hovering(settling=2.0)
+    outside = lab.stack.steering.outside
+    assert outside is not None
+    assert [outside.flown] == [False]
+    assert 0.0 < outside.difference < 1.0
+    lab.change({"control.law": "mine"})
+    lab.wait(3.0)
+    assert [outside.flown] == [True]
+    assert lab.stack.steering.outside is outside
+    assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.05)
+    lab.change({"control.law": "geometric"})
+    lab.wait(2.0)
+    assert [outside.flown] == [False]
+    assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.05)
+    assert "taken out" not in lab.said
+
+
+def test_changes_that_cannot_be_are_refused_by_name(fly: Callable[..., Lab]) -> None:
+    lab = fly(good(), **{"control.law": "geometric"})
+    reason = refusal(lambda: lab.change({"control.law": "mein"}))
+    assert "geometric, near_hovering, udp, mine" in reason
+    assert "always runs along" in refusal(lambda: lab.change({"control.shadow_law": "geometric"}))
+    both: dict[str, ParameterValue] = {"control.law": "mine", "control.shadow_law": "udp"}
+    assert "one law from outside" in refusal(lambda: lab.change(both))
+    lab.hovering()
+    assert "set control.shadow_law before" in refusal(lambda: lab.change({"control.law": "mine"}))
+    assert "on the ground" in refusal(lambda: lab.change({"control.shadow_law": "mine"}))
+    assert lab.parameter("control.law") == "geometric"
+
+
+def test_a_port_in_use_is_told_and_changes_nothing_in_flight(fly: Callable[..., Lab]) -> None:
+    lab = fly(good(), **{"control.plugin.udp_peer": "nowhere"})
+    lab.change({"control.law": "udp"})
+    lab.advance()
+    lab.advance()
+    assert "udp_peer = 'nowhere'" in lab.said
+    assert lab.parameter("control.law") == "geometric"
+
+
+def test_parameters_of_a_flight_may_name_a_law_before_it_begins(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(good())
+    parameters: FlightParameters = flight_parameters()
+    parameters.control.law = "mine"
+    lab = Lab(parameters, plugins=tmp_path)
+    lab.hovering()
+    assert lab.stack.steering.outside is not None
+    assert lab.stack.steering.outside.flown
+    lab.stack.steering.close()

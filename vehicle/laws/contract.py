@@ -1,0 +1,108 @@
+"""What a control law from outside receives and answers: vectors of float64, little-endian, in SI
+units, without padding. A UDP packet and a call of a Python law have the same content.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.records import Record
+
+Array = npt.NDArray[np.float64]
+
+
+class Field(NamedTuple):
+    """One named vector: how many numbers it has, their unit, what they are."""
+
+    name: str
+    size: int
+    unit: str
+    meaning: str
+
+
+INPUT = (
+    Field("time", 1, "s", "since the law was chosen"),
+    Field("dt", 1, "s", "since the last tick"),
+    Field("reset", 1, "", "1 when integrals are to be emptied"),
+    Field("flying", 1, "", "1 between take-off and touch-down: only then may integrals grow"),
+    Field("position_w", 3, "m", "world axes, z up"),
+    Field("velocity_w", 3, "m/s", "world axes"),
+    Field("quaternion_wb", 4, "", "body to world, w x y z, unit"),
+    Field("angular_velocity_b", 3, "rad/s", "body axes: x forward, y left, z up"),
+    Field("reference_position_w", 3, "m", "world axes"),
+    Field("reference_velocity_w", 3, "m/s", "world axes"),
+    Field("reference_acceleration_w", 3, "m/s²", "world axes"),
+    Field("reference_jerk_w", 3, "m/s³", "world axes"),
+    Field("reference_snap_w", 3, "m/s⁴", "world axes"),
+    Field("reference_yaw", 1, "rad", "about z of the world"),
+    Field("reference_yaw_rate", 1, "rad/s", ""),
+    Field("reference_yaw_acceleration", 1, "rad/s²", ""),
+    Field("mass", 1, "kg", "that the vehicle believes"),
+    Field("inertia_b", 3, "kg m²", "diagonal, body axes"),
+)
+OUTPUT = (
+    Field("time", 1, "s", "of the input that this answers, bit for bit"),
+    Field("thrust", 1, "N", "along z of the body"),
+    Field("torque_b", 3, "N m", "body axes"),
+)
+
+
+def layout(fields: tuple[Field, ...]) -> np.dtype[np.void]:
+    """Return the fields as a packed structured type of little-endian doubles."""
+    return np.dtype([(f.name, "<f8") if f.size == 1 else (f.name, "<f8", f.size) for f in fields])
+
+
+INPUT_TYPE, OUTPUT_TYPE = layout(INPUT), layout(OUTPUT)
+
+
+class Input(Protocol):
+    """What `Law.step` receives: numbers, and arrays of 3 or 4, as `INPUT` names them."""
+
+    time: float
+    dt: float
+    reset: float
+    flying: float
+    position_w: Array
+    velocity_w: Array
+    quaternion_wb: Array
+    angular_velocity_b: Array
+    reference_position_w: Array
+    reference_velocity_w: Array
+    reference_acceleration_w: Array
+    reference_jerk_w: Array
+    reference_snap_w: Array
+    reference_yaw: float
+    reference_yaw_rate: float
+    reference_yaw_acceleration: float
+    mass: float
+    inertia_b: Array
+
+
+class Law(Protocol):
+    """A control law of a user's file."""
+
+    def reset(self) -> None:
+        """Empty the integrals: a flight begins."""
+        ...
+
+    def step(self, x: Input) -> tuple[float, Array]:
+        """Return thrust (N) and torque (3,) (N m, body axes)."""
+        ...
+
+
+def hovering(mass: float = 1.308, height: float = 1.0) -> Record:
+    """Return an input (INPUT_TYPE, shape (1,)) of a vehicle that hovers at its reference: for
+    tests of a law.
+
+    Args:
+        mass: kg. height: m.
+    """
+    x = np.zeros(1, INPUT_TYPE)
+    x["dt"], x["flying"], x["mass"] = 0.002, 1.0, mass
+    x["inertia_b"] = (0.0154, 0.0154, 0.0250)
+    x["quaternion_wb"] = (1.0, 0.0, 0.0, 0.0)
+    x["position_w"] = x["reference_position_w"] = (0.0, 0.0, height)
+    return x

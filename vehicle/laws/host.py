@@ -1,0 +1,76 @@
+"""The process of one law from a file: receives inputs, calls the law, answers.
+
+It starts with the vehicle's real-time priority and gives it up before anything of the file runs.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import socket
+from pathlib import Path
+
+import numpy as np
+
+from quadrotor.errors import QuadlabError, RefusedError, UsageError
+from quadrotor.python_file import run_file, told
+from vehicle.laws.contract import INPUT_TYPE, OUTPUT_TYPE, Law
+
+READY = b"ready"
+"""First message of the process: the law is loaded."""
+FAILED = b"!"
+"""Begins the last message, the reason, which is longer than an answer."""
+LARGEST = 2048
+MEMORY = 1 << 30
+"""Bytes of data that a law may hold."""
+NAME = "law"
+
+
+def serve(descriptor: int, path: str) -> None:
+    """Answer over this socket until it is closed.
+
+    Raises UsageError for a file that holds no law, RefusedError with file and line for whatever
+    the law raises.
+    """
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+    connection = socket.socket(fileno=descriptor)
+    try:
+        _answer(connection, Path(path))
+    except QuadlabError as error:  # told at once, before this process has ended
+        connection.send(FAILED + f"{error!s:41}".encode()[:LARGEST])
+        raise
+
+
+def _answer(connection: socket.socket, file: Path) -> None:
+    law = load(file)
+    connection.send(READY)
+    out = np.zeros(1, OUTPUT_TYPE)
+    torque_b = out["torque_b"][0]
+    while data := connection.recv(INPUT_TYPE.itemsize + 1):
+        x = np.frombuffer(data, INPUT_TYPE).view(np.recarray)[0]
+        if x.reset:
+            told(file, law.reset, RefusedError)
+        thrust, torque = told(file, lambda x=x: law.step(x), RefusedError)  # type: ignore[misc]
+        out["time"], out["thrust"] = x.time, thrust
+        torque_b[:] = torque
+        connection.send(out.tobytes())
+
+
+def load(path: Path) -> Law:
+    """Return the law of a file, which defines a class or function `law` that makes one.
+
+    Raises UsageError that names file and line.
+    """
+    made = vars(run_file(path, NAME, UsageError)).get(NAME)
+    if not callable(made):
+        raise UsageError(
+            f"{path.name}: it defines no {NAME!r}; give a class or function of this name whose "
+            "object has reset() and step(x); docs/plugins.md shows one"
+        )
+    law = told(path, made, UsageError)
+    for method in ("reset", "step"):
+        if not callable(getattr(law, method, None)):
+            raise UsageError(f"{path.name}: {type(law).__name__} has no method {method}")
+    found: Law = law
+    return found

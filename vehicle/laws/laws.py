@@ -1,0 +1,85 @@
+"""The control laws there are: built in, over UDP, and files of a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from control.controller import GeometricController
+from control.near_hovering import NearHoveringController
+from control.parameters import GEOMETRIC, NEAR_HOVERING, NONE, PluginBounds
+from quadrotor.errors import QuadlabError, RefusedError
+from vehicle.laws.links import Link, NoLink, ProcessLink, UdpLink
+from vehicle.laws.outside import OutsideLaw
+
+BUILT_IN: dict[str, Callable[[], GeometricController]] = {
+    GEOMETRIC: GeometricController,
+    NEAR_HOVERING: NearHoveringController,
+}
+LAW, SHADOW_LAW = "control.law", "control.shadow_law"
+UDP = "udp"
+TESTS = "test_"
+"""Files that begin so are tests of laws."""
+
+
+def base_of(name: str) -> str:
+    """Return the built-in law that flies when the law of this name does not."""
+    return name if name in BUILT_IN else GEOMETRIC
+
+
+class Laws:
+    """The laws that one vehicle may fly.
+
+    Args:
+        folder: of files NAME.py; may be missing.
+        waits: whether simulated time waits for the answers of a law from outside.
+    """
+
+    def __init__(self, folder: Path | None = None, waits: bool = True) -> None:
+        self._folder, self._waits = folder, waits
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all laws, built-in ones first."""
+        return (*BUILT_IN, UDP, *sorted(self._files()))
+
+    def check(self, law: str, shadow: str) -> None:
+        """Raise RefusedError for a law that is not there, and for two from outside."""
+        for parameter, name in ((LAW, law), (SHADOW_LAW, shadow)):
+            if parameter == SHADOW_LAW and name == NONE:
+                continue
+            if parameter == SHADOW_LAW and name in BUILT_IN:
+                raise RefusedError(f"{parameter} = {name} is built in; it always runs along")
+            if name not in self.names():
+                raise RefusedError(
+                    f"{parameter} = {name!r} is not a law; there are {', '.join(self.names())}; "
+                    f"files belong into {self._folder or 'the folder plugins'} as NAME.py"
+                )
+        if law not in BUILT_IN and shadow not in (NONE, law):
+            raise RefusedError(
+                f"{SHADOW_LAW} = {shadow} beside {LAW} = {law}: one law from outside runs at a "
+                f"time; set one of them to {NONE} or {GEOMETRIC}"
+            )
+
+    def start(self, name: str, base: GeometricController, bounds: PluginBounds) -> OutsideLaw:
+        """Return the law, whose process is starting; one that cannot start has failed already."""
+        link: Link
+        try:
+            if name == UDP:
+                link = UdpLink(bounds.udp_peer, bounds.udp_port, self._waits)
+            else:
+                link = ProcessLink(self._files()[name], self._waits)
+        except QuadlabError as error:
+            link = NoLink(str(error))
+        return OutsideLaw(name, link, base, self._waits)
+
+    def _files(self) -> dict[str, Path]:
+        folder = self._folder
+        if folder is None or not folder.is_dir():
+            return {}
+        return {
+            path.stem: path
+            for path in folder.glob("*.py")
+            if path.stem.isidentifier()
+            and not path.stem.startswith(("_", TESTS))
+            and path.stem not in (*BUILT_IN, UDP, NONE)
+        }

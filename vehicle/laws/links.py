@@ -1,0 +1,162 @@
+"""How a law from outside is reached: a process of its own, or a program that answers over UDP."""
+
+from __future__ import annotations
+
+import socket
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Protocol
+
+from quadrotor.errors import QuadlabError, RefusedError
+from vehicle.laws.contract import OUTPUT_TYPE
+from vehicle.laws.host import FAILED, READY, serve
+from vehicle_link.jobs import Job
+
+PATIENCE, START = 1.0, 10.0
+"""s of waiting for an answer, and for the first word of a process, where simulated time waits."""
+LARGEST = 4096
+
+
+class Link(Protocol):
+    """Both ways of one law."""
+
+    def ready(self) -> bool:
+        """Return whether inputs may be sent."""
+        ...
+
+    def send(self, data: bytes) -> None:
+        """Send an input; one that finds no room is lost."""
+        ...
+
+    def receive(self) -> bytes | None:
+        """Return the next answer, None when none came. Raises RefusedError when none will."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class NoLink:
+    """Stands for a link that could not be made; `why` is told when it is first used."""
+
+    def __init__(self, why: str) -> None:
+        self._why = why
+
+    def ready(self) -> bool:
+        raise RefusedError(self._why)
+
+    def send(self, data: bytes) -> None: ...
+
+    def receive(self) -> bytes | None:
+        raise RefusedError(self._why)
+
+    def close(self) -> None: ...
+
+
+class ProcessLink:
+    """A law of a file, in a process of its own.
+
+    Args:
+        waits: whether time waits for an answer, as in simulated flights.
+
+    Raises JobError when the process cannot be started.
+    """
+
+    def __init__(self, path: Path, waits: bool) -> None:
+        self._path, self._waits, self._ready = path, waits, False
+        # Keeps the boundaries of messages, and tells at once when the other end is gone.
+        self._socket, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with other:
+            self._job: Job[None] = Job(
+                serve, other.fileno(), str(path), niceness=0, keep=(other.fileno(),)
+            )
+        self._socket.settimeout(START if waits else 0.0)
+
+    def ready(self) -> bool:
+        if not self._ready:
+            self._ready = self.receive() == READY
+            if self._ready and self._waits:
+                self._socket.settimeout(PATIENCE)
+        return self._ready
+
+    def send(self, data: bytes) -> None:
+        with suppress(OSError):  # full: counted as missed; gone: told by `receive`
+            self._socket.send(data)
+
+    def receive(self) -> bytes | None:
+        try:
+            data = self._socket.recv(LARGEST)
+        except (BlockingIOError, TimeoutError):
+            self._job.look()  # takes what the law prints, so that it never waits for a reader
+            return None
+        except OSError:
+            data = b""
+        if not data:
+            raise RefusedError(self._end())
+        if data.startswith(FAILED) and len(data) > OUTPUT_TYPE.itemsize:
+            raise RefusedError(data.removeprefix(FAILED).decode(errors="replace").strip())
+        return data
+
+    def close(self) -> None:
+        self._socket.close()
+        self._job.abandon()
+
+    def _end(self) -> str:
+        end = time.monotonic() + (PATIENCE if self._waits else 0.0)
+        while not (has_ended := self._job.look(0.01 if self._waits else 0.0)):
+            if time.monotonic() >= end:
+                break
+        if not has_ended:
+            return f"{self._path.name}: its process closed the connection"
+        try:
+            self._job.result()
+        except QuadlabError as error:
+            return str(error)
+        return f"{self._path.name}: its process ended"
+
+
+class UdpLink:
+    """A program that receives inputs at `peer` and answers to our `port`.
+
+    Args:
+        peer: "HOST:PORT". port: ours, on the same address family.
+        waits: as of `ProcessLink`.
+
+    Raises RefusedError for an address that cannot be used.
+    """
+
+    def __init__(self, peer: str, port: int, waits: bool) -> None:
+        host, _, number = peer.rpartition(":")
+        try:
+            address = (host, int(number))
+            self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            self._socket.bind(("", port))
+            self._socket.connect(address)  # packets from elsewhere are not received
+        except (OSError, ValueError, OverflowError) as error:
+            raise RefusedError(
+                f"control.plugin.udp_peer = {peer!r} with udp_port = {port} cannot be used "
+                f"({error}); give HOST:PORT of the program that answers, and a free port"
+            ) from None
+        self._socket.settimeout(PATIENCE if waits else 0.0)
+
+    def ready(self) -> bool:
+        return True
+
+    def send(self, data: bytes) -> None:
+        with suppress(OSError):  # nobody listens there: counted as missed
+            self._socket.send(data)
+
+    def receive(self) -> bytes | None:
+        try:
+            data = self._socket.recv(LARGEST)
+        except OSError:  # nothing came, or the computer there says that nobody listens
+            return None
+        if len(data) != OUTPUT_TYPE.itemsize:
+            raise RefusedError(
+                f"a packet of {len(data)} bytes came, expected {OUTPUT_TYPE.itemsize}: "
+                "5 doubles, time, thrust and torque"
+            )
+        return data
+
+    def close(self) -> None:
+        self._socket.close()
