@@ -10,6 +10,7 @@ from quadlab.commands.fly import Fly
 from quadlab.commands.gains import Gains
 from quadlab.commands.link import LinkCommand
 from quadlab.commands.log import LogCommand
+from quadlab.commands.new import New
 from quadlab.commands.processes import Simulator, Station, Vehicle, Web
 from quadlab.commands.tracker import Tracker
 from quadlab.commands.up import Up
@@ -32,6 +33,7 @@ COMMANDS: dict[str, type[Command]] = {
     "link": LinkCommand,
     "replay": Replay,
     "gains": Gains,
+    "new": New,
     "vehicle": Vehicle,
     "simulator": Simulator,
     "station": Station,

@@ -55,6 +55,8 @@ class Steering:
         plugin: a law used in place of the one named in the parameters, until another is set.
         laws: those there are.
 
+    Raises RefusedError when the parameters name another.
+
     Attributes:
         model: MODEL, shape (1,), with the mass in use; updated in place, so others hold a view.
         mass: kg, the same.
@@ -70,6 +72,7 @@ class Steering:
         laws: Laws | None = None,
     ) -> None:
         self._laws = laws or Laws()
+        self._laws.check(control.law, control.shadow_law)
         self._name, self._shadow = base_of(control.law), NONE
         self.outside: OutsideLaw | None = None
         self._base_name = self._name

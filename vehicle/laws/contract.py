@@ -93,9 +93,15 @@ class Law(Protocol):
         ...
 
 
-def hovering(mass: float = 1.308, height: float = 1.0) -> Record:
-    """Return an input (INPUT_TYPE, shape (1,)) of a vehicle that hovers at its reference: for
-    tests of a law.
+def as_input(x: Record) -> Input:
+    """Return INPUT_TYPE (1,) as what a law receives: fields as attributes."""
+    found: Input = x.view(np.recarray)[0]
+    return found
+
+
+def hovering(mass: float = 1.308, height: float = 1.0) -> Input:
+    """Return the input of a vehicle that hovers at its reference, for tests of a law; its arrays
+    may be written.
 
     Args:
         mass: kg. height: m.
@@ -105,4 +111,4 @@ def hovering(mass: float = 1.308, height: float = 1.0) -> Record:
     x["inertia_b"] = (0.0154, 0.0154, 0.0250)
     x["quaternion_wb"] = (1.0, 0.0, 0.0, 0.0)
     x["position_w"] = x["reference_position_w"] = (0.0, 0.0, height)
-    return x
+    return as_input(x)

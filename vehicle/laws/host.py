@@ -8,13 +8,14 @@ from __future__ import annotations
 import os
 import resource
 import socket
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from quadrotor.errors import QuadlabError, RefusedError, UsageError
 from quadrotor.python_file import run_file, told
-from vehicle.laws.contract import INPUT_TYPE, OUTPUT_TYPE, Law
+from vehicle.laws.contract import INPUT_TYPE, OUTPUT_TYPE, Law, as_input
 
 READY = b"ready"
 """First message of the process: the law is loaded."""
@@ -48,10 +49,10 @@ def _answer(connection: socket.socket, file: Path) -> None:
     out = np.zeros(1, OUTPUT_TYPE)
     torque_b = out["torque_b"][0]
     while data := connection.recv(INPUT_TYPE.itemsize + 1):
-        x = np.frombuffer(data, INPUT_TYPE).view(np.recarray)[0]
+        x = as_input(np.frombuffer(data, INPUT_TYPE))
         if x.reset:
             told(file, law.reset, RefusedError)
-        thrust, torque = told(file, lambda x=x: law.step(x), RefusedError)  # type: ignore[misc]
+        thrust, torque = told(file, partial(law.step, x), RefusedError)
         out["time"], out["thrust"] = x.time, thrust
         torque_b[:] = torque
         connection.send(out.tobytes())

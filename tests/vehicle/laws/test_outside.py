@@ -159,6 +159,9 @@ def test_changes_that_cannot_be_are_refused_by_name(fly: Callable[..., Lab]) -> 
     assert "always runs along" in refusal(lambda: lab.change({"control.shadow_law": "geometric"}))
     both: dict[str, ParameterValue] = {"control.law": "mine", "control.shadow_law": "udp"}
     assert "one law from outside" in refusal(lambda: lab.change(both))
+    parameters = flight_parameters()
+    parameters.control.law = "mein"
+    assert "'mein' is not a law" in refusal(lambda: Lab(parameters))
     lab.hovering()
     assert "set control.shadow_law before" in refusal(lambda: lab.change({"control.law": "mine"}))
     assert "on the ground" in refusal(lambda: lab.change({"control.shadow_law": "mine"}))

@@ -1,0 +1,57 @@
+"""`quadlab new`: what it writes runs and passes its own tests."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from quadlab.__main__ import main
+from tests.support.lab import Lab, flight_parameters
+from vehicle.laws.laws import Laws
+
+
+def test_a_new_law_flies_and_passes_its_own_tests(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "laws"
+    assert main(["new", "law", "mine", "--out", str(folder)]) == 0
+    assert f"--set control.law=mine --plugins {folder}" in capsys.readouterr().out
+    assert Laws(folder).names() == ("geometric", "near_hovering", "udp", "mine")
+    words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(folder)]
+    tested = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
+    assert "2 passed" in tested.stdout, tested.stdout
+    parameters = flight_parameters()
+    parameters.control.law = "mine"
+    lab = Lab(parameters, plugins=folder).hovering(settling=3.0)
+    assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.03)
+    assert lab.parameter("control.law") == "mine"
+    lab.stack.steering.close()
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["law", "3x"], "begin with a letter"),
+        (["law", "test_x"], "but not with test_"),
+        (["law", "geometric"], "built-in law"),
+        (["lawn", "x"], "did you mean law"),
+    ],
+)
+def test_a_name_that_cannot_be_is_refused_and_nothing_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], why: str
+) -> None:
+    assert main(["new", *words, "--out", str(tmp_path)]) == 2
+    assert why in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_existing_file_is_never_written_over(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mine.py").write_text("kept")
+    assert main(["new", "law", "mine", "--out", str(tmp_path)]) == 1
+    assert "exists already" in capsys.readouterr().err
+    assert (tmp_path / "mine.py").read_text() == "kept"

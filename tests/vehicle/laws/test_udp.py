@@ -1,0 +1,93 @@
+"""A law that another program answers over UDP."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.lab import Lab
+from vehicle.laws.contract import INPUT, INPUT_TYPE, OUTPUT, OUTPUT_TYPE
+
+PEER = Path(__file__).with_name("udp_peer.py")
+DOCUMENT = Path(__file__).parents[3] / "docs" / "plugins.md"
+
+
+@pytest.fixture
+def peer() -> Iterator[Callable[[int], str]]:
+    """Start a program that answers so many inputs; return its address."""
+    started: list[subprocess.Popen[str]] = []
+
+    def start(answers: int) -> str:
+        words = [sys.executable, str(PEER), str(answers)]
+        process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+        started.append(process)
+        assert process.stdout is not None
+        return f"127.0.0.1:{int(process.stdout.readline())}"
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+@pytest.fixture
+def lab() -> Iterator[Callable[[str], Lab]]:
+    """Make a lab that flies the law at an address."""
+    labs: list[Lab] = []
+
+    def made(address: str) -> Lab:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+            free.bind(("", 0))
+            port = free.getsockname()[1]
+        settings = {"control.plugin.udp_peer": address, "control.plugin.udp_port": port}
+        labs.append(Lab(settings=settings).ready())
+        labs[-1].change({"control.law": "udp"})
+        return labs[-1]
+
+    yield made
+    for one in labs:
+        one.stack.steering.close()
+
+
+def test_a_program_of_another_make_flies_the_vehicle(
+    peer: Callable[[int], str], lab: Callable[[str], Lab]
+) -> None:
+    flown = lab(peer(1_000_000)).hovering(settling=4.0)
+    outside = flown.stack.steering.outside
+    assert outside is not None
+    assert outside.flown
+    assert outside.missed == 0
+    assert flown.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.06)
+
+
+def test_a_program_that_falls_silent_is_replaced_in_that_tick(
+    peer: Callable[[int], str], lab: Callable[[str], Lab]
+) -> None:
+    flown = lab(peer(1500)).hovering(settling=2.0)
+    assert "no answer in time to 1 inputs in a row, 1 of 1501 in all" in flown.said
+    assert flown.parameter("control.law") == "geometric"
+    assert flown.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.05)
+
+
+def test_packets_of_another_length_end_the_law(lab: Callable[[str], Lab]) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        flown = lab(f"127.0.0.1:{other.getsockname()[1]}")
+        port = int(flown.parameter("control.plugin.udp_port"))
+        other.sendto(struct.pack("<3d", 0.0, 12.8, 0.0), ("127.0.0.1", port))
+        flown.hovering(settling=0.5)
+    assert "a packet of 24 bytes came, expected 40: 5 doubles" in flown.said
+    assert flown.height == pytest.approx(1.0, abs=0.05)
+
+
+def test_the_document_lists_every_field_of_the_contract_in_order() -> None:
+    rows = [line.split("|")[1:4] for line in DOCUMENT.read_text().splitlines() if "`" in line[:4]]
+    listed = [(name.strip(" `"), int(size), unit.strip()) for name, size, unit in rows]
+    assert listed == [(f.name, f.size, f.unit) for f in (*INPUT, *OUTPUT)]
+    assert (INPUT_TYPE.itemsize, OUTPUT_TYPE.itemsize) == (8 * 38, 8 * 5)
