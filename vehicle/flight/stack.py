@@ -368,6 +368,8 @@ class FlightStack:
         """
         if law.becomes_ready():
             self.say(f"law {law.name} is ready")
+        if law.ticks and self.modes.mode not in FLYING:
+            self.say(law.summary())
         if not law.failure:
             return
         flies = "took over" if law.flown else "flies on"

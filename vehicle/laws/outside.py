@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from control.controller import GeometricController, apply_wrench
-from control.parameters import ControlParameters
+from control.parameters import GEOMETRIC, ControlParameters
 from quadrotor.errors import RefusedError
 from quadrotor.records import Record
 from quadrotor.vehicle_model import GRAVITY
@@ -34,7 +34,7 @@ class OutsideLaw:
     Attributes:
         flown: whether the answer is flown; otherwise it is only compared.
         is_ready: whether it is loaded. failure: why it is out, empty while it is not.
-        ticks, missed: since `configure` or `reset`: ticks with a request, those without answer.
+        ticks, missed: inputs of this flight, and those without an answer in time.
     """
 
     def __init__(self, name: str, link: Link, base: GeometricController, waits: bool) -> None:
@@ -77,7 +77,8 @@ class OutsideLaw:
         self, state: Record, reference: Record, airborne: bool, dt: float, actuators: Record
     ) -> None:
         """Compute one tick into `actuators`."""
-        self.base.step(state, reference, airborne, dt, actuators)
+        # Its integrals rest while another law flies: they would fill with errors not its own.
+        self.base.step(state, reference, airborne and not self.flown, dt, actuators)
         if self.failure:
             return
         try:
@@ -102,6 +103,16 @@ class OutsideLaw:
         except RefusedError as error:
             self.failure = str(error)
         return self.is_ready
+
+    def summary(self) -> str:
+        """Return a line about the flight, and begin to count again."""
+        line = (
+            f"law {self.name}: {self.missed} of {self.ticks} inputs without an answer in time; "
+            f"its thrust was {self.difference:.2f} N (rms) from that of {GEOMETRIC}"
+        )
+        self.ticks = self.missed = 0
+        self._squares = 0.0
+        return line
 
     @property
     def difference(self) -> float:

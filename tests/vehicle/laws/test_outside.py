@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -94,7 +95,9 @@ def test_a_law_of_a_file_hovers_where_it_should(fly: Callable[..., Lab]) -> None
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.03)
     lab.start("land")
     lab.wait_until(lambda v: not v.armed, what="landed", timeout=15)
+    lab.advance()
     assert "law mine is ready" in lab.said
+    assert re.search(r"law mine: 0 of \d+ inputs without an answer in time; its thrust", lab.said)
     assert "taken out" not in lab.said
 
 
@@ -104,7 +107,9 @@ def test_a_harmful_law_is_taken_out_and_the_built_in_one_flies_on(
 ) -> None:
     harm, why = HARM[kind]
     lab = fly(good(harm))
-    lab.hovering(settling=7.0)
+    lab.hovering()
+    lab.wait_until(lambda _: "taken out" in lab.said, what="the rescue", timeout=15)
+    lab.wait(4.0)
     assert lab.parameter("control.law") == "geometric"
     assert lab.stack.steering.outside is None
     line = next(text for text in lab.kept.texts if "taken out" in text)

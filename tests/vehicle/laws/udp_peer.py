@@ -13,10 +13,10 @@ port.bind(("127.0.0.1", 0))
 print(port.getsockname()[1], flush=True)
 for _ in range(int(sys.argv[1])):
     data, sender = port.recvfrom(2048)
-    u = struct.unpack("<38d", data)
+    u = struct.unpack("<39d", data)
     p, v, q, omega = u[4:7], u[7:10], u[10:14], u[14:17]
     r, r_dot, r_ddot, (yaw, yaw_rate) = u[17:20], u[20:23], u[23:26], u[32:34]
-    mass, inertia = u[34], u[35:38]
+    mass, inertia = u[35], u[36:39]
     ax, ay, az = (
         kp * (r[i] - p[i]) + kv * (r_dot[i] - v[i]) + r_ddot[i]
         for i, (kp, kv) in enumerate([(4.0, 3.5), (4.0, 3.5), (8.0, 5.0)])
