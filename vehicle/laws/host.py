@@ -24,7 +24,7 @@ FAILED = b"!"
 LARGEST = 2048
 MEMORY = 1 << 30
 """Bytes of data that a law may hold."""
-NAME = "law"
+NAME, FMU = "law", ".fmu"
 
 
 def serve(descriptor: int, path: str) -> None:
@@ -59,10 +59,15 @@ def _answer(connection: socket.socket, file: Path) -> None:
 
 
 def load(path: Path) -> Law:
-    """Return the law of a file, which defines a class or function `law` that makes one.
+    """Return the law of an FMU, or of a Python file that defines a class or function `law` that
+    makes one.
 
     Raises UsageError that names file and line.
     """
+    if path.suffix == FMU:
+        from vehicle.laws.fmu import FmuLaw
+
+        return FmuLaw(path)
     made = vars(run_file(path, NAME, UsageError)).get(NAME)
     if not callable(made):
         raise UsageError(

@@ -9,6 +9,7 @@ from control.controller import GeometricController
 from control.near_hovering import NearHoveringController
 from control.parameters import GEOMETRIC, NEAR_HOVERING, NONE, PluginBounds
 from quadrotor.errors import QuadlabError, RefusedError
+from vehicle.laws.host import FMU
 from vehicle.laws.links import Link, NoLink, ProcessLink, UdpLink
 from vehicle.laws.outside import OutsideLaw
 
@@ -31,7 +32,7 @@ class Laws:
     """The laws that one vehicle may fly.
 
     Args:
-        folder: of files NAME.py; may be missing.
+        folder: of files NAME.py and NAME.fmu; may be missing.
         waits: whether simulated time waits for the answers of a law from outside.
     """
 
@@ -52,7 +53,7 @@ class Laws:
             if name not in self.names():
                 raise RefusedError(
                     f"{parameter} = {name!r} is not a law; there are {', '.join(self.names())}; "
-                    f"files belong into {self._folder or 'the folder plugins'} as NAME.py"
+                    f"put NAME.py or NAME.fmu into {self._folder or 'the folder plugins'}"
                 )
         if law not in BUILT_IN and shadow not in (NONE, law):
             raise RefusedError(
@@ -78,8 +79,9 @@ class Laws:
             return {}
         return {
             path.stem: path
-            for path in folder.glob("*.py")
-            if path.stem.isidentifier()
+            for path in folder.iterdir()
+            if path.suffix in (".py", FMU)
+            and path.stem.isidentifier()
             and not path.stem.startswith(("_", TESTS))
             and path.stem not in (*BUILT_IN, UDP, NONE)
         }

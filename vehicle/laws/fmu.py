@@ -1,0 +1,125 @@
+"""A control law from an FMU (FMI 2 or 3, co-simulation), run by fmpy in the law's own process.
+
+Its inputs and outputs are named as the fields of `vehicle.laws.contract`. A vector is an array of
+the same size (FMI 3), or numbers `NAME[1]`, `NAME[2]`, … as Simulink and Modelica export them.
+Inputs that the FMU does not have are not set. It is unpacked beside its file.
+"""
+
+from __future__ import annotations
+
+import math
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from quadrotor.errors import RefusedError, UsageError
+from vehicle.laws.contract import INPUT, OUTPUT, Array, Field, Input
+
+EXTRA = "scripts/setup fmu"
+
+
+class FmuLaw:
+    """A law whose step is one of an FMU; it is instantiated again by each reset.
+
+    Raises UsageError for a file that is not such a law, with what it has and what it needs.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            import fmpy
+        except ImportError:
+            raise UsageError(f"{path.name}: FMUs need the package fmpy; run {EXTRA}") from None
+        self._name = path.name
+        try:
+            self._description = fmpy.read_model_description(str(path))
+            self._folder = str(path.with_name(f".{path.stem}.unpacked"))
+            shutil.rmtree(self._folder, ignore_errors=True)
+            fmpy.extract(str(path), self._folder)
+        except Exception as error:  # whatever fmpy finds wrong in somebody's file
+            raise UsageError(f"{path.name} is not an FMU that fmpy can read: {error}") from None
+        if self._description.coSimulation is None:
+            raise UsageError(f"{path.name}: it has no co-simulation; export it as such")
+        variables = {one.name: one for one in self._description.modelVariables}
+        inputs = {n: v for n, v in variables.items() if v.causality == "input"}
+        outputs = {n: v for n, v in variables.items() if v.causality == "output"}
+        self._inputs = [(f, r) for f in INPUT if (r := _references(f, inputs))]
+        found = {f.name: _references(f, outputs) for f in OUTPUT}
+        known = {n for f in INPUT for n in _names(f)} | {f.name for f in INPUT}
+        unknown = sorted(inputs.keys() - known)
+        if unknown:
+            raise UsageError(
+                f"{path.name}: unknown inputs {', '.join(unknown)}; allowed are "
+                f"{', '.join(f.name for f in INPUT)}"
+            )
+        if not found["thrust"] or not found["torque_b"]:
+            raise UsageError(
+                f"{path.name}: it needs the outputs thrust and torque_b[1] to torque_b[3], and "
+                f"has {', '.join(outputs) or 'none'}"
+            )
+        self._thrust, self._torque = found["thrust"], found["torque_b"]
+        self._instance: Any = None
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin again from the FMU's own start values."""
+        from fmpy.simulation import instantiate_fmu
+
+        self.close()
+        try:
+            fmu = self._instance = instantiate_fmu(self._folder, self._description, "CoSimulation")
+            if hasattr(fmu, "setupExperiment"):
+                fmu.setupExperiment(startTime=0.0)
+            fmu.enterInitializationMode()
+            fmu.exitInitializationMode()
+        except Exception as error:
+            raise UsageError(f"{self._name} does not start on this computer: {error}") from None
+        # FMI 2 calls a double a Real, FMI 3 a Float64.
+        fmi3 = self._description.fmiVersion.startswith("3")
+        self._set = fmu.setFloat64 if fmi3 else fmu.setReal
+        self._get = fmu.getFloat64 if fmi3 else fmu.getReal
+        self._time = 0.0
+
+    def step(self, x: Input) -> tuple[float, Array]:
+        """Return thrust (N) and torque (3,) (N m, body axes) after one step of x.dt."""
+        for field, references in self._inputs:
+            value = getattr(x, field.name)
+            self._set(references, [value] if field.size == 1 else value.tolist())
+        status = self._instance.doStep(self._time, x.dt)
+        if isinstance(status, tuple) and status[1]:
+            raise RefusedError(f"{self._name} ended its simulation at {self._time:.3f} s")
+        self._time += x.dt
+        torque_b = np.array(self._read(self._torque, 3))
+        return self._read(self._thrust, 1)[0], torque_b
+
+    def close(self) -> None:
+        """Free the instance, if there is one."""
+        if self._instance is not None:
+            self._instance.freeInstance()
+            self._instance = None
+
+    def _read(self, references: list[int], size: int) -> list[float]:
+        if len(references) == size:
+            return list(map(float, self._get(references)))
+        return list(map(float, self._get(references, nValues=size)))  # an array of FMI 3
+
+
+def _names(field: Field) -> list[str]:
+    """Return the names of a vector's numbers, counted from 1."""
+    return [f"{field.name}[{k + 1}]" for k in range(field.size)]
+
+
+def _references(field: Field, variables: dict[str, Any]) -> list[int]:
+    """Return the value references of a field, none when the FMU has not all of it.
+
+    Raises UsageError for an array of another size.
+    """
+    whole = variables.get(field.name)
+    if whole is None:
+        numbers = [variables.get(name) for name in _names(field)]
+        return [one.valueReference for one in numbers if one is not None] if all(numbers) else []
+    size = math.prod(int(d.start) for d in whole.dimensions if d.start) if whole.dimensions else 1
+    if size != field.size:
+        raise UsageError(f"{field.name} has {size} numbers in the FMU, expected {field.size}")
+    return [whole.valueReference]
