@@ -9,7 +9,7 @@ from pathlib import Path
 from console.experiments import watched
 from console.experiments.catalogue import find
 from console.experiments.client import Calibrating, Result
-from quadlab.commands.fly import with_experiment
+from quadlab.simulated.experiment import with_experiment
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight, TrueState
 from quadlab.simulated.flight_log import FlightLog
 from quadrotor.calibration_record import CalibrationRecord

@@ -9,7 +9,7 @@ import contextlib
 import json
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Protocol
@@ -89,15 +89,11 @@ class ColumnFiles:
         return self._folder / f".{topic}.{self._kind}.new"
 
     def _flush(self, topic: str) -> None:
-        import pyarrow as pa
-
         pieces, self._waiting[topic] = self._waiting[topic], []
         if not pieces:
             return
-        first = pieces[0]
-        schema = self._schema(first)
-        columns = [_concatenated(pieces, name) for name in first.columns]
-        table = pa.Table.from_arrays([pa.array(column) for column in columns], schema=schema)
+        run = {"quadlab.run": json.dumps(dict(self._run)), "quadlab.type": pieces[0].type_name}
+        table = arrow_table(pieces, self._kind == "csv").replace_schema_metadata(run)
         self._wait()  # so that no more than two tables are in memory
         self._last = self._writing.submit(self._put, topic, table)
 
@@ -112,18 +108,6 @@ class ColumnFiles:
         if last is not None:
             last.result()
 
-    def _schema(self, piece: Piece) -> Any:
-        import pyarrow as pa
-
-        fields = []
-        for name, values in piece.columns.items():
-            unit = piece.units.get(name, "")
-            shown = f"{name} [{unit}]" if unit and self._kind == "csv" else name
-            kind = pa.string() if values.dtype.kind == "O" else pa.from_numpy_dtype(values.dtype)
-            fields.append(pa.field(shown, kind, metadata={"unit": unit} if unit else None))
-        run = {"quadlab.run": json.dumps(dict(self._run)), "quadlab.type": piece.type_name}
-        return pa.schema(fields, metadata=run)
-
     def _open(self, topic: str, schema: Any) -> Any:
         if self._kind == "parquet":
             from pyarrow.parquet import ParquetWriter
@@ -134,6 +118,20 @@ class ColumnFiles:
         from pyarrow.csv import CSVWriter
 
         return CSVWriter(self._aside(topic), schema)
+
+
+def arrow_table(pieces: Sequence[Piece], units_in_names: bool = False) -> Any:
+    """Return the pieces of one topic as a pyarrow.Table, with units in its fields' metadata."""
+    import pyarrow as pa
+
+    columns, fields = [], []
+    for name, values in pieces[0].columns.items():
+        unit = pieces[0].units.get(name, "")
+        shown = f"{name} [{unit}]" if unit and units_in_names else name
+        kind = pa.string() if values.dtype.kind == "O" else pa.from_numpy_dtype(values.dtype)
+        fields.append(pa.field(shown, kind, metadata={"unit": unit} if unit else None))
+        columns.append(pa.array(_concatenated(pieces, name)))
+    return pa.Table.from_arrays(columns, schema=pa.schema(fields))
 
 
 class MatFile:
@@ -202,7 +200,7 @@ def _held(column: Array) -> int:
     return column.nbytes + sum(map(sys.getsizeof, texts))
 
 
-def _concatenated(pieces: list[Piece], name: str) -> Array:
+def _concatenated(pieces: Sequence[Piece], name: str) -> Array:
     if len(pieces) == 1:
         return pieces[0].columns[name]
     return np.concatenate([piece.columns[name] for piece in pieces])

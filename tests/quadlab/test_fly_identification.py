@@ -20,7 +20,7 @@ from console.experiments.client import Calibrating, ExperimentEndedError, Vehicl
 from console.experiments.figure_eight import FigureEight
 from console.experiments.inertia import InertiaExperiment
 from flight_log import LogWriter
-from quadlab.commands.fly import with_experiment
+from quadlab.simulated.experiment import with_experiment
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
 from quadrotor.errors import LogFormatError, MeasurementError, RefusedError, UsageError

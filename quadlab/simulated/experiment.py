@@ -1,0 +1,196 @@
+"""An experiment in simulated time, from its name to its verdict."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from quadlab.data_folder import open_data_folder
+from quadlab.settings import parse_settings
+from quadrotor.errors import QuadlabError, UsageError
+
+if TYPE_CHECKING:
+    from console.experiments.client import Experiment, Result
+    from console.experiments.readings import Progress
+    from quadlab.simulated.flight import FlightParameters, SimulatedFlight
+    from quadrotor.calibration_record import CalibrationRecord
+
+LARGEST_SEED = 2**31 - 1 - 2_000_003
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """A flight that has ended.
+
+    Attributes:
+        path: its log. aborted: why it ended early, empty when it did not.
+        wall, processor: s that the flight took, without what is loaded and compiled before it.
+    """
+
+    flight: SimulatedFlight
+    path: Path
+    result: Result
+    proposal: CalibrationRecord | None
+    aborted: str
+    wall: float
+    processor: float
+
+
+def fly(
+    experiment: Experiment,
+    *,
+    seed: int = 1,
+    words: Sequence[str] = (),
+    out: Path | None = None,
+    plugins: Path | None = None,
+    true_state: bool = False,
+    tell: bool = False,
+) -> Flown:
+    """Fly an experiment on the simulated vehicle and judge its log.
+
+    Args:
+        seed: of all noise. words: NAME=VALUE of parameters. out: folder of the log; None: flights
+            in the data folder. plugins: folder of control laws. true_state: whether the controller
+            sees the true state. tell: whether instructions of a guided procedure are printed.
+
+    Raises QuadlabError; after the start it says where the log is.
+    """
+    from console.experiments import watched
+    from console.experiments.user_file import mistakes_told
+    from quadlab.simulated.flight import FlightParameters, SimulatedFlight, TrueState
+    from quadlab.simulated.flight_log import FlightLog
+    from quadrotor.parameters import ParameterStore
+    from vehicle.flight.kernels import prepare
+    from vehicle.processes.parent import PLUGINS
+    from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+    from vehicle_link.messages import typestore
+
+    if not 0 <= seed <= LARGEST_SEED:
+        raise UsageError(f"--seed {seed}: allowed 0 to {LARGEST_SEED}")
+    parameters = with_experiment(FlightParameters().model_copy(deep=True), experiment)
+    parameters.seed(seed)
+    values = parse_settings(parameters, words)
+    if "beacons.layout" not in values:  # the vehicle is told where the beacons are
+        parameters.beacons.layout = parameters.bearings.layout
+    with mistakes_told(experiment):
+        experiment.check()
+    folder = out or open_data_folder(None) / "flights"
+    path = _new_log(open_data_folder(folder, "--out"), f"{experiment.name}_seed{seed}")
+    simulated = SimulatedVehicle(parameters.simulator)
+    simulated.warm_up()
+    log = FlightLog(
+        path,
+        "quad1",
+        ParameterStore(parameters),
+        {"run_id": path.stem, "experiment": experiment.name, "seed": str(seed)},
+    )
+    estimator = TrueState(simulated) if true_state else None
+    # Everything that is loaded or compiled at its first use, so that the figures are of flying
+    # alone.
+    _, later = prepare(lambda line: print(f"quadlab: {line}", file=sys.stderr, flush=True))
+    typestore()
+    plugins = plugins or open_data_folder(None) / PLUGINS
+    flight = SimulatedFlight(parameters, simulated, log, estimator, plugins)
+    if tell:
+        flight.on_tell = Teller(flight)
+    began, processor = time.perf_counter(), time.process_time()
+    aborted = ""
+    try:
+        watched.fly(experiment, flight)
+    except watched.AbortedError as error:
+        aborted = str(error)
+    except QuadlabError as error:
+        raise kept(error, path) from error
+    finally:
+        log.close()
+        later.close()
+        flight.stack.steering.close()
+    wall, processor = time.perf_counter() - began, time.process_time() - processor
+    result, proposal = judged(experiment, path, aborted)
+    return Flown(flight, path, result, proposal, aborted, wall, processor)
+
+
+def chosen(name: str) -> Experiment:
+    """Return a built-in experiment, or that of a file. Raises UsageError or StorageError."""
+    from console.experiments.catalogue import EXPERIMENTS, find
+    from console.experiments.user_file import is_file, load
+
+    if is_file(name):
+        return load(Path(name))
+    if name not in EXPERIMENTS:
+        raise UsageError(
+            f"unknown experiment {name!r}; there are {', '.join(EXPERIMENTS)}, and files of your "
+            "own: quadlab fly FILE.py"
+        )
+    return find(name)
+
+
+def judged(
+    experiment: Experiment, log: Path, aborted: str
+) -> tuple[Result, CalibrationRecord | None]:
+    """Return result and proposal from the log alone; of an aborted flight what there is of figures.
+
+    Raises QuadlabError with the reason and where the log is.
+    """
+    from console.evaluation.verdict import evaluated
+    from console.experiments.client import Calibrating, Result
+    from console.experiments.user_file import mistakes_told
+
+    try:
+        with mistakes_told(experiment):
+            result = evaluated(experiment, log)
+            if aborted:
+                return Result("failed", result.metrics, result.limits), None
+            if isinstance(experiment, Calibrating):
+                return result, experiment.proposal(log)
+            return result, None
+    except QuadlabError as error:
+        if aborted:
+            return Result("failed", {}), None
+        raise kept(error, log) from error
+
+
+def kept(error: QuadlabError, log: Path) -> QuadlabError:
+    """Return the same error, with where the log is."""
+    return type(error)(f"{error}; the log is kept: {log}")
+
+
+class Teller:
+    """Prints the instructions of a guided procedure, each once."""
+
+    def __init__(self, flight: SimulatedFlight) -> None:
+        self._flight = flight
+        self._last = ""
+
+    def __call__(self, progress: Progress) -> None:
+        if progress.instruction == self._last:
+            return
+        self._last = progress.instruction
+        step = f"{progress.number}/{progress.count}" if progress.count else ""
+        print(f"  {self._flight.view().time:7.1f} s {step:>6}  {progress.instruction}", flush=True)
+
+
+def with_experiment(parameters: FlightParameters, experiment: Experiment) -> FlightParameters:
+    """Return the tree with what can be chosen about the experiment, as `experiment.NAME`."""
+    from pydantic import create_model
+
+    options = experiment.parameters
+    if options is None:
+        return parameters
+    tree = create_model(
+        "ExperimentParameters", __base__=type(parameters), experiment=(type(options), options)
+    )
+    # Not copied: the experiment reads the very same object.
+    return tree.model_construct(**dict(parameters), experiment=options)
+
+
+def _new_log(folder: Path, stem: str) -> Path:
+    """Return a file name that is free: no earlier flight is overwritten."""
+    path, number = folder / f"{stem}.mcap", 2
+    while path.exists():
+        path, number = folder / f"{stem}_{number}.mcap", number + 1
+    return path

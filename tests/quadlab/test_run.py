@@ -1,0 +1,110 @@
+"""Runs in scripts and notebooks: the numbers of the log, with units, windows and errors."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import quadlab
+from flight_log import read_log
+from quadlab.run import Run
+from quadrotor.errors import StorageError, UsageError
+from vehicle_link.messages import decode
+
+Z = "pose.pose.position.z"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    folder = tmp_path_factory.mktemp("flights")
+    return quadlab.fly("hover", seed=3, set={"control.preset": "stiff"}, out=folder)
+
+
+def test_a_flight_gives_its_verdict_and_its_topics(run: Run) -> None:
+    assert run.result is not None
+    assert run.result.verdict == "passed"
+    assert {"state", "imu", "truth", "tracker_pose"} <= set(run)
+    assert "state" in run
+    assert run.metadata["experiment"] == "hover"
+    assert run.parameters["control.position.kp_xy"] == 6.0
+    assert any("take_off" in line.text for line in run.events)
+
+
+def test_a_topic_is_the_messages_of_the_log_bit_for_bit(run: Run) -> None:
+    state = run["state"]
+    messages = list(read_log(run.path, {"/quad1/state"}))
+    assert len(state) == len(messages)
+    for k in (0, len(messages) // 2, -1):
+        message = decode(messages[k].payload, messages[k].type_name)
+        assert state[Z][k] == message.pose.pose.position.z
+        assert state["stamp_ns"][k] == messages[k].publish_ns
+    assert state.units[Z] == "m"
+    assert state.units["time"] == "s"
+    assert state.numpy("time", Z).shape == (len(state), 2)
+
+
+def test_a_window_and_other_times_are_the_same_flight(run: Run) -> None:
+    state = run["state"]
+    part = state.window(5.0, 6.0)
+    assert 0 < len(part) < len(state)
+    assert (part["time"][0] >= 5.0, part["time"][-1] <= 6.0) == (True, True)
+    middle = 0.5 * (part["time"][:-1] + part["time"][1:])
+    joined = part.at(middle)
+    assert joined[Z] == pytest.approx(0.5 * (part[Z][:-1] + part[Z][1:]), abs=1e-12)
+    assert joined.units == part.units
+    assert np.isnan(part.at([0.0, 5.5, 99.0])[Z]).tolist() == [True, False, True]
+
+
+def test_errors_are_those_of_state_against_truth(run: Run) -> None:
+    found = run.errors()
+    state, truth = run["state"], run["truth"]
+    axes = [f"pose.pose.position.{axis}" for axis in "xyz"]
+    true = np.stack([np.interp(state["stamp_ns"], truth["stamp_ns"], truth[a]) for a in axes], 1)
+    apart = np.linalg.norm(state.numpy(*axes) - true, axis=1)
+    late = np.isin(found.stamps_ns, state.window(10.0, 20.0)["stamp_ns"])
+    mine = apart[np.isin(state["stamp_ns"], found.stamps_ns[late])]
+    assert found.position[late] == pytest.approx(mine, abs=1e-4)
+    assert found.metrics()["position_rms_m"] == pytest.approx(0.0, abs=0.02)
+
+
+def test_a_run_is_found_by_name_and_a_wrong_one_is_told_with_the_newest(
+    run: Run, tmp_path: Path
+) -> None:
+    (tmp_path / "runs" / "r1").mkdir(parents=True)
+    (tmp_path / "runs" / "r1" / "station.mcap").symlink_to(run.path)
+    assert len(quadlab.open("r1", data=tmp_path)["imu"]) == len(run["imu"])
+    assert quadlab.open(run.path).duration == run.duration
+    with pytest.raises(StorageError, match=r"no run 'r2'.*newest runs of .* are r1"):
+        quadlab.open("r2", data=tmp_path)
+
+
+def test_wrong_words_are_refused_with_what_there_is(run: Run) -> None:
+    with pytest.raises(UsageError, match="stat"):
+        run["stat"]
+    with pytest.raises(UsageError, match="no column 'z'; there are time, stamp_ns"):
+        run["state"]["z"]
+    with pytest.raises(UsageError, match="from 6 to 5 s"):
+        run["state"].window(6.0, 5.0)
+    with pytest.raises(UsageError, match="unknown experiment 'hoover'"):
+        quadlab.fly("hoover")
+    with pytest.raises(AttributeError, match="nothing"):
+        quadlab.nothing  # noqa: B018 - the access is the test
+
+
+def test_importing_the_package_loads_nothing_of_it() -> None:
+    code = "import sys, quadlab; print('numba' in sys.modules, 'numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "False"]
+
+
+def test_the_example_compares_gain_sets() -> None:
+    path = Path(__file__).parents[2] / "examples" / "compare_seeds.py"
+    words = [sys.executable, str(path), "1"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=120)
+    rows = [line.split() for line in done.stdout.splitlines()]
+    assert [row[0] for row in rows] == ["standard", "stiff"]
+    assert all(0.5 < float(row[2]) < 10.0 for row in rows)
