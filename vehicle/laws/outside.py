@@ -9,8 +9,8 @@ import numpy as np
 from control.controller import GeometricController, apply_wrench
 from control.parameters import GEOMETRIC, ControlParameters
 from quadrotor.errors import RefusedError
-from quadrotor.records import Record
-from quadrotor.vehicle_model import GRAVITY
+from quadrotor.records import ACTUATORS, Record
+from quadrotor.vehicle_model import GRAVITY, MODEL
 from vehicle.laws.contract import INPUT_TYPE, OUTPUT_TYPE
 from vehicle.laws.links import Link
 
@@ -43,6 +43,9 @@ class OutsideLaw:
         self._link, self._waits = link, waits
         self._out = np.zeros(1, INPUT_TYPE)
         self._out["reset"] = 1.0
+        self._wrench, self._model = np.zeros((1, 4)), np.zeros(1, MODEL)
+        # Compiled here and not in the first tick, which would be seconds late.
+        apply_wrench(self._wrench, self._model, np.zeros(1, ACTUATORS))
         self._asked = math.nan
         self.ticks = self.missed = self._in_a_row = 0
         self._share = self._squares = 0.0
@@ -91,7 +94,8 @@ class OutsideLaw:
             self.failure = str(error)
             return
         if self.flown:
-            apply_wrench(answer["wrench"], self._model, actuators)
+            self._wrench[0] = answer["wrench"][0]
+            apply_wrench(self._wrench, self._model, actuators)
 
     # ------------------------------------------------------------------ whether it may fly
     def becomes_ready(self) -> bool:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from control.controller import apply_wrench
 from quadlab.simulated.flight import FlightParameters
 from quadrotor.parameters import ParameterValue
 from tests.support.lab import Lab, flight_parameters, refusal
@@ -191,3 +192,11 @@ def test_parameters_of_a_flight_may_name_a_law_before_it_begins(tmp_path: Path) 
     assert lab.stack.steering.outside is not None
     assert lab.stack.steering.outside.flown
     lab.stack.steering.close()
+
+
+def test_nothing_is_compiled_in_the_first_tick_that_it_flies(fly: Callable[..., Lab]) -> None:
+    lab = fly(good())
+    before = len(apply_wrench.signatures)  # type: ignore[attr-defined]  # of numba
+    assert before >= 1
+    lab.hovering()
+    assert len(apply_wrench.signatures) == before  # type: ignore[attr-defined]
