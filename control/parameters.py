@@ -174,7 +174,7 @@ class DisturbanceParameters(Parameters):
 
 
 class PluginBounds(Parameters):
-    """Bounds beyond which a law from outside is taken out, and where one over UDP answers."""
+    """Bounds beyond which an external law is disengaged, and where one over UDP answers."""
 
     thrust_max: float = parameter(
         0.5,
@@ -203,7 +203,7 @@ class PluginBounds(Parameters):
         0.5, unit="m", ge=0.05, le=5.0, step=0.05, description="largest distance from the reference"
     )
     udp_peer: str = parameter(
-        "127.0.0.1:9101", description="HOST:PORT of the program that is the law `udp`"
+        "127.0.0.1:9101", description="ADDRESS:PORT (IPv4) of the program that is the law `udp`"
     )
     udp_port: int = parameter(
         9102, ge=1024, le=65535, description="port of the vehicle that it answers to"
@@ -221,7 +221,7 @@ class ControlParameters(Parameters):
     )
     shadow_law: str = parameter(
         NONE,
-        description="a law from outside (udp or a file of plugins) that runs beside the one in "
+        description="an external law (udp or a file of plugins) that runs beside the one in "
         "use and is compared with it; none: no law",
     )
     position: PositionGains = PositionGains()

@@ -7,7 +7,8 @@ single values.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from quadrotor.errors import OutOfBoundsError, ParameterError, UsageError
@@ -45,6 +46,21 @@ SETS = {
     "simulator.preset": _simulator_preset,
 }
 """Options that set several parameters."""
+
+
+def check_laws(values: Mapping[str, ParameterValue], data: Path) -> None:
+    """Check the control laws that these parameters name against those of the data folder.
+
+    Raises RefusedError.
+    """
+    if not values.keys() & {"control.law", "control.shadow_law"}:
+        return
+    from control.parameters import GEOMETRIC, NONE
+    from vehicle.laws.laws import LAW, SHADOW_LAW, Laws
+    from vehicle.processes.parent import PLUGINS
+
+    law, shadow = values.get(LAW, GEOMETRIC), values.get(SHADOW_LAW, NONE)
+    Laws(data / PLUGINS).check(str(law), str(shadow))
 
 
 def parse_settings(

@@ -23,7 +23,7 @@ class New:
     """Write a control law to start from, and a test for it; both run as they are."""
 
     kind: Annotated[Literal["law"], tyro.conf.Positional]
-    """what to write: law (docs/plugins.md)"""
+    """what to write: law (docs/extending/plugins.md)"""
     name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")]
     """its name, chosen by --set control.law=NAME: letters, digits and _"""
     out: Folder = None

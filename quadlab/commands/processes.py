@@ -15,7 +15,7 @@ from typing import Annotated
 import tyro
 
 from quadlab.data_folder import open_data_folder
-from quadlab.settings import parse_settings
+from quadlab.settings import check_laws, parse_settings
 from quadlab.up import serial_ports
 from quadlab.up.page_options import PageOptions, say_authority
 from quadlab.up.supervise import Child
@@ -132,9 +132,11 @@ class Vehicle:
             from vehicle.parameters import new_parameters
 
             settings = parse_settings(new_parameters(), self.set)
+        data = open_data_folder(self.data)
+        check_laws(settings, data)
         return run_vehicle(
             ports,
-            data=open_data_folder(self.data),
+            data=data,
             link_port=self.link_port,
             name=self.name,
             settings=settings,

@@ -29,7 +29,7 @@ from quadlab.commands.processes import (
     check_tracker,
 )
 from quadlab.data_folder import open_data_folder, owned
-from quadlab.settings import parse_settings
+from quadlab.settings import check_laws, parse_settings
 from quadlab.simulated.fleet import SimulatedFleet
 from quadlab.up.landing import land_before_stopping
 from quadlab.up.page_options import PageOptions
@@ -40,6 +40,7 @@ from vehicle_link.lockstep import Page
 from vehicle_link.serial.capacity import check_rate
 
 if TYPE_CHECKING:
+    from quadrotor.parameters import ParameterValue
     from vehicle_link.security.authority import TlsFiles
 
 PROGRESS_PERIOD = 1.5
@@ -84,8 +85,9 @@ class Up(PageOptions):
         self._check_ports(fleet)
         if self.tracker:
             check_tracker(self._tracker_words(fleet))
-        vehicle_words, simulator_words = self._check_settings()
+        vehicle_words, simulator_words, values = self._check_settings()
         folder = open_data_folder(self.data)
+        check_laws(values, folder)
         self.check_page(folder)
         if self.host != PageOptions.host:
             _require_free("page", self.port, socket.SOCK_STREAM, "--port or --host", self.host)
@@ -114,9 +116,9 @@ class Up(PageOptions):
         for port in fleet.ports.values():
             _require_free("radio link", port, socket.SOCK_DGRAM, "--link-port")
 
-    def _check_settings(self) -> tuple[list[str], list[str]]:
+    def _check_settings(self) -> tuple[list[str], list[str], dict[str, ParameterValue]]:
         if not self.set:
-            return [], []
+            return [], [], {}
         # Imported for their names and bounds alone: 100 MB that a plain start need not carry.
         from vehicle.parameters import new_parameters
         from vehicle.simulator.parameters import SimulatorParameters
@@ -124,9 +126,9 @@ class Up(PageOptions):
         prefix = "simulator."
         vehicle = [word for word in self.set if not word.startswith(prefix)]
         simulator = [word.removeprefix(prefix) for word in self.set if word.startswith(prefix)]
-        parse_settings(new_parameters(), vehicle)
+        values = parse_settings(new_parameters(), vehicle)
         parse_settings(SimulatorParameters(), simulator, prefix)
-        return _set_words(vehicle), _set_words(simulator)
+        return _set_words(vehicle), _set_words(simulator), values
 
     def _children(
         self,

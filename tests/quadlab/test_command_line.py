@@ -260,3 +260,18 @@ def test_a_wrong_word_is_answered_with_the_nearest(
     capsys: pytest.CaptureFixture[str], words: list[str], meant: str
 ) -> None:
     assert f"did you mean {meant}" in complaint(capsys, words, 2)
+
+
+@pytest.mark.parametrize("command", ["up", "vehicle"])
+def test_a_law_that_is_not_there_stops_the_start_with_those_there_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    (tmp_path / "plugins").mkdir()
+    (tmp_path / "plugins" / "mine.py").write_text("")
+    ports = {"up": ["--port", "18391", "--link-port", "17991"], "vehicle": ["--serial", "none"]}
+    words = [command, "--data", str(tmp_path), "--set", "control.law=mien", *ports[command]]
+    assert main(words) == 1
+    told = capsys.readouterr()
+    assert "control.law = 'mien' is not a law; there are geometric" in told.err
+    assert "udp, mine; put NAME.py or NAME.fmu into" in told.err
+    assert told.out == ""

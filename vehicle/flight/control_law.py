@@ -1,7 +1,7 @@
 """The control law in use and its vehicle model, which follows the battery voltage and the mass.
 
-A built-in law is changed on the ground only: the integrals of one mean nothing to another. A law
-from outside runs above a built-in one, and the two may change places in flight.
+A built-in law is changed on the ground only: the integrals of one mean nothing to another. An
+external law runs above a built-in one, and the two may change places in flight.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
 from quadrotor.vehicle_model import VehicleModel
+from vehicle.laws.external import ExternalLaw
 from vehicle.laws.laws import BUILT_IN, LAW, SHADOW_LAW, Laws, base_of
-from vehicle.laws.outside import OutsideLaw
 
 SETTLING = 1.0
 """s, time constant of the filtered battery voltage that the model follows (without ripple)."""
@@ -61,7 +61,7 @@ class Steering:
         model: MODEL, shape (1,), with the mass in use; updated in place, so others hold a view.
         mass: kg, the same.
         observer: the disturbance observer; off unless the parameters switch it on.
-        outside: the law from outside that is flown or runs as the shadow.
+        external: the external law that is flown or runs as the shadow.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class Steering:
         self._laws = laws or Laws()
         self._laws.check(control.law, control.shadow_law)
         self._name, self._shadow = base_of(control.law), NONE
-        self.outside: OutsideLaw | None = None
+        self.external: ExternalLaw | None = None
         self._base_name = self._name
         self._base = BUILT_IN[self._base_name]()
         self.controller: Controller = plugin or self._base
@@ -93,18 +93,18 @@ class Steering:
         self._laws.check(law, shadow)
         if not armed:
             return
-        outside = self.outside
+        external = self.external
         if shadow not in (self._shadow, NONE):
             raise RefusedError(f"{SHADOW_LAW} is chosen on the ground: land and disarm first")
         if law == self._name:
             return
-        if outside is None or {law, self._name} != {outside.name, self._base_name}:
+        if external is None or {law, self._name} != {external.name, self._base_name}:
             raise RefusedError(
                 f"{LAW} stays {self._name} while armed: land and disarm to change it, or set "
                 f"{SHADOW_LAW} before arming and change to that law in flight"
             )
-        if law == outside.name and not outside.is_ready:
-            raise RefusedError(f"law {law} cannot fly: {outside.failure or 'it is loading'}")
+        if law == external.name and not external.is_ready:
+            raise RefusedError(f"law {law} cannot fly: {external.failure or 'it is loading'}")
 
     def configure(self, control: ControlParameters, model: VehicleModel) -> None:
         """Apply the present parameters, which `check` has accepted."""
@@ -117,10 +117,10 @@ class Steering:
         self._remodel()
 
     def close(self) -> None:
-        """End the law from outside."""
-        if self.outside is not None:
-            self.outside.close()
-            self.outside = None
+        """End the external law."""
+        if self.external is not None:
+            self.external.close()
+            self.external = None
 
     def _choose(self) -> None:
         """Take the laws that the parameters name; those that run already go on."""
@@ -128,14 +128,14 @@ class Steering:
         if base_name != self._base_name:
             self._base_name, self._base = base_name, BUILT_IN[base_name]()
         name = self._shadow if self._name in BUILT_IN else self._name
-        outside = self.outside
-        if outside is not None and (outside.name, outside.base) != (name, self._base):
+        external = self.external
+        if external is not None and (external.name, external.base) != (name, self._base):
             self.close()
-        if name != NONE and self.outside is None:
-            self.outside = self._laws.start(name, self._base, self._control.plugin)
-        if self.outside is not None:
-            self.outside.flown = self._name == name
-        self.controller = self.outside or self._base
+        if name != NONE and self.external is None:
+            self.external = self._laws.start(name, self._base, self._control.plugin)
+        if self.external is not None:
+            self.external.flown = self._name == name
+        self.controller = self.external or self._base
 
     def follow_battery(self, voltage: float, dt: float) -> bool:
         """Take one reading (V) and the time (s) since the last; return whether the model was made

@@ -40,8 +40,8 @@ from vehicle.flight.reference_rounding import ReferenceRounding
 from vehicle.flight.situation import SituationReader
 from vehicle.flight.status_writer import StatusWriter
 from vehicle.flight.tick_record import TickRecord
+from vehicle.laws.external import ExternalLaw
 from vehicle.laws.laws import LAW, SHADOW_LAW, Laws
-from vehicle.laws.outside import OutsideLaw
 from vehicle.microcontroller.microcontroller import RawSample
 from vehicle.parameters import VehicleParameters
 from vehicle.processes import mailbox
@@ -190,8 +190,8 @@ class FlightStack:
         if modes.mode in FLYING:
             modes.heed(sample)
 
-        if self.steering.outside is not None:
-            self._watch_law(self.steering.outside)
+        if self.steering.external is not None:
+            self._watch_law(self.steering.external)
 
         command = None
         if modes.mode is Mode.BENCH:
@@ -362,8 +362,8 @@ class FlightStack:
         self.configuration.apply(change.values, "vehicle")
         self.navigation.take_over(self._tick.state)
 
-    def _watch_law(self, law: OutsideLaw) -> None:
-        """Tell when a law from outside is ready; end one that failed, for which the built-in one
+    def _watch_law(self, law: ExternalLaw) -> None:
+        """Tell when an external law is ready; end one that failed, for which the built-in one
         flew that very tick.
         """
         if law.becomes_ready():
@@ -373,7 +373,7 @@ class FlightStack:
         if not law.failure:
             return
         flies = "took over" if law.flown else "flies on"
-        self.say(f"law {law.name} taken out, {GEOMETRIC} {flies}: {law.failure}", mailbox.WARN)
+        self.say(f"law {law.name} disengaged, {GEOMETRIC} {flies}: {law.failure}", mailbox.WARN)
         self.configuration.apply({LAW: GEOMETRIC, SHADOW_LAW: NONE}, "vehicle")
 
     def _follow_altitude(self, sample: RawSample, dt: float) -> None:

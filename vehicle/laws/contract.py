@@ -1,4 +1,4 @@
-"""What a control law from outside receives and answers: vectors of float64, little-endian, in SI
+"""What a external control law receives and answers: vectors of float64, little-endian, in SI
 units, without padding. A UDP packet and a call of a Python law have the same content.
 """
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from quadrotor.errors import QuadlabError, RefusedError, UsageError
 from quadrotor.python_file import run_file, told
-from vehicle.laws.contract import INPUT_TYPE, OUTPUT_TYPE, Law, as_input
+from quadrotor.records import Record
+from vehicle.laws.contract import INPUT_TYPE, OUTPUT_TYPE, Input, Law, as_input
 
 READY = b"ready"
 """First message of the process: the law is loaded."""
@@ -47,15 +48,18 @@ def _answer(connection: socket.socket, file: Path) -> None:
     law = load(file)
     connection.send(READY)
     out = np.zeros(1, OUTPUT_TYPE)
-    torque_b = out["torque_b"][0]
     while data := connection.recv(INPUT_TYPE.itemsize + 1):
         x = as_input(np.frombuffer(data, INPUT_TYPE))
         if x.reset:
             told(file, law.reset, RefusedError)
-        thrust, torque = told(file, partial(law.step, x), RefusedError)
-        out["time"], out["thrust"] = x.time, thrust
-        torque_b[:] = torque
+        told(file, partial(_step, law, x, out), RefusedError)
         connection.send(out.tobytes())
+
+
+def _step(law: Law, x: Input, out: Record) -> None:
+    """Write the law's answer to x into OUTPUT_TYPE (1,)."""
+    thrust, torque_b = law.step(x)
+    out["time"], out["thrust"], out["torque_b"] = x.time, thrust, torque_b
 
 
 def load(path: Path) -> Law:
@@ -72,7 +76,7 @@ def load(path: Path) -> Law:
     if not callable(made):
         raise UsageError(
             f"{path.name}: it defines no {NAME!r}; give a class or function of this name whose "
-            "object has reset() and step(x); docs/plugins.md shows one"
+            "object has reset() and step(x); docs/extending/plugins.md shows one"
         )
     law = told(path, made, UsageError)
     for method in ("reset", "step"):

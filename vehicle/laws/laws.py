@@ -9,9 +9,9 @@ from control.controller import GeometricController
 from control.near_hovering import NearHoveringController
 from control.parameters import GEOMETRIC, NEAR_HOVERING, NONE, PluginBounds
 from quadrotor.errors import QuadlabError, RefusedError
+from vehicle.laws.external import ExternalLaw
 from vehicle.laws.host import FMU
 from vehicle.laws.links import Link, NoLink, ProcessLink, UdpLink
-from vehicle.laws.outside import OutsideLaw
 
 BUILT_IN: dict[str, Callable[[], GeometricController]] = {
     GEOMETRIC: GeometricController,
@@ -33,7 +33,7 @@ class Laws:
 
     Args:
         folder: of files NAME.py and NAME.fmu; may be missing.
-        waits: whether simulated time waits for the answers of a law from outside.
+        waits: whether simulated time waits for the answers of an external law.
     """
 
     def __init__(self, folder: Path | None = None, waits: bool = True) -> None:
@@ -44,7 +44,7 @@ class Laws:
         return (*BUILT_IN, UDP, *sorted(self._files()))
 
     def check(self, law: str, shadow: str) -> None:
-        """Raise RefusedError for a law that is not there, and for two from outside."""
+        """Raise RefusedError for a law that is not there, and for two external ones."""
         for parameter, name in ((LAW, law), (SHADOW_LAW, shadow)):
             if parameter == SHADOW_LAW and name == NONE:
                 continue
@@ -55,33 +55,35 @@ class Laws:
                     f"{parameter} = {name!r} is not a law; there are {', '.join(self.names())}; "
                     f"put NAME.py or NAME.fmu into {self._folder or 'the folder plugins'}"
                 )
+            if len(self._files().get(name, ())) > 1:
+                raise RefusedError(
+                    f"{parameter} = {name}: two files have this name, "
+                    f"{' and '.join(one.name for one in self._files()[name])}; rename one"
+                )
         if law not in BUILT_IN and shadow not in (NONE, law):
             raise RefusedError(
-                f"{SHADOW_LAW} = {shadow} beside {LAW} = {law}: one law from outside runs at a "
+                f"{SHADOW_LAW} = {shadow} beside {LAW} = {law}: one external law runs at a "
                 f"time; set one of them to {NONE} or {GEOMETRIC}"
             )
 
-    def start(self, name: str, base: GeometricController, bounds: PluginBounds) -> OutsideLaw:
+    def start(self, name: str, base: GeometricController, bounds: PluginBounds) -> ExternalLaw:
         """Return the law, whose process is starting; one that cannot start has failed already."""
         link: Link
         try:
             if name == UDP:
                 link = UdpLink(bounds.udp_peer, bounds.udp_port, self._waits)
             else:
-                link = ProcessLink(self._files()[name], self._waits)
+                link = ProcessLink(self._files()[name][0], self._waits)
         except QuadlabError as error:
             link = NoLink(str(error))
-        return OutsideLaw(name, link, base, self._waits)
+        return ExternalLaw(name, link, base, self._waits)
 
-    def _files(self) -> dict[str, Path]:
+    def _files(self) -> dict[str, list[Path]]:
+        """Return the files of the folder by the name of their law."""
+        found: dict[str, list[Path]] = {}
         folder = self._folder
-        if folder is None or not folder.is_dir():
-            return {}
-        return {
-            path.stem: path
-            for path in folder.iterdir()
-            if path.suffix in (".py", FMU)
-            and path.stem.isidentifier()
-            and not path.stem.startswith(("_", TESTS))
-            and path.stem not in (*BUILT_IN, UDP, NONE)
-        }
+        for path in sorted(folder.iterdir()) if folder is not None and folder.is_dir() else ():
+            is_law = path.suffix in (".py", FMU) and path.stem.isidentifier()
+            if is_law and not path.stem.startswith(("_", TESTS)):
+                found.setdefault(path.stem, []).append(path)
+        return {name: files for name, files in found.items() if name not in (*BUILT_IN, UDP, NONE)}

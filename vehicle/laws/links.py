@@ -1,10 +1,11 @@
-"""How a law from outside is reached: a process of its own, or a program that answers over UDP."""
+"""How an external law is reached: a process of its own, or a program that answers over UDP."""
 
 from __future__ import annotations
 
 import socket
 import time
 from contextlib import suppress
+from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Protocol
 
@@ -119,7 +120,7 @@ class UdpLink:
     """A program that receives inputs at `peer` and answers to our `port`.
 
     Args:
-        peer: "HOST:PORT". port: ours, on the same address family.
+        peer: "ADDRESS:PORT", IPv4. port: ours.
         waits: as of `ProcessLink`.
 
     Raises RefusedError for an address that cannot be used.
@@ -128,14 +129,15 @@ class UdpLink:
     def __init__(self, peer: str, port: int, waits: bool) -> None:
         host, _, number = peer.rpartition(":")
         try:
-            address = (host, int(number))
+            # Numbers alone: to look a name up may take seconds, which no tick has.
+            address = (str(IPv4Address(host)), int(number))
             self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
             self._socket.bind(("", port))
             self._socket.connect(address)  # packets from elsewhere are not received
         except (OSError, ValueError, OverflowError) as error:
             raise RefusedError(
                 f"control.plugin.udp_peer = {peer!r} with udp_port = {port} cannot be used "
-                f"({error}); give HOST:PORT of the program that answers, and a free port"
+                f"({error}); give ADDRESS:PORT of the program, as 127.0.0.1:9101, and a free port"
             ) from None
         self._socket.settimeout(PATIENCE if waits else 0.0)
 

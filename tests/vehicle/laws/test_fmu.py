@@ -102,10 +102,10 @@ def test_an_fmu_flies_the_vehicle(
 
     assert validate_fmu(str(path)) == []
     lab = fly(path.stem).hovering(settling=4.0)
-    outside = lab.stack.steering.outside
-    assert outside is not None, lab.said
-    assert outside.flown
-    assert outside.missed == 0
+    external = lab.stack.steering.external
+    assert external is not None, lab.said
+    assert external.flown
+    assert external.missed == 0
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.06)
 
 

@@ -9,13 +9,20 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from control.controller import GeometricController
+from control.parameters import ControlParameters
+from quadrotor.records import ACTUATORS, new_reference, new_state
+from quadrotor.vehicle_model import VehicleModel
 from tests.support.lab import Lab
 from vehicle.laws.contract import INPUT, INPUT_TYPE, OUTPUT, OUTPUT_TYPE
+from vehicle.laws.external import CONSECUTIVE, ExternalLaw
+from vehicle.laws.links import UdpLink
 
 PEER = Path(__file__).with_name("udp_peer.py")
-DOCUMENT = Path(__file__).parents[3] / "docs" / "plugins.md"
+DOCUMENT = Path(__file__).parents[3] / "docs" / "extending" / "plugins.md"
 
 
 @pytest.fixture
@@ -59,10 +66,10 @@ def test_a_program_of_another_make_flies_the_vehicle(
     peer: Callable[[int], str], lab: Callable[[str], Lab]
 ) -> None:
     flown = lab(peer(1_000_000)).hovering(settling=4.0)
-    outside = flown.stack.steering.outside
-    assert outside is not None
-    assert outside.flown
-    assert outside.missed == 0
+    external = flown.stack.steering.external
+    assert external is not None
+    assert external.flown
+    assert external.missed == 0
     assert flown.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.06)
 
 
@@ -84,6 +91,42 @@ def test_packets_of_another_length_end_the_law(lab: Callable[[str], Lab]) -> Non
         flown.hovering(settling=0.5)
     assert "a packet of 24 bytes came, expected 40: 5 doubles" in flown.said
     assert flown.height == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_stale_answer_is_never_flown(lab: Callable[[str], Lab]) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        flown = lab(f"127.0.0.1:{other.getsockname()[1]}")
+        port = int(flown.parameter("control.plugin.udp_port"))
+        other.sendto(struct.pack("<5d", 0.0, 12.8, 0.4, 0.4, 0.0), ("127.0.0.1", port))
+        flown.hovering(settling=0.5)
+    assert "no answer in time to 1 inputs in a row, 1 of 1 in all" in flown.said
+    assert flown.height == pytest.approx(1.0, abs=0.05)
+
+
+def test_in_real_time_a_silent_law_costs_no_tick_and_is_disengaged_after_25() -> None:
+    parameters, model = ControlParameters(), VehicleModel().record()
+    base = GeometricController()
+    state, reference = new_state(), new_reference()
+    mine, own = np.zeros(1, ACTUATORS), np.zeros(1, ACTUATORS)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        link = UdpLink(f"127.0.0.1:{other.getsockname()[1]}", 0, waits=False)
+        law = ExternalLaw("udp", link, GeometricController(), waits=False)
+        for one in (base, law):
+            one.configure(parameters, model)
+        law.flown = True
+        assert law.becomes_ready()
+        failures = []
+        for _ in range(CONSECUTIVE + 2):
+            base.step(state, reference, False, 0.002, own)
+            law.step(state, reference, True, 0.002, mine)
+            assert mine.tobytes() == own.tobytes()
+            failures.append(law.failure)
+        assert len(other.recv(1024)) == INPUT_TYPE.itemsize
+        law.close()
+    assert failures[CONSECUTIVE - 1] == ""
+    assert f"no answer in time to {CONSECUTIVE} inputs in a row" in failures[CONSECUTIVE]
 
 
 def test_the_document_lists_every_field_of_the_contract_in_order() -> None:

@@ -1,4 +1,4 @@
-"""A law from outside above a built-in one that can take over in any tick."""
+"""An external law above a built-in one that can take over in any tick."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from vehicle.laws.contract import INPUT_TYPE, OUTPUT_TYPE
 from vehicle.laws.links import Link
 
 CONSECUTIVE, SHARE, MEMORY = 25, 0.2, 1.0 / 500.0
-"""Ticks without an answer after which a law is taken out: that many in a row, or this share of
+"""Ticks without an answer after which a law is disengaged: that many in a row, or this share of
 them; MEMORY is the weight of one tick in the share."""
 READ_AT_ONCE = 32
 """Answers read in one tick: a flood must not delay the motors."""
 
 
-class OutsideLaw:
-    """A `control.controller.Controller` that flies what a law from outside answers.
+class ExternalLaw:
+    """A `control.controller.Controller` that flies what an external law answers.
 
     In each tick the built-in law is stepped, the answer to the last tick's input is read, and the
     next input is sent. A tick without a usable answer flies the built-in law. `failure` becomes

@@ -1,4 +1,4 @@
-"""Laws from outside: a file that flies, files that do harm, and swaps in flight."""
+"""External laws: a file that flies, files that do harm, and swaps in flight."""
 
 from __future__ import annotations
 
@@ -88,18 +88,18 @@ def good(harm: str = "pass") -> str:
 def test_a_law_of_a_file_hovers_where_it_should(fly: Callable[..., Lab]) -> None:
     lab = fly(good())
     lab.hovering(settling=4.0)
-    outside = lab.stack.steering.outside
-    assert outside is not None
-    assert outside.flown
-    assert outside.missed == 0
-    assert outside.ticks > 2000
+    external = lab.stack.steering.external
+    assert external is not None
+    assert external.flown
+    assert external.missed == 0
+    assert external.ticks > 2000
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.03)
     lab.start("land")
     lab.wait_until(lambda v: not v.armed, what="landed", timeout=15)
     lab.advance()
     assert "law mine is ready" in lab.said
     assert re.search(r"law mine: 0 of \d+ inputs without an answer in time; its thrust", lab.said)
-    assert "taken out" not in lab.said
+    assert "disengaged" not in lab.said
 
 
 @pytest.mark.parametrize("kind", HARM)
@@ -109,11 +109,11 @@ def test_a_harmful_law_is_taken_out_and_the_built_in_one_flies_on(
     harm, why = HARM[kind]
     lab = fly(good(harm))
     lab.hovering()
-    lab.wait_until(lambda _: "taken out" in lab.said, what="the rescue", timeout=15)
+    lab.wait_until(lambda _: "disengaged" in lab.said, what="the rescue", timeout=15)
     lab.wait(4.0)
     assert lab.parameter("control.law") == "geometric"
-    assert lab.stack.steering.outside is None
-    line = next(text for text in lab.kept.texts if "taken out" in text)
+    assert lab.stack.steering.external is None
+    line = next(text for text in lab.kept.texts if "disengaged" in text)
     assert why in line
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.1)
     lab.start("land")
@@ -142,32 +142,39 @@ def test_a_file_that_is_no_law_is_told_before_arming(
 def test_a_law_runs_beside_takes_over_in_flight_and_hands_back(fly: Callable[..., Lab]) -> None:
     lab = fly(good(), **{"control.shadow_law": "mine"})
     lab.hovering(settling=2.0)
-    outside = lab.stack.steering.outside
-    assert outside is not None
-    assert [outside.flown] == [False]
-    assert 0.0 < outside.difference < 1.0
+    external = lab.stack.steering.external
+    assert external is not None
+    assert [external.flown] == [False]
+    assert 0.0 < external.difference < 1.0
     lab.change({"control.law": "mine"})
     lab.wait(3.0)
-    assert [outside.flown] == [True]
-    assert lab.stack.steering.outside is outside
+    assert [external.flown] == [True]
+    assert lab.stack.steering.external is external
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.05)
     lab.change({"control.law": "geometric"})
     lab.wait(2.0)
-    assert [outside.flown] == [False]
+    assert [external.flown] == [False]
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.05)
-    assert "taken out" not in lab.said
+    assert "disengaged" not in lab.said
 
 
-def test_changes_that_cannot_be_are_refused_by_name(fly: Callable[..., Lab]) -> None:
+def test_changes_that_cannot_be_are_refused_by_name(
+    fly: Callable[..., Lab], tmp_path: Path
+) -> None:
     lab = fly(good(), **{"control.law": "geometric"})
     reason = refusal(lambda: lab.change({"control.law": "mein"}))
     assert "geometric, near_hovering, udp, mine" in reason
     assert "always runs along" in refusal(lambda: lab.change({"control.shadow_law": "geometric"}))
     both: dict[str, ParameterValue] = {"control.law": "mine", "control.shadow_law": "udp"}
-    assert "one law from outside" in refusal(lambda: lab.change(both))
+    assert "one external law" in refusal(lambda: lab.change(both))
     parameters = flight_parameters()
     parameters.control.law = "mein"
     assert "'mein' is not a law" in refusal(lambda: Lab(parameters))
+    twin = tmp_path / "mine.fmu"
+    twin.write_bytes(b"")
+    both_named = refusal(lambda: lab.change({"control.law": "mine"}))
+    assert "two files have this name, mine.fmu and mine.py" in both_named
+    twin.unlink()
     lab.hovering()
     assert "set control.shadow_law before" in refusal(lambda: lab.change({"control.law": "mine"}))
     assert "on the ground" in refusal(lambda: lab.change({"control.shadow_law": "mine"}))
@@ -189,8 +196,8 @@ def test_parameters_of_a_flight_may_name_a_law_before_it_begins(tmp_path: Path) 
     parameters.control.law = "mine"
     lab = Lab(parameters, plugins=tmp_path)
     lab.hovering()
-    assert lab.stack.steering.outside is not None
-    assert lab.stack.steering.outside.flown
+    assert lab.stack.steering.external is not None
+    assert lab.stack.steering.external.flown
     lab.stack.steering.close()
 
 
