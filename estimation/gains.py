@@ -19,7 +19,7 @@ from estimation.translation_observer import translation_gains
 from quadrotor.errors import OutOfBoundsError
 
 DAMPING_TOLERANCE = 0.01
-"""How far K_v may be from that of a double pole, as a share."""
+"""Largest relative deviation of K_v from that of a double pole."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from quadrotor.parameters import ParameterDescription, Parameters, ParameterStore
 
 ABOVE = ("tracker.", "bearings.")
-"""Of the station's, what has a section of its own."""
+"""Prefixes of station parameters that have a section of their own."""
 HEAD = "| name | default | allowed | unit | meaning |\n|---|---|---|---|---|\n"
 
 

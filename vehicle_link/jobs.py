@@ -29,7 +29,7 @@ from quadrotor import errors
 from quadrotor.checkout import ROOT
 
 NICENESS = 15
-"""Of a job that nothing flying waits for."""
+"""Niceness of a job that no flight waits for."""
 IDLE = 19
 POLL = 0.1
 """s between two calls of `check`."""

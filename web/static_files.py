@@ -25,7 +25,7 @@ from web.joined_files import join_modules, join_styles
 
 STATIC = Path(__file__).parent / "static"
 PLACE = "/static/"
-"""Where the folder is mounted."""
+"""URL prefix under which the folder is mounted."""
 LARGEST = 1_000_000
 """Bytes of a file that is kept."""
 VERSIONED = re.compile(r"v-([0-9a-f]{16})/(.*)", re.DOTALL)
@@ -144,7 +144,7 @@ class KeptFiles(StaticFiles):
 
 
 FILES = KeptFiles(STATIC)
-"""Of all vehicles' applications."""
+"""Static files shared by the applications of all vehicles."""
 
 
 def _is_small_file(about: os.stat_result) -> bool:

@@ -29,7 +29,7 @@ Array = npt.NDArray[np.float64]
 COMMAND = (sys.executable, "-m", "console.comparison.process")
 PERIOD = 0.05
 HELD = 4000
-"""What waits at most for the process: some 10 s of it."""
+"""Messages queued for the process at most: about 10 s of them."""
 AGAIN = 5.0
 """s between two starts of the process."""
 LOOK, LINGER = 1.0, 30.0

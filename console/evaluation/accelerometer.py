@@ -30,7 +30,7 @@ WANTED = {
     "tracker_pose": tuple(f"pose.orientation.{axis}" for axis in "wxyz"),
 }
 SAMPLES_MIN = 20
-"""Of a pose."""
+"""Samples that a pose needs."""
 DEVIATION_MAX = 0.15
 """m/s^2 on any axis, of the samples of a pose beyond their noise at rest."""
 SATURATED = 19.4

@@ -19,9 +19,9 @@ from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 
 WORST_MAX = 1.0
-"""Counts, of the root law: more, and it is not the law of this motor."""
+"""Counts; a square-root law that is off by more does not describe this motor."""
 TORQUE_MISS_MAX = 0.02
-"""Of the largest torque."""
+"""Largest error of the torque, as a share of the largest torque."""
 TIME_CONSTANT_ERROR_MAX = 0.01
 WANTED = {
     "bench_reading": ("force", "torque", "speed"),

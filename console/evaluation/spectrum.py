@@ -24,7 +24,7 @@ SEGMENT = 1.0
 """s of samples under one window: the resolution is about its inverse."""
 SEGMENTS_MIN = 4
 BLADES = 2
-"""Of a propeller."""
+"""Blades of a propeller."""
 NEAR = 0.06
 """Share by which a line may be off a rotor's frequency: propellers differ."""
 HEIGHT = 8.0

@@ -36,7 +36,7 @@ LOWEST = 15.0
 SHORT = 0.1
 """s, averaging time at which the white noise is read off at rest."""
 LONG_SHARE = 0.2
-"""Of the rest: the averaging time at which a walk is looked for."""
+"""Averaging time at which a random walk is looked for, as a share of the time at rest."""
 CHANCE = 2.5
 """Times the variance of white noise at that time, that chance reaches once in a hundred."""
 QUIET = 3.0

@@ -76,9 +76,9 @@ class LiveCommands:
         self._watchdog_lock = threading.Lock()
         self._looked = monotonic()
         self.pilot = False
-        """Whether a person flies with the sticks."""
+        """True while a person flies with the sticks."""
         self.armed = False
-        """Whether the motors were started."""
+        """True once the motors have been started."""
 
     # ------------------------------------------------------------------ from other threads
     def finish(self) -> None:

@@ -19,7 +19,7 @@ COLUMNS = ("t", "forward", "left", "up", "yaw")
 SETTLING = 0.25
 """s, time constant of the scripted thumbs."""
 STRONGEST = (0.6, 0.6, 0.4, 0.5)
-"""Of full stick, each axis, scripted."""
+"""Largest scripted deflection of each axis, as a share of full stick."""
 HOLD = (1.0, 2.5)
 """s, how long the scripted pilot stays with one aim."""
 BOX = (0.8, 0.8, 0.3)

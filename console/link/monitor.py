@@ -37,7 +37,7 @@ class LinkMonitor:
         self.standing = Standing(vehicle, instance)
         self.radio: Radio | None = None
         self.path = ""
-        """How telemetry came the last time: datagram or quic."""
+        """Path of the newest telemetry: datagram or quic."""
         self._carried: float | None = None
         self._by_lane: float | None = None
         self._heartbeats = HeartbeatMonitor()

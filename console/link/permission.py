@@ -36,9 +36,9 @@ class Standing:
         self.access = ""
         """pilot or observer, once the vehicle has said so."""
         self.stranger = ""
-        """Why the vehicle at this address cannot be talked to; set by who asks it."""
+        """The reason why this vehicle may not be commanded; set by the identity check."""
         self.unreachable = ""
-        """Why there has been no link for a while; likewise."""
+        """The reason why there has been no link for a while; set by the same check."""
 
     def heartbeat(self, beat: Heartbeat, now_ns: int) -> None:
         """Take a heartbeat of the vehicle, at this time of any steady clock."""

@@ -17,7 +17,7 @@ from vehicle_link.transport.idempotent import Idempotent
 from vehicle_link.transport.node import Node
 
 BEATS = 10
-"""Of the station's 20 a second between two messages."""
+"""Heartbeats of the station (20 Hz) between two progress messages."""
 
 
 class Transfers:

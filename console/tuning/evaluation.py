@@ -26,7 +26,7 @@ COLUMNS = (
     "actuators.torque.2",
     "actuators.scaling",
 )
-"""What a test is judged by."""
+"""Signals by which a test is judged."""
 
 EDGE_MIN = 0.005
 """m or rad between two ticks; excite steps by 0.01 at least."""

@@ -21,7 +21,7 @@ DURATION_MAX = 600.0
 """s."""
 
 REST = 1e-3
-"""Of any derivative at the ends, SI; less is taken for rest."""
+"""Any derivative (SI) smaller than this at an end counts as rest."""
 
 _CHAIN = ("position_w", "velocity_w", "acceleration_w", "jerk_w", "snap_w")
 _YAW_CHAIN = ("yaw", "yaw_rate", "yaw_acceleration")

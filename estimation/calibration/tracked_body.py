@@ -37,7 +37,7 @@ Array = npt.NDArray[np.float64]
 SEGMENT = 1.0
 """s."""
 POSES_MIN = 8
-"""Of a segment that counts."""
+"""Poses that a segment needs."""
 SHORTEST = 10.0
 """s that both have in common."""
 STILL = 0.05
@@ -52,7 +52,7 @@ ROUNDS = 8
 ROBUST = 3.0
 """Times the median residual beyond which a pose counts less."""
 ATTITUDE_PRIOR = (0.2, 0.01, 1.0, 1.0, 1.0, 0.1, 0.1, 0.1)
-"""Of delay (s), drift, mounting (rad) and gyroscope bias (rad/s)."""
+"""Prior deviations of delay (s), drift, mounting (rad) and gyroscope bias (rad/s)."""
 POSITION_PRIOR = (1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
 """Of lever arm (m), accelerometer bias and gravity across the tracker's z (m/s^2)."""
 

@@ -27,7 +27,7 @@ mean: the first led to a wrong minimum, or the noise is of the largest 4 %."""
 MAX_STEPS = 12
 """Gauss-Newton steps; two do, except low above a beacon (1 in 3000 of the envelope)."""
 UNIT = 0.01
-"""How far a bearing's length may be from 1."""
+"""Largest deviation of a bearing's length from 1."""
 
 SOLVED, SHAPE, NOT_FINITE, NOT_UNIT, BAD_SIGMA = 0, 1, 2, 3, 4
 BAD_PREDICTION, NO_START, UNSEEN, NO_FIT, DOUBTFUL = 5, 6, 7, 8, 9

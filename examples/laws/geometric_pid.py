@@ -80,4 +80,4 @@ def attitude(force: Array, rate: Array, yaw: float, yaw_rate: float) -> tuple[Ar
 
 
 law = GeometricPid
-"""What the vehicle looks for in this file."""
+"""The name that the vehicle imports from this file."""

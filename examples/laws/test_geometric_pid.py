@@ -1,4 +1,4 @@
-"""What a law must do at least before it flies."""
+"""The least that a law must do before it flies."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from quadrotor.errors import StorageError
 from vehicle_link.security.authority import TlsFiles
 
 THERE = ".local/share/quadlab/certificates"
-"""Where another machine looks for them, unless it is given --data."""
+"""Default folder of the certificates on another machine, below its home folder."""
 
 
 def hand_over(out: Path, issue: Callable[[Path], TlsFiles]) -> Path:

@@ -16,7 +16,7 @@ from quadrotor.errors import LogFormatError, ParameterError, UsageError
 
 On = Literal["bearings", "recorded-bearings", "poses", "both", "sweeps"]
 SWEEPS = "sweeps"
-"""Of Lighthouse base stations, for the error-state filter."""
+"""Sweep angles of Lighthouse base stations, for the error-state filter."""
 CHANGEABLE = ("estimation.", "bearings.", "tracker.", "beacons.layout")
 LAYOUT, BELIEVED_LAYOUT = "bearings.layout", "beacons.layout"
 

@@ -43,9 +43,9 @@ FARTHEST = 5.0
 LEAST = 100
 """Measurements that a survey takes."""
 SETTLED_NS = 2_000_000_000
-"""After the filter's start; from there on its paths are compared."""
+"""Time after the filter's start from which its paths are compared."""
 BLOCKS = 30
-"""Of a flight, whose errors are taken for independent."""
+"""Blocks of a flight whose errors are taken as independent."""
 
 
 class Place(NamedTuple):

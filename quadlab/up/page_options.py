@@ -18,7 +18,7 @@ File = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
 
 @dataclass
 class PageOptions:
-    """Of the page."""
+    """Options of the page, shared by `quadlab up` and `quadlab web`."""
 
     host: Annotated[str, tyro.conf.arg(metavar="ADDRESS")] = "127.0.0.1"
     """address to listen on; others than loopback need TLS and an account"""

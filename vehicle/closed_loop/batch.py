@@ -39,7 +39,7 @@ Array = npt.NDArray[np.float64]
 JUDGE_PERIOD = 0.01
 """s between two moments of the errors' means."""
 CALIBRATION_SAMPLES = 500
-"""As the vehicle's `safety.gyro_samples`."""
+"""Default of the vehicle's `safety.gyro_samples`."""
 
 
 def _eight() -> FigureEight:

@@ -21,7 +21,7 @@ Words = npt.NDArray[np.uint64]
 
 LAYERS = 256
 TAIL = 3.6541528853610088
-"""Where the tail begins when each of 256 layers has the same area."""
+"""Start of the tail for which each of 256 layers has the same area."""
 
 _R17, _R23, _R41, _R45, _R19 = (np.uint64(n) for n in (17, 23, 41, 45, 19))
 

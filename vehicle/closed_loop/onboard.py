@@ -36,7 +36,7 @@ SETTINGS = np.dtype(
     ],
     align=True,
 )
-"""What does not change in flight."""
+"""Everything that stays constant in flight."""
 
 ONBOARD = np.dtype(
     [
@@ -51,7 +51,7 @@ ONBOARD = np.dtype(
     ],
     align=True,
 )
-"""What does."""
+"""Everything that changes in flight."""
 
 
 def new_settings(

@@ -23,7 +23,7 @@ from vehicle_link.topics import SERVICES
 
 TYPE = SERVICES["calibrate"]
 ANSWER_BYTES = 64_000
-"""Of records in one answer: one fragment of the link."""
+"""Largest size of the records in one answer: one fragment of the link."""
 GYROSCOPE_PATIENCE_S = 5.0
 """Longer than the samples take."""
 FOUND_KEPT = 8

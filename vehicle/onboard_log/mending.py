@@ -22,7 +22,7 @@ FIRST_S = 60.0
 PERIOD_S = 10.0
 """Between two looks at the disk's room, and after the first try; then twice as long each time."""
 TRIES = 8
-"""Of one list of torn files; the last is 20 min after the first."""
+"""Tries for one list of torn files; the last comes 20 min after the first."""
 PATIENCE_S = 1.0
 
 LATER = "is mended at the vehicle's next start"

@@ -124,7 +124,7 @@ class GyroscopeFound(msgspec.Struct, frozen=True, tag="gyroscope_found"):
 
 
 Told = Event | ParameterChange | GyroscopeFound
-"""What a stack tells by itself."""
+"""Messages that a stack sends without being asked."""
 Outbound = Reply | Told
 
 INFO, WARN, ERROR = 20, 30, 40

@@ -19,7 +19,7 @@ Item = Any
 """One record `array[k]` inside compiled code."""
 
 IMBALANCE = (0.94, 0.56, 1.31, 0.75)
-"""Of each rotor over the others'; assumed."""
+"""Relative imbalance of each rotor; assumed."""
 PITCH = (1.0, 1.017, 0.988, 1.009)
 """Speed of each rotor over the others' at the same thrust: no two propellers are alike, so that
 their lines beat instead of adding up. Assumed."""

@@ -19,7 +19,7 @@ PRIORITY = 6  # of the machine's own queues
 SEND_BUFFER = 16_384
 """Bytes: where the radio takes nothing, 0.1 s of telemetry waits, not 2 s."""
 Address = Any
-"""As the socket's family has it."""
+"""A socket address in the form of the socket's family."""
 
 
 class LaneSocket:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # cryptography costs 0.1 s to load
 
 Role = Literal["vehicle", "station", "web"]
 ROLES: tuple[Role, ...] = ("vehicle", "station")
-"""Of the link; both ends show theirs."""
+"""Roles at the two ends of the link; each end presents a certificate."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ DATA_FRAME = 34
 """Bytes of a `D` frame. The commands the other way take 14, so the samples are the bound."""
 RATE_MIN, RATE_MAX = 60, 1000
 DEFAULT_RATE = 500
-"""Of two ports."""
+"""Default rate with two ports, Hz."""
 
 
 def samples_a_second(ports: int) -> int:

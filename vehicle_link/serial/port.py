@@ -19,7 +19,7 @@ from quadrotor.errors import LinkError
 BAUD_RATE = 115_200
 NO_DEVICE = "not a serial device; `quadlab vehicle --find` looks for those there are"
 READ_AND_WRITE = 0o060
-"""Of a file's group."""
+"""Permission bits of a file's group."""
 _CHUNK = 4096  # one kernel buffer of a terminal
 _CHUNKS = 16  # read at once, at most: a device that floods must not keep the reader
 

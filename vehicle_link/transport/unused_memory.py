@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 
 M_MMAP_THRESHOLD = -3
-"""Of mallopt, /usr/include/malloc.h."""
+"""Option of mallopt, from /usr/include/malloc.h."""
 LARGE = 1 << 20  # B
 
 

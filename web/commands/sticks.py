@@ -41,7 +41,7 @@ CAUSES = (
     "the page was left",
     "its sticks are being set up",
 )
-"""Why a page lets go, by the number in its frame."""
+"""Reasons why a page releases the sticks, by the number in its frame."""
 RELEASED, CLOSED = CAUSES[0], "the page closed"
 REMEMBERED = 64  # frames whose answer may still come
 WAITING = 20  # answers a page may lag behind; older ones are dropped

@@ -22,7 +22,7 @@ SHOWN = {
     ".json": "application/json",
     ".pdf": "application/pdf",
 }
-"""What a browser may show; anything else of a report is downloaded."""
+"""File types that a browser may show; any other file of a report is downloaded."""
 DOCUMENT = (
     "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'; font-src data:; "
     "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"

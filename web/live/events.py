@@ -46,7 +46,7 @@ class EventHub:
         self._lines: deque[Message] = deque(maxlen=KEPT)
         self._loop: asyncio.AbstractEventLoop | None = None
         self.others: list[EventHub] = []
-        """Of the other vehicles."""
+        """The event hubs of the other vehicles."""
 
     def attach(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop

@@ -22,7 +22,7 @@ VIEWERS = {
     "foxglove": "https://app.foxglove.dev/~/view",
     "lichtblick": "https://lichtblick-suite.github.io/lichtblick/",
 }
-"""Where a deep link `?ds=remote-file&ds.url=…` is understood."""
+"""Viewers that accept a deep link `?ds=remote-file&ds.url=…`."""
 
 
 def log_response(run: Path) -> FileResponse:

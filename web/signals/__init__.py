@@ -49,7 +49,7 @@ def _plain() -> list[Source]:
 _SOURCES = (*NAMED_SOURCES, *_plain(), *RESULTS)
 SIGNALS: tuple[Signal, ...] = tuple(s for source in _SOURCES for s in source.signals)
 NAMED = sum(len(source.signals) for source in NAMED_SOURCES)
-"""How many of SIGNALS, from the first on, have a name of their own."""
+"""Number of leading SIGNALS that have a name of their own."""
 INDEX: dict[str, int] = {signal.name: i for i, signal in enumerate(SIGNALS)}
 _NOTHING = [math.nan] * len(SIGNALS)
 
