@@ -37,11 +37,11 @@ class Completeness:
     @property
     def line(self) -> str:
         """Return the completeness in words."""
-        filled = f"; {self.filled:.1f} s were filled from it" if self.filled else ""
+        filled = f"; {self.filled:.1f} s were restored from it" if self.filled else ""
         if self.state == "missing":
             return f"{self.missing:.1f} s missing of {self.total:.1f} s: {self.why}{filled}"
         if self.state == "filled":
-            return f"complete: {self.filled:.1f} s of {self.total:.1f} s filled, {self.why}"
+            return f"complete: {self.filled:.1f} s of {self.total:.1f} s restored, {self.why}"
         if self.state == "complete":
             return f"complete: {self.why}"
         return self.why or "not compared with the vehicle's log yet"

@@ -43,7 +43,7 @@ def change_tags(
 ) -> dict[str, list[str]]:
     """Add and remove the same tags of several runs, all or nothing; return run → tags afterwards.
 
-    Raises StorageError for an unknown run, ParameterError for something that is no tag.
+    Raises StorageError for an unknown run, ParameterError for a text that cannot be a tag.
     """
     with catalogue.session() as session:
         spelled = {tag.casefold(): tag for tag in session.scalars(select(TagRow.tag).distinct())}
@@ -67,6 +67,6 @@ def checked(text: str) -> str:
     tag = " ".join(text.split())
     if not 0 < len(tag) <= LONGEST or not tag.isprintable() or "," in tag:
         raise ParameterError(
-            f"{text!r:.60} is no tag; allowed are 1 to {LONGEST} characters without a comma"
+            f"{text!r:.60} cannot be a tag: use 1 to {LONGEST} characters and no comma"
         )
     return tag

@@ -86,7 +86,7 @@ def timeline_blocks(log: RunLog) -> list[Block]:
         )
         for line in log.lines
     ]
-    blocks: list[Block] = [Heading("Time line")]
+    blocks: list[Block] = [Heading("Timeline")]
     behaviors = [
         (f"{start:.1f}", f"{end:.1f}", name.replace("_", " "))
         for start, end, name in log.spans("status", "behavior")

@@ -109,7 +109,7 @@ def ticks_line(path: Path, filled: Mapping[str, str]) -> list[str]:
     lacks = (
         f"; {missing:.1f} s missing: {filled.get('missing')}" if missing else "; nothing is missing"
     )
-    return [f"ticks: {seconds:.1f} s were filled from the vehicle's log{lacks}"]
+    return [f"ticks: {seconds:.1f} s were restored from the vehicle's log{lacks}"]
 
 
 @dataclass

@@ -103,7 +103,7 @@ def test_info_tells_what_was_filled_and_what_is_missing(
             log.add_metadata(FILLED_METADATA, told)
     assert main(["log", "info", str(tmp_path / "r1.mcap")]) == 0
     said = capsys.readouterr().out
-    assert "3.2 s were filled from the vehicle's log; 0.8 s missing" in said
+    assert "3.2 s were restored from the vehicle's log; 0.8 s missing" in said
     catalogue = Catalogue(tmp_path / "data")
     keep_completeness(catalogue, "r1", Completeness("complete", 0.0, 0.0, 9.0, "4500 ticks"))
     catalogue.close()

@@ -92,7 +92,7 @@ async def _back(
     except QuadlabError:
         kind = LinkError if isinstance(error, LinkError) else RefusedError
         raise kind(
-            f"{error}; {reached} steps were made and could not be taken back: see the time line"
+            f"{error}; {reached} steps were made and could not be taken back: see the history"
         ) from error
     raise type(error)(f"{error}; all values are as before") from error
 

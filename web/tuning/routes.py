@@ -80,7 +80,7 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/tuning/runs/{run_id}/gains")
     async def put_back(run_id: str, session: Operator) -> dict[str, Any]:
-        """Put back the gains of this test, on the way of every gain, all or none; numbers only.
+        """Restore the gains of this test as one change, all or none; numbers only.
 
         Which law or estimator flies is chosen where the vehicle can check it.
         """

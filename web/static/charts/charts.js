@@ -168,7 +168,7 @@ export class Charts {
     }
     if (this.windows.value !== String(seconds)) this.windows.value = seconds;
     this.pause.ariaPressed = String(paused);
-    setText(this.pause, paused ? "Go on" : "Pause");
+    setText(this.pause, paused ? "Resume" : "Pause");
     hide(this.reset, !zoom);
     this.place.classList.toggle("paused", paused);
     const shown = zoom ? `, ${Number((zoom[1] - zoom[0]).toPrecision(2))} s shown` : "";

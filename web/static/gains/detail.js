@@ -1,5 +1,5 @@
 // What a parameter's row shows when its name is pressed: meaning, bounds, how to change what cannot
-// be changed here, and its own time line.
+// be changed here, and its own history.
 
 import { element } from "../core/dom.js";
 import { exact } from "../core/format.js";

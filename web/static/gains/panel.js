@@ -1,4 +1,4 @@
-// What stands in place of the tree when asked for: time line, presets, files, and comparisons.
+// What stands in place of the tree when asked for: history, presets, files, and comparisons.
 
 import { get } from "../core/api.js";
 import { $, element } from "../core/dom.js";
@@ -8,7 +8,7 @@ import { Presets } from "./presets.js";
 import { TimeLine, timeOf } from "./timeline.js";
 
 const VIEWS = [
-  ["timeline", "Time line", "every change: who, when, from what to what; each can be put back"],
+  ["timeline", "History", "every change: who, when, old and new value; each can be restored"],
   ["presets", "Presets", "sets of values under a name"],
   ["flight", "Before flight", "back to the values at the start of this flight, or of the last one"],
   ["files", "File", "save and load values"],

@@ -1,4 +1,4 @@
-// The time line of changes: who, when, from what to what, in which flight; each can be put back.
+// The history of parameter changes: who, when, old and new value, in which flight; each can be restored.
 
 import { get } from "../core/api.js";
 import { element } from "../core/dom.js";
@@ -55,8 +55,8 @@ export class TimeLine {
     const where = entry.flight ? element("span", { title: entry.flight }, "in flight") : "on the ground";
     const isBack = changes.every(([name, { old }]) => this.gains.value(name) === old);
     const back = element("button", { disabled: !this.gains.isOperator || isBack, onclick: () => this.putBack(changes),
-      title: isBack ? "it is back already" : changes.map(([name, { old }]) => `${name} = ${exact(old)}`).join("\n"),
-      ariaLabel: isOne ? `put ${changes[0][0]} back to ${exact(changes[0][1].old)}` : `put ${changes.length} values back` }, "Put back");
+      title: isBack ? "already restored" : changes.map(([name, { old }]) => `${name} = ${exact(old)}`).join("\n"),
+      ariaLabel: isOne ? `restore ${changes[0][0]} to ${exact(changes[0][1].old)}` : `restore ${changes.length} values` }, "Restore");
     return element("li", {}, title, back, element("div", { className: "facts" },
       `${timeOf(entry.stamp)} · ${entry.who} · `, where, entry.count > changes.length ? ` · ${entry.count} steps` : ""));
   }

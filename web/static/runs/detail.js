@@ -67,7 +67,7 @@ export class RunDetail {
       return;
     }
     this.links.replaceChildren(
-      ...(run.recording ? [] : [link(`/replay/${id}`, "Replay", { title: "3D, charts and time line (Enter)" })]),
+      ...(run.recording ? [] : [link(`/replay/${id}`, "Replay", { title: "3D, charts and timeline (Enter)" })]),
       ...(run.report ? [link(`/report/${id}`, "Report", { target: "_blank", title: "verdict and plots" })] : []),
       link(`/api/runs/${id}/download`, "Download", { download: "", title: `${run.id}.mcap` }), remove);
   }

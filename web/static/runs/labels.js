@@ -14,13 +14,13 @@ export const startOf = (run) => moment(run.start_ns / 1e9);
 
 const inSeconds = (value) => (value < 0.05 ? "< 0.1 s" : value < 100 ? `${value.toFixed(1)} s` : duration(value));
 
-// [text, class, why]: complete, filled, missing, recovered, what is wrong; never by colour alone.
+// [text, class, reason]: complete, partly restored, missing, recovered, what is wrong; never by colour alone.
 export function state(run) {
   if (run.recording) return ["● recording", "going", "being recorded now"];
   if (run.problem) return ["problem", "warn", run.problem];
   const { state: ticks, missing, filled, line } = run.completeness ?? {};
   if (ticks === "missing") return [`${inSeconds(missing)} missing`, "warn", line];
-  if (ticks === "filled") return [`filled ${inSeconds(filled)}`, "", line];
+  if (ticks === "filled") return [`complete (${inSeconds(filled)} restored)`, "", line];
   if (run.recovered) return ["recovered", "", "its end was lost; what was recorded until then is here"];
   if (run.complete) return ticks === "complete" ? ["complete", "", line] : ["closed", "", line ?? "closed with its index; not compared with the vehicle's own log"];
   return ["not closed", "warn", "the recording was cut off; it is mended when the station starts"];

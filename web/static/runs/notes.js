@@ -1,4 +1,4 @@
-// Notes of a run, saved by themselves. When two write, the last one wins, both are told and every text is kept.
+// Notes of a run, saved automatically. When two write, the last one wins, both are told and every text is kept.
 
 import { get, request } from "../core/api.js";
 import { element, setIfChanged } from "../core/dom.js";
@@ -13,7 +13,7 @@ export class RunNotes {
     this.drafts = new Map(); // run id → { text, seen }: typed and not yet saved
     this.saving = new Set(); // run ids; one request a run at a time, each run for itself
     this.newest = new Map(); // run id → { notes, notes_by }: our own last, which a list may not know yet
-    this.text = element("textarea", { ariaLabel: "notes", rows: 4, maxLength: 10000, placeholder: page.isOperator ? "Notes; saved by themselves" : "No notes", readOnly: !page.isOperator });
+    this.text = element("textarea", { ariaLabel: "notes", rows: 4, maxLength: 10000, placeholder: page.isOperator ? "Notes (saved automatically)" : "No notes", readOnly: !page.isOperator });
     this.status = element("p", { className: "said", role: "status" });
     this.earlier = element("ol", { className: "earlier" });
     this.history = element("details", {}, element("summary", {}, "Earlier texts"), this.earlier);
@@ -113,7 +113,7 @@ export class RunNotes {
     const old = texts.slice(1);
     this.earlier.replaceChildren(...(old.length ? old.map(({ notes, author, stamp }) => element("li", {},
       element("span", { className: "dim" }, `${author || "earlier"}${stamp ? `, ${moment(stamp)}` : ""}`), element("p", {}, notes || "(empty)"),
-      ...(this.page.isOperator ? [element("button", { className: "link", onclick: () => this.put(notes) }, "Put back")] : []))) : [element("li", { className: "dim" }, "None.")]));
+      ...(this.page.isOperator ? [element("button", { className: "link", onclick: () => this.put(notes) }, "Restore")] : []))) : [element("li", { className: "dim" }, "None.")]));
   }
 
   // The page closes: what is typed goes along.

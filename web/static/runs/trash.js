@@ -44,7 +44,7 @@ export class Trash {
 
   row(run, days) {
     const deleted = run.deleted_ns / 1e9, left = Math.max(0, deleted + days * DAY - Date.now() / 1e3);
-    const back = element("button", { disabled: this.session.role === "viewer", ariaLabel: `put back ${run.id}`, onclick: () => this.act("/api/trash/restore", { runs: [run.id] }) }, "Put back");
+    const back = element("button", { disabled: this.session.role === "viewer", ariaLabel: `restore ${run.id}`, onclick: () => this.act("/api/trash/restore", { runs: [run.id] }) }, "Restore");
     return element("tr", {}, ...[run.id, duration(run.duration), bytes(run.bytes), moment(deleted), run.requester || "–", `in ${lasting(left)}`].map((text) => element("td", {}, text)), element("td", {}, back));
   }
 

@@ -42,8 +42,8 @@ export function gainsTable(runs, letters, colors, putBack, canPutBack) {
   const differing = names.filter((name) => new Set(runs.map(({ gains }) => gains[name])).size > 1);
   const buttons = runs.map((run, i) => element("td", {}, element("button", {
     className: "small", disabled: !canPutBack, title: `set the gains that were in force in test ${letters[i]}; they go the way of every gain`,
-    ariaLabel: `put back the gains of test ${letters[i]}`, onclick: () => putBack(run),
-  }, "Put back")));
+    ariaLabel: `restore the gains of test ${letters[i]}`, onclick: () => putBack(run),
+  }, "Restore")));
   const rows = differing.map((name) => element("tr", {}, element("th", { scope: "row", title: name }, short(name)), ...runs.map(({ gains }) => element("td", {}, name in gains ? exact(gains[name]) : NONE))));
   const note = runs.length < 2 ? "Tick a second test to compare gains" : differing.length ? "Gains that differ" : "The gains are the same";
   return element("table", { className: "gains-of-tests" }, element("caption", {}, note),

@@ -178,7 +178,7 @@ export class Tune {
     try {
       const { applied, left } = await request("POST", `/api/tuning/runs/${encodeURIComponent(run.id)}/gains`, {});
       const names = Object.entries(applied).map(([name, value]) => `${name.split(".").slice(-2).join(".")} ${exact(value)}`);
-      this.said = `Put back: ${names.join(", ")}${left.length ? `; left as they are: ${left.join(", ")}` : ""}`;
+      this.said = `Restored: ${names.join(", ")}${left.length ? `; unchanged: ${left.join(", ")}` : ""}`;
     } catch (error) { this.refuse(error.message); }
     this.draw();
   }

@@ -59,7 +59,7 @@ def test_space_pauses_the_charts_and_does_not_start_the_focused_behaviour_again(
     until(lambda: asked(station) == ["hover"])
     assert console.evaluate("document.activeElement.textContent") == "Hover"
     console.keyboard.press(" ")
-    look.text("#charts .bar button >> nth=0", "^Go on$")
+    look.text("#charts .bar button >> nth=0", "^Resume$")
     console.keyboard.press(" ")
     look.text("#charts .bar button >> nth=0", "^Pause$")
     assert asked(station) == ["hover"]
@@ -72,5 +72,5 @@ def test_the_space_bar_starts_no_flight(console: Any, station: Any, look: Any, b
     console.wait_for_selector(f"{button}:enabled")
     console.focus(button)
     console.keyboard.press(" ")
-    look.text("#charts .bar button >> nth=0", "^Go on$")
+    look.text("#charts .bar button >> nth=0", "^Resume$")
     assert asked(station) == []

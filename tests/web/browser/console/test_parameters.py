@@ -208,7 +208,7 @@ def test_presets_are_compared_before_they_act_and_a_file_by_its_lines(
     assert station.store.values()["gains.exact"] is False
 
 
-def test_the_time_line_puts_back_and_a_flight_is_marked_and_taken_back(
+def test_the_history_restores_and_a_flight_is_marked_and_taken_back(
     gains: Any, look: Any, site: Any, station: Any
 ) -> None:
     history = ParameterHistory(Catalogue(site.data).engine, "quad1")
@@ -219,11 +219,11 @@ def test_the_time_line_puts_back_and_a_flight_is_marked_and_taken_back(
         history.add([ParameterChange(*step)])
     change(gains, {"gains.kp": 9.0})
     look.value(CELL, "9")
-    gains.click("#parameter-views >> text=Time line")
+    gains.click("#parameter-views >> text=History")
     look.text("#parameter-panel .timeline li:first-child .change", "gains.kp 4 → 9")
     look.text("#parameter-panel .timeline li:first-child .facts", "ben · in flight · 5 steps")
-    gains.click("#parameter-panel [aria-label='put gains.kp back to 4']")
-    gains.click("#parameter-views >> text=Time line")
+    gains.click("#parameter-panel [aria-label='restore gains.kp to 4']")
+    gains.click("#parameter-views >> text=History")
     look.value(CELL, "4")
 
     change(gains, {"gains.kp": 9.0})

@@ -84,8 +84,8 @@ def test_a_test_is_drawn_judged_and_compared_with_the_one_before(
     label = "set-point and actual of A: x step, B: x step"
     tab.wait_for_selector(f".tune-chart .plot[aria-label='{label}']")
     assert tab.locator(".tune-chart canvas").count() == 1
-    tab.click("button[aria-label='put back the gains of test A']")
-    seen.text(LINE, r"Put back: position\.kp_xy 4")
+    tab.click("button[aria-label='restore the gains of test A']")
+    seen.text(LINE, r"Restored: position\.kp_xy 4")
     assert tune_site.station.store.get(KP) == 4.0
     tab.locator(BOXES).nth(1).uncheck()
     seen.text(".gains-of-tests caption", "Tick a second test")

@@ -190,7 +190,7 @@ def test_deleting_can_be_undone_at_once_and_from_the_trash(
     sees.text("#open-trash", r"^Trash \(1\)$")
     runs_page.click("#open-trash")
     sees.text("#trash tbody tr", f"^{THIRD}.*in 6 days")
-    runs_page.click(f"#trash button[aria-label='put back {THIRD}']")
+    runs_page.click(f"#trash button[aria-label='restore {THIRD}']")
     sees.text("#open-trash", "^Trash$")
     until(lambda: deleted_runs(runs) == [])
     assert runs.resolve(THIRD).exists()
@@ -436,7 +436,7 @@ def test_a_run_shows_what_it_lacks_and_how_far_filling_it_is(
         keep_completeness(runs, name, found)
     page = open_runs()
     sees = look_at(page)
-    for row, words in enumerate(("3.2 s missing", "filled 3.2 s", "complete", "closed")):
+    for row, words in enumerate(("3.2 s missing", r"complete \(3.2 s restored\)", "complete", "closed")):
         sees.text(f"#run-{row} .state", f"^{words}$")
     sees.text("#detail .fill .ticks", "^Ticks: 3.2 s missing of 61.0 s: .* was overwritten.$")
     page.click("#detail .fill button >> text=Compare again")
