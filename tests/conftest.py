@@ -17,26 +17,13 @@ import pytest
 hypothesis.settings.register_profile("quadlab", deadline=None)  # how long one takes is no claim
 hypothesis.settings.load_profile("quadlab")
 
-REAL_TIME = (
-    "system/",
-    "vehicle/comms/test_process.py::test_a_flight_goes_on_when_comms_is_killed",
-    "console/evaluation/test_evaluation.py",
-    "console/runs/test_transfers.py::test_runs_are_completed_by_a_real_process",
-    "console/runs/test_transfers.py::test_while_the_vehicle_s_log_comes",
-    "console/runs/test_transfers.py::test_a_cancelled_run_keeps_nothing",
-)
-"""Whole laboratories, which take the machine by their priority, vehicles that fly in real time, and
-processes that leave it to others by theirs: the last, and nothing runs beside them."""
-LOCKSTEP = (
-    "system/test_browser_flight.py",
-    "system/test_control.py",
-    "system/test_experiment_flight.py",
-    "system/test_external_reference.py",
-    "system/test_parameter_hammer.py",
-    "system/test_simulated_battery.py",
-)
-"""Whole laboratories whose simulated time waits for the machine: one after another in one process,
-beside other tests."""
+REAL_TIME = ("vehicle/comms/test_process.py::test_a_flight_goes_on_when_comms_is_killed",)
+"""Vehicles that fly in real time: the last, and nothing runs beside them."""
+LABORATORIES = "system/"
+"""Whole laboratories, whose simulated time waits for the machine: one after another in one process,
+beside other tests. They share one as long as it runs."""
+LAST_FLIGHT = "system/test_shutdown.py"
+"""Ends the laboratory that the others share."""
 LIVE = (
     "vehicle/simulator/test_process.py",
     "console/beacons/test_agreement.py",
@@ -56,23 +43,30 @@ MOST_TAKEN = 0.05
 BEFORE = pytest.StashKey[tuple[int, int]]()
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Make each of several processes a session of its own. Linux shares the processors between
+    sessions, and niceness counts within one: a job that leaves the machine to what flies then
+    leaves it to the test that waits for it, and not to all other tests."""
+    if hasattr(config, "workerinput"):
+        os.setsid()
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Pages first, for they take longest; what flies last."""
-    gone = [
-        name for name in (*REAL_TIME, *LOCKSTEP, *LIVE, BROWSER, *LONG) if not _path(name).exists()
-    ]
+    named = (*REAL_TIME, LABORATORIES, LAST_FLIGHT, *LIVE, BROWSER, *LONG)
+    gone = [name for name in named if not _path(name).exists()]
     if gone:
         raise pytest.UsageError(f"{__file__} names files that do not exist: {', '.join(gone)}")
 
-    def turn(item: pytest.Item) -> int:
+    def turn(item: pytest.Item) -> tuple[int, bool]:
         name = _name(item.nodeid)
-        if _is_alone(name):
-            return 2
-        return 0 if name.startswith((BROWSER, *LOCKSTEP, *LIVE, *LONG)) else 1
+        early = name.startswith((LABORATORIES, BROWSER, *LIVE, *LONG))
+        is_alone = name.startswith(REAL_TIME)
+        return 2 if is_alone else 0 if early else 1, name.startswith(LAST_FLIGHT)
 
     items.sort(key=turn)
     for item in items:
-        if _name(item.nodeid).startswith((*REAL_TIME, *LIVE, BROWSER)):
+        if _name(item.nodeid).startswith((*REAL_TIME, LABORATORIES, *LIVE, BROWSER)):
             # A machine that stands still for 0.25 s makes the simulated microcontroller land
             # (docs/safety.md), and starves a browser beside two other processes: once more then,
             # and told as a rerun.
@@ -94,9 +88,9 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     class ByFile(LoadScopeScheduling):  # type: ignore[misc]  # of an untyped package
         def _split_scope(self, nodeid: str) -> str:
             name = _name(nodeid)
-            if name.startswith(LOCKSTEP):
-                return "lockstep"
-            return "real time" if _is_alone(name) else name.split("::", 1)[0]
+            if name.startswith(LABORATORIES):
+                return LABORATORIES
+            return "real time" if name.startswith(REAL_TIME) else name.split("::", 1)[0]
 
     return ByFile(config, log)
 
@@ -107,7 +101,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
     run = getattr(item.config, "workerinput", {}).get("testrunuid")
     if run is None:
         return (yield)
-    alone = _is_alone(_name(item.nodeid))
+    alone = _name(item.nodeid).startswith(REAL_TIME)
     with (Path(tempfile.gettempdir()) / f"quadlab-tests-{run}").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
         return (yield)
@@ -122,7 +116,7 @@ def pytest_runtest_makereport(
     if call.when == "setup":
         item.stash[BEFORE] = processor_time()
     report = yield
-    if not (report.failed and _name(item.nodeid).startswith(REAL_TIME)):
+    if not (report.failed and _name(item.nodeid).startswith((*REAL_TIME, LABORATORIES))):
         return report
     taken = taken_by_host(item.stash[BEFORE], processor_time())
     if taken > MOST_TAKEN and getattr(item, "execution_count", 1) > 1:
@@ -174,10 +168,6 @@ def chromium_path() -> str:
 def _path(name: str) -> Path:
     """Return the file or folder of a name above."""
     return HERE / name.split("::", 1)[0]
-
-
-def _is_alone(name: str) -> bool:
-    return name.startswith(REAL_TIME) and not name.startswith(LOCKSTEP)
 
 
 def _name(nodeid: str) -> str:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,7 +13,6 @@ from flight_log import is_closed, read_log
 from vehicle_link.messages import decode
 from vehicle_link.topics import decode_odometry
 
-INFO = 20
 pytestmark = pytest.mark.timeout(240)
 Lab = Any
 
@@ -95,27 +91,3 @@ def test_a_killed_station_makes_the_vehicle_brake_and_land_and_its_file_is_recov
 
     until("its mark in the list of runs", listed, 10)
     assert len(stamps(torn, "state")) > 500
-
-
-@pytest.mark.parametrize("frozen", ["flight", "comms", "station"])
-def test_a_part_that_gets_no_time_for_a_moment_is_waited_for(
-    lab: Lab, until: Callable[..., Any], frozen: str
-) -> None:
-    lab.hover()
-    onboard, begun_ns = lab.newest("onboard"), round(1e9 * lab.now())
-    pid = lab.pid(frozen)
-    for _ in range(3):
-        os.kill(pid, signal.SIGSTOP)
-        threading.Event().wait(0.6)  # without answers the microcontroller would land after 0.25 s
-        os.kill(pid, signal.SIGCONT)
-        threading.Event().wait(0.3)
-    lab.reach(mode="armed", behavior="hover")
-    lab.start("land")
-    lab.reach(mode="ready")
-    told = [
-        (m.topic, decode(m.payload, "rcl_interfaces/Log").msg)
-        for path in (onboard, lab.newest("runs"))
-        for m in read_log(path, {"/quad1/events"})
-        if m.publish_ns > begun_ns and decode(m.payload, "rcl_interfaces/Log").level > INFO
-    ]
-    assert told == []
