@@ -22,7 +22,7 @@ FLAGS = [
     "--disable-sync",
     "--no-first-run",
 ]
-SECONDS = float(os.environ.get("QUADLAB_HAMMER_SECONDS", "5"))
+SECONDS = float(os.environ.get("QUADLAB_HAMMER_SECONDS", "3"))
 BOUND = 60_000
 GAIN = "control.position.kp_xy"
 ROW = f".gain:has(input[aria-label='{GAIN}'])"
