@@ -88,7 +88,9 @@ def vibration(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
     period = float(np.median(np.diff(series.time)))
     if period <= 0.0 or 1.0 / period < 5.0 * VIBRATION_FROM:
         return  # too few samples to tell vibration from motion
-    size = max(3, round(1.0 / (period * VIBRATION_FROM)))
+    size = round(1.0 / (period * VIBRATION_FROM))
+    if len(series) < size:
+        return  # shorter than what it would be smoothed over
     kernel = np.full(size, 1.0 / size)
     fast = [
         one - np.convolve(one, kernel, "same")

@@ -57,6 +57,7 @@ def explain(topics: Topics, parameters: Parameters) -> list[Finding]:
 
     A detector is silent about a run without the topics that it needs.
     """
+    topics = {name: one for name, one in topics.items() if len(one)}
     spans = airborne(topics)
     found = [one for detector in DETECTORS for one in detector(topics, parameters, spans)]
     return sorted(found, key=lambda one: (one.follows, -one.weight))

@@ -36,6 +36,13 @@ class Made(Series):
     def __contains__(self, name: str) -> bool:
         return name in self._values
 
+    def cut(self, count: int) -> Made:
+        """Return its first rows alone."""
+        short = Made(2, {}, self._flags)
+        short.time = self.time[:count]
+        short._values = {name: values[:count] for name, values in self._values.items()}
+        return short
+
     def values(self, name: str) -> Any:
         return self._values[name]
 
@@ -43,7 +50,7 @@ class Made(Series):
         return self._flags
 
 
-def flight(**changed: Mapping[str, Any]) -> dict[str, Series]:
+def flight(**changed: Mapping[str, Any]) -> dict[str, Made]:
     """Return a hover without faults, some of its columns changed: `topic={column: values}`."""
     rates = {"imu": 500, "state": 500, "reference": 500, "actuators": 500, "tracker_pose": 100}
     rates |= {"estimator": 50, "status": 10, "battery": 2}
@@ -53,7 +60,7 @@ def flight(**changed: Mapping[str, Any]) -> dict[str, Series]:
     }
     plain |= {"actuators": {**{f"thrusts[{k}]": THRUST for k in range(4)}, "scaling": 1.0}}
     plain |= {"status": {"airborne": (TIMES[10] > 5.0) & (TIMES[10] < 35.0)}}
-    made: dict[str, Series] = {}
+    made: dict[str, Made] = {}
     for topic, rate in rates.items():
         given: dict[str, Any] = {name: 0.0 for name in COLUMNS[topic] if name != "flags"}
         given |= {**plain.get(topic, {}), **changed.get(topic, {})}
@@ -207,6 +214,15 @@ def test_the_beacon_with_the_largest_offset_is_named() -> None:
 def test_a_log_without_a_topic_is_explained_by_the_others(missing: str) -> None:
     topics = {name: one for name, one in flight().items() if name != missing}
     assert explain(topics, {}) == []
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 5, 21, 33])
+def test_a_log_that_ends_at_once_is_explained(count: int) -> None:
+    """Shorter than what is smoothed over, too; other topics may be longer."""
+    topics = flight(imu={"linear_acceleration.x": 50.0 * NOISE})
+    assert explain({name: one.cut(count) for name, one in topics.items()}, {}) == []
+    assert explain({**topics, "imu": topics["imu"].cut(count)}, {}) == []
+    assert explain({**topics, "status": topics["status"].cut(count)}, {}) == []
 
 
 def test_a_flight_with_a_weak_motor_explains_itself_in_report_and_replay(

@@ -91,6 +91,52 @@ def test_an_hour_of_frames_leaves_nodes_and_memory_as_they_were(modules: Any) ->
     assert after["JSEventListeners"] - before["JSEventListeners"] < 10
 
 
+CHOICES = """async ([first, second, third]) => {
+  const { History } = await import('/static/charts/history.js');
+  const { TimeAxis } = await import('/static/charts/time_axis.js');
+  const { Chart } = await import('/static/charts/chart.js');
+  const { LiveSignals } = await import('/static/charts/live_signals.js');
+  let wanted = [], time = 1e9, told = 0;
+  const telemetry = Object.assign(new EventTarget(), { want: (_, names) => { wanted = names; } });
+  const { signals } = await (await fetch('/api/signals')).json();
+  const axis = new TimeAxis(new History(telemetry), 60);
+  const place = document.body.appendChild(document.createElement('section'));
+  const source = new LiveSignals(axis, new Map(signals.map((one) => [one.name, one])), 'one');
+  const chart = new Chart(place, { axis, source, names: [first, second] });
+  const fly = () => {
+    for (let i = 0; i < 100; i++, told++) {
+      const value = Object.fromEntries(wanted.map((name, k) => [name, told + k]));
+      const detail = { time: time += 0.04, value };
+      telemetry.dispatchEvent(new CustomEvent('frame', { detail }));
+    }
+  };
+  const held = () => Object.fromEntries(chart.lines.map((line) => {
+    const { values = [], from, to } = source.samples(line, -Infinity, Infinity) ?? {};
+    return [line.name, [...values.slice(from, to)].map((v) => (Number.isFinite(v) ? v : null))];
+  }));
+  fly();
+  chart.select([first, third]);
+  const changed = held(); // before anything comes
+  fly();
+  chart.select([first, second, third]);
+  fly();
+  return [changed, held()];
+}"""
+
+
+def test_a_chart_keeps_what_it_had_when_its_signals_change(modules: Any) -> None:
+    """A signal that was taken away and comes back has a gap only where it was not asked for."""
+    names = [signal.name for signal in SIGNALS[:3]]
+    changed, after = modules.evaluate(CHOICES, names)
+    steps = list(range(100))
+    whole = list(range(300))
+    first, second, third = names
+    assert changed[first] == steps
+    assert after[first] == whole
+    assert after[second] == [k + 1 for k in steps] + 100 * [None] + [k + 201 for k in steps]
+    assert after[third] == 100 * [None] + [k + 101 for k in steps] + [k + 202 for k in steps]
+
+
 # ---------------------------------------------------------------------- pause, zoom, cursor
 def test_the_space_bar_pauses_and_still_presses_a_focused_button(page: Any, look: Any) -> None:
     look.text("#chart-0 .legend output >> nth=0", r"\d")
