@@ -65,7 +65,7 @@ NAMES = {name: f"benchmarks.{folder}.{name}" for folder, names in FOLDERS.items(
 """The module of each benchmark, by its name."""
 OWN_OPTIONS = {
     "count": ("fuzz_logs",),
-    "seed": ("fuzz_logs",),
+    "seed": ("fuzz_logs", "hostile_flights"),
     "data": ("real_flights",),
     "against": ("up_cost", "late_ticks"),
     "flights": ("hostile_flights", "tracking_faults"),
@@ -78,7 +78,7 @@ def main() -> int:
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
     parser.add_argument("--quick", action="store_true", help="fewer samples: a look, not a result")
     parser.add_argument("--count", type=int, help="of fuzz_logs: how many logs")
-    parser.add_argument("--seed", type=int, help="of fuzz_logs: number of the first mutated log")
+    parser.add_argument("--seed", type=int, help="number of the first mutated log or flight")
     parser.add_argument("--flights", type=int, help="of hostile_flights: how many")
     parser.add_argument("--data", type=Path, help="of real_flights: folder of recorded flights")
     parser.add_argument(

@@ -11,13 +11,15 @@ import numpy.typing as npt
 
 from estimation.convergence import Convergence, Deviations
 from estimation.error_state import filter as kernels
+from estimation.error_state.frame_run import FrameRun
+from estimation.error_state.gate import RUN_LEAST
 from estimation.error_state.memory import ERRORS, MARKER, SAMPLES, new_memory
 from estimation.error_state.parameters import noise_record
 from estimation.error_state.timeline import apply_one
 from estimation.error_state.update import FIT_CONSISTENCY, FIT_UPDATES, LOST_REFUSALS
 from estimation.outcome import AHEAD_NS, NORM_TOLERANCE, Outcome
 from estimation.parameters import EstimationParameters
-from estimation.poses.planar_pose import planar_pose
+from estimation.poses.planar_pose import PlanarPose, planar_pose
 from estimation.poses.sweep_pose import sweep_pose
 from estimation.refusals import refuse_bearings, refuse_pose, refuse_sweeps
 from estimation.sweep_angles import plane_numbers
@@ -39,11 +41,10 @@ ANCHOR_NS = 200_000_000
 """Without a measurement for so long the covariance is brought to the present by itself."""
 JUMP_WAIT_NS, DRIFT_WAIT_NS = 500_000_000, 200_000_000
 """LOST_REFUSALS measurements in a row, for so long, mean that the filter is wrong: when they were
-suddenly far from it, or when none were used for a while before."""
+suddenly far from it, or when none were used for a while before. A start that fewer than FIT_UPDATES
+have confirmed is wrong as soon as RUN_LEAST contradict it together."""
 SHORTEST_RUN = 0.1
 """s over which the motion of such poses is taken, at least."""
-RUN_LEAST = 4
-"""Refused poses that have to agree with each other for a start from them."""
 START = np.repeat([0.05, math.radians(3.0), 0.5, 0.01, 0.1], 3)
 """Deviations at a start: m, rad, m/s (taken to be at rest), rad/s, m/s^2."""
 HEADING_SIGMA = math.radians(10.0)
@@ -80,6 +81,7 @@ class ErrorStateEstimator:
         self._initialized = self._on_marker = False
         self._waiting: list[tuple[int, Record]] = []
         self._sweeps: dict[int, Record] = {}
+        self._run = FrameRun()
         self._due_ns = 1 << 62
         self._failed: MeasurementError | None = None
         self._remember_views()
@@ -217,6 +219,7 @@ class ErrorStateEstimator:
         self._initialized = False
         self._waiting.clear()
         self._sweeps.clear()
+        self._run.clear()
         self._due_ns = 1 << 62
         self.restarts.clear()
 
@@ -390,18 +393,20 @@ class ErrorStateEstimator:
         Raises MeasurementError when it gives no start.
         """
         m = self._memory[0]
-        outcome = apply_one(m, self._noise[0])
-        refused = outcome == Outcome.OUTLIER or (
-            outcome == Outcome.APPLIED and measurement.dtype != POSE_SAMPLE
-        )
-        if not refused or m["refused"] < LOST_REFUSALS:
+        outcome, confirmed = apply_one(m, self._noise[0]), m["applied"] >= FIT_UPDATES
+        tracked = measurement.dtype == POSE_SAMPLE
+        if measurement.dtype == BEARINGS_SAMPLE:
+            self._hold(measurement[0], outcome)
+        if outcome != Outcome.OUTLIER and (tracked or outcome != Outcome.APPLIED):
             return
+        agree = m["run_count"] >= RUN_LEAST if tracked else self._run.long_enough
         lost_ns = int(m["stamp_ns"] - m["refused_ns"])
-        if lost_ns <= (JUMP_WAIT_NS if m["at_once"] else DRIFT_WAIT_NS):
+        waited = lost_ns > (JUMP_WAIT_NS if m["at_once"] else DRIFT_WAIT_NS)
+        if (confirmed or not agree) and (m["refused"] < LOST_REFUSALS or not waited):
             return
         count, before, innovation = int(m["refused"]), m["now"].copy(), m["innovation"].copy()
-        if measurement.dtype == POSE_SAMPLE:
-            if m["run_count"] < RUN_LEAST:  # they contradict each other, too
+        if tracked:
+            if not agree:  # they contradict each other, too
                 return
             # The velocity by which the poses left the prediction, in a world that was turned, too.
             lasted = max(1e-9 * float(m["run_ns"] - m["run_start_ns"]), SHORTEST_RUN)
@@ -417,9 +422,10 @@ class ErrorStateEstimator:
         m["innovation"] = innovation
         m["outcomes"][outcome] -= 1  # counted as used by the start
         apart = float(np.linalg.norm(m["now"][:3] - before[:3]))
+        many = f"{count} measurements in {1e-9 * lost_ns:.1f} s"
         self.restarts.append(
-            f"error_state started anew, {apart:.2f} m from where it was: {count} measurements "
-            f"in {1e-9 * lost_ns:.1f} s did not agree with it"
+            f"error_state started anew, {apart:.2f} m from where it was: "
+            f"{many if confirmed else f'the first {RUN_LEAST} measurements'} did not agree with it"
         )
 
     def _anchor(self) -> None:
@@ -427,23 +433,35 @@ class ErrorStateEstimator:
         kernels.take_nothing(self._memory[0])
         apply_one(self._memory[0], self._noise[0])
 
+    def _hold(self, frame: Any, outcome: int) -> None:
+        """Hold a frame of which not every bearing was used against the run of such frames."""
+        m, count = self._memory[0], int(frame["count"])
+        if outcome == Outcome.APPLIED and m["used"][:count].all():
+            self._run.clear()
+        elif outcome in (Outcome.APPLIED, Outcome.OUTLIER) and count >= DETERMINED:
+            try:
+                pose = _pose_of(frame)
+            except (DegenerateGeometryError, MeasurementError):
+                self._run.clear()  # it contradicts itself
+            else:
+                self._run.add(int(frame["stamp_ns"]), pose)
+
     def _start_from(self, bearings: Record) -> None:
         """Start at the pose one frame gives by itself. Raises MeasurementError."""
         frame = bearings[0]
         count = int(frame["count"])
-        beacons, seen = frame["beacon_w"][:count], frame["bearing_b"][:count]
         if count < DETERMINED:
             why = "up to four poses fit them" if count == 3 else "they leave the pose open"
             raise UndeterminedStartError(
                 f"error_state cannot start on {count} bearings: {why}; {HOW_TO_START}"
             )
         try:
-            pose = planar_pose(beacons, seen, frame["sigma"])
+            pose = _pose_of(frame)
         except DegenerateGeometryError as error:
             raise UndeterminedStartError(
                 f"error_state cannot start on these bearings: {error}; {HOW_TO_START}"
             ) from error
-        self._start_at(frame, pose)
+        self._start_at(frame, pose, *(self._run.velocity() if self._run.long_enough else ()))
 
     def _start_from_sweeps(self, sweeps: Record, velocity_w: Array | None = None) -> None:
         """Start at the pose that the newest sweeps of the planes give. Raises
@@ -458,16 +476,27 @@ class ErrorStateEstimator:
                 f"error_state cannot start on these sweeps: {error}"
             ) from error
 
-    def _start_at(self, frame: Record, pose: Any, velocity_w: Array | None = None) -> None:
+    def _start_at(
+        self, frame: Record, pose: Any, velocity_w: Array | None = None, sigma: Array = START[6:9]
+    ) -> None:
         sample = np.zeros(1, POSE_SAMPLE)
         sample[0] = frame["stamp_ns"], pose.position_w, pose.quaternion_wb
         deviations = START.copy()
         deviations[:6] = np.maximum(np.sqrt(np.diag(pose.covariance)), deviations[:6])
+        deviations[6:9] = np.maximum(sigma, deviations[6:9])
         self.initialize(sample, deviations, velocity_w)
 
     def _refused(self, error: MeasurementError) -> MeasurementError:
         self._memory["outcomes"][0, Outcome.INVALID] += 1
         return error
+
+
+def _pose_of(frame: Any) -> PlanarPose:
+    """Return the pose that a BEARINGS_SAMPLE item gives. Raises MeasurementError,
+    DegenerateGeometryError.
+    """
+    count = int(frame["count"])
+    return planar_pose(frame["beacon_w"][:count], frame["bearing_b"][:count], frame["sigma"])
 
 
 assert len(START) == ERRORS

@@ -27,6 +27,8 @@ refused at the gate."""
 OPEN_AFTER, OPEN_WITHIN = 0.1, 0.2
 """s without a pose used after which the gate opens, and s for each further time its width, up to
 FAR times."""
+RUN_LEAST = 4
+"""Refused poses that have to agree with each other for a start from them."""
 RUN_GAP = 0.5
 """s between two poses of a run, at most."""
 RUN_SPEED, RUN_RATE = 10.0, 3.0
