@@ -6,6 +6,7 @@ import math
 import random
 from collections import deque
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from quadrotor.errors import RefusedError
 from quadrotor.records import STATE, Record
 from vehicle.simulator.air import blow
 from vehicle.simulator.firmware.firmware import Firmware
+from vehicle.simulator.firmware.native import NativeFirmware
 from vehicle.simulator.firmware.program import period
 from vehicle.simulator.force_sensor import ForceReading, ForceSensor
 from vehicle.simulator.held_vehicle import BENCH, FREE, configure_holder, hold, new_holder
@@ -27,11 +29,33 @@ from vehicle_link.serial.port import MemoryPort, memory_port_pair
 
 Command = tuple[int, int, int, int]
 """Four bytes of a command."""
+Controller = Literal["python", "c"]
+"""The microcontroller's firmware."""
 PORTS = 2
 _MIRROR_PERIOD = int(Id.MIRROR_PERIOD)
 
 PERIOD_MAX_US = 1000
 """Least rate of the microcontroller's estimation and control, whatever its sample rate."""
+
+
+@compiled
+def _move(
+    plant: Record,
+    sensors: Record,
+    noise: npt.NDArray[np.float64],
+    row: int,
+    registers: npt.NDArray[np.int16],
+    references: tuple[int, int, int, int],
+    holder: Record,
+    dt: float,
+) -> None:
+    """Advance the plant by one period, dt (s), and sample it."""
+    blow(plant, noise[:, GUSTS:], row, dt)
+    if holder[0].held == FREE:
+        advance(plant, references, dt)
+    else:
+        hold(plant, holder, references, dt)
+    sample(plant, sensors, noise, row, registers)
 
 
 @compiled
@@ -48,32 +72,11 @@ def _run(
     dt: float,
 ) -> None:
     """Run `periods` of the microcontroller, `dt` (s) each, with the plant advancing in between."""
-    p, h = program[0], holder[0]
+    p = program[0]
     for k in range(periods):
         r = p.references
-        blow(plant, noise[:, GUSTS:], row + k, dt)
-        if h.held == FREE:
-            advance(plant, (r[0], r[1], r[2], r[3]), dt)
-        else:
-            hold(plant, holder, (r[0], r[1], r[2], r[3]), dt)
-        sample(plant, sensors, noise, row + k, registers)
-        period(p, registers, command, dt)
-
-
-@compiled
-def _begin(
-    plant: Record,
-    sensors: Record,
-    noise: npt.NDArray[np.float64],
-    row: int,
-    program: Record,
-    registers: npt.NDArray[np.int16],
-    command: tuple[int, int, int, int],
-    dt: float,
-) -> None:
-    """Run the first period, before any motion."""
-    sample(plant, sensors, noise, row, registers)
-    period(program[0], registers, command, dt)
+        _move(plant, sensors, noise, row + k, registers, (r[0], r[1], r[2], r[3]), holder, dt)
+        period(p, registers, command)
 
 
 class SimulatedVehicle:
@@ -82,6 +85,9 @@ class SimulatedVehicle:
     Args:
         parameters: the truth.
         ports: its own ends of the serial lines; None makes them in memory.
+        controller: the microcontroller's firmware: `python`, or `c`, which gcc builds first.
+
+    Raises StorageError when the C firmware cannot be built.
 
     Attributes:
         ports: the flight stack's ends, when made in memory; else empty.
@@ -90,7 +96,10 @@ class SimulatedVehicle:
     """
 
     def __init__(
-        self, parameters: SimulatorParameters, ports: Sequence[Line] | None = None
+        self,
+        parameters: SimulatorParameters,
+        ports: Sequence[Line] | None = None,
+        controller: Controller = "python",
     ) -> None:
         self.ports: tuple[MemoryPort, ...] = ()
         if ports is None:
@@ -98,7 +107,9 @@ class SimulatedVehicle:
             self.ports = tuple(pair[0] for pair in pairs)
             ports = [pair[1] for pair in pairs]
         self.parameters = parameters
-        self.firmware = Firmware(len(ports))
+        self.firmware: Firmware | NativeFirmware = (
+            Firmware(len(ports)) if controller == "python" else NativeFirmware(len(ports))
+        )
         self.stamp_ns = 0
         self._wires = new_wires(ports, parameters)
         self._commands: deque[tuple[int, Command]] = deque([(0, self.firmware.command)])
@@ -153,6 +164,7 @@ class SimulatedVehicle:
         self._sample_us = int(self.firmware.registers[_MIRROR_PERIOD])
         self._periods = math.ceil(self._sample_us / PERIOD_MAX_US)
         self._period = self._sample_us / (1e6 * self._periods)
+        self.firmware.set_period(16 * self._sample_us // self._periods)
 
     def _time_ns(self, count: int) -> int:
         return self._begun_ns + count * self._sample_us * 1000 // self._periods
@@ -177,25 +189,32 @@ class SimulatedVehicle:
         if self._warms_up:
             self._sensors["warmth"] = -math.expm1(-1e-9 * stamp_ns / WARM_UP_TIME)
         firmware.advance(stamp_ns // 1_000_000)
-        arguments = (
-            self._plant,
-            self._sensors,
-            noise.block,
-            noise.next_rows(periods),
-            firmware.program,
-            firmware.registers,
-            command,
-        )
+        row = noise.next_rows(periods)
         if first:
-            _begin(*arguments, self._period)
+            sample(self._plant, self._sensors, noise.block, row, firmware.registers)
+            firmware.period(command)
         else:
-            _run(*arguments, self._holder, periods, self._period)
-            firmware.statistics.steps(stamp_ns // 1_000_000, periods, 1)
+            self._run(row, command, periods)
+            firmware.steps(stamp_ns // 1_000_000, periods, 1)
         self._count = last + 1
         if last % self._periods == 0:
             port_index, frame = firmware.next_data()
             if not (self._lost and self._chance.random() < self._lost):
                 self._wires[port_index].write(frame)
+
+    def _run(self, row: int, command: Command, periods: int) -> None:
+        """Run periods of the microcontroller with the plant moving in between."""
+        firmware, noise = self.firmware, self._noise.block
+        world = self._plant, self._sensors, noise
+        if isinstance(firmware, Firmware):
+            program, registers = firmware.program, firmware.registers
+            rest = self._holder, periods, self._period
+            _run(*world, row, program, registers, command, *rest)
+            return
+        for k in range(row, row + periods):
+            a, b, c, d = firmware.references
+            _move(*world, k, firmware.registers, (a, b, c, d), self._holder, self._period)
+            firmware.period(command)
 
     def _acting(self) -> Command:
         """Return the newest command that is at least as old as the latency."""
@@ -227,12 +246,13 @@ class SimulatedVehicle:
 
     def warm_up(self) -> None:
         """Compile what `step` calls, so that the first call is fast; changes no state."""
-        plant, program = self._plant.copy(), self.firmware.program.copy()
-        registers, noise = self.firmware.registers.copy(), np.zeros_like(self._noise.block)
-        rest = program, registers, (0, 0, 0, 0)
-        _begin(plant, self._sensors, noise, 0, *rest, self._period)
-        holder = new_holder()
-        _run(plant, self._sensors, noise, 0, *rest, holder, 1, self._period)
+        plant, firmware, holder = self._plant.copy(), Firmware(), new_holder()
+        world = plant, self._sensors, np.zeros_like(self._noise.block), 0
+        program, registers, still = firmware.program, firmware.registers, (0, 0, 0, 0)
+        sample(*world, registers)
+        firmware.period(still)
+        _move(*world, registers, still, holder, self._period)
+        _run(*world, program, registers, still, holder, 1, self._period)
         for held in ("hand", "free", "bench"):
             configure_holder(holder, plant, SimulatorParameters(held=held))
         plant["rotor_speeds"] = 1.0
@@ -302,7 +322,7 @@ class SimulatedVehicle:
         self._warms_up = p.accelerometer_warm_up != 0.0 or p.gyroscope_warm_up != 0.0
 
     def _miss(self, motor: int) -> None:
-        self.firmware.program["missing"] = 1 << motor - 1 if motor else 0
+        self.firmware.set_missing(1 << motor - 1 if motor else 0)
 
     def place(
         self, position_w: Sequence[float], quaternion_wb: Sequence[float] = (1.0, 0.0, 0.0, 0.0)

@@ -176,7 +176,7 @@ def test_attitude_and_climb_are_estimated_in_every_mode(mode: FlightControlMode)
         alone.line.write(c.encode_command(alone.firmware.command))
         alone.step()
     program = alone.firmware.program[0]
-    assert program["climb"] == pytest.approx(alone.velocity_w[2], abs=0.1)
+    assert program["climb"] / 2**22 == pytest.approx(alone.velocity_w[2], abs=0.1)
     shown = (alone.firmware.registers[[Id.ROLL, Id.PITCH]] / 10.0).tolist()
     true = np.degrees(alone.angles).tolist()
     assert shown == pytest.approx(true, abs=1.5)

@@ -1,82 +1,97 @@
-"""The firmware's attitude filter: Mahony's complementary filter with gyroscope drift.
+"""The firmware's attitude filter: Mahony's passive filter with gyroscope drift, of the vertical.
 
 R. Mahony, T. Hamel, J.-M. Pflimlin, "Nonlinear complementary filters on the special orthogonal
-group", 2008, in its explicit form with gravity as the only direction. In flight the accelerometer
-measures thrust and drag, not gravity: the correction is slow then, and fast with motors off.
+group", 2008, in its explicit form with gravity as the only direction. That gives no heading, and
+nothing here needs one: the filter is that of the vertical in body axes, `up_b`. In flight the
+accelerometer measures thrust and drag, not gravity: the correction is slow then, and fast with
+motors off.
 """
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from quadrotor.compiled import compiled
-from quadrotor.vectors import (
-    Vector,
-    along,
-    axes_of,
-    cross,
-    length,
-    normalized,
-    quaternion,
-    scale,
-    store,
-    subtract,
-    to_body,
-    turned,
-    vector,
+from vehicle.simulator.firmware.constants import (
+    CORRECTION_FLYING,
+    CORRECTION_RESTING,
+    CORRECTION_TURNED,
+    DRIFT_MAX,
+    FORCE_SQUARE_MAX,
+    FORCE_SQUARE_MIN,
+    INVERSE_NEAR,
+    INVERSE_SLOPE,
+    STILL,
+    TURNED_SQUARE,
 )
-from quadrotor.vehicle_model import GRAVITY
+from vehicle.simulator.firmware.fixed import angle_of, bounded, by16, root
 
 Item = Any
 """One record `array[k]` inside compiled code."""
-
-GAIN_FLYING, GAIN_RESTING = 0.1, 4.0
-"""rad/s: gain towards the accelerometer's direction, with motors off."""
-GAIN_TURNED, TURNED = 0.01, 0.1
-"""rad/s instead, in flight, when the two differ by more than this sine: a moving vehicle is
-tilted, and its accelerometer does not measure that."""
-DRIFT_GAIN = 0.005
-"""rad/s^2 per rad: gain of the drift in flight."""
-FORCE_MARGIN = 0.3
-"""Share of g by which the specific force may differ from g and still count as a direction."""
-STILL = math.radians(40.0)
-"""rad/s: with motors off a slower turn counts as drift, which a cold gyroscope has. What is learnt
-while the vehicle is carried around decays within seconds once it is at rest."""
-DRIFT_TIME = 0.5
-"""s over which the drift is averaged at rest."""
+Whole = tuple[int, int, int]
+"""A vector of whole numbers."""
 
 
 @compiled(inner=True)
-def estimate_attitude(p: Item, omega_b: Vector, force_b: Vector, dt: float) -> None:
-    """Estimate for one period of a PROGRAM: raw angular velocity (rad/s), specific force
-    (m/s^2).
-    """
-    bias = vector(p.gyroscope_bias)
-    if not p.turning:
-        rest = subtract(omega_b, bias)
-        if length(rest) < STILL:
-            bias = along(bias, min(1.0, dt / DRIFT_TIME), rest)
-    rate = subtract(omega_b, bias)
-    store(rate, p.angular_velocity_b)
-    store(force_b, p.specific_force_b)
-    correction = (0.0, 0.0, 0.0)
-    size = length(force_b)
-    if abs(size - GRAVITY) < FORCE_MARGIN * GRAVITY:
-        up_b = to_body(axes_of(quaternion(p.quaternion_wb)), (0.0, 0.0, 1.0))
-        correction = cross(scale(1.0 / size, force_b), up_b)
-    gain = GAIN_RESTING
+def estimate_attitude(p: Item, omega_b: Whole, force_b: Whole) -> None:
+    """Estimate for one period of a PROGRAM: raw angular velocity and specific force (counts)."""
+    g, drift, rate = p.gains, p.drift, p.rate_b
+    still = not p.turning
+    for i in range(3):
+        rate[i] = (omega_b[i] << 16) - (drift[i] >> 8)
+        p.force_b[i] = force_b[i]
+        still = still and -STILL < rate[i] < STILL
+    if still:
+        for i in range(3):
+            drift[i] = bounded(drift[i] + by16(rate[i] << 2, g.rest), DRIFT_MAX)
+            rate[i] = (omega_b[i] << 16) - (drift[i] >> 8)
+    up = vertical(p)
+    c = _correction(force_b, up)
+    gain = CORRECTION_RESTING
     if p.turning:
-        gain = GAIN_FLYING if length(correction) < TURNED else GAIN_TURNED
-        bias = along(bias, -DRIFT_GAIN / GAIN_FLYING * gain * dt, correction)
-    store(bias, p.gyroscope_bias)
-    phi = scale(dt, along(rate, gain, correction))
-    q = normalized(turned(quaternion(p.quaternion_wb), phi))
-    p.quaternion_wb[0], p.quaternion_wb[1], p.quaternion_wb[2], p.quaternion_wb[3] = q
+        turned = c[0] * c[0] + c[1] * c[1] + c[2] * c[2] >= TURNED_SQUARE
+        gain = CORRECTION_TURNED if turned else CORRECTION_FLYING
+        learnt = g.drift_turned if turned else g.drift
+        for i in range(3):
+            drift[i] = bounded(drift[i] - ((c[i] * learnt + 0x2000) >> 14), DRIFT_MAX)
+    x = by16(rate[0] + ((c[0] * gain) >> 4), g.turn) << 2  # 2^-32 rad
+    y = by16(rate[1] + ((c[1] * gain) >> 4), g.turn) << 2
+    z = by16(rate[2] + ((c[2] * gain) >> 4), g.turn) << 2
+    # up x (x, y, z), and back to length 1 by one step of Newton's.
+    u = p.up_b
+    u[0] += by16(z, up[1]) - by16(y, up[2])
+    u[1] += by16(x, up[2]) - by16(z, up[0])
+    u[2] += by16(y, up[0]) - by16(x, up[1])
+    up = vertical(p)
+    short = ((1 << 28) - (up[0] * up[0] + up[1] * up[1] + up[2] * up[2])) >> 13
+    for i in range(3):
+        u[i] += by16(u[i], short)
+    up = vertical(p)
+    p.roll = angle_of(up[1], up[2])
+    p.pitch = -angle_of(up[0], root(up[1] * up[1] + up[2] * up[2]))
 
 
 @compiled(inner=True)
-def angles(p: Item) -> tuple[float, float, float]:
-    """Return roll, pitch (rad) and the cosine of the tilt."""
-    x_b, y_b, z_b = axes_of(quaternion(p.quaternion_wb))
-    return math.atan2(y_b[2], z_b[2]), -math.asin(min(1.0, max(-1.0, x_b[2]))), z_b[2]
+def vertical(p: Item) -> Whole:
+    """Return the world's z axis in body axes, 2^-14; its third number is the tilt's cosine."""
+    return p.up_b[0] >> 16, p.up_b[1] >> 16, p.up_b[2] >> 16
+
+
+@compiled(inner=True)
+def _correction(force_b: Whole, up: Whole) -> Whole:
+    """Return the rotation vector (2^-14 rad) from the vertical to the force's direction."""
+    x, y, z = force_b
+    square = x * x + y * y + z * z
+    if not FORCE_SQUARE_MIN < square < FORCE_SQUARE_MAX:
+        return 0, 0, 0
+    inverse = INVERSE_NEAR - by16(square, INVERSE_SLOPE)
+    return (
+        _scaled(y * up[2] - z * up[1], inverse),
+        _scaled(z * up[0] - x * up[2], inverse),
+        _scaled(x * up[1] - y * up[0], inverse),
+    )
+
+
+@compiled(inner=True)
+def _scaled(product: int, inverse: int) -> int:
+    return (((product + 0x80) >> 8) * inverse + 0x2000) >> 14

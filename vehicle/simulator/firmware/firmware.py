@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.simulator.firmware.hovering import DEFAULT_GAINS
-from vehicle.simulator.firmware.memory import new_program
+from vehicle.simulator.firmware.memory import new_program, set_period
+from vehicle.simulator.firmware.program import period
 from vehicle.simulator.firmware.states import ALLOWED, LIMITS, WRITABLE
 from vehicle.simulator.firmware.statistics import Statistics
 from vehicle_link.serial.commands import (
@@ -126,6 +127,22 @@ class Firmware:
         self._unsigned[_TIME] = (START_MS + self._ms) % TIME_PERIOD_MS
         self.statistics.packet(port, self._ms)
         return port, encode_data(self.registers[self._mirror].tobytes())
+
+    def period(self, command: tuple[int, int, int, int]) -> None:
+        """Run estimation, then control, with the registers' sensors and the bytes of a command."""
+        period(self._program, self.registers, command)
+
+    def steps(self, ms: int, count: int, step_ms: int) -> None:
+        """Count periods of estimation and control, each `step_ms` long at most."""
+        self.statistics.steps(ms, count, step_ms)
+
+    def set_period(self, sixteenths: int) -> None:
+        """Set the gains for a period in 1/16 us."""
+        set_period(self.program, sixteenths)
+
+    def set_missing(self, motors: int) -> None:
+        """Set the bits of the motors whose controllers do not answer."""
+        self.program["missing"] = motors
 
     # ------------------------------------------------------------------ instructions
     def _obey(self, instruction: Instruction) -> bytes:

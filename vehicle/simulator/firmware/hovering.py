@@ -11,27 +11,38 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from control.allocation import allocate
 from quadrotor.compiled import compiled
-from quadrotor.vehicle_model import reference_of_thrust
-from vehicle.simulator.firmware.attitude import angles
+from vehicle.simulator.firmware.constants import (
+    ACCELERATION_MAX,
+    INTEGRAL_MAX,
+    INTEGRATED,
+    MILLI_PITCH,
+    MILLI_ROLL,
+    MILLI_YAW,
+    RATE_GAIN,
+    REFERENCE_MAX,
+    REFERENCE_OFFSET,
+    REFERENCE_SLOPE,
+    SHARE_PITCH,
+    SHARE_ROLL,
+    SHARE_YAW,
+    THRUST_HOVER,
+    THRUST_MAX,
+    THRUST_MIN,
+    YAW_CHANGE_MAX,
+)
+from vehicle.simulator.firmware.fixed import bounded, by16, root
 from vehicle_link.serial.ids import Id
 
 Item = Any
 """One record `array[k]` inside compiled code."""
 Registers = npt.NDArray[np.int16]
 
-GAIN_SCALE = 0.1
-"""Value of a gain's register that means 1."""
-INTEGRAL_MAX = 0.2
-"""rad s, limit of the angle integral."""
-INTEGRATED = 0.1
-"""rad: a larger error is a manoeuvre, not a trim, and is not integrated."""
-REFERENCE_MAX = 255
-
 _GAIN_P, _GAIN_D, _GAIN_I = int(Id.GAIN_P), int(Id.GAIN_D), int(Id.GAIN_I)
 _GAIN_YAW, _GAIN_YAW_ACCELERATION = int(Id.GAIN_YAW_RATE), int(Id.GAIN_YAW_ACCELERATION)
 _TORQUE = int(Id.TORQUE_ROLL)
+_ALL = 1 << 15
+"""The scaling of thrusts that are within their limits."""
 
 DEFAULT_GAINS = {
     Id.GAIN_P: 600,
@@ -40,43 +51,68 @@ DEFAULT_GAINS = {
     Id.GAIN_YAW_RATE: 120,
     Id.GAIN_YAW_ACCELERATION: 0,
 }
-"""In counts of GAIN_SCALE: 1/s^2, 1/s, 1/s^3; 1/s, 1."""
+"""In counts of 0.1: 1/s^2, 1/s, 1/s^3; 1/s, 1."""
 
 
 @compiled(inner=True)
-def hold_angles(
-    p: Item, registers: Registers, wanted: tuple[float, float, float], thrust: float, dt: float
-) -> None:
-    """Set the references of a PROGRAM for roll, pitch (rad), yaw rate (rad/s) and thrust (N)."""
-    roll, pitch, _ = angles(p)
-    x, y, z = p.angular_velocity_b[0], p.angular_velocity_b[1], p.angular_velocity_b[2]
-    error_roll, error_pitch, error_yaw = wanted[0] - roll, wanted[1] - pitch, wanted[2] - z
-    kp, kd, ki = (
-        GAIN_SCALE * registers[_GAIN_P],
-        GAIN_SCALE * registers[_GAIN_D],
-        GAIN_SCALE * registers[_GAIN_I],
+def hold_angles(p: Item, registers: Registers, wanted: tuple[int, int, int], thrust: int) -> None:
+    """Set the references of a PROGRAM for roll, pitch (2^-15 rad), yaw rate (2^-16 count) and
+    thrust (2^-12 N).
+    """
+    rate, integral = p.rate_b, p.angle_integral
+    kp, kd, ki = registers[_GAIN_P], registers[_GAIN_D], registers[_GAIN_I]
+    roll, pitch = wanted[0] - p.roll, wanted[1] - p.pitch
+    x = _acceleration(roll, integral[0], rate[0], kp, ki, kd)
+    y = _acceleration(pitch, integral[1], rate[1], kp, ki, kd)
+    change = bounded(
+        by16(rate[2] - p.rate_before, registers[_GAIN_YAW_ACCELERATION]), YAW_CHANGE_MAX
     )
-    yaw_acceleration = (z - p.rate_before) / dt
-    p.rate_before = z
-    m = p.model
-    torque = (
-        m.inertia_b[0] * (kp * error_roll + ki * p.angle_integral[0] - kd * x),
-        m.inertia_b[1] * (kp * error_pitch + ki * p.angle_integral[1] - kd * y),
-        m.inertia_b[2]
-        * GAIN_SCALE
-        * (registers[_GAIN_YAW] * error_yaw - registers[_GAIN_YAW_ACCELERATION] * yaw_acceleration),
+    p.rate_before = rate[2]
+    z = by16(by16((wanted[2] - rate[2]) << 4, registers[_GAIN_YAW]), RATE_GAIN)
+    z = bounded(z - change * p.gains.yaw_slope, ACCELERATION_MAX)
+    scaling = _allocate(
+        p, thrust, by16(x, SHARE_ROLL), by16(y, SHARE_PITCH), by16(z << 2, SHARE_YAW)
     )
-    thrusts, scaling = allocate((thrust, torque[0], torque[1], torque[2]), m)
-    if scaling == 1.0 and abs(error_roll) + abs(error_pitch) < INTEGRATED:
-        p.angle_integral[0] = _bounded(p.angle_integral[0] + error_roll * dt)
-        p.angle_integral[1] = _bounded(p.angle_integral[1] + error_pitch * dt)
-    for i in range(4):
-        reference = reference_of_thrust(thrusts[i], m.motor_slope, m.motor_offset)
-        p.references[i] = min(REFERENCE_MAX, int(reference + 0.5))
-    for i in range(3):
-        registers[_TORQUE + i] = int(1000.0 * torque[i])
+    if scaling == _ALL and abs(roll) + abs(pitch) < INTEGRATED:
+        integral[0] = bounded(integral[0] + ((roll * p.gains.integral + 0x80) >> 8), INTEGRAL_MAX)
+        integral[1] = bounded(integral[1] + ((pitch * p.gains.integral + 0x80) >> 8), INTEGRAL_MAX)
+    registers[_TORQUE] = bounded(by16(x, MILLI_ROLL), 32767)
+    registers[_TORQUE + 1] = bounded(by16(y, MILLI_PITCH), 32767)
+    registers[_TORQUE + 2] = bounded(by16(z, MILLI_YAW), 32767)
 
 
 @compiled(inner=True)
-def _bounded(integral: float) -> float:
-    return min(INTEGRAL_MAX, max(-INTEGRAL_MAX, integral))
+def _acceleration(error: int, integral: int, rate: int, kp: int, ki: int, kd: int) -> int:
+    """Return the angular acceleration about one axis, of the unit of the gains."""
+    held = by16(error << 8, kp) + (by16(integral, ki) >> 7)
+    return bounded(held - by16(by16(rate << 4, kd), RATE_GAIN), ACCELERATION_MAX)
+
+
+@compiled(inner=True)
+def _allocate(p: Item, thrust: int, roll: int, pitch: int, yaw: int) -> int:
+    """Set the references for a thrust and shares of torque (2^-12 N); return the scaling, 2^-15.
+
+    Feasible by uniform scaling of what is not gravity (control.allocation, end of Sec. 4).
+    """
+    rest = (thrust >> 2) - THRUST_HOVER
+    a, b = rest - pitch + yaw, rest + roll - yaw
+    c, d = rest + pitch + yaw, rest - roll - yaw
+    most, least = max(a, b, c, d), min(a, b, c, d)
+    scaling = _ALL
+    if most > THRUST_MAX - THRUST_HOVER:
+        scaling = ((THRUST_MAX - THRUST_HOVER) << 15) // most
+    if least < THRUST_MIN - THRUST_HOVER:
+        scaling = min(scaling, ((THRUST_HOVER - THRUST_MIN) << 15) // -least)
+    p.references[0] = _reference(a, scaling)
+    p.references[1] = _reference(b, scaling)
+    p.references[2] = _reference(c, scaling)
+    p.references[3] = _reference(d, scaling)
+    return scaling
+
+
+@compiled(inner=True)
+def _reference(rest: int, scaling: int) -> int:
+    scaled = rest if scaling == _ALL else by16(rest << 1, scaling)
+    thrust = min(THRUST_MAX, max(THRUST_MIN, THRUST_HOVER + scaled))
+    reference = ((root(thrust << 16) * REFERENCE_SLOPE) >> 15) - REFERENCE_OFFSET
+    return min(REFERENCE_MAX, (reference + 0x80) >> 8)

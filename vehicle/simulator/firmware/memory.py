@@ -1,50 +1,79 @@
-"""The state of the microcontroller that is kept between its periods."""
+"""The state of the microcontroller that is kept between its periods, and the period's gains."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from quadrotor.records import Record
-from quadrotor.vehicle_model import GRAVITY, MODEL, VehicleModel
+from vehicle.simulator.firmware import constants
+
+GAINS = (
+    "turn",
+    "rest",
+    "drift",
+    "drift_turned",
+    "second",
+    "up",
+    "height",
+    "height_resting",
+    "climb",
+    "climb_resting",
+    "bias",
+    "bias_resting",
+    "integral",
+    "thrust",
+    "support",
+    "lift",
+)
+"""Gains that grow with the period, each by constants of its name."""
 
 PROGRAM = np.dtype(
     [
-        ("quaternion_wb", "f8", 4),
-        ("gyroscope_bias", "f8", 3),  # rad/s, subtracted from what is measured
-        ("angular_velocity_b", "f8", 3),  # rad/s
-        ("specific_force_b", "f8", 3),  # m/s^2
-        ("height", "f8"),  # m, of the barometer's scale, 0 where the pressure is 0
-        ("climb", "f8"),  # m/s
-        ("climb_bias", "f8"),  # m/s^2, of the vertical specific force
-        ("ground", "f8"),  # m, height of the last rest with motors off
-        ("angle_integral", "f8", 2),  # rad s, roll and pitch
-        ("rate_before", "f8"),  # rad/s, yaw rate one period ago
-        ("thrust", "f8"),  # N, commanded, averaged over THRUST_TIME
-        ("support", "f8"),  # specific force along z_B over what the thrust gives in the air
-        ("lift", "f8"),  # N, integral part of the descent's thrust
-        ("sink", "f8"),  # m/s, wanted in the descent
-        ("carried", "f8"),  # s, the ground has carried the vehicle
+        ("up_b", "i8", 3),  # 2^-30: the world's z axis in body axes, a unit vector
+        ("drift", "i8", 3),  # 2^-24 count, subtracted from what the gyroscope measures
+        ("rate_b", "i8", 3),  # 2^-16 count
+        ("force_b", "i8", 3),  # count
+        ("roll", "i8"),  # 2^-15 rad, as the pitch
+        ("pitch", "i8"),
+        ("height", "i8"),  # 2^-18 m, of the barometer's scale, 0 where the pressure is 0
+        ("climb", "i8"),  # 2^-22 m/s
+        ("climb_bias", "i8"),  # 2^-22 count, of the vertical specific force
+        ("ground", "i8"),  # 2^-18 m, height of the last rest with motors off
+        ("angle_integral", "i8", 2),  # 2^-30 rad s, roll and pitch
+        ("rate_before", "i8"),  # 2^-16 count, yaw rate one period ago
+        ("thrust", "i8"),  # 2^-24 N, commanded, averaged over 0.5 s
+        ("support", "i8"),  # 2^-28, specific force along z_B over what the thrust gives in the air
+        ("lift", "i8"),  # 2^-24 N, integral part of the descent's thrust
+        ("sink", "i8"),  # 2^-22 m/s, wanted in the descent
+        ("carried", "i8"),  # 2^-22 s, the ground has carried the vehicle
         ("turning", "i8"),  # 1: motors on, commanded or by itself
         ("landing", "i8"),  # 1: the descent is in control
         ("landed", "i8"),  # 1: the descent is over
-        ("awake", "i8"),  # 1: attitude and height are initialised
+        ("awake", "i8"),  # 1: the height is initialised
         ("state", "i8"),  # MotorState of the last period
         ("missing", "i8"),  # bits of the motors whose controllers do not answer
         ("references", "i8", 4),  # counts, on the motors' bus
-        ("model", MODEL),
+        ("gains", [(name, "i8") for name in (*GAINS, "yaw_slope")]),
     ],
     align=True,
 )
 
 
 def new_program() -> Record:
-    """Return a PROGRAM record, shape (1,), as at power-up.
-
-    The model is the nominal vehicle's: the true one may differ.
-    """
+    """Return a PROGRAM record, shape (1,), as at power-up."""
     program = np.zeros(1, PROGRAM)
-    program["quaternion_wb"][:, 0] = 1.0
-    program["specific_force_b"][:, 2] = GRAVITY
-    program["support"] = 1.0
-    program["model"] = VehicleModel().record()
+    program["up_b"][:, 2] = 1 << 30
+    program["support"] = 1 << 28
+    set_period(program, 16_000)
     return program
+
+
+def set_period(program: Record, sixteenths: int) -> None:
+    """Set the gains of a PROGRAM (1,) for a period in 1/16 us."""
+    period = min(constants.PERIOD_MAX, max(constants.PERIOD_MIN, sixteenths))
+    gains = program["gains"]
+    for name in GAINS:
+        factor = getattr(constants, f"GAIN_{name.upper()}")
+        shift = getattr(constants, f"GAIN_{name.upper()}_SHIFT")
+        gains[name] = (period * factor + (1 << shift - 1)) >> shift
+    gains["yaw_slope"] = constants.YAW_SLOPE // period

@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
-from quadrotor.vehicle_model import GRAVITY
-from vehicle.simulator.firmware.attitude import angles, estimate_attitude
+from vehicle.simulator.firmware.attitude import estimate_attitude
+from vehicle.simulator.firmware.constants import (
+    CONVERTER_MAX,
+    CONVERTER_ZERO,
+    FORCE_MAX,
+    HEIGHT_SLOPE,
+    SHOW_ANGLE,
+    SHOW_DRIFT,
+    SHOW_FORCE,
+    SHOW_RATE,
+    SHOW_THRUST,
+    WANTED_ANGLE,
+    WANTED_THRUST,
+    WANTED_YAW_RATE,
+)
 from vehicle.simulator.firmware.descent import begin_descent, descend, stop, watch_thrust
+from vehicle.simulator.firmware.fixed import bounded, by16
 from vehicle.simulator.firmware.hovering import hold_angles
 from vehicle.simulator.firmware.vertical import estimate_climb
-from vehicle.simulator.sensors import ACCELEROMETER_SCALE, GYROSCOPE_SCALE, PRESSURE_LAPSE, ZERO
-from vehicle_link.serial.attitude_command import HOVER_THRUST
 from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 
 Item = Any
@@ -37,37 +48,31 @@ _STATE, _MODE = int(Id.MOTOR_STATE), int(Id.FLIGHT_CONTROL_MODE)
 _MOTOR_1 = int(Id.MOTOR_REFERENCE_1)
 _ON, _EMERGENCY = int(MotorState.ON), int(MotorState.EMERGENCY)
 _NEAR_HOVERING = int(FlightControlMode.NEAR_HOVERING)
-_DEGREES = 180.0 / math.pi
 
 
-@compiled(inner=True)
-def period(p: Item, registers: Registers, command: Bytes, dt: float) -> None:
+@compiled
+def period(p: Item, registers: Registers, command: Bytes) -> None:
     """Run estimation, then control: sets `references` of a PROGRAM.
 
     Args:
         registers: (65,), including the converters' counts.
         command: as received; interpreted by the present flight control mode.
-        dt: s.
     """
-    force_b = (
-        _acceleration(registers, 0),
-        _acceleration(registers, 1),
-        _acceleration(registers, 2),
-    )
-    omega_b = (_rate(registers, 0), _rate(registers, 1), _rate(registers, 2))
+    force_b = _force(registers, 0), _force(registers, 1), _force(registers, 2)
+    omega_b = _rate(registers, 0), _rate(registers, 1), _rate(registers, 2)
     state = registers[_STATE]
     p.turning = 1 if state in (_ON, _EMERGENCY) else 0
-    estimate_attitude(p, omega_b, force_b, dt)
-    estimate_climb(p, -registers[_PRESSURE] / PRESSURE_LAPSE, dt)
+    estimate_attitude(p, omega_b, force_b)
+    estimate_climb(p, -HEIGHT_SLOPE * registers[_PRESSURE])
     p.awake = 1
     if state == _EMERGENCY:
         if p.state != _EMERGENCY:
             begin_descent(p)
         if p.landing:
-            descend(p, registers, dt)
+            descend(p, registers)
     elif state == _ON:
         if registers[_MODE] == _NEAR_HOVERING:
-            _obey(p, registers, command, dt)
+            _obey(p, registers, command)
         else:
             for i in range(4):
                 p.references[i] = command[i]
@@ -77,20 +82,19 @@ def period(p: Item, registers: Registers, command: Bytes, dt: float) -> None:
     for i in range(4):
         if p.missing >> i & 1:
             p.references[i] = 0
-    watch_thrust(p, dt)
+    watch_thrust(p)
     _show(p, registers)
 
 
 @compiled(inner=True)
-def _obey(p: Item, registers: Registers, command: Bytes, dt: float) -> None:
+def _obey(p: Item, registers: Registers, command: Bytes) -> None:
     """Obey a near-hovering command: pitch, roll (deg × 4), yaw rate (deg/s), thrust."""
     wanted = (
-        _signed(command[1]) / (4.0 * _DEGREES),
-        _signed(command[0]) / (4.0 * _DEGREES),
-        _signed(command[2]) / _DEGREES,
+        _signed(command[1]) * WANTED_ANGLE,
+        _signed(command[0]) * WANTED_ANGLE,
+        _signed(command[2]) * WANTED_YAW_RATE,
     )
-    thrust = command[3] * p.model.mass * GRAVITY / HOVER_THRUST
-    hold_angles(p, registers, wanted, thrust, dt)
+    hold_angles(p, registers, wanted, (command[3] * WANTED_THRUST) >> 6)
 
 
 @compiled(inner=True)
@@ -99,15 +103,15 @@ def _signed(byte: int) -> int:
 
 
 @compiled(inner=True)
-def _acceleration(registers: Registers, axis: int) -> float:
-    counts: float = registers[_ACCELEROMETER + axis] - ZERO - registers[_OFFSET + axis]
-    return ACCELEROMETER_SCALE * counts
+def _force(registers: Registers, axis: int) -> int:
+    offset: int = registers[_OFFSET + axis]
+    return bounded(registers[_ACCELEROMETER + axis] - CONVERTER_ZERO - offset, FORCE_MAX)
 
 
 @compiled(inner=True)
-def _rate(registers: Registers, axis: int) -> float:
-    counts: float = registers[_GYROSCOPE + axis] - ZERO
-    return GYROSCOPE_SCALE * counts
+def _rate(registers: Registers, axis: int) -> int:
+    count: int = registers[_GYROSCOPE + axis]
+    return min(CONVERTER_MAX, max(0, count)) - CONVERTER_ZERO
 
 
 @compiled(inner=True)
@@ -115,22 +119,15 @@ def _show(p: Item, registers: Registers) -> None:
     """Write the estimates into the registers that can be requested; units in
     vehicle_link.serial.values.
     """
-    roll, pitch, _ = angles(p)
-    registers[_ROLL] = _count(10.0 * _DEGREES * roll)
-    registers[_PITCH] = _count(10.0 * _DEGREES * pitch)
+    registers[_ROLL] = by16(p.roll, SHOW_ANGLE)
+    registers[_PITCH] = by16(p.pitch, SHOW_ANGLE)
     for i in range(3):
-        rate = 10.0 * _DEGREES * p.angular_velocity_b[i]
-        registers[_RATE + i] = _count(rate)
-        registers[_DRIFT + i] = _count(100.0 * _DEGREES * p.gyroscope_bias[i])
-        registers[_ACCELERATION + i] = _count(100.0 * p.specific_force_b[i])
+        registers[_RATE + i] = (by16(p.rate_b[i], SHOW_RATE) + 0x400) >> 11
+        registers[_DRIFT + i] = (by16(p.drift[i], SHOW_DRIFT) + 0x8000) >> 16
+        registers[_ACCELERATION + i] = (p.force_b[i] * SHOW_FORCE + 0x800) >> 12
     registers[_ROLL_RATE] = registers[_RATE]
     registers[_PITCH_RATE] = registers[_RATE + 1]
     registers[_YAW_RATE] = registers[_RATE + 2]
-    registers[_THRUST] = _count(HOVER_THRUST * p.thrust / (p.model.mass * GRAVITY))
+    registers[_THRUST] = (by16(p.thrust, SHOW_THRUST) + 0x40000) >> 19
     for i in range(4):
         registers[_MOTOR_1 + i] = MISSING if p.missing >> i & 1 else p.references[i]
-
-
-@compiled(inner=True)
-def _count(value: float) -> int:
-    return int(min(32767.0, max(-32768.0, math.floor(value + 0.5))))

@@ -42,19 +42,24 @@ class Statistics:
             self._publish(ms)
 
     def _publish(self, ms: int) -> None:
-        seconds = (ms - self._began_ms) / SECOND_MS
+        duration = ms - self._began_ms
         # A gap that has not ended counts with its length so far.
         for id, value in (
-            (Id.COMMANDS_PER_SECOND, self._commands / seconds),
+            (Id.COMMANDS_PER_SECOND, _a_second(self._commands, duration)),
             (Id.LONGEST_COMMAND_GAP, max(self._command_gap, ms - self._command_ms)),
-            (Id.PACKETS_PER_SECOND, self._packets / seconds),
+            (Id.PACKETS_PER_SECOND, _a_second(self._packets, duration)),
             (Id.LONGEST_PACKET_GAP, max(self._packet_gap, ms - self._packet_ms)),
-            (Id.CONTROL_STEPS_PER_SECOND, self._steps / seconds),
+            (Id.CONTROL_STEPS_PER_SECOND, _a_second(self._steps, duration)),
             (Id.LONGEST_CONTROL_PERIOD, self._longest_step),
-            (Id.ESTIMATION_STEPS_PER_SECOND, self._steps / seconds),
-            (Id.SECOND_SERIAL_PACKETS_PER_SECOND, self._second_packets / seconds),
+            (Id.ESTIMATION_STEPS_PER_SECOND, _a_second(self._steps, duration)),
+            (Id.SECOND_SERIAL_PACKETS_PER_SECOND, _a_second(self._second_packets, duration)),
         ):
-            self._registers[id] = min(LONGEST, round(value))
+            self._registers[id] = min(LONGEST, value)
         self._began_ms = ms
         self._commands = self._packets = self._second_packets = self._steps = 0
         self._command_gap = self._packet_gap = self._longest_step = 0
+
+
+def _a_second(count: int, duration_ms: int) -> int:
+    """Return the rate of so many in a duration, rounded."""
+    return (2 * SECOND_MS * count + duration_ms) // (2 * duration_ms)

@@ -9,31 +9,36 @@ from __future__ import annotations
 from typing import Any
 
 from quadrotor.compiled import compiled
-from quadrotor.vectors import axes_of, quaternion, to_world, vector
-from quadrotor.vehicle_model import GRAVITY
+from vehicle.simulator.firmware.attitude import vertical
+from vehicle.simulator.firmware.constants import (
+    CLIMB_BIAS_MAX,
+    CLIMB_MAX,
+    GRAVITY_COUNTS,
+    HEIGHT_ERROR_MAX,
+)
+from vehicle.simulator.firmware.fixed import bounded, by16
 
 Item = Any
 """One record `array[k]` inside compiled code."""
 
-POLE = 1.2
-"""rad/s, in flight."""
-POLE_RESTING = 4.0
-"""rad/s, motors off: fast, as the vehicle may be carried around."""
-
 
 @compiled(inner=True)
-def estimate_climb(p: Item, barometer: float, dt: float) -> None:
-    """Estimate for one period of a PROGRAM, after its attitude; `barometer` is a height (m)."""
+def estimate_climb(p: Item, barometer: int) -> None:
+    """Estimate for one period of a PROGRAM, after its attitude; `barometer` is a height
+    (2^-18 m).
+    """
     if not p.awake:
-        p.height, p.climb, p.climb_bias = barometer, 0.0, 0.0
-    axes = axes_of(quaternion(p.quaternion_wb))
-    up = to_world(axes, vector(p.specific_force_b))[2] - GRAVITY - p.climb_bias
-    p.height += p.climb * dt + 0.5 * up * dt * dt
-    p.climb += up * dt
-    w = POLE if p.turning else POLE_RESTING
-    error = barometer - p.height
-    p.height += 3.0 * w * dt * error
-    p.climb += 3.0 * w * w * dt * error
-    p.climb_bias -= w * w * w * dt * error
+        p.height, p.climb, p.climb_bias = barometer, 0, 0
+    g, f, up = p.gains, p.force_b, vertical(p)
+    force = up[0] * f[0] + up[1] * f[1] + up[2] * f[2] - GRAVITY_COUNTS - (p.climb_bias >> 8)
+    climb = p.climb + by16(force, g.up)
+    height = p.height + ((by16(climb, g.second) + 0x200) >> 10)
+    error = bounded(barometer - height, HEIGHT_ERROR_MAX)
+    to_height = g.height if p.turning else g.height_resting
+    to_climb = g.climb if p.turning else g.climb_resting
+    to_bias = g.bias if p.turning else g.bias_resting
+    p.height = height + by16(error, to_height)
+    p.climb = bounded(climb + by16(error << 3, to_climb), CLIMB_MAX)
+    p.climb_bias = bounded(p.climb_bias - by16(error << 8, to_bias), CLIMB_BIAS_MAX)
     if not p.turning:
         p.ground = p.height

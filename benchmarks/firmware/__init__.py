@@ -1,0 +1,1 @@
+"""The C firmware against its specification, the Python one; its cost on the chip."""

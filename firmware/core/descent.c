@@ -1,0 +1,80 @@
+/* The emergency descent: level, at a rate held by the barometer, motors off on the ground. */
+#include "constants.h"
+#include "fixed.h"
+#include "program.h"
+
+/* The specific force along z_B over what a thrust (2^-12 N) gives, 2^-12. */
+static int32_t given(const struct program *p, int32_t thrust)
+{
+    const int32_t force = (p->force_b[2] > 0) ? p->force_b[2] : 0;
+    const int32_t out = (force * SUPPORT_UNIT) / thrust;
+    return (out > SUPPORT_MAX) ? SUPPORT_MAX : out;
+}
+
+void watch_thrust(struct program *p)
+{
+    int32_t total = 0;
+    for (uint8_t i = 0; i < MOTORS; i++) {
+        if (p->references[i] > 0U) {
+            const uint16_t speed = (uint16_t)(((uint16_t)p->references[i] << 7) + MOTOR_OFFSET);
+            const uint16_t square = (uint16_t)(((uint32_t)speed * speed) >> 16);
+            total += ((int32_t)square * (int16_t)MOTOR_SQUARE) >> 12;
+        }
+    }
+    p->thrust += by16(up(total, 12) - p->thrust, p->gains.thrust);
+    if ((p->thrust > STANDING) && !(p->landing && (p->climb > SETTLING_CLIMB))) {
+        const int32_t found = up(given(p, p->thrust >> 12), 16);
+        p->support += by16(found - p->support, p->gains.support);
+    }
+}
+
+void begin_descent(struct program *p)
+{
+    p->landing = true;
+    p->landed = false;
+    p->carried = 0;
+    p->lift = p->thrust;
+    p->sink = -p->climb;
+    p->integral[0] = 0;
+    p->integral[1] = 0;
+    if (p->thrust < STANDING) {
+        stop_motors(p);
+    }
+}
+
+void descend(struct program *p, int16_t *registers)
+{
+    static const int32_t level[3] = {0, 0, 0};
+    const int16_t second = p->gains.second;
+    const int16_t cosine = vertical(p, 2);
+    const int32_t wanted = ((p->height - p->ground) < FLARE_HEIGHT) ? SINK_FLARE : SINK;
+    p->sink += bounded(wanted - p->sink, 2 * (int32_t)second); /* 2 m/s^2 */
+    const int32_t error = bounded(-p->sink - p->climb, SINK_ERROR_MAX);
+    const int32_t least = LIFT_COUNT * registers[ID_EMERGENCY_THRUST];
+    const int32_t most = LIFT_COUNT * LIFT_MAX;
+    p->lift = within(p->lift + by16(error, p->gains.lift), least, most);
+    const int32_t thrust =
+        within(p->lift + by16(up(error, 6), narrow(CLIMB_GAIN)), least, most) >> 12;
+    const int32_t divisor = (cosine > COSINE_MIN) ? cosine : COSINE_MIN;
+    hold_angles(p, registers, level, up(thrust, 14) / divisor);
+    const int32_t mean = p->thrust >> 12;
+    const int32_t force = given(p, (mean > LEAST_WEIGHT) ? mean : LEAST_WEIGHT);
+    const int32_t learnt = product(narrow(p->support >> 16), narrow(CARRIED_SHARE)) >> 10;
+    if ((force > learnt) && (p->climb > -by16(up(p->sink, 1), narrow(SLOW_SHARE)))) {
+        p->carried += second;
+    } else {
+        p->carried = (p->carried > second) ? (p->carried - second) : 0;
+    }
+    if ((p->carried > CARRIED_TIME) || (cosine < OVERTURNED)) {
+        stop_motors(p);
+    }
+}
+
+void stop_motors(struct program *p)
+{
+    p->landed = true;
+    p->landing = false;
+    for (uint8_t i = 0; i < MOTORS; i++) {
+        p->references[i] = 0;
+    }
+}

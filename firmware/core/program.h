@@ -1,0 +1,65 @@
+/* One period of estimation and control: from converter counts to motor references. */
+#ifndef PROGRAM_H
+#define PROGRAM_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define MOTORS 4U
+
+/* Gains that grow with the period. */
+struct gains {
+    int16_t turn, rest, drift, drift_turned, second, up;
+    int16_t height, height_resting, climb, climb_resting, bias, bias_resting;
+    int16_t integral, thrust, support, lift;
+    int16_t yaw_slope;
+};
+
+/* What is kept between periods; 2^-n of the unit. */
+struct program {
+    int32_t up_b[3];        /* 2^-30: the world's z axis in body axes, a unit vector */
+    int32_t drift[3];       /* 2^-24 count, subtracted from what the gyroscope measures */
+    int32_t rate_b[3];      /* 2^-16 count */
+    int16_t force_b[3];     /* count */
+    int32_t roll, pitch;    /* 2^-15 rad */
+    int32_t height;         /* 2^-18 m, of the barometer's scale */
+    int32_t climb;          /* 2^-22 m/s */
+    int32_t climb_bias;     /* 2^-22 count, of the vertical specific force */
+    int32_t ground;         /* 2^-18 m, height of the last rest with motors off */
+    int32_t integral[2];    /* 2^-30 rad s, roll and pitch */
+    int32_t rate_before;    /* 2^-16 count, yaw rate one period ago */
+    int32_t thrust;         /* 2^-24 N, commanded, averaged */
+    int32_t support;        /* 2^-28, specific force over what the thrust gives in the air */
+    int32_t lift;           /* 2^-24 N, integral part of the descent's thrust */
+    int32_t sink;           /* 2^-22 m/s, wanted in the descent */
+    int32_t carried;        /* 2^-22 s, the ground has carried the vehicle */
+    uint8_t references[MOTORS];
+    uint8_t missing;        /* bits of the motors whose controllers do not answer */
+    uint8_t state;          /* of the last period */
+    bool turning;           /* motors on, commanded or by itself */
+    bool landing;           /* the descent is in control */
+    bool landed;            /* the descent is over */
+    bool awake;             /* the height is initialised */
+    struct gains gains;
+};
+
+/* A program as at power-up. */
+void program_begin(struct program *p);
+
+/* Set the gains for a period in 1/16 us. */
+void program_set_period(struct program *p, uint16_t sixteenths);
+
+/* Run estimation, then control; the command's bytes mean what the mode's register says. */
+void program_run(struct program *p, int16_t *registers, const uint8_t command[MOTORS]);
+
+/* ---- its parts */
+void estimate_attitude(struct program *p, const int16_t omega_b[3], const int16_t force_b[3]);
+int16_t vertical(const struct program *p, uint8_t axis);
+void estimate_climb(struct program *p, int32_t barometer);
+void hold_angles(struct program *p, int16_t *registers, const int32_t wanted[3], int32_t thrust);
+void watch_thrust(struct program *p);
+void begin_descent(struct program *p);
+void descend(struct program *p, int16_t *registers);
+void stop_motors(struct program *p);
+
+#endif

@@ -1,0 +1,66 @@
+"""The C firmware: built by gcc, equal to the Python one to the count."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from benchmarks.firmware.streams import Step, answer, flown, fuzzed
+from quadrotor.errors import StorageError
+from vehicle.simulator.firmware import header, native
+from vehicle.simulator.firmware.constants import HALF_TURN
+from vehicle.simulator.firmware.firmware import Firmware
+from vehicle.simulator.firmware.fixed import angle_of, by16, root
+from vehicle.simulator.firmware.native import NativeFirmware
+
+needs_compiler = pytest.mark.skipif(
+    not (shutil.which("gcc") and shutil.which("make")),
+    reason="the C firmware needs gcc and make, on Debian: apt install gcc make",
+)
+
+
+def test_the_header_has_the_numbers_of_the_python_firmware() -> None:
+    assert header.PATH.read_text() == header.header(), (
+        "run `python -m vehicle.simulator.firmware.header`"
+    )
+
+
+@needs_compiler
+@pytest.mark.parametrize("stream", [flown, fuzzed])
+@pytest.mark.parametrize("seed", [1])
+def test_both_firmwares_answer_the_same(
+    stream: Callable[[int, int], Iterator[Step]], seed: int
+) -> None:
+    python, c = Firmware(), NativeFirmware(2, "checked")
+    for k, step in enumerate(stream(seed, 12_000)):
+        assert answer(c, step) == answer(python, step), f"period {k} of seed {seed}: {step}"
+
+
+def test_without_a_compiler_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "/nowhere")
+    native.library.cache_clear()
+    with pytest.raises(StorageError, match="there is no make; it needs gcc and make, on Debian"):
+        NativeFirmware()
+
+
+@pytest.mark.parametrize("a", [0, 1, -1, 2**31 - 1, -(2**31), 123_456_789])
+@pytest.mark.parametrize("b", [0, 1, -1, 32767, -32768])
+def test_a_product_is_rounded_to_the_nearest(a: int, b: int) -> None:
+    assert by16(a, b) == math.floor(a * b / 65536 + 0.5)
+
+
+@pytest.mark.parametrize("square", [0, 1, 2, 3, 4, 65535, 65536, 10**9, 2**32 - 1])
+def test_a_root_is_the_whole_part(square: int) -> None:
+    assert root(square) == math.isqrt(square)
+
+
+def test_angles_are_right_to_a_ten_thousandth_all_around() -> None:
+    for k in range(720):
+        turn = math.radians(0.5 * k - 180.0)
+        y, x = round(16384 * math.sin(turn)), round(16384 * math.cos(turn))
+        assert angle_of(y, x) / 2**15 == pytest.approx(math.atan2(y, x), abs=1e-4)
+    assert angle_of(0, 0) == 0
+    assert angle_of(0, -1) == HALF_TURN

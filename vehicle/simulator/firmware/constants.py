@@ -1,0 +1,154 @@
+"""The firmware's numbers as the integers it computes with, from their physical values.
+
+The microcontroller has no floating-point unit: quantities are whole multiples of the unit that the
+comment at each number states, `2^-n` of an SI unit or of a converter's count. They are the nominal
+vehicle's: the true one may differ. `python -m vehicle.simulator.firmware.header` writes the same
+numbers for the C firmware.
+"""
+
+from __future__ import annotations
+
+import math
+
+from quadrotor.vehicle_model import GRAVITY, VehicleModel
+from vehicle.simulator import sensors
+from vehicle.simulator.sensors import ACCELEROMETER_SCALE, GYROSCOPE_SCALE, PRESSURE_LAPSE
+from vehicle_link.serial import attitude_command as command
+
+_model = VehicleModel()
+_weight = _model.mass * GRAVITY  # N
+_g = GRAVITY / ACCELEROMETER_SCALE  # counts
+_degree = math.radians(1.0)
+_gain_unit = 0.1 / 128  # rad/s^2: of an angular acceleration; a gain's register counts 0.1
+
+
+def _thrust(reference: float) -> float:
+    return (_model.motor_slope * (reference + _model.motor_offset)) ** 2  # N
+
+
+# ---------------------------------------------------------------- converters
+CONVERTER_ZERO = sensors.ZERO  # count
+CONVERTER_MAX = sensors.FULL_SCALE  # count
+FORCE_MAX = 1023  # count, of the specific force less its offset
+HEIGHT_SLOPE = round(2**18 / PRESSURE_LAPSE)  # 2^-18 m per Pa
+
+# ---------------------------------------------------------------- attitude
+FORCE_SQUARE_MIN = round((0.7 * _g) ** 2)  # count^2: the force is a direction in between
+FORCE_SQUARE_MAX = round((1.3 * _g) ** 2)
+# 1/|f| near g, to first order: (NEAR - SLOPE |f|^2 / 2^16), 2^-14 of 256 counts
+INVERSE_NEAR = round(2**14 * 1.5 * 256 / _g)
+INVERSE_SLOPE = round(2**30 * 0.5 * 256 / _g**3)
+# Gains towards the accelerometer's direction: 2^-16 count of rate per 2^-14 rad, times 2^4.
+# 4 rad/s with motors off; in flight, where it measures thrust and drag too, 0.1 rad/s.
+CORRECTION_RESTING = round(4.0 / GYROSCOPE_SCALE * 2**6)
+CORRECTION_FLYING = round(0.1 / GYROSCOPE_SCALE * 2**6)
+# Instead, when the two differ by more than the sine 0.1: a moving vehicle is tilted.
+CORRECTION_TURNED = round(0.01 / GYROSCOPE_SCALE * 2**6)
+TURNED_SQUARE = round((0.1 * 2**14) ** 2)
+# With motors off a slower turn about each axis, 40 deg/s, counts as drift, which a cold gyroscope
+# has. What is learnt while the vehicle is carried around decays within seconds once it is at rest.
+STILL = round(40.0 * _degree / GYROSCOPE_SCALE * 2**16)  # 2^-16 count
+DRIFT_MAX = 100 << 24  # 2^-24 count: 58.6 deg/s
+
+# ---------------------------------------------------------------- angles, 2^-15 rad
+HALF_TURN = round(math.pi * 2**15)
+QUARTER_TURN = round(0.5 * math.pi * 2**15)
+# M. Abramowitz, I. Stegun, "Handbook of Mathematical Functions", 4.4.49: to 1e-5 rad
+ATAN_1 = round(0.9998660 * 2**15)
+ATAN_3 = round(-0.3302995 * 2**15)
+ATAN_5 = round(0.1801410 * 2**15)
+ATAN_7 = round(-0.0851330 * 2**15)
+ATAN_9 = round(0.0208351 * 2**15)
+
+# ---------------------------------------------------------------- climb
+GRAVITY_COUNTS = round(_g * 2**14)  # 2^-14 count
+HEIGHT_ERROR_MAX = 16 << 18  # 2^-18 m: a pressure further off counts as this
+CLIMB_MAX = 64 << 22  # 2^-22 m/s
+CLIMB_BIAS_MAX = 100 << 22  # 2^-22 count
+
+# ---------------------------------------------------------------- near-hovering
+WANTED_ANGLE = round(2**15 / command.ANGLE_COUNTS)  # 2^-15 rad a count of the command
+WANTED_YAW_RATE = round(2**16 / command.YAW_RATE_COUNTS / GYROSCOPE_SCALE)  # 2^-16 count a count
+WANTED_THRUST = round(_weight / command.HOVER_THRUST * 2**18)  # 2^-18 N a count
+RATE_GAIN = round(GYROSCOPE_SCALE * 2**3 * 2**16)  # 2^-4 count times a gain to _gain_unit, 2^-16
+ACCELERATION_MAX = 1 << 23  # _gain_unit: 6550 rad/s^2
+YAW_CHANGE_MAX = 32767
+INTEGRAL_MAX = round(0.2 * 2**30)  # 2^-30 rad s
+INTEGRATED = round(0.1 * 2**15)  # 2^-15 rad: a larger error is a manoeuvre, not a trim
+# Thrust of a motor, 2^-12 N, per _gain_unit: 2^-16; about z 2^-18.
+SHARE_ROLL = round(_model.inertia_xx / (2.0 * _model.arm) * _gain_unit * 2**28)
+SHARE_PITCH = round(_model.inertia_yy / (2.0 * _model.arm) * _gain_unit * 2**28)
+SHARE_YAW = round(_model.inertia_zz / (4.0 * _model.torque_ratio) * _gain_unit * 2**26)
+MILLI_ROLL = round(1000.0 * _model.inertia_xx * _gain_unit * 2**16)  # 2^-16 mN m per _gain_unit
+MILLI_PITCH = round(1000.0 * _model.inertia_yy * _gain_unit * 2**16)
+MILLI_YAW = round(1000.0 * _model.inertia_zz * _gain_unit * 2**16)
+
+# ---------------------------------------------------------------- motors
+THRUST_MIN = round(_thrust(_model.motor_reference_min) * 2**12)  # 2^-12 N
+THRUST_MAX = round(_thrust(_model.motor_reference_max) * 2**12)
+THRUST_HOVER = min(THRUST_MAX, max(THRUST_MIN, round(0.25 * _weight * 2**12)))
+REFERENCE_SLOPE = round(2**9 / _model.motor_slope)  # 2^-8 count per 2^-14 sqrt(N), times 2^15
+REFERENCE_OFFSET = round(_model.motor_offset * 2**8)  # 2^-8 count
+REFERENCE_MAX = 255
+MOTOR_OFFSET = round(_model.motor_offset * 2**7)  # 2^-7 count
+MOTOR_SQUARE = round(_model.motor_slope**2 * 2**26)  # 2^-24 N per 2^2 count^2
+
+# ---------------------------------------------------------------- descent
+STANDING = round(0.6 * _weight * 2**24)
+"""2^-24 N: an average thrust below 0.6 of the weight means that the vehicle is on the ground."""
+SUPPORT_UNIT = round(_model.mass * ACCELEROMETER_SCALE * 2**24)
+"""Specific force (counts) over thrust (2^-12 N) to 2^-12 of what the thrust gives in the air."""
+SUPPORT_MAX = 4 << 12
+CARRIED_SHARE = round(1.15 * 2**10)
+"""2^-10: specific force over that in the air; the ground carries the rest."""
+CARRIED_TIME = round(0.3 * 2**22)  # 2^-22 s
+SETTLING_CLIMB = round(-0.2 * 2**22)  # 2^-22 m/s: what is slower in the descent teaches nothing
+SINK = round(0.7 * 2**22)  # 2^-22 m/s
+SINK_FLARE = round(0.35 * 2**22)
+FLARE_HEIGHT = round(0.7 * 2**18)  # 2^-18 m above the take-off point
+SINK_ERROR_MAX = 4 << 22  # 2^-22 m/s: more wants more than the greatest thrust
+CLIMB_GAIN = round(3.0 * _model.mass * 2**12)  # 3/s: 2^-24 N per 2^-28 m/s, times 2^16
+SLOW_SHARE = round(0.6 * 2**15)  # 2^-15
+LEAST_WEIGHT = round(0.1 * _weight * 2**12)  # 2^-12 N
+LIFT_COUNT = round(_weight / command.HOVER_THRUST * 2**24)  # 2^-24 N a count
+LIFT_MAX = command.THRUST_MAX  # count
+OVERTURNED = round(math.cos(math.radians(100.0)) * 2**14)
+COSINE_MIN = 1 << 13  # 2^-14: the least that thrust is divided by
+
+# ---------------------------------------------------------------- registers
+SHOW_ANGLE = round(10.0 / _degree * 2)  # 0.1 deg per 2^-15 rad, times 2^16
+SHOW_RATE = round(10.0 / _degree * GYROSCOPE_SCALE * 2**11)  # 0.1 deg/s per 2^-16 count, 2^27
+SHOW_DRIFT = round(100.0 / _degree * GYROSCOPE_SCALE * 2**8)  # 0.01 deg/s per 2^-24 count, 2^32
+SHOW_FORCE = round(100.0 * ACCELEROMETER_SCALE * 2**12)  # 0.01 m/s^2 per count, 2^12
+SHOW_THRUST = round(command.HOVER_THRUST / _weight * 2**11)  # count per 2^-24 N, times 2^35
+
+# ---------------------------------------------------------------- gains by the period
+PERIOD_MIN, PERIOD_MAX = 640, 47_000
+"""1/16 us: the shortest and the longest period whose gains fit 16 bits."""
+YAW_SLOPE = round(GYROSCOPE_SCALE / _gain_unit * 0.1 * 16e6)
+"""Over the period: the yaw rate's change (counts) times a gain to _gain_unit."""
+
+
+def _by_period(per_second: float) -> tuple[int, int]:
+    """Return factor and shift with which a period (1/16 us) gives a gain."""
+    shift = 14 - math.floor(math.log2(per_second / 16e6))
+    return round(per_second / 16e6 * 2**shift), shift
+
+
+_flying, _resting = 1.2, 4.0  # rad/s: the observer's three poles; with motors off it is carried
+GAIN_TURN, GAIN_TURN_SHIFT = _by_period(GYROSCOPE_SCALE * 2**30)
+GAIN_REST, GAIN_REST_SHIFT = _by_period(2**8 / 0.5 * 2**14)  # drift averaged over 0.5 s
+GAIN_DRIFT, GAIN_DRIFT_SHIFT = _by_period(0.005 / GYROSCOPE_SCALE * 2**24)  # 0.005 rad/s^2 per rad
+GAIN_DRIFT_TURNED, GAIN_DRIFT_TURNED_SHIFT = _by_period(0.0005 / GYROSCOPE_SCALE * 2**24)
+GAIN_SECOND, GAIN_SECOND_SHIFT = _by_period(2**22)
+GAIN_UP, GAIN_UP_SHIFT = _by_period(ACCELEROMETER_SCALE * 2**24)
+GAIN_HEIGHT, GAIN_HEIGHT_SHIFT = _by_period(3.0 * _flying * 2**16)
+GAIN_HEIGHT_RESTING, GAIN_HEIGHT_RESTING_SHIFT = _by_period(3.0 * _resting * 2**16)
+GAIN_CLIMB, GAIN_CLIMB_SHIFT = _by_period(3.0 * _flying**2 * 2**17)
+GAIN_CLIMB_RESTING, GAIN_CLIMB_RESTING_SHIFT = _by_period(3.0 * _resting**2 * 2**17)
+GAIN_BIAS, GAIN_BIAS_SHIFT = _by_period(_flying**3 / ACCELEROMETER_SCALE * 2**12)
+GAIN_BIAS_RESTING, GAIN_BIAS_RESTING_SHIFT = _by_period(_resting**3 / ACCELEROMETER_SCALE * 2**12)
+GAIN_INTEGRAL, GAIN_INTEGRAL_SHIFT = _by_period(2**23)
+GAIN_THRUST, GAIN_THRUST_SHIFT = _by_period(2**16 / 0.5)  # thrust averaged over 0.5 s
+GAIN_SUPPORT, GAIN_SUPPORT_SHIFT = _by_period(2**16 / 1.0)  # learnt over 1 s in the air
+GAIN_LIFT, GAIN_LIFT_SHIFT = _by_period(3.0 * _model.mass * 2**18)  # 3/s^2
