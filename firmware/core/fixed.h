@@ -16,17 +16,12 @@ static inline int32_t product(int16_t a, int16_t b)
 }
 
 /* Return a b / 2^16, rounded. */
-static inline int32_t by16(int32_t a, int16_t b)
-{
-    const int16_t high = (int16_t)(a >> 16);
-    const uint16_t low = (uint16_t)((uint32_t)a & 0xFFFFU);
-    return product(high, b) + ((((int32_t)low * b) + 0x8000) >> 16);
-}
+int32_t by16(int32_t a, int16_t b);
 
-/* Return a b / 2^15 of a number without a sign and one with, rounded down. */
-static inline int16_t by15(uint16_t a, int16_t b)
+/* Return a b / 2^15, rounded down. */
+static inline int16_t by15(int16_t a, int16_t b)
 {
-    return (int16_t)(((int32_t)a * b) >> 15);
+    return (int16_t)((uint32_t)(product(a, b) * 2) >> 16);
 }
 
 /* Return the low 16 bits of a number that fits them. */
