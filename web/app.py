@@ -38,6 +38,7 @@ from web.experiments.experiments import add_experiments
 from web.experiments.reports import add_reports
 from web.fleet.fleet import Fleet
 from web.fleet.routes import add_fleet
+from web.foxglove.routes import add_foxglove
 from web.live import events
 from web.live.summary import Summary
 from web.parameters.routes import add_parameters
@@ -97,6 +98,7 @@ def create_app(
     add_beacons(app, parts)
     add_tuning(app, parts)
     add_fleet(app, fleet)
+    add_foxglove(app, parts)
     return app
 
 

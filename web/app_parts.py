@@ -13,6 +13,7 @@ from web.access.tls import Tls
 from web.commands.control import Control
 from web.commands.emergency import EmergencyDesk
 from web.commands.sticks import StickOutput
+from web.foxglove.forwarding import Forwarding
 from web.live.events import EventHub
 from web.live.latest import Live
 from web.live.station import Station
@@ -51,5 +52,6 @@ class Parts:
     stick: StickOutput
     control: Control
     emergency: EmergencyDesk
+    foxglove: Forwarding
     tls: Tls | None = None
     """The page's certificate; None without TLS."""

@@ -29,6 +29,7 @@ from quadrotor.parameters import Parameters, ParameterStore, parameter
 from tests.support.runs import run_entry
 from vehicle_link.messages import encode, header, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters
+from vehicle_link.transport.node import Received
 from web.access.attempts import Attempts
 from web.access.passwords import Passwords
 from web.access.tls import Tls
@@ -120,6 +121,15 @@ class ScriptedStation(Station):
 
     def put(self, topic: str, message: Any) -> None:
         self._live.put(topic, encode(message))
+
+    @property
+    def forwarded(self) -> set[str]:
+        """The topics that are handed on as they come."""
+        return set(self._wanted)
+
+    def deliver(self, topic: str, message: Any, received_ns: int = 1) -> None:
+        """Hand on a message of such a topic, as Zenoh's thread does."""
+        self._wanted[topic](Received(encode(message), 1, received_ns, received_ns))
 
     def fly(self, x: float = 1.0, y: float = 2.0, z: float = 1.5) -> None:
         """One sample of everything, as of now."""

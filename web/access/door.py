@@ -26,6 +26,7 @@ from web.access.sessions import SESSION_AGE, Sessions
 __all__ = ["Door", "Role", "Session"]
 
 REMEMBERED = 200  # consumed tokens remembered, so that a supervisor cannot bring one back
+LINK_AGE = 600  # s, of a live link
 OPEN_AT_ONCE = 20  # unused tokens kept; each start of `quadlab up` leaves one
 
 
@@ -46,6 +47,7 @@ class Door:
         self._lock = threading.Lock()
         self._state = self._load()
         self._serializer = URLSafeTimedSerializer(self._state["secret"], salt="quadlab-session")
+        self._links = URLSafeTimedSerializer(self._state["secret"], salt="quadlab-live-link")
         used = given is not None and _digest(given) in self._state["used"]
         if given is not None and not used and given not in self._state["tokens"]:
             self._state["tokens"][given] = Role.ADMIN.value
@@ -87,20 +89,29 @@ class Door:
 
     def sign(self, session: Session) -> str:
         """Return the cookie's value."""
-        content = [session.id, session.label, session.role.value, session.generation]
-        signed = self._serializer.dumps([*content, session.issued])
-        return signed if isinstance(signed, str) else signed.decode()
+        return _signed(self._serializer, session)
 
     def session(self, cookie: str | None) -> Session | None:
         """Return the session of a cookie's value, or None when forged, foreign, too old or
         ended.
         """
-        if not cookie:
+        return self._read(self._serializer, cookie, SESSION_AGE)
+
+    def sign_link(self, session: Session) -> str:
+        """Return a token with which a program that has no cookie connects as this session, within
+        LINK_AGE.
+        """
+        return _signed(self._links, session)
+
+    def session_of_link(self, token: str) -> Session | None:
+        """Return the session of such a token, or None as `session` does."""
+        return self._read(self._links, token, LINK_AGE)
+
+    def _read(self, signer: URLSafeTimedSerializer, value: str | None, age: int) -> Session | None:
+        if not value:
             return None
         try:
-            key, label, role, generation, issued = self._serializer.loads(
-                cookie, max_age=SESSION_AGE
-            )
+            key, label, role, generation, issued = signer.loads(value, max_age=age)
             session = Session(str(label), Role(role), str(key), int(generation), int(issued))
         except (BadSignature, TypeError, ValueError):
             return None
@@ -147,6 +158,12 @@ class Door:
                 f"cannot write {self._path} ({error.strerror}); "
                 "check the data folder's owner and free space, or choose another with --data"
             ) from error
+
+
+def _signed(signer: URLSafeTimedSerializer, session: Session) -> str:
+    content = [session.id, session.label, session.role.value, session.generation, session.issued]
+    signed = signer.dumps(content)
+    return signed if isinstance(signed, str) else signed.decode()
 
 
 def _digest(token: str) -> str:

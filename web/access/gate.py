@@ -70,6 +70,13 @@ class Gate:
             return _error(403, refusal)
         if self._links.opens(scope):
             return self._shared
+        if (token := _live_token(came)) is not None:
+            if (session := self._people.door.session_of_link(token)) is None:
+                return _error(
+                    401, "this link has expired, or its session has ended; make a new one"
+                )
+            scope["session"] = session
+            return self._app
         session = self._people.door.session(came.cookies.get(self._people.cookie.name))
         if scope["type"] == "http":
             request = Request(scope, receive)
@@ -92,6 +99,7 @@ class Gate:
         if host not in self._hosts:
             return f"this is not {host!r:.80}; open {self._base_url}/ instead"
         guarded = came.scope["type"] == "websocket" or came.scope["method"] not in SAFE_METHODS
+        guarded = guarded and _live_token(came) is None  # not the browser, but who has it, asks
         origin = came.headers.get("origin")
         # Programs send no Origin; browsers always do on a POST, a PUT and a websocket.
         if guarded and origin is not None and origin.lower() != f"{self._scheme}://{host}":
@@ -138,6 +146,14 @@ class Gate:
         with_password = self._people.accounts.count() > 0
         page = sign_in_page(line, name, self._base_url, with_password=with_password)
         return page_response(page, status)
+
+
+def _live_token(came: HTTPConnection) -> str | None:
+    """Return the token of a live link: Foxglove connects from its own page, where our cookie never
+    comes.
+    """
+    is_live = came.scope["type"] == "websocket" and came.scope["path"].endswith("/foxglove")
+    return came.query_params.get("token") if is_live else None
 
 
 def _error(status: int, line: str, headers: dict[str, str] | None = None) -> Response:

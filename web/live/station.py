@@ -68,6 +68,8 @@ class Station:
         self._open_session, self._close_session = open_session, close_session
         self._watched: frozenset[str] = frozenset()
         self._views: dict[str, Node] = {}  # of what is watched, one a topic
+        self._forwarded: dict[str, Node] = {}  # of what is handed on as it comes, likewise
+        self._wanted: Mapping[str, Callable[[Received], None]] = {}
         self._vehicle = vehicle
         self._live = live
         self._hub = hub
@@ -104,6 +106,15 @@ class Station:
         wanted = frozenset(topics)
         with self._making:
             self._watched = wanted
+            if self._node is not None:
+                self._renew_views(self._node.session)
+
+    def forward(self, topics: Mapping[str, Callable[[Received], None]]) -> None:
+        """Give each message of these topics to its function, on Zenoh's thread, and of no others.
+        Blocks for some ms.
+        """
+        with self._making:
+            self._wanted = dict(topics)
             if self._node is not None:
                 self._renew_views(self._node.session)
 
@@ -212,7 +223,7 @@ class Station:
 
         node = Node(session, f"/{self._vehicle}", "web")
         for topic in STALE.keys() - FAST - {"link_status"}:
-            self._take(node, topic)
+            self._take(node, topic, self._put(topic))
         reactions = (
             ("events", self._on_event),
             ("parameter_changes", self._on_change),
@@ -231,18 +242,32 @@ class Station:
             self._node = node
 
     def _renew_views(self, session: Any) -> None:
-        """Take what is watched; each topic has a node, because a node closes as a whole."""
+        """Take what is watched or forwarded."""
+        watched = {topic: self._put(topic) for topic in self._watched}
+        self._renew(session, self._views, watched, "web_")
+        self._renew(session, self._forwarded, self._wanted, "web_forwards_")
+
+    def _renew(
+        self,
+        session: Any,
+        nodes: dict[str, Node],
+        wanted: Mapping[str, Callable[[Received], None]],
+        prefix: str,
+    ) -> None:
+        """Take these topics; each has a node, because a node closes as a whole."""
         from vehicle_link.transport.node import Node
 
-        for topic in self._views.keys() - self._watched:
-            self._views.pop(topic).close()
-        for topic in self._watched - self._views.keys():
-            self._views[topic] = Node(session, f"/{self._vehicle}", f"web_{topic}")
-            self._take(self._views[topic], topic)
+        for topic in nodes.keys() - wanted.keys():
+            nodes.pop(topic).close()
+        for topic in wanted.keys() - nodes.keys():
+            name = f"{prefix}{topic.strip('/')}"
+            nodes[topic] = Node(session, f"/{self._vehicle}", name)
+            self._take(nodes[topic], topic, wanted[topic])
 
-    def _take(self, node: Node, topic: str) -> None:
+    def _take(self, node: Node, topic: str, put: Callable[[Received], None]) -> None:
         # On Zenoh's own thread: it only puts the bytes away.
-        node.subscribe(topic, TOPICS[topic].type_name, self._put(topic), direct=True)
+        row = TOPICS[topic]
+        node.subscribe(topic, row.type_name, put, qos=row.qos, direct=True)
 
     def _put(self, topic: str) -> Callable[[Received], None]:
         def put(received: Received) -> None:
@@ -278,7 +303,7 @@ class Station:
 
     def _close(self, node: Node) -> None:
         with self._making:
-            for view in self._views.values():
+            for view in (*self._views.values(), *self._forwarded.values()):
                 view.close()
         node.close()
         self._close_session(node.session)

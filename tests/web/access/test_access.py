@@ -115,6 +115,8 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "GET /fleet": (VIEWER, None),
     "GET /api/fleet": (VIEWER, None),
     "POST /api/fleet/land": (VIEWER, {}),
+    "POST /api/foxglove/link": (VIEWER, {}),
+    "GET /api/foxglove/layout": (VIEWER, None),
     "GET /setup": (VIEWER, None),
     "GET /api/setup/vehicles": (VIEWER, None),
     "GET /api/setup/people": (VIEWER, None),
@@ -132,6 +134,7 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "WEBSOCKET /ws/stick": (OPERATOR, None),
     "WEBSOCKET /ws/comparison": (VIEWER, None),
     "WEBSOCKET /ws/fleet": (VIEWER, None),
+    "WEBSOCKET /foxglove": (VIEWER, None),
 }
 HTTP = [route for route in LEAST if not route.startswith("WEBSOCKET")]
 SOCKETS = [route for route in LEAST if route.startswith("WEBSOCKET")]
@@ -261,9 +264,9 @@ def test_no_other_site_may_read_an_answer(
 
 def connect(site: Any, route: str, cookie: str | None, origin: str | None = None) -> int:
     """101, or the status of the refusal."""
-    viser = f"viser-v{site.view_server.version}" if route.endswith("viser") else None
+    spoken = {"/viser": f"viser-v{site.view_server.version}", "/foxglove": "foxglove.sdk.v1"}
     try:
-        with site.websocket(path_of(route), cookie, origin, viser):
+        with site.websocket(path_of(route), cookie, origin, spoken.get(route.split()[1])):
             return 101
     except websockets.exceptions.InvalidStatus as refused:
         return int(refused.response.status_code)

@@ -194,6 +194,27 @@ def test_events_and_parameter_changes_reach_the_page(
     assert changes[0] == AppliedChange(0, "gains.kp", 4.5, 5.5, "ros2 param", 3, 9)
 
 
+def test_forwarded_messages_come_as_they_are_and_only_while_they_are_wanted(
+    router: Router, client: Client, until: Any
+) -> None:
+    came: list[bytes] = []
+    payload = encode(new("rcl_interfaces/Log", level=20, msg="hello"))
+    client.station.forward({"events": lambda received: came.append(received.payload)})
+
+    def arrived() -> bool:
+        router.events.put(payload)
+        return bool(came)
+
+    until(arrived)
+    assert set(came) == {payload}
+    client.station.forward({"state": lambda received: None})
+    until(lambda: router.state.is_heard)  # this is known after the other has ended
+    count = len(came)
+    router.events.put(payload)
+    until(lambda: any(line["text"] == "hello" for line in client.hub.lines))
+    assert len(came) == count
+
+
 def test_a_link_in_another_state_brings_every_page_its_summary_at_once(
     router: Router, client: Client, until: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

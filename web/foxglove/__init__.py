@@ -1,0 +1,1 @@
+"""The live connection of Foxglove, Lichtblick and others that speak Foxglove's protocol."""

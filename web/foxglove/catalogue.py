@@ -1,0 +1,67 @@
+"""What a client is offered: channels for the topics, services for the commands."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from vehicle_link.commands import COMMANDS
+from vehicle_link.messages import definition, ros_name
+from vehicle_link.topics.table import SERVICES, TOPICS
+from vehicle_link.transport.rmw_keys import full_name
+from web.foxglove.protocol import ENCODING
+
+CHANNELS = tuple(
+    name
+    for name, row in TOPICS.items()
+    # What the lane brings from the vehicle would come a second time over the radio.
+    if not (row.sender == "vehicle" and row.lane) and row.sender != "web" and name != "sweeps"
+)
+"""Topics by the number of their channel."""
+CALLED = (*(name for name, row in COMMANDS.items() if row.has_route), "mark", "control")
+"""Services by their number: those for which the page has a route."""
+SCHEMA_ENCODING = "ros2msg"
+
+
+@cache
+def channels(vehicle: str) -> list[dict[str, Any]]:
+    """Return the channels as they are advertised."""
+    return [
+        {
+            "id": number,
+            "topic": full_name(f"/{vehicle}", name),
+            "encoding": ENCODING,
+            "schemaName": ros_name(TOPICS[name].type_name),
+            "schema": definition(TOPICS[name].type_name),
+            "schemaEncoding": SCHEMA_ENCODING,
+        }
+        for number, name in enumerate(CHANNELS)
+    ]
+
+
+@cache
+def services(vehicle: str) -> list[dict[str, Any]]:
+    """Return the services as they are advertised; schemas also as older clients look for them."""
+    return [
+        {
+            "id": number,
+            "name": f"/{vehicle}/{name}",
+            "type": SERVICES[name],
+            **{part.lower(): _described(name, part) for part in ("Request", "Response")},
+            **{f"{p.lower()}Schema": _text(name, p) for p in ("Request", "Response")},
+        }
+        for number, name in enumerate(CALLED)
+    ]
+
+
+def _described(service: str, part: str) -> dict[str, str]:
+    return {
+        "encoding": ENCODING,
+        "schemaName": f"{SERVICES[service]}_{part}",
+        "schemaEncoding": SCHEMA_ENCODING,
+        "schema": _text(service, part),
+    }
+
+
+def _text(service: str, part: str) -> str:
+    return definition(f"{SERVICES[service]}_{part}")

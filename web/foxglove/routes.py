@@ -1,0 +1,169 @@
+"""The route of the live connection, `/foxglove`, and of the links to it."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+import uuid
+from collections.abc import Coroutine
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlencode, urlsplit
+
+from fastapi import FastAPI, Request, WebSocket
+from fastapi.responses import JSONResponse, Response
+
+from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from web.access.door import LINK_AGE
+from web.access.roles import Role
+from web.foxglove import protocol, services
+from web.foxglove.catalogue import CALLED, channels
+from web.foxglove.catalogue import services as offered
+from web.foxglove.client import FoxgloveClient
+from web.foxglove.protocol import SUBPROTOCOLS, Asked, Call
+from web.live.conversation import converse
+from web.requester import Asker
+from web.runs.sharing import VIEWERS
+
+if TYPE_CHECKING:
+    from web.app_parts import Parts
+
+AT_ONCE = 8  # calls of one client under way
+LAYOUT = Path(__file__).with_name("layout.json")
+INSTANCE = uuid.uuid4().hex
+"""Of this process, so that a client knows a restart."""
+
+
+def add_foxglove(app: FastAPI, parts: Parts) -> None:
+    """Add the websocket, and the routes below /api/foxglove."""
+
+    @app.websocket("/foxglove")
+    async def live(socket: WebSocket) -> None:
+        await serve(socket, parts)
+
+    @app.post("/api/foxglove/link")
+    def link(request: Request, session: Asker) -> dict[str, Any]:
+        """Return the address of the live connection with a token that lets a program connect as
+        you for ten minutes, and the addresses that open it in a viewer.
+        """
+        scheme = "wss" if urlsplit(parts.base_url).scheme == "https" else "ws"
+        token = urlencode({"token": parts.people.door.sign_link(session)})
+        url = f"{scheme}://{request.headers['host']}/v/{parts.vehicle}/foxglove?{token}"
+        query = urlencode({"ds": "foxglove-websocket", "ds.url": url})
+        return {
+            "url": url,
+            "expires": time.time() + LINK_AGE,
+            "viewers": {name: f"{place}?{query}" for name, place in VIEWERS.items()},
+        }
+
+    @app.get("/api/foxglove/layout")
+    def layout() -> Response:
+        """Return a layout to import, with this vehicle's topics."""
+        content = LAYOUT.read_text().replace("VEHICLE", parts.vehicle)
+        disposition = f'attachment; filename="quadlab_{parts.vehicle}_layout.json"'
+        headers = {"content-disposition": disposition}
+        return Response(content, media_type="application/json", headers=headers)
+
+
+async def serve(socket: WebSocket, parts: Parts) -> None:
+    """Serve one client until it or its session ends."""
+    chosen = next((name for name in SUBPROTOCOLS if name in socket.scope["subprotocols"]), None)
+    if chosen is None:
+        asked = ", ".join(socket.scope["subprotocols"]) or "none"
+        line = f"subprotocol {asked:.80}; allowed are {' and '.join(SUBPROTOCOLS)}"
+        await socket.send_denial_response(JSONResponse({"error": line}, 400))
+        return
+    await socket.accept(chosen)
+    client = FoxgloveClient(socket, socket.scope["session"])
+    conversation = _Conversation(client, parts)
+    client.tell(
+        protocol.text(
+            "serverInfo",
+            name=f"quadlab {parts.vehicle}",
+            capabilities=["parameters", "parametersSubscribe", "services"],
+            supportedEncodings=[protocol.ENCODING],
+            metadata={"ROS_DISTRO": "jazzy"},
+            sessionId=INSTANCE,
+        )
+    )
+    client.tell(protocol.text("advertise", channels=channels(parts.vehicle)))
+    client.tell(protocol.text("advertiseServices", services=offered(parts.vehicle)))
+    with parts.foxglove.serving(client):
+        await converse(socket, client.talk(), conversation.listen(socket))
+
+
+class _Conversation:
+    """What a client asks for."""
+
+    def __init__(self, client: FoxgloveClient, parts: Parts) -> None:
+        self._client, self._parts = client, parts
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    async def listen(self, socket: WebSocket) -> None:
+        while (event := await socket.receive())["type"] != "websocket.disconnect":
+            try:
+                if (text := event.get("text")) is not None:
+                    self._asked(protocol.parse_text(text))
+                else:
+                    self._called(protocol.parse_call(event["bytes"]))
+            except ValueError as error:
+                self._client.refuse(error)
+
+    def _asked(self, asked: Asked) -> None:
+        """Do what is asked. Raises ValueError."""
+        client, replica = self._client, self._parts.replica
+        match asked:
+            case protocol.Subscribe():
+                for one in asked.subscriptions:
+                    client.subscribe(one.id, one.channelId)
+            case protocol.Unsubscribe():
+                for number in asked.subscriptionIds:
+                    client.unsubscribe(number)
+            case protocol.GetParameters():
+                self._values(asked.parameterNames, asked.id)
+            case protocol.FollowParameters():
+                client.follow(asked.parameterNames)
+            case protocol.LeaveParameters():
+                client.leave(asked.parameterNames, replica.values())
+            case protocol.SetParameters():
+                self._begin(self._set(asked))
+
+    def _values(self, names: list[str], identity: str | None) -> None:
+        values = self._parts.replica.values()
+        found = {name: values[name] for name in names or values if name in values}
+        self._client.tell(protocol.parameter_values(found, identity))
+
+    async def _set(self, asked: protocol.SetParameters) -> None:
+        session = self._client.session
+        values = {one.name: one.value for one in asked.parameters}
+        try:
+            if not session.role.may(Role.OPERATOR):
+                raise RefusedError(f"{session.label} may watch but not change parameters")
+            await self._parts.gains.change(values, session.label)
+        except QuadlabError as error:
+            self._client.refuse(error)
+        self._values(list(values), asked.id)  # also after a refusal: what is in force
+
+    def _called(self, call: Call) -> None:
+        if not 0 <= call.service < len(CALLED):
+            raise ValueError(f"there is no service {call.service}; allowed 0 to {len(CALLED) - 1}")
+        self._begin(self._call(call))
+
+    async def _call(self, call: Call) -> None:
+        session = self._client.session
+        try:
+            payload = await services.call(self._parts, session, CALLED[call.service], call.payload)
+        except LinkError as error:
+            fields = {"serviceId": call.service, "callId": call.id, "message": str(error)}
+            self._client.tell(protocol.text("serviceCallFailure", **fields))
+        else:
+            self._client.tell(protocol.answer_frame(call, payload))
+
+    def _begin(self, work: Coroutine[Any, Any, None]) -> None:
+        """Run beside the conversation. Raises ValueError when too much is under way."""
+        if len(self._tasks) >= AT_ONCE:
+            work.close()
+            raise ValueError(f"{AT_ONCE} requests are under way; wait for their answers")
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
