@@ -15,13 +15,14 @@ from quadrotor.records import has_attitude, pose_sample
 from vehicle_link import topics
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import encode
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics import SCENE_TOPICS, TOPICS
 from vehicle_link.topics.table import SHARED
 from vehicle_link.transport.node import Node
 
 RECORDED = tuple(name for name, row in TOPICS.items() if row.recorded and row.sender == "station")
 """As they are sent. Heartbeats are not; telemetry's topics are recorded at full rate elsewhere."""
 
+FROM_TELEMETRY = (*ENCODERS, *SCENE_TOPICS)
 LOOK = 0.2  # s
 
 Record = Callable[[str, str, bytes, int, int], None]
@@ -59,7 +60,7 @@ class Outbox:
         self._record = record
         self._vehicle_ns = vehicle_ns
         self._standing = standing
-        names = (*RECORDED, *SHARED, "station_heartbeat", "stick_status", "marks", *ENCODERS)
+        names = (*RECORDED, *SHARED, "station_heartbeat", "stick_status", "marks", *FROM_TELEMETRY)
         self._heard: frozenset[str] = frozenset()
         self._look_due = 0.0
         self._publishers = {name: node.advertise(TOPICS[name]) for name in names}
@@ -85,7 +86,7 @@ class Outbox:
         now = time.monotonic()
         if now >= self._look_due:
             self._look_due = now + LOOK
-            self._heard = frozenset(filter(self.is_heard, ENCODERS))
+            self._heard = frozenset(filter(self.is_heard, FROM_TELEMETRY))
         return self._heard
 
     def is_heard(self, name: str) -> bool:

@@ -9,11 +9,14 @@ from console.comparison.feed import ComparisonFeed
 from console.experiment_running.runner import ExperimentRunner
 from console.link.monitor import LinkMonitor
 from console.link.outbox import Outbox
-from console.link.telemetry_topics import expanded, messages_of
+from console.link.telemetry_topics import ENCODERS, expanded, messages_of
 from console.runs.recorder import Recorder
+from quadrotor.records import Record
 from vehicle_link.clock import time_ns
 from vehicle_link.telemetry import unpack
+from vehicle_link.topics import SCENE_TOPICS, TOPICS, SceneMessages
 from vehicle_link.transport.node import Received
+from vehicle_link.transport.rmw_keys import full_name
 
 
 class TelemetryIn:
@@ -36,6 +39,7 @@ class TelemetryIn:
         self._link, self._outbox, self._recorder = link, outbox, recorder
         self._comparison, self._observed = comparison, observed
         self._experiments, self._newest = experiments, heard
+        self._scene = SceneMessages(vehicle)
 
     def received(self, received: Received) -> None:
         """Take a packet of telemetry. Raises LinkError for what is none."""
@@ -53,8 +57,19 @@ class TelemetryIn:
             messages = messages_of(payloads, ticks, self._vehicle, received.received_ns)
             self._recorder.put_all(messages)
         elif shown:
-            payloads = expanded(ticks[-1:], self._vehicle, self._outbox.heard)
+            payloads = expanded(ticks[-1:], self._vehicle, self._outbox.heard & ENCODERS.keys())
         if shown:
             for name in self._outbox.heard & payloads.keys():
                 self._outbox.put(name, payloads[name][-1], stamp_ns)
+            if self._recorder.run_id or not self._outbox.heard.isdisjoint(SCENE_TOPICS):
+                self._draw(ticks, received.received_ns)
         self._newest(stamp_ns)
+
+    def _draw(self, ticks: Record, received_ns: int) -> None:
+        """Record and publish what 3D panels show."""
+        for name, payload, stamp_ns in self._scene.of(ticks):
+            topic = full_name(f"/{self._vehicle}", name)
+            kind = TOPICS[name].type_name
+            self._recorder.put(topic, kind, payload, received_ns, stamp_ns)
+            if name in self._outbox.heard:
+                self._outbox.put(name, payload, stamp_ns)

@@ -18,6 +18,7 @@ from vehicle.comms.publish import FLOWN_ON, Publisher
 from vehicle.processes import mailbox
 from vehicle_link import topics
 from vehicle_link.messages.cdr_layout import Records
+from vehicle_link.transport.rmw_keys import full_name
 
 Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
@@ -66,6 +67,7 @@ class FlightLog:
         self._now_ns = 0
         # The publisher of the comms process decides which slow topic is due; nothing is sent.
         self._publisher = Publisher(None, self, self, vehicle)
+        self._scene = topics.SceneMessages(vehicle)
         self._publisher.estimator = str(store.values()[FLOWN_ON])
 
     def now_ns(self) -> int:
@@ -144,6 +146,8 @@ class FlightLog:
         if self._ticks:
             ticks = np.frombuffer(b"".join(self._ticks), TICK)
             self._publish(ticks)
+            for topic, payload, stamp in self._scene.of(ticks):
+                self._put(topic, payload, stamp, stamp)
             stamps = ticks["imu"]["stamp_ns"]
             batches += [
                 self._batch("state", topics.state_messages(ticks, self._vehicle), stamps),
@@ -193,4 +197,5 @@ class FlightLog:
         """
         type_name = topics.TOPICS[topic].type_name
         arrivals = stamps if log_ns is None else log_ns
-        return Batch(f"/{self._vehicle}/{topic}", type_name, payloads, arrivals, stamps)
+        name = full_name(f"/{self._vehicle}", topic)
+        return Batch(name, type_name, payloads, arrivals, stamps)

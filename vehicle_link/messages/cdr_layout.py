@@ -29,6 +29,7 @@ class FixedLayout:
     Fields of the dtype are named by their path (`header.stamp.sec`). A nested message whose
     fields are all of one numeric type becomes one field with an axis: a Vector3 is
     `position`, shape (N, 3), a Quaternion `orientation`, shape (N, 4), ROS order (x, y, z, w).
+    The messages of a sequence are numbered: `transforms.0.child_frame_id`.
 
     Args:
         type_name: for instance `nav_msgs/Odometry`.
@@ -133,8 +134,12 @@ class FixedLayout:
             self._place(path, _dtype(item[0]), (count,))
             return
         primitives = list(_primitives(str(item))) if kind == Nodetype.NAME else [""]
-        if len(set(primitives)) != 1 or "" in primitives:
-            raise ValueError(f"{self.type_name}.{path}: only arrays of numbers have a fixed place")
+        if kind == Nodetype.NAME and (len(set(primitives)) != 1 or "" in primitives):
+            for number in range(count):
+                self._walk(str(item), f"{path}.{number}.")
+            return
+        if "" in primitives:
+            raise ValueError(f"{self.type_name}.{path}: texts of an array have no fixed place")
         self._place(path, _dtype(primitives[0]), (count, len(primitives)))
 
     def _place(self, path: str, dtype: np.dtype[Any], shape: tuple[int, ...]) -> None:

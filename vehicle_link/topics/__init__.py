@@ -20,6 +20,7 @@ from vehicle_link.topics.measurements import (
     position_messages,
     sweep_messages,
 )
+from vehicle_link.topics.scene import SCENE_TOPICS, SceneMessages
 from vehicle_link.topics.status import (
     UNHEARD,
     encode_batteries,
@@ -48,10 +49,12 @@ from vehicle_link.topics.ticks import (
 )
 
 __all__ = [
+    "SCENE_TOPICS",
     "SERVICES",
     "TOPICS",
     "UNHEARD",
     "Priority",
+    "SceneMessages",
     "Sticks",
     "Topic",
     "actuator_messages",

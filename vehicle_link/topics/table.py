@@ -14,7 +14,9 @@ Priority = Literal["real_time", "interactive_high", "data_high", "data", "backgr
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One row; the name is relative to the vehicle's namespace (`/quad1`)."""
+    """One row; the name is relative to the vehicle's namespace (`/quad1`) unless it begins with a
+    slash.
+    """
 
     name: str
     type_name: str
@@ -51,6 +53,10 @@ _ROWS = (
     Topic("reference", "quadlab_msgs/Reference", "station", 100, stale=0.3, page="seen"),
     Topic("actuators", "quadlab_msgs/Actuators", "station", 100, stale=0.3, page="seen"),
     Topic("imu", "sensor_msgs/Imu", "station", 100, stale=0.3, page="chart"),
+    # For 3D panels; recorded with the telemetry that they are made of.
+    Topic("/tf", "tf2_msgs/TFMessage", "station", 50),
+    Topic("/tf_static", "tf2_msgs/TFMessage", "station", 1),
+    Topic("scene", "visualization_msgs/MarkerArray", "station", 2),
     # On the radio, from the vehicle.
     Topic("telemetry", "quadlab_msgs/Telemetry", "vehicle", 100, "real_time", lane=1),
     Topic(

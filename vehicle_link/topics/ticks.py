@@ -174,11 +174,13 @@ def decode_actuators(payload: bytes, vehicle: str = VEHICLE) -> tuple[int, Recor
     return stamp_of_record(record), actuators
 
 
-def set_stamps(out: Records, stamps_ns: Any) -> None:
-    """Fill `header.stamp` of N records from nanoseconds: one int for all, or int64 (N,)."""
+def set_stamps(out: Records, stamps_ns: Any, within: str = "") -> None:
+    """Fill `header.stamp` of N records, or of a message `within` them, from nanoseconds: one int
+    for all, or int64 (N,).
+    """
     seconds, rest = divmod(stamps_ns, SECOND_NS)
-    out["header.stamp.sec"] = seconds
-    out["header.stamp.nanosec"] = rest
+    out[f"{within}header.stamp.sec"] = seconds
+    out[f"{within}header.stamp.nanosec"] = rest
 
 
 def stamp_of_record(record: np.void) -> int:

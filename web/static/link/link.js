@@ -3,6 +3,8 @@
 import { REACTIONS } from "./contact_text.js";
 import { element, setText } from "../core/dom.js";
 import { duration, fixed } from "../core/format.js";
+import { here } from "../core/vehicle_path.js";
+import { viewerButtons } from "../core/viewers.js";
 import { LinkStrip } from "./strip.js";
 import { LoopPanel } from "./loop_panel.js";
 
@@ -45,10 +47,18 @@ export class LinkPanel {
       element("h2", {}, "This page to the station"), this.verdict, ...Object.values(this.page).map(({ place: line }) => line),
       element("p", { className: "span" }, "last five minutes · in the log as link_status, this page's own link is not"));
     this.loop = new LoopPanel(place, { events, ages });
+    this.addViewers(place);
     telemetry.addEventListener("frame", () => { this.frames += 1; });
     setInterval(() => this.sample(), SAMPLE);
     setInterval(() => this.draw(), 1000);
     document.addEventListener("tab", ({ detail }) => { if (detail === "link") this.draw(); });
+  }
+
+  addViewers(place) {
+    const said = element("p", { className: "said", role: "status", hidden: true });
+    const say = (...content) => { said.replaceChildren(...content); said.hidden = false; };
+    const layout = element("a", { href: here("/api/foxglove/layout"), download: "", title: "3D view, plots, events and parameters, to import there" }, "Layout");
+    place.append(element("h2", {}, "The flight, live in other programs"), element("div", { className: "links" }, ...viewerButtons(() => "/api/foxglove/link", say), layout), said);
   }
 
   // Always, so that the tab has its five minutes when it is opened.
