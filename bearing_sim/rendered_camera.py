@@ -16,6 +16,8 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
+Box = tuple[slice, slice]
+"""Rows and columns of a picture."""
 
 NEAREST = 0.05
 """m in front of the camera; a pattern with a corner nearer than that is not drawn."""
@@ -89,27 +91,29 @@ class RenderedCamera:
     def take(self, patterns: Sequence[Pattern], random: np.random.Generator) -> Picture:
         """Return the picture (height, width); a later pattern hides earlier ones."""
         grey = np.full((self.height, self.width), self.background)
-        for pattern in patterns:
-            self._draw(pattern, grey)
-        grey = _blurred(grey, self.blur)
+        drawn = [box for pattern in patterns if (box := self._draw(pattern, grey))]
+        for box in _apart(drawn, round(3.0 * self.blur) + 1, grey.shape):
+            grey[box] = _blurred(grey[box], self.blur)
         grey *= self.light * (1.0 + self.shade * np.linspace(-0.5, 0.5, self.width))
         grey += self.noise * random.standard_normal(grey.shape, dtype=np.float32)
-        return np.clip(np.rint(grey), 0, 255).astype(np.uint8)
+        picture: Picture = np.clip(np.rint(grey), 0, 255).astype(np.uint8)
+        return picture
 
-    def _draw(self, pattern: Pattern, grey: Array) -> None:
+    def _draw(self, pattern: Pattern, grey: Array) -> Box | None:
+        """Draw a pattern and return the box that it lies in, None where it is not in view."""
         width, height = pattern.size
         corners = np.array([[x, y, 0.0] for x in (-0.5, 0.5) for y in (-0.5, 0.5)])
         span = 0.5 * (self.exposure + self.readout)
         moved = [_moved(pattern, np.array(dt)) for dt in (-span, 0.0, span)]
         seen = np.concatenate([(corners * (width, height, 1.0) + (0, 0, 1)) @ H.T for H in moved])
         if seen[:, 2].min() < NEAREST or pattern.R_cp[:, 2] @ pattern.position_c >= 0.0:
-            return
+            return None
         pixels = self.project(seen)
         limits = (self.width, self.height)
         left, top = np.clip(np.floor(pixels.min(axis=0)).astype(int) - 1, 0, limits)
         right, bottom = np.clip(np.ceil(pixels.max(axis=0)).astype(int) + 2, 0, limits)
         if left >= right or top >= bottom:
-            return
+            return None
         box = (slice(top, bottom), slice(left, right))
         rays, along_x, along_y = (one[box] for one in self.__dict__["_rays"])
         when = self.readout * ((np.arange(top, bottom) + 0.5) / self.height - 0.5)
@@ -131,6 +135,7 @@ class RenderedCamera:
             count += 1
         total = INK * 255.0 * hits + (1.0 - INK) * total
         grey[box] = total / count + grey[box] * (1.0 - hits / count)
+        return box
 
     def _samples(self) -> Iterator[tuple[float, float, float]]:
         """Yield places in a pixel, in pixels from its centre, and instants in its exposure, s."""
@@ -163,6 +168,31 @@ def _moved(pattern: Pattern, dt: Array) -> Array:
     rate = np.column_stack([turning, pattern.velocity_c])
     moved: Array = at + dt[..., None, None] * rate
     return moved
+
+
+def _apart(boxes: Sequence[Box], rim: int, shape: tuple[int, ...]) -> list[Box]:
+    """Return boxes with a rim around them, those that would meet as one; the rest of the picture
+    is plain and looks the same under a blur.
+    """
+    found: list[Box] = []
+    for box in boxes:
+        rows, columns = (
+            slice(max(0, along.start - rim), min(size, along.stop + rim))
+            for along, size in zip(box, shape, strict=True)
+        )
+        while met := [one for one in found if _meet(one[0], rows) and _meet(one[1], columns)]:
+            found.remove(met[0])
+            rows, columns = _around(met[0][0], rows), _around(met[0][1], columns)
+        found.append((rows, columns))
+    return found
+
+
+def _meet(one: slice, other: slice) -> bool:
+    return bool(one.start < other.stop and other.start < one.stop)
+
+
+def _around(one: slice, other: slice) -> slice:
+    return slice(min(one.start, other.start), max(one.stop, other.stop))
 
 
 def _blurred(grey: Array, sigma: float) -> Array:

@@ -359,9 +359,11 @@ class BaseStation:
         self._alarms.set("standing", self.link.problem() or None)
         self._alarms.set("radio", self.link.standing.unreachable or None)
         self._alarms.set("sticks", self._sticks.alarm)
-        if (line := self._tracker.alarm) != self._alarms.keyed().get("tracker"):
-            self._alarms.set("tracker", None)  # another problem is told as well
-        self._alarms.set("tracker", line)
+        eyes = ("tracker", self._tracker.alarm), ("camera", self._tracker.camera_alarm)
+        for key, line in eyes:
+            if line != self._alarms.keyed().get(key):
+                self._alarms.set(key, None)  # another problem is told as well
+            self._alarms.set(key, line)
         self.runs.tick()
         self.control.tick(count)
         self.experiments.tick(count)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from bearing_sim import PoseMeasurement
+from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.calibrations import Calibrations
 from console.checks.observed import Observed
 from console.commands.stick_control import StickDesk
@@ -74,6 +74,10 @@ class Reception:
             "tracker_status": lambda received: tracker.process_told(
                 decode(received.payload, TOPICS["tracker_status"].type_name)
             ),
+            "camera_bearings": self._seen,
+            "camera_status": lambda received: tracker.camera_told(
+                decode(received.payload, TOPICS["camera_status"].type_name)
+            ),
             "parameter_changes": self._parameter_change,
             "events": self._event,
             "estimator": lambda received: experiments.feed.estimate(received.payload),
@@ -120,6 +124,17 @@ class Reception:
             sample["quaternion_wb"].copy(),
         )
         self._tracker.tracked(pose, link.vehicle_ns())
+
+    def _seen(self, received: Received) -> None:
+        sample = topics.decode_bearings(received.payload)
+        count = int(sample["count"][0])
+        frame = BearingMeasurement(
+            self._link.vehicle_ns(int(sample["stamp_ns"][0])),
+            sample["beacon_id"][0, :count].copy(),
+            sample["bearing_b"][0, :count].copy(),
+            float(sample["sigma"][0]),
+        )
+        self._tracker.seen(frame)
 
     def _truth(self, received: Received) -> None:
         stamp_ns, state = topics.decode_odometry(received.payload, self._vehicle)

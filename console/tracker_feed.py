@@ -1,9 +1,10 @@
-"""The poses and emulated bearings that the station sends, from one tracker at a time.
+"""The poses and bearings that the station sends, from one tracker at a time.
 
 That is the simulated tracking system, fed with the truth, unless there is a tracker process
-(console.trackers). Measurements without delay leave in the callback of what they are made of;
-delayed ones from a thread. Poses have stamps of the vehicle's clock, as the truth has; frames of
-bearings are taken at instants of their own on that clock, seen from the tracker's poses.
+(console.trackers). Bearings are emulated, unless a process reads a camera on board. Measurements
+without delay leave in the callback of what they are made of; delayed ones from a thread. Poses have
+stamps of the vehicle's clock, as the truth has; emulated frames of bearings are taken at instants
+of their own on that clock, seen from the tracker's poses.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ class TrackerFeed:
         follows_process: bool = False,
     ) -> None:
         self.follows_process = follows_process
-        self._parameters = tracker
+        self._parameters, self._bearings = tracker, bearings
         self._tracker = SimulatedTracker(tracker)
         self._emulator = BearingEmulator(bearings)
         self._publish_pose, self._publish_bearings = publish_pose, publish_bearings
@@ -70,6 +71,8 @@ class TrackerFeed:
         self._frames: deque[float] = deque(maxlen=1000)
         self._process: Any = None  # its newest TrackerStatus
         self._told = clock() + STARTING
+        self._camera: Any = None  # the newest TrackerStatus of the camera on board
+        self._camera_told = 0.0
         self._closed = False
         self._thread = threading.Thread(target=self._run, name="tracker", daemon=True)
         self._thread.start()
@@ -92,6 +95,25 @@ class TrackerFeed:
     def process_told(self, status: Any) -> None:
         """Take a TrackerStatus of the tracker process."""
         self.follows_process, self._process, self._told = True, status, self._clock()
+
+    def seen(self, frame: BearingMeasurement) -> None:
+        """Take a frame of a camera on board, stamped with the vehicle's clock."""
+        with self._changed:
+            self._frames.append(self._clock())
+            self._publish_bearings(frame._replace(beacons=self._emulator.beacons))
+
+    def camera_told(self, status: Any) -> None:
+        """Take a TrackerStatus of the camera on board: from then on no bearings are emulated."""
+        self._camera, self._camera_told = status, self._clock()
+
+    @property
+    def camera_alarm(self) -> str | None:
+        """Return what is wrong with the camera on board, None when nothing is."""
+        if self._camera is None:
+            return None
+        if self._clock() - self._camera_told > PROCESS_SILENT:
+            return "camera on board: its process is silent; start it again, or read its lines"
+        return f"camera on board: {self._camera.problem}" if self._camera.problem else None
 
     @property
     def alarm(self) -> str | None:
@@ -118,6 +140,12 @@ class TrackerFeed:
         return self._recent(self._sent)
 
     @property
+    def bearings_nominal(self) -> float:
+        """Return the frames of bearings a second to expect, Hz."""
+        camera = self._camera
+        return self._bearings.rate if camera is None else float(camera.frame_rate)
+
+    @property
     def bearings_rate(self) -> float:
         """Return the frames of bearings sent in the last second, Hz."""
         return self._recent(self._frames)
@@ -137,15 +165,16 @@ class TrackerFeed:
     def _send(self, pose: PoseMeasurement) -> None:
         self._sent.append(self._clock())
         self._publish_pose(pose)
-        if has_attitude(pose.quaternion_wb):
+        if has_attitude(pose.quaternion_wb) and self._camera is None:
             self._emulator.observe(*pose)
 
     def _release(self, now_ns: int) -> None:
         for pose in self._tracker.due(now_ns):
             self._send(pose)
         for frame in self._emulator.due(now_ns):
-            self._frames.append(self._clock())
-            self._publish_bearings(frame)
+            if self._camera is None:
+                self._frames.append(self._clock())
+                self._publish_bearings(frame)
 
     def _recent(self, times: deque[float]) -> float:
         """Return the rate of times in order, Hz."""

@@ -121,7 +121,7 @@ class HostileFlight(WatchedFlight):
 
     def set(self, part: str, **values: ParameterValue) -> None:
         """Change the tracker or the bearings; unlike a parameter, beyond its bounds as well."""
-        of = self._tracker if part == TRACKER else self._emulator
+        of = self._tracker if part == TRACKER else self._bearings
         for name, value in values.items():
             of.parameters.__dict__[name] = value
 

@@ -35,6 +35,7 @@ class Facts:
     pose_age: float | None = None  # s
     tracker_rate: float = 0.0  # Hz
     bearings_rate: float = 0.0  # Hz
+    bearings_nominal: float = 30.0  # Hz
     tracker_nominal: float = 100.0  # Hz, what its parameters let expect
     voltage: float | None = None  # V
     battery_warning: float | None = None  # V, the vehicle's own limit

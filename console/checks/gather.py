@@ -81,6 +81,7 @@ class Gatherer:
             voltage=float(battery.voltage) if battery else None,
             tracker_rate=self._tracker.rate,
             bearings_rate=self._tracker.bearings_rate,
+            bearings_nominal=max(1.0, self._tracker.bearings_nominal),
             tracker_nominal=max(1.0, self._tracker.nominal),
             battery_warning=_number(self._vehicle.newest("safety.battery_warning")),
             volume=self._volume(),

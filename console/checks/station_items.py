@@ -55,8 +55,9 @@ def rates(f: Facts, p: StationParameters) -> list[Check]:
         _rate(
             "bearings",
             f.bearings_rate,
-            p.bearings.rate,
-            "they come from the tracker's poses: look at the tracker and at the beacons in sight",
+            f.bearings_nominal,
+            "they come from the tracker's poses or a camera on board: look at it, and at the "
+            "beacons in sight",
         ),
     ]
 

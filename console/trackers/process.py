@@ -49,10 +49,14 @@ SEEN_MOST = 8
 _FIGURES = re.compile(r"[\d.]+")
 
 
-class _Vehicle:
-    """One vehicle's body: what of it was published, and how it is."""
+class Vehicle:
+    """One vehicle's body: what of it was published, and how it is.
 
-    def __init__(self, session: Any, vehicle: str, body: str) -> None:
+    Args:
+        measured, told: topics of its measurements, and of how it is.
+    """
+
+    def __init__(self, session: Any, vehicle: str, body: str, measured: str, told: str) -> None:
         self.vehicle, self.body = vehicle, body
         self.health = BodyHealth()
         self.seen = monotonic()
@@ -60,8 +64,8 @@ class _Vehicle:
         self.is_missing = self.is_doubled = False
         self.told = ""
         self._node = Node(session, f"/{vehicle}", "tracker")
-        self.poses = self._node.advertise(TOPICS["tracker_body"])
-        self.status = self._node.advertise(TOPICS["tracker_status"])
+        self.measured = self._node.advertise(TOPICS[measured])
+        self.status = self._node.advertise(TOPICS[told])
 
     def close(self) -> None:
         self._node.close()
@@ -78,6 +82,9 @@ class Tracker:
         unit, up: of the positions that the system sends, and its axis that points up.
     """
 
+    measured, told_on = "tracker_body", "tracker_status"
+    unseen_for = GAP
+
     def __init__(
         self,
         words: str,
@@ -88,7 +95,10 @@ class Tracker:
         up: Up = "z",
     ) -> None:
         self._words, self._open_source, self._unit, self._up = words, open_source, unit, up
-        self._vehicles = [_Vehicle(session, vehicle, body) for vehicle, body in bodies.items()]
+        self._vehicles = [
+            Vehicle(session, vehicle, body, self.measured, self.told_on)
+            for vehicle, body in bodies.items()
+        ]
         self._session = session
         self._clock = SystemClock()
         self._came: queue.Queue[Frame | Exception] = queue.Queue(KEPT)
@@ -138,17 +148,17 @@ class Tracker:
         others: list[str] = []
 
         def heard(vehicle: str, received: Received) -> None:
-            status = decode(received.payload, TOPICS["tracker_status"].type_name)
+            status = decode(received.payload, TOPICS[self.told_on].type_name)
             others.append(
-                f"a tracker process for {status.system} already sends the poses of {vehicle}; end "
-                "it first, or leave this vehicle to it"
+                f"a process for {status.system} already sends what is seen of, or from, {vehicle}; "
+                "end it first, or leave this vehicle to it"
             )
 
         listener = Node(self._session, "", "tracker_listener")
         for one in self._vehicles:
-            topic = f"/{one.vehicle}/tracker_status"
+            type_name = TOPICS[self.told_on].type_name
             listener.subscribe(
-                topic, TOPICS["tracker_status"].type_name, partial(heard, one.vehicle)
+                f"/{one.vehicle}/{self.told_on}", type_name, partial(heard, one.vehicle)
             )
         stopping.wait(LISTENING)
         listener.close()
@@ -181,9 +191,12 @@ class Tracker:
         now = monotonic()
         self._heard, self._trouble = now, ""
         self._frames.append(now)
+        self._take_seen(frame, self._taken_ns(frame, now), now)
+
+    def _take_seen(self, frame: Frame, taken_ns: int | None, now: float) -> None:
+        """Publish what of a frame may be flown on. Args: `taken_ns` as of `_taken_ns`."""
         bodies = [to_world(body, self._unit, self._up) for body in frame.bodies]
         self._seen.extend((now, body.name) for body in bodies)
-        taken_ns = self._taken_ns(frame, now)
         names = Counter(body.name for body in bodies)
         for one in self._vehicles:
             if names[one.body]:
@@ -204,7 +217,7 @@ class Tracker:
         return taken_ns
 
     def _take_body(
-        self, one: _Vehicle, bodies: Iterable[Body], count: int, taken_ns: int | None, now: float
+        self, one: Vehicle, bodies: Iterable[Body], count: int, taken_ns: int | None, now: float
     ) -> None:
         one.gaps += one.is_missing
         one.seen, one.is_missing, one.is_doubled = now, False, count > 1
@@ -214,10 +227,10 @@ class Tracker:
         others = {name: place for name, place in self._places.items() if name != one.body}
         if not one.health.take(body, 1e-9 * taken_ns, others):
             return
-        stamp_ns = taken_ns + time_ns() - monotonic_ns()
+        stamp_ns = to_epoch(taken_ns)
         turn = NO_ATTITUDE if body.quaternion_wb is None else body.quaternion_wb
         sample = pose_sample(stamp_ns, body.position_w, turn)
-        one.poses.put(topics.encode_poses(sample)[0], stamp_ns)
+        one.measured.put(topics.encode_poses(sample)[0], stamp_ns)
 
     # ------------------------------------------------------------------ statuses
     def _tell(self) -> None:
@@ -239,23 +252,26 @@ class Tracker:
         if is_due:
             self._told = now
 
-    def _problem(self, one: _Vehicle, now: float) -> str:
+    def _problem(self, one: Vehicle, now: float) -> str:
         """Return what is wrong for one vehicle, the first cause of all; "" when nothing is."""
         if self._trouble:
             return self._trouble
         note = self._note if now - self._noted < RECENT else ""
         if now - self._heard > GAP:
             return note or f"no frames from {self._words}; look at the system and its network"
-        one.is_missing = self._heard - one.seen > GAP
+        one.is_missing = self._heard - one.seen > self.unseen_for
         if one.is_missing:
-            seen = sorted({name for _, name in self._seen})
-            listed = ", ".join(seen[:SEEN_MOST]) + (", …" if len(seen) > SEEN_MOST else "")
-            return f"no body {one.body!r} is seen; {self._words} shows {listed or 'none'}"
+            return note or self._unseen(one)
         if one.is_doubled:
             return f"two bodies are called {one.body!r}; give each a name of its own in the system"
         return one.health.problem(now) or note
 
-    def _status(self, one: _Vehicle, problem: str) -> Any:
+    def _unseen(self, one: Vehicle) -> str:
+        seen = sorted({name for _, name in self._seen})
+        listed = ", ".join(seen[:SEEN_MOST]) + (", …" if len(seen) > SEEN_MOST else "")
+        return f"no body {one.body!r} is seen; {self._words} shows {listed or 'none'}"
+
+    def _status(self, one: Vehicle, problem: str) -> Any:
         rates = Counter(name for _, name in self._seen)
         latencies = np.array(self._latencies or [0.0])
         bars = np.minimum(latencies / STEP, LATENCIES - 1).astype(int)
@@ -278,3 +294,8 @@ class Tracker:
             problem=problem,
             withheld=bool(one.health.withheld) or one.is_doubled,
         )
+
+
+def to_epoch(steady_ns: int) -> int:
+    """Return an instant of the host's steady clock as a stamp of the station's clock."""
+    return steady_ns + time_ns() - monotonic_ns()

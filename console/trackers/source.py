@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple, Protocol
 
+from estimation.tags.tag_bearings import Sighting
 from quadrotor.plain_rotations import Array
 
 
@@ -26,7 +27,11 @@ class Frame(NamedTuple):
     """When the cameras exposed, on the system's own clock of any epoch; None where it has none."""
     received_ns: int
     """When the frame arrived, on the host's steady clock."""
-    bodies: tuple[Body, ...]
+    bodies: tuple[Body, ...] = ()
+    beacons: Sighting | None = None
+    """Of a camera on the vehicle."""
+    doubt: str = ""
+    """What may be wrong with it, though it is passed on."""
 
 
 class Source(Protocol):

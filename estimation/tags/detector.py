@@ -7,6 +7,7 @@ al., "Automatic generation and detection of highly reliable fiducial markers und
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,11 @@ from quadrotor.errors import MeasurementError
 Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
 
+Tags = dict[int, Array]
+"""Corners (4, 2), pixels, of each tag seen."""
+
+DARK, BRIGHT = 12.0, 243.0
+"""Mean grey levels beyond which the exposure is wrong."""
 DEFAULT_FAMILY = "APRILTAG_36h11"
 
 READ_AT = 1920
@@ -78,6 +84,27 @@ class TagDetector:
             if refined is not None:
                 found.append((number, refined))
         return found
+
+    def tags(self, grey: Picture) -> Tags:
+        """Return corners (4, 2), pixels, of each tag in a picture; what `detect` finds, by number.
+
+        Raises MeasurementError as it does; for a tag seen twice; for a black or white picture.
+        """
+        found = self.detect(grey)
+        times = Counter(number for number, _ in found)
+        if twice := [number for number, count in times.items() if count > 1]:
+            raise MeasurementError(
+                f"tag {min(twice)} is seen twice: cover one, or its mirror image; each tag may be "
+                "there once"
+            )
+        mean = float(grey.mean())
+        if not found and not DARK < mean < BRIGHT:
+            what = "black" if mean <= DARK else "white"
+            raise MeasurementError(
+                f"the picture is {what} (mean grey level {mean:.0f} of 255): look at the lens's "
+                "cap, the light and the exposure"
+            )
+        return dict(found)
 
     def _readable(self, grey: Picture) -> Picture:
         import cv2

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +29,8 @@ from quadrotor.errors import MeasurementError, StorageError
 from quadrotor.rotations import quaternion_from_euler, quaternion_to_matrix
 
 Array = npt.NDArray[np.float64]
+Size = Annotated[float, Field(gt=0.0, le=10.0)]
+"""Side of the black square, m."""
 Triple = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 
 ROUND = np.array([[-0.5, 0.5, 0.0], [0.5, 0.5, 0.0], [0.5, -0.5, 0.0], [-0.5, -0.5, 0.0]])
@@ -39,10 +41,13 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
+Told = TypeVar("Told", bound=Strict)
+
+
 class TagPlace(Strict):
     """A tag on a body, or in the world."""
 
-    size: Annotated[float, Field(gt=0.0, le=10.0)]
+    size: Size
     position: Triple
     turn: Triple = (0.0, 0.0, 0.0)
 
@@ -98,8 +103,13 @@ class TagLayout(Strict):
 
 def load_tags(path: Path) -> TagLayout:
     """Return the layout in a file. Raises StorageError, MeasurementError."""
+    return read_tags(path, TagLayout)
+
+
+def read_tags(path: Path, kind: type[Told]) -> Told:
+    """Return what a TOML file of tags says. Raises StorageError, MeasurementError."""
     try:
-        return TagLayout.model_validate(tomllib.loads(path.read_text()))
+        return kind.model_validate(tomllib.loads(path.read_text()))
     except OSError as error:
         raise StorageError(f"tags {path}: {error.strerror}; name a TOML file of tags") from None
     except ValidationError as error:

@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-from collections import Counter
-
 import numpy as np
 import numpy.typing as npt
 
-from estimation.tags.detector import Picture, TagDetector
+from estimation.tags.detector import Picture, TagDetector, Tags
 from estimation.tags.intrinsics import Intrinsics
+from estimation.tags.tag_fit import RESIDUAL_MAX, STILL_RESIDUAL_MAX, fitting
 from estimation.tags.tag_layout import TagLayout, TagPlace
-from estimation.tags.tag_pose import TagPose, likeliest, poses_of
+from estimation.tags.tag_pose import TagPose, likeliest
 from quadrotor.errors import MeasurementError
 from quadrotor.rotations import quaternion_from_matrix
 
 Array = npt.NDArray[np.float64]
-Tags = dict[int, Array]
-"""Corners (4, 2), pixels, of each tag seen."""
-
 PLACED_OVER = 30
 """Pictures over which the tags of the world are averaged to place the camera."""
 MOVED = 2.0
 """Pixels by which the tags of the world may leave their places."""
-STILL_RESIDUAL_MAX, RESIDUAL_MAX = 0.5, 1.0
-"""Pixels; a pose of the camera, or of a body in motion, that leaves more is none."""
-DARK, BRIGHT = 12.0, 243.0
-"""Mean grey levels beyond which the exposure is wrong."""
 REMEMBERED = 15
 """Pictures without a body, after which its last attitude says nothing."""
 
@@ -57,16 +49,7 @@ class TagTracker:
         Raises MeasurementError when the picture, the tags in it or the intrinsics are wrong.
         """
         self._count += 1
-        found = self._detector.detect(grey)
-        times = Counter(number for number, _ in found)
-        if twice := [number for number, count in times.items() if count > 1]:
-            raise MeasurementError(
-                f"tag {min(twice)} is seen twice: cover one, or its mirror image; each tag may be "
-                "there once"
-            )
-        tags = dict(found)
-        if not tags:
-            _check_exposure(float(grey.mean()))
+        tags = self._detector.tags(grey)
         position_w, R_wc = self._camera(tags)
         bodies = {}
         for name, places in self._layout.bodies.items():
@@ -81,7 +64,7 @@ class TagTracker:
     def _pose(
         self, name: str, places: dict[int, TagPlace], tags: Tags, R_wc: Array
     ) -> TagPose | None:
-        poses = _fitting(f"the tags of {name}", places, tags, self._lens, RESIDUAL_MAX)
+        poses = fitting(f"the tags of {name}", places, tags, self._lens, RESIDUAL_MAX)
         if not poses:
             return None
         last, R_wb = self._attitude.get(name, (-REMEMBERED, np.eye(3)))
@@ -112,7 +95,7 @@ class TagTracker:
         seen, self._seen = self._seen, []
         often = [n for n in self._layout.world if sum(n in one for one in seen) > PLACED_OVER / 2]
         mean = {n: np.mean([one[n] for one in seen if n in one], axis=0) for n in often}
-        poses = _fitting(
+        poses = fitting(
             "the tags with known places", self._layout.world, mean, self._lens, STILL_RESIDUAL_MAX
         )
         if not poses:
@@ -126,33 +109,3 @@ class TagTracker:
         self._stood, R_wc = mean, best.R_cb.T
         self._place = -R_wc @ best.position_c, R_wc
         return self._place
-
-
-def _fitting(
-    what: str, places: dict[int, TagPlace], tags: Tags, lens: Intrinsics, allowed: float
-) -> list[TagPose]:
-    """Return the poses of tags with known places, best first; none where no tag is seen.
-
-    Raises MeasurementError where none fits.
-    """
-    seen = [number for number in places if number in tags]
-    if not seen:
-        return []
-    points = np.concatenate([places[number].corners for number in seen])
-    poses = poses_of(points, np.concatenate([tags[number] for number in seen]), lens)
-    if not poses or poses[0].residual > allowed:
-        left = f"{poses[0].residual:.1f} pixels are left" if poses else "there is no pose"
-        raise MeasurementError(
-            f"{what} do not fit where they are seen: {left}, allowed {allowed:g}; the "
-            "intrinsics are of another camera, or their sizes and places are wrong"
-        )
-    return poses
-
-
-def _check_exposure(mean: float) -> None:
-    if not DARK < mean < BRIGHT:
-        what = "black" if mean <= DARK else "white"
-        raise MeasurementError(
-            f"the picture is {what} (mean grey level {mean:.0f} of 255): look at the lens's cap, "
-            "the light and the exposure"
-        )

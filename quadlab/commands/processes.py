@@ -147,7 +147,7 @@ class Vehicle:
 
 
 def check_tracker(words: str) -> None:
-    """Check the words of `quadlab tracker`. Raises UsageError."""
+    """Check the words of `quadlab tracker` for poses. Raises UsageError."""
     from quadlab.__main__ import parse
     from quadlab.commands.tracker import Tracker
 
@@ -157,6 +157,11 @@ def check_tracker(words: str) -> None:
         raise UsageError(f"--tracker {words!r}: {error}; close the quotes") from None
     assert isinstance(command, Tracker)
     command.check()
+    if command.of_bearings:
+        raise UsageError(
+            f"--tracker {words!r}: it brings bearings and no poses; start quadlab tracker "
+            "onboard_camera by itself, beside the station"
+        )
 
 
 @dataclass

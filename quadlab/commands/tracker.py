@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from console.trackers.source import Source
 
 UDP_PORT = 5005
+CAMERAS = ("camera", "onboard_camera")
 ANYWHERE, HERE = "0.0.0.0", "127.0.0.1"
 
 
@@ -24,14 +25,16 @@ class Tracker:
     """Bring the poses of a laboratory's tracking system to the station."""
 
     system: Annotated[
-        Literal["vicon", "natnet", "qtm", "vrpn", "ros2", "udp", "camera"], tyro.conf.Positional
+        Literal["vicon", "natnet", "qtm", "vrpn", "ros2", "udp", "camera", "onboard_camera"],
+        tyro.conf.Positional,
     ]
-    """what to connect to; udp takes lines stamp,name,x,y,z,qw,qx,qy,qz"""
+    """what to connect to; udp takes lines stamp,name,x,y,z,qw,qx,qy,qz; onboard_camera brings
+    bearings to tags that are beacons, in place of the emulated ones"""
     body: Annotated[
         tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="[VEHICLE=]NAME")
     ] = ()
     """the system's name of the vehicle's body, of ROS 2 its topic (default: the vehicle's name);
-    of several vehicles the option once for each"""
+    of several vehicles the option once for each; of onboard_camera the vehicle that it is on"""
     host: str = ""
     """of the system; of udp the address to listen on"""
     port: Annotated[int | None, tyro.conf.arg(metavar="PORT")] = None
@@ -41,27 +44,42 @@ class Tracker:
     up: Literal["z", "y"] = "z"
     """the system's axis that points up"""
     device: int = 0
-    """of camera: its number, as in /dev/video0"""
+    """of a camera: its number, as in /dev/video0"""
     video: Path | None = None
-    """of camera: a file in its place"""
+    """of a camera: a file in its place"""
     intrinsics: Path | None = None
-    """of camera: the file that `quadlab camera` wrote"""
+    """of a camera: the file that `quadlab camera` wrote"""
     tags: Path | None = None
-    """of camera: the TOML file that says which tags are where"""
+    """of a camera: the TOML file that says which tags are where"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback"""
 
+    @property
+    def of_bearings(self) -> bool:
+        """Return whether it brings bearings and leaves poses to others."""
+        return self.system == CAMERAS[1]
+
     def check(self) -> dict[str, str]:
         """Return the body of each vehicle. Raises UsageError for words that do not go together."""
-        bodies = parse_bodies(self.body)
+        bodies = {} if self.of_bearings else parse_bodies(self.body)
         if self.port is not None and not 1 <= self.port <= 65535:
             raise UsageError(f"--port {self.port} is out of range (1 to 65535)")
         if self.system == "ros2" and not all(name.startswith("/") for name in bodies.values()):
             raise UsageError(
                 "of ros2, --body is a topic with its leading slash, like --body /vrpn/cf7/pose"
             )
-        if self.system == "camera" and None in (self.intrinsics, self.tags):
-            raise UsageError("camera needs --intrinsics FILE and --tags FILE; see docs/trackers.md")
+        if self.system in CAMERAS and None in (self.intrinsics, self.tags):
+            raise UsageError(
+                f"{self.system} needs --intrinsics FILE and --tags FILE; see docs/trackers.md"
+            )
+        if self.of_bearings:
+            if len(self.body) > 1 or any("=" in word for word in self.body):
+                raise UsageError(
+                    "onboard_camera is on one vehicle: name it, like --body quad1, and start the "
+                    "command once for each camera"
+                )
+            bodies = {name: name for name in self.body or (THE_VEHICLE,)}
+            check_name(next(iter(bodies)))
         from console.trackers.motion_capture import SYSTEMS, check_library
 
         if self.system in SYSTEMS:
@@ -71,7 +89,8 @@ class Tracker:
     def run(self) -> int:
         bodies = self.check()
         from console.trackers.motion_capture import SYSTEMS
-        from console.trackers.process import Tracker as Process
+        from console.trackers.onboard_camera import BearingsTracker
+        from console.trackers.process import Tracker as Poses
         from vehicle_link.termination_signal import EndSignal
         from vehicle_link.transport.session import loopback_session
 
@@ -82,7 +101,7 @@ class Tracker:
         where = f" at {host}:{port}"
         if self.system == "ros2":
             where = ""
-        elif self.system == "camera":
+        elif self.system in CAMERAS:
             where = f" {self.device if self.video is None else self.video}"
         session, has_told = None, False
         while session is None:
@@ -95,7 +114,8 @@ class Tracker:
                 if stopping.wait(1.0):
                     return 0
         print(f"tracker: {self.system}{where}, for {', '.join(bodies)}", flush=True)
-        Process(
+        kind = BearingsTracker if self.of_bearings else Poses
+        kind(
             f"{self.system}{where}",
             lambda: self._source(host, port, session, list(bodies.values())),
             bodies,
@@ -116,13 +136,17 @@ class Tracker:
             from console.trackers.ros2 import Ros2Source
 
             return Ros2Source(session, bodies)
-        if self.system == "camera":
+        if self.system in CAMERAS:
             assert self.intrinsics is not None
             assert self.tags is not None
             from console.trackers.camera import CameraSource
+            from console.trackers.onboard_camera import OnboardCameraSource, StationsBeacons
 
             camera = self.device if self.video is None else self.video
-            return CameraSource(camera, self.intrinsics, self.tags)
+            if not self.of_bearings:
+                return CameraSource(camera, self.intrinsics, self.tags)
+            beacons = StationsBeacons(session, bodies[0])
+            return OnboardCameraSource(camera, self.intrinsics, self.tags, beacons)
         from console.trackers.motion_capture import MotionCaptureSource
 
         return MotionCaptureSource(self.system, host, port)

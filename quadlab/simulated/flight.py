@@ -20,6 +20,7 @@ from estimation.convergence import Convergence
 from estimation.estimator import Estimator
 from quadlab.simulated.flight_log import FlightLog
 from quadlab.simulated.guide import REQUESTER, SimulatedGuide
+from quadlab.simulated.onboard_camera import CameraParameters, OnboardCamera
 from quadlab.simulated.stage_clock import StageClock
 from quadrotor.errors import MeasurementError, RefusedError, UsageError
 from quadrotor.parameters import ParameterValue
@@ -47,6 +48,7 @@ class FlightParameters(VehicleParameters):
     simulator: SimulatorParameters = SimulatorParameters()
     tracker: TrackerParameters = TrackerParameters()
     bearings: BearingParameters = BearingParameters()
+    camera: CameraParameters = CameraParameters()
 
     def seed(self, seed: int) -> None:
         """Give every source of noise a stream of its own."""
@@ -80,7 +82,9 @@ class SimulatedFlight(SimulatedGuide):
         self.clock = StageClock()
         self._mcu = Microcontroller(simulated.ports, epoch_ns=0, rate=parameters.simulator.imu_rate)
         self._tracker = SimulatedTracker(parameters.tracker)
-        self._emulator = BearingEmulator(parameters.bearings)
+        self._bearings: BearingEmulator | OnboardCamera = BearingEmulator(parameters.bearings)
+        if parameters.camera.enabled:
+            self._bearings = OnboardCamera(parameters.bearings, parameters.camera)
         self._beacons = KnownBeacons(parse_layout(parameters.beacons.layout))
         self._orders = Orders(self.stack.modes, self._mcu)
         self._complained_ns = -COMPLAIN_NS
@@ -186,20 +190,20 @@ class SimulatedFlight(SimulatedGuide):
             self._next_truth_ns = now_ns - now_ns % TRUTH_NS + TRUTH_NS
             position_w, quaternion_wb = self._true_position_w, self._true_quaternion_wb
             self._tracker.observe(now_ns, position_w, quaternion_wb)
-            self._emulator.observe(now_ns, position_w, quaternion_wb)
+            self._bearings.observe(now_ns, position_w, quaternion_wb)
             self._log.truth(now_ns, self._simulated.truth)
         for pose in self._tracker.due(now_ns):
             self.stack.measure(pose_sample(pose.stamp_ns, pose.position_w, pose.quaternion_wb))
             if has_attitude(pose.quaternion_wb):
                 self._pose = pose
             self._log.pose(pose.stamp_ns, pose.position_w, pose.quaternion_wb, now_ns)
-        for frame in self._emulator.due(now_ns):
+        for frame in self._bearings.due(now_ns):
             self._log.bearings(frame, now_ns)
             seen = bearings_sample(frame.stamp_ns, frame.beacon_ids, frame.bearings_b, frame.sigma)
             self.stack.measure(seen)
             self._solve(seen, now_ns)
         self._next_station_ns = now_ns - now_ns % TRUTH_NS + TRUTH_NS
-        for arrival_ns in (self._tracker.next_ns, self._emulator.next_ns):
+        for arrival_ns in (self._tracker.next_ns, self._bearings.next_ns):
             if arrival_ns is not None and arrival_ns < self._next_station_ns:
                 self._next_station_ns = arrival_ns
 

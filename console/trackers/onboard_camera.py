@@ -1,0 +1,135 @@
+"""`quadlab tracker onboard_camera`: bearings to tags from a camera on the vehicle.
+
+The station puts them on the vehicle's clock and sends them in place of the emulated ones. It tells
+where the beacons are: a picture that does not fit them is doubted, and still passed on, so that
+they can be surveyed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from bearing_sim import parse_layout
+from console.beacon_layout import OURS
+from console.trackers.camera import Pictures
+from console.trackers.process import Tracker, Vehicle, to_epoch
+from console.trackers.source import Frame
+from estimation.tags.intrinsics import load_intrinsics
+from estimation.tags.tag_bearings import TagBearings, load_beacon_tags
+from vehicle_link import topics
+from vehicle_link.parameters.messages import decode_change
+from vehicle_link.parameters.service import ParameterClient
+from vehicle_link.topics import TOPICS
+from vehicle_link.transport.node import Node, Received
+
+FAR_OFF = 3.0
+"""Pixels rms by which beacons may leave their places."""
+
+Places = Mapping[int, Sequence[float]]
+"""Of beacons by id, (3,) m, world axes."""
+
+
+class Beacons(Protocol):
+    """Where beacons are, now."""
+
+    @property
+    def places(self) -> Places: ...
+
+    def close(self) -> None: ...
+
+
+class StationsBeacons:
+    """Where the station's beacons are, as it tells it. Raises LinkError when it does not answer."""
+
+    def __init__(self, session: Any, vehicle: str) -> None:
+        self._node = Node(session, f"/{vehicle}", "onboard_camera_beacons")
+        self._node.subscribe(
+            "parameter_changes", TOPICS["parameter_changes"].type_name, self._changed
+        )
+        asked = ParameterClient(self._node, f"/{vehicle}/station")
+        self._set(str(asked.values()[OURS]))
+
+    @property
+    def places(self) -> Places:
+        return self._places
+
+    def close(self) -> None:
+        self._node.close()
+
+    def _changed(self, received: Received) -> None:
+        change = decode_change(received.payload)
+        if change.name == OURS:
+            self._set(str(change.new))
+
+    def _set(self, text: str) -> None:
+        beacons = parse_layout(text)
+        self._places: Places = dict(
+            zip(beacons.ids.tolist(), beacons.positions_w.tolist(), strict=True)
+        )
+
+
+class OnboardCameraSource:
+    """Beacons in the pictures of a camera, or a video file.
+
+    Args:
+        camera, intrinsics, tags: as of `console.trackers.camera.CameraSource`; the tags as
+            `estimation.tags.tag_bearings` reads them.
+        beacons: closed with it.
+
+    Raises StorageError, MeasurementError, UnreachableError.
+    """
+
+    def __init__(self, camera: int | Path, intrinsics: Path, tags: Path, beacons: Beacons) -> None:
+        lens, told = load_intrinsics(intrinsics), load_beacon_tags(tags)
+        self._reader, self._beacons = TagBearings(told, lens), beacons
+        self._late_ns = round(1e9 * told.delay)
+        self._pictures = Pictures(camera, lens)
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield a frame a picture. Raises MeasurementError, UnreachableError, UsageError."""
+        for stamp_ns, received_ns, grey in self._pictures:
+            seen = self._reader.take(grey)
+            left = self._reader.misfit(seen, self._beacons.places)
+            doubt = (
+                f"beacons are {left:.0f} pixels from their places in the layout, allowed "
+                f"{FAR_OFF:g}: survey them (quadlab replay LOG --survey), or the intrinsics are of "
+                "another camera"
+                if left > FAR_OFF
+                else ""
+            )
+            late = None if stamp_ns is None else stamp_ns - self._late_ns
+            yield Frame(late, received_ns - self._late_ns, beacons=seen, doubt=doubt)
+
+    def close(self) -> None:
+        self._pictures.close()
+        self._beacons.close()
+
+
+class BearingsTracker(Tracker):
+    """Publishes the bearings of a camera on one vehicle, and how it does."""
+
+    measured, told_on = "camera_bearings", "camera_status"
+    unseen_for = 1.0
+
+    def _take_seen(self, frame: Frame, taken_ns: int | None, now: float) -> None:
+        [one], seen = self._vehicles, frame.beacons
+        if frame.doubt:
+            self._note, self._noted = frame.doubt, now
+        if seen is None or not seen.beacon_ids:
+            return
+        self._seen.extend((now, f"beacon {number}") for number in seen.beacon_ids)
+        one.gaps += one.is_missing
+        one.seen, one.is_missing = now, False
+        if taken_ns is not None:
+            stamp_ns, ids = to_epoch(taken_ns), np.array(seen.beacon_ids, np.int32)
+            payload = topics.encode_bearings(
+                stamp_ns, ids, seen.bearings_b, seen.sigma, one.vehicle
+            )
+            one.measured.put(payload, stamp_ns)
+
+    def _unseen(self, one: Vehicle) -> str:
+        return f"{self._words} sees no beacon; look at the light and at where the tags are"

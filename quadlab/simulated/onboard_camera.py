@@ -1,0 +1,174 @@
+"""A camera on the simulated vehicle: what it sees is rendered, and read as a real picture is.
+
+Beacons are tags in the plane of their layout, with their faces to the middle of the room.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from bearing_sim import Beacons, BearingMeasurement, BearingParameters, parse_layout
+from bearing_sim.bearing_parameters import parse_lost
+from bearing_sim.pose_track import PoseTrack
+from bearing_sim.rendered_camera import Pattern, RenderedCamera
+from bearing_sim.sampling import SECOND_NS, DelayLine, InstantGrid
+from estimation.tags.detector import Picture, TagDetector
+from estimation.tags.intrinsics import Intrinsics
+from estimation.tags.tag_bearings import BeaconTags, Mount, TagBearings
+from quadrotor.errors import MeasurementError
+from quadrotor.parameters import Parameters, parameter
+from quadrotor.rotations import quaternion_to_matrix, rotation_log
+
+Array = npt.NDArray[np.float64]
+
+WIDTH, HEIGHT = 640, 480
+MIDDLE = np.array([0.0, 0.0, 1.0])
+"""m, world axes: of the room."""
+
+
+class CameraParameters(Parameters):
+    """The camera on the simulated vehicle; its mount, rate and delay are those of `bearings`."""
+
+    enabled: bool = parameter(
+        False, description="bearings are found in rendered pictures of tags, not emulated"
+    )
+    field_of_view: float = parameter(
+        90.0, unit="deg", ge=20, le=130, step=5, description="across the picture of 640 x 480"
+    )
+    tag_size: float = parameter(
+        0.2, unit="m", ge=0.02, le=1, step=0.01, description="side of the tags' black square"
+    )
+    position_x: float = parameter(
+        0.05, unit="m", ge=-1, le=1, step=0.01, description="of the lens, body axes"
+    )
+    position_y: float = parameter(
+        0.0, unit="m", ge=-1, le=1, step=0.01, description="of the lens, body axes"
+    )
+    position_z: float = parameter(
+        -0.03, unit="m", ge=-1, le=1, step=0.01, description="of the lens, body axes"
+    )
+    exposure: float = parameter(
+        0.004, unit="s", ge=0, le=0.03, step=0.001, description="of each row; moving tags smear"
+    )
+    readout: float = parameter(
+        0.0, unit="s", ge=0, le=0.03, step=0.001, description="of a rolling shutter, of all rows"
+    )
+    sigma: float = parameter(
+        0.2, unit="deg", ge=0.01, le=20, step=0.01, description="told beside the corners' noise"
+    )
+
+
+class OnboardCamera:
+    """Takes the place of a `bearing_sim.BearingEmulator`.
+
+    Attributes:
+        lens: of the camera.
+        pictures: taken; unread: of those, without a bearing.
+    """
+
+    def __init__(self, bearings: BearingParameters, camera: CameraParameters) -> None:
+        self.parameters, self._camera = bearings, camera
+        p, self._text = bearings, ""
+        focal = 0.5 * WIDTH / math.tan(0.5 * math.radians(camera.field_of_view))
+        matrix = np.array([[focal, 0.0, 322.0], [0.0, focal, 238.0], [0.0, 0.0, 1.0]])
+        self._rendered = RenderedCamera(
+            WIDTH, HEIGHT, matrix, exposure=camera.exposure, readout=camera.readout
+        )
+        mount = Mount(
+            position=(camera.position_x, camera.position_y, camera.position_z),
+            turn=(p.mount_roll, p.mount_pitch, p.mount_yaw),
+        )
+        self.lens = Intrinsics(WIDTH, HEIGHT, matrix, self._rendered.distortion)
+        told = BeaconTags(size=camera.tag_size, camera=mount, sigma=camera.sigma)
+        self._reader, self._prints = (
+            TagBearings(told, self.lens),
+            TagDetector(self.lens, told.family),
+        )
+        self._R_bc, self._lens_b = mount.axes_b, np.array(mount.position)
+        self._random = np.random.default_rng(p.seed)
+        self._grid, self._track = InstantGrid(), PoseTrack()
+        self._line: DelayLine[BearingMeasurement] = DelayLine()
+        self._last: tuple[int, Array, Array] | None = None
+        self.pictures = self.unread = 0
+
+    def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
+        """Observe the true pose, as `BearingEmulator.observe`."""
+        after_ns = self._track.add(stamp_ns, position_w, quaternion_wb)
+        R_wb, last = quaternion_to_matrix(quaternion_wb), self._last
+        self._last = stamp_ns, position_w.copy(), R_wb
+        if after_ns is None or last is None:
+            return
+        seconds = 1e-9 * (stamp_ns - last[0])
+        velocity_w = (position_w - last[1]) / seconds
+        turning_b = rotation_log(last[2].T @ R_wb) / seconds
+        for instant_ns in self._grid.between(after_ns, stamp_ns, self.parameters.rate):
+            pose = self._track.at(instant_ns)
+            at = np.array(pose.position_w), quaternion_to_matrix(np.array(pose.quaternion_wb))
+            self._read(instant_ns, self.picture(*at, velocity_w, turning_b))
+
+    def due(self, now_ns: int) -> list[BearingMeasurement]:
+        """Return the frames that have arrived by `now_ns`, in order."""
+        return self._line.due(now_ns)
+
+    @property
+    def next_ns(self) -> int | None:
+        return self._line.next_ns
+
+    @property
+    def beacons(self) -> Beacons:
+        return parse_layout(self.parameters.layout)
+
+    def picture(
+        self, position_w: Array, R_wb: Array, velocity_w: Array, turning_b: Array
+    ) -> Picture:
+        """Return what the camera sees of a vehicle with this pose and motion: m/s, rad/s."""
+        beacons, lost = self.beacons, parse_lost(self.parameters.lost)
+        R_wt = _facing(beacons)
+        to_camera, patterns = self._R_bc.T, []
+        for number, place_w in zip(beacons.ids.tolist(), beacons.positions_w, strict=True):
+            if lost is None or number in lost:
+                continue
+            from_body = R_wb.T @ (place_w - position_w)
+            picture = self._prints.picture(number)
+            wide = self._camera.tag_size * len(picture) / (len(picture) - 2)
+            patterns.append(
+                Pattern(
+                    picture,
+                    (wide, wide),
+                    to_camera @ (from_body - self._lens_b),
+                    to_camera @ R_wb.T @ R_wt,
+                    to_camera @ (-np.cross(turning_b, from_body) - R_wb.T @ velocity_w),
+                    -to_camera @ turning_b,
+                )
+            )
+        return self._rendered.take(patterns, self._random)
+
+    def _read(self, stamp_ns: int, grey: Picture) -> None:
+        p = self.parameters
+        self.pictures += 1
+        try:
+            seen = self._reader.take(grey)
+        except MeasurementError:  # withheld, as by the tracker process
+            self.unread += 1
+            return
+        self.unread += not seen.beacon_ids
+        frame = BearingMeasurement(
+            stamp_ns + round(p.stamp_error * SECOND_NS),
+            np.array(seen.beacon_ids, np.int32),
+            seen.bearings_b,
+            seen.sigma,
+            self.beacons,
+        )
+        late = p.delay + p.jitter * self._random.random()
+        self._line.put(stamp_ns + round(late * SECOND_NS), frame)
+
+
+def _facing(beacons: Beacons) -> Array:
+    """Return R_wt of tags in the plane of the beacons that face the middle of the room."""
+    z = beacons.normal_w * math.copysign(1.0, float((MIDDLE - beacons.center_w) @ beacons.normal_w))
+    x = np.cross([0.0, 0.0, 1.0] if abs(z[2]) < 0.9 else [0.0, 1.0, 0.0], z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])

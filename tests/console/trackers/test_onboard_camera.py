@@ -1,0 +1,154 @@
+"""`quadlab tracker onboard_camera`: from a video to the vehicle's bearings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from bearing_sim import BearingParameters
+from console.trackers.onboard_camera import OnboardCameraSource, Places
+from console.trackers.source import Frame
+from quadlab.commands.processes import check_tracker
+from quadlab.commands.tracker import Tracker
+from quadlab.simulated.onboard_camera import CameraParameters, OnboardCamera
+from quadrotor.errors import MeasurementError, UsageError
+from quadrotor.records import beacon_ids_of
+from tests.console.trackers.test_tracker_process import AHEAD_NS, Bench
+from tests.waiting import wait_for
+from vehicle_link import topics
+from vehicle_link.messages import decode
+from vehicle_link.topics import TOPICS
+
+Array = npt.NDArray[np.float64]
+
+PLACE = np.array([0.3, -0.2, 1.1])
+CAMERA = OnboardCamera(
+    BearingParameters(layout="wall", mount_pitch=-90.0), CameraParameters(exposure=0.0)
+)
+BEACONS = dict(zip(CAMERA.beacons.ids.tolist(), CAMERA.beacons.positions_w.tolist(), strict=True))
+TAGS = "size = 0.2\n[camera]\nposition = [0.05, 0, -0.03]\nturn = [0, -90, 0]\n"
+PICTURES = 400
+
+
+class Told:
+    def __init__(self, places: Places) -> None:
+        self.places = places
+
+    def close(self) -> None: ...
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with intrinsics, tags and a video of a vehicle that hovers."""
+    folder = tmp_path_factory.mktemp("camera")
+    CAMERA.lens.save(folder / "camera.yaml")
+    (folder / "beacons.toml").write_text(TAGS)
+    grey = CAMERA.picture(PLACE, np.eye(3), np.zeros(3), np.zeros(3))
+    write(folder / "hover.avi", [grey] * PICTURES)
+    return folder
+
+
+def write(path: Path, pictures: list[Any]) -> None:
+    size = pictures[0].shape[::-1]
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 20.0, size)
+    for grey in pictures:
+        writer.write(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR))
+    writer.release()
+
+
+def first(files: Path, video: str, places: Places) -> Frame:
+    source = OnboardCameraSource(
+        files / video, files / "camera.yaml", files / "beacons.toml", Told(places)
+    )
+    return next(source.frames())
+
+
+def true_bearings() -> Array:
+    away = CAMERA.beacons.positions_w - PLACE
+    return np.asarray(away / np.linalg.norm(away, axis=1)[:, None])
+
+
+def test_a_picture_that_fits_the_layout_is_not_doubted_and_one_that_does_not_is(
+    files: Path,
+) -> None:
+    frame = first(files, "hover.avi", BEACONS)
+    assert frame.beacons is not None
+    np.testing.assert_allclose(frame.beacons.bearings_b, true_bearings(), atol=2e-3)
+    assert frame.doubt == ""
+    moved = {**BEACONS, 2: [2.5, -1.1, 0.6]}
+    doubted = first(files, "hover.avi", moved)
+    assert "pixels from their places in the layout" in doubted.doubt
+    assert doubted.beacons is not None
+    assert doubted.beacons.beacon_ids == [1, 2, 3, 4]  # passed on, to survey them
+
+
+def test_a_black_picture_is_told_and_the_next_one_read(files: Path) -> None:
+    grey = CAMERA.picture(PLACE, np.eye(3), np.zeros(3), np.zeros(3))
+    write(files / "dark.avi", [np.zeros_like(grey), grey])
+    source = OnboardCameraSource(
+        files / "dark.avi", files / "camera.yaml", files / "beacons.toml", Told(BEACONS)
+    )
+    with pytest.raises(MeasurementError, match="the picture is black"):
+        next(source.frames())
+    seen = next(source.frames()).beacons
+    assert seen is not None
+    assert seen.beacon_ids == [1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ({}, "onboard_camera needs --intrinsics FILE and --tags FILE"),
+        ({"intrinsics": Path("c"), "tags": Path("t"), "body": ("a", "b")}, "is on one vehicle"),
+        ({"intrinsics": Path("c"), "tags": Path("t"), "body": ("quad1=b",)}, "is on one vehicle"),
+    ],
+)
+def test_words_that_do_not_go_together_are_refused(words: dict[str, Any], told: str) -> None:
+    with pytest.raises(UsageError, match=told):
+        Tracker("onboard_camera", **words).check()
+
+
+def test_the_station_does_not_start_it_for_poses() -> None:
+    with pytest.raises(UsageError, match="brings bearings and no poses"):
+        check_tracker("onboard_camera --intrinsics c --tags t")
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    bench = Bench(tmp_path_factory.mktemp("data"))
+    yield bench
+    bench.close()
+
+
+def test_a_video_becomes_the_vehicles_bearings_and_its_end_is_told(
+    bench: Bench, files: Path
+) -> None:
+    statuses: list[Any] = []
+    bench.page.subscribe(
+        "camera_status",
+        TOPICS["camera_status"].type_name,
+        lambda r: statuses.append(decode(r.payload, TOPICS["camera_status"].type_name)),
+    )
+    video = ("--video", files / "hover.avi", "--intrinsics", files / "camera.yaml")
+    words = [str(word) for word in (*video, "--tags", files / "beacons.toml")]
+    camera = bench.track("onboard_camera", *words)
+    wait_for(lambda: len(bench.frames) > 5 or camera.poll() is not None)
+    newest = bench.frames[-1]
+    frame = topics.decode_bearings(newest.payload)
+    assert beacon_ids_of(frame) == [1, 2, 3, 4]
+    np.testing.assert_allclose(frame["bearing_b"][0, :4], true_bearings(), atol=2e-3)
+    age = 1e-9 * (newest.received_ns + AHEAD_NS - int(frame["stamp_ns"][0]))
+    assert -0.005 < age < 1.0
+    # The station's beacons stand on the floor, in its own layout.
+    wait_for(lambda: bench.told("pixels from their places in the layout"))
+    wait_for(lambda: statuses and len(statuses[-1].seen) == 4)
+    assert sorted(statuses[-1].seen) == [f"beacon {number}" for number in (1, 2, 3, 4)]
+    camera.terminate()
+    assert camera.wait(20) == 0
+    wait_for(lambda: bench.told("camera on board: its process is silent"))
