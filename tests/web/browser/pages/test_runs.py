@@ -436,7 +436,8 @@ def test_a_run_shows_what_it_lacks_and_how_far_filling_it_is(
         keep_completeness(runs, name, found)
     page = open_runs()
     sees = look_at(page)
-    for row, words in enumerate(("3.2 s missing", r"complete \(3.2 s restored\)", "complete", "closed")):
+    restored = r"complete \(3.2 s restored\)"
+    for row, words in enumerate(("3.2 s missing", restored, "complete", "closed")):
         sees.text(f"#run-{row} .state", f"^{words}$")
     sees.text("#detail .fill .ticks", "^Ticks: 3.2 s missing of 61.0 s: .* was overwritten.$")
     page.click("#detail .fill button >> text=Compare again")
