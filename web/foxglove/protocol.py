@@ -1,5 +1,5 @@
 """Foxglove's websocket protocol, versions `foxglove.sdk.v1` and `foxglove.websocket.v1`, which are
-the same on the wire (https://github.com/foxglove/ws-protocol/blob/main/docs/spec.md).
+the same on the wire (https://github.com/foxglove/ws-protocol).
 
 Text messages are JSON with their operation in `op`, binary ones begin with one byte of it.
 """
