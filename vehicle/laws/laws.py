@@ -1,8 +1,9 @@
-"""The control laws there are: built in, over UDP, and files of a folder."""
+"""The control laws there are: built in, over UDP, files of a folder, and installed packages'."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.metadata import entry_points
 from pathlib import Path
 
 from control.controller import GeometricController
@@ -10,7 +11,7 @@ from control.near_hovering import NearHoveringController
 from control.parameters import GEOMETRIC, NEAR_HOVERING, NONE, PluginBounds
 from quadrotor.errors import QuadlabError, RefusedError
 from vehicle.laws.external import ExternalLaw
-from vehicle.laws.host import FMU
+from vehicle.laws.host import FMU, GROUP
 from vehicle.laws.links import Link, NoLink, ProcessLink, UdpLink
 
 BUILT_IN: dict[str, Callable[[], GeometricController]] = {
@@ -38,10 +39,11 @@ class Laws:
 
     def __init__(self, folder: Path | None = None, waits: bool = True) -> None:
         self._folder, self._waits = folder, waits
+        self._packaged = entry_points(group=GROUP)  # once: it reads many files, too slow in flight
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all laws, built-in ones first."""
-        return (*BUILT_IN, UDP, *sorted(self._files()))
+        return (*BUILT_IN, UDP, *sorted(self._sources()))
 
     def check(self, law: str, shadow: str) -> None:
         """Raise RefusedError for a law that is not there, and for two external ones."""
@@ -55,10 +57,10 @@ class Laws:
                     f"{parameter} = {name!r} is not a law; there are {', '.join(self.names())}; "
                     f"put NAME.py or NAME.fmu into {self._folder or 'the folder plugins'}"
                 )
-            if len(self._files().get(name, ())) > 1:
+            if len(self._sources().get(name, ())) > 1:
                 raise RefusedError(
-                    f"{parameter} = {name}: two files have this name, "
-                    f"{' and '.join(one.name for one in self._files()[name])}; rename one"
+                    f"{parameter} = {name}: two files or packages have this name, "
+                    f"{' and '.join(Path(one).name for one in self._sources()[name])}; rename one"
                 )
         if law not in BUILT_IN and shadow not in (NONE, law):
             raise RefusedError(
@@ -73,17 +75,19 @@ class Laws:
             if name == UDP:
                 link = UdpLink(bounds.udp_peer, bounds.udp_port, self._waits)
             else:
-                link = ProcessLink(self._files()[name][0], self._waits)
+                link = ProcessLink(self._sources()[name][0], self._waits)
         except QuadlabError as error:
             link = NoLink(str(error))
         return ExternalLaw(name, link, base, self._waits)
 
-    def _files(self) -> dict[str, list[Path]]:
-        """Return the files of the folder by the name of their law."""
-        found: dict[str, list[Path]] = {}
+    def _sources(self) -> dict[str, list[str]]:
+        """Return what `vehicle.laws.host.load` takes, by the name of the law."""
+        found: dict[str, list[str]] = {}
         folder = self._folder
         for path in sorted(folder.iterdir()) if folder is not None and folder.is_dir() else ():
             is_law = path.suffix in (".py", FMU) and path.stem.isidentifier()
             if is_law and not path.stem.startswith(("_", TESTS)):
-                found.setdefault(path.stem, []).append(path)
+                found.setdefault(path.stem, []).append(str(path))
+        for point in self._packaged:
+            found.setdefault(point.name, []).append(f"{GROUP}={point.value}")
         return {name: files for name, files in found.items() if name not in (*BUILT_IN, UDP, NONE)}

@@ -55,21 +55,22 @@ class NoLink:
 
 
 class ProcessLink:
-    """A law of a file, in a process of its own.
+    """A law of a file or package, in a process of its own.
 
     Args:
+        source: as `vehicle.laws.host.load` takes it.
         waits: whether time waits for an answer, as in simulated flights.
 
     Raises JobError when the process cannot be started.
     """
 
-    def __init__(self, path: Path, waits: bool) -> None:
-        self._path, self._waits, self._ready = path, waits, False
+    def __init__(self, source: str, waits: bool) -> None:
+        self._name, self._waits, self._ready = Path(source).name, waits, False
         # Keeps the boundaries of messages, and tells at once when the other end is gone.
         self._socket, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with other:
             self._job: Job[None] = Job(
-                serve, other.fileno(), str(path), niceness=0, keep=(other.fileno(),)
+                serve, other.fileno(), source, niceness=0, keep=(other.fileno(),)
             )
         self._socket.settimeout(START if waits else 0.0)
 
@@ -108,12 +109,12 @@ class ProcessLink:
             if time.monotonic() >= end:
                 break
         if not has_ended:
-            return f"{self._path.name}: its process closed the connection"
+            return f"{self._name}: its process closed the connection"
         try:
             self._job.result()
         except QuadlabError as error:
             return str(error)
-        return f"{self._path.name}: its process ended"
+        return f"{self._name}: its process ended"
 
 
 class UdpLink:

@@ -173,12 +173,52 @@ def test_changes_that_cannot_be_are_refused_by_name(
     twin = tmp_path / "mine.fmu"
     twin.write_bytes(b"")
     both_named = refusal(lambda: lab.change({"control.law": "mine"}))
-    assert "two files have this name, mine.fmu and mine.py" in both_named
+    assert "have this name, mine.fmu and mine.py" in both_named
     twin.unlink()
     lab.hovering()
     assert "set control.shadow_law before" in refusal(lambda: lab.change({"control.law": "mine"}))
     assert "on the ground" in refusal(lambda: lab.change({"control.shadow_law": "mine"}))
     assert lab.parameter("control.law") == "geometric"
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], None]:
+    """Install a package with one module that offers laws as entry points."""
+    place = tmp_path / "site"
+
+    def installed(source: str, entries: str) -> None:
+        facts = place / "some_laws-1.0.dist-info"
+        facts.mkdir(parents=True)
+        (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: some-laws\nVersion: 1.0\n")
+        (facts / "entry_points.txt").write_text(f"[quadlab.laws]\n{entries}\n")
+        (place / "some_laws.py").write_text(textwrap.dedent(source))
+        monkeypatch.syspath_prepend(place)
+        monkeypatch.setenv("PYTHONPATH", str(place))  # of the law's process
+
+    return installed
+
+
+def test_a_law_of_an_installed_package_flies_and_one_that_fails_is_named_with_its_line(
+    fly: Callable[..., Lab], package: Callable[[str, str], None]
+) -> None:
+    harm = "if x.time > 3.0: 1 / 0"
+    source = good(harm).replace("class law:", "class Mine:")
+    package(source, "packaged = some_laws:Mine\nlost = some_laws:Nothing\nmine = some_laws:Mine")
+    lab = fly(good(), **{"control.law": "geometric"})
+    assert "have this name, mine.py and quadlab.laws=some_laws:Mine" in refusal(
+        lambda: lab.change({"control.law": "mine"})
+    )
+    lab.change({"control.law": "lost"})
+    lab.wait_until(lambda _: lab.parameter("control.law") == "geometric", what="lost", timeout=5)
+    assert "no attribute 'Nothing'" in lab.said
+    lab.change({"control.law": "packaged"})
+    lab.hovering()
+    assert "law packaged is ready" in lab.said
+    lab.wait_until(lambda _: lab.parameter("control.law") == "geometric", what="out", timeout=15)
+    line = source.splitlines().index("        " + harm) + 1
+    assert f"some_laws.py line {line}: ZeroDivisionError" in lab.said
+    lab.wait(1.0)
+    assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.1)
 
 
 def test_a_port_in_use_is_told_and_changes_nothing_in_flight(fly: Callable[..., Lab]) -> None:
