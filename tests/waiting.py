@@ -29,6 +29,6 @@ def until(condition: Callable[[], T], bound: float = LIMIT) -> T:
     return answer
 
 
-def wait_for(condition: Callable[[], object], bound: float = LIMIT) -> None:
-    """Polls; fails at the end of the bound (s)."""
-    assert until(condition, bound), f"not within {bound:.0f} s"
+def wait_for(condition: Callable[[], object], bound: float = LIMIT, what: str = "it") -> None:
+    """Polls; fails at the end of the bound (s), and names what did not happen."""
+    assert until(condition, bound), f"waited {bound:.0f} s for {what} in vain"

@@ -6,22 +6,13 @@ import os
 import signal
 import subprocess
 import sys
-import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from quadlab.up.supervise import RESTARTS_ALLOWED, Child
 from quadrotor.errors import QuadlabError
-
-
-def until(what: str, look: Callable[[], object], patience: float = 20.0) -> None:
-    waited, end = threading.Event(), time.monotonic() + patience
-    while not look():
-        assert time.monotonic() < end, f"waited {patience:.0f} s for {what} in vain"
-        waited.wait(0.02)
+from tests.waiting import wait_for
 
 
 def station(tmp_path: Path) -> Child:
@@ -43,7 +34,7 @@ def test_a_killed_child_is_started_again_and_stopped_when_asked(tmp_path: Path) 
     first = child.pid
     assert first is not None
     os.kill(first, signal.SIGKILL)
-    until("the death", lambda: not running(first))
+    wait_for(lambda: not running(first), what="the death")
     assert "killed by SIGKILL; started again" in (child.watch() or "")
     second = child.pid
     assert second not in (None, first)
@@ -65,7 +56,7 @@ def test_a_child_that_keeps_dying_is_given_up_with_its_name() -> None:
             return True
         return False
 
-    until("the end", dies_for_good, 60)
+    wait_for(dies_for_good, what="the end")
     assert sum("started again" in line for line in said) == RESTARTS_ALLOWED
     assert "broken ended with status 2 and cannot go on" in said[-1]
 
@@ -84,10 +75,10 @@ def test_a_child_does_not_outlive_a_killed_parent(tmp_path: Path) -> None:
     ) as parent:
         assert parent.stdout is not None
         child = int(parent.stdout.readline())
-        until("the simulator's links", lambda: (tmp_path / "mcu0").is_symlink(), 30)
+        wait_for(lambda: (tmp_path / "mcu0").is_symlink(), what="the simulator's links")
         parent.kill()
     try:
-        until("the child's end", lambda: not running(child))
+        wait_for(lambda: not running(child), what="the child's end")
     except AssertionError:
         os.kill(child, signal.SIGKILL)
         pytest.fail("the child outlived its parent")

@@ -296,12 +296,8 @@ def pytest_runtest_makereport(
 
 @pytest.fixture(scope="session")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Laboratory]]:
-    """None or one. All of them are tested in one process, which takes longest: where that is a
-    session of its own and root's, it gets three shares of the processors."""
+    """None or one."""
     running: list[Laboratory] = []
-    if os.getsid(0) == os.getpid():
-        with contextlib.suppress(OSError):  # not root, or a kernel without such shares
-            Path("/proc/self/autogroup").write_text("-5")
     yield running
     for laboratory in running:
         laboratory.close()

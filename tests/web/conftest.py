@@ -27,6 +27,7 @@ from estimation.parameters import EstimationParameters
 from quadrotor.errors import LinkError, QuadlabError, UnreachableError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from tests.support.runs import run_entry
+from tests.waiting import wait_for
 from vehicle_link.messages import encode, header, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters
 from vehicle_link.transport.node import Received
@@ -466,7 +467,7 @@ class serving:  # noqa: N801 - used as `with serving(...)`
 
     def __enter__(self) -> Site:
         self._thread.start()
-        wait_until(lambda: bool(self.site.links) and self._server.started)
+        wait_for(lambda: bool(self.site.links) and self._server.started)
         return self.site
 
     def __exit__(self, *_: object) -> None:
@@ -489,17 +490,9 @@ def _is_view(scope: Scope) -> bool:
     return str(scope["path"]).endswith("/viser/")
 
 
-def wait_until(condition: Callable[[], bool], bound: float = 20.0) -> None:
-    """Polls until the condition holds; the bound is for a broken program only."""
-    end = time.monotonic() + bound
-    while not condition():
-        assert time.monotonic() < end, "waited in vain"
-        threading.Event().wait(0.01)
-
-
 @pytest.fixture
 def until() -> Callable[..., None]:
-    return wait_until
+    return wait_for
 
 
 @pytest.fixture(scope="session")

@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-import threading
-import time
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from console.beacon_layout import OURS, THEIRS
 from quadrotor.errors import ParameterError
+from tests.waiting import until
 from vehicle.flight.modes import Mode
 from vehicle_link.parameters.service import ParameterClient
 from vehicle_link.serial.ids import MotorState
-
-
-def until(condition: Callable[[], Any], bound: float = 20.0) -> Any:
-    """Polls; returns what is true, or the last answer at the end of the bound."""
-    waiting, end = threading.Event(), time.monotonic() + bound
-    while not (answer := condition()) and time.monotonic() < end:
-        waiting.wait(0.01)
-    return answer
 
 
 def test_a_vehicle_that_connects_is_told_follows_and_has_a_veto(linked: Any) -> None:

@@ -4,7 +4,6 @@ catalogue."""
 from __future__ import annotations
 
 import shutil
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,6 +15,7 @@ from console.catalogue.catalogue import Catalogue
 from console.catalogue.marks import marks_of
 from console.runs.adoption import tidy_runs
 from console.runs.log_marks import marks_in_log
+from tests.waiting import wait_for
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics import TOPICS
 
@@ -37,13 +37,6 @@ def run(linked: Any) -> Iterator[str]:
     stop(linked)
 
 
-def wait_until(condition: Callable[[], bool]) -> None:
-    waiting, end = threading.Event(), time.monotonic() + 20.0
-    while not condition():
-        assert time.monotonic() < end, "waited in vain"
-        waiting.wait(0.01)
-
-
 def stop(linked: Any) -> None:
     linked.station.runs.recorder.stop()
     assert linked.station.runs.recorder.wait_idle(20.0)
@@ -58,7 +51,7 @@ def mark(linked: Any, ago: float = 0.0, **fields: Any) -> tuple[str, Any]:
 def test_a_mark_stands_in_log_and_catalogue_at_the_time_of_the_key_press(
     linked: Any, run: str
 ) -> None:
-    wait_until(lambda: linked.station.runs.recorder.status().duration > 0.4)
+    wait_for(lambda: linked.station.runs.recorder.status().duration > 0.4)
     before = time.time_ns() + AHEAD_NS
     name, answer = mark(linked, ago=0.3, text="gust")
     after = time.time_ns() + AHEAD_NS
@@ -86,7 +79,7 @@ def test_a_text_that_follows_belongs_to_the_first_mark(linked: Any, run: str) ->
     [found] = marks_in_log(linked.catalogue.resolve(run), run)
     assert (found.text, found.time) == ("lost bearings", first.time)
     assert marks_of(linked.catalogue, run) == [found]
-    wait_until(lambda: len(told) == 2)
+    wait_for(lambda: len(told) == 2)
     assert [(one.id, one.text) for one in told] == [(name, ""), (name, "lost bearings")]
     assert stamp_of(told[0]) == stamp_of(told[1])
 

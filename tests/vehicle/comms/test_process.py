@@ -25,7 +25,8 @@ from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.checkout import ROOT
 from quadrotor.records import POSE_SAMPLE, Record
 from tests.support.station import StationLink
-from tests.waiting import free_port
+from tests.waiting import LIMIT as BOUND
+from tests.waiting import free_port, wait_for
 from vehicle.calibration.store import CalibrationStore
 from vehicle.onboard_log.recovery import torn_logs
 from vehicle_link import messages, telemetry, topics
@@ -34,9 +35,6 @@ from vehicle_link.parameters.messages import from_value, to_parameters
 from vehicle_link.parameters.service import ParameterClient
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.transport.node import Node, Received
-
-BOUND = 60.0
-"""s, after which a test that waits has failed."""
 
 SIMULATOR = """
 import sys
@@ -54,14 +52,6 @@ sys.exit(run_vehicle([f"{sys.argv[1]}/mcu0", f"{sys.argv[1]}/mcu1"], Path(sys.ar
                      int(sys.argv[3]),
                      settings={"model.mass": 1.3, "safety.link_land_after": 20.0}))
 """
-
-
-def wait_until(reached: Callable[[], object], what: str) -> None:
-    """Ask every 10 ms; fails with `what` after BOUND."""
-    tick, end = threading.Event(), time.monotonic() + BOUND
-    while not reached():
-        assert time.monotonic() < end, f"{what} did not happen within {BOUND:.0f} s"
-        tick.wait(0.01)
 
 
 class VehicleProcesses:
@@ -87,9 +77,9 @@ class VehicleProcesses:
         return 0
 
     def children(self) -> tuple[int, int]:
-        wait_until(
+        wait_for(
             lambda: self.child("vehicle.flight.process") and self.child("vehicle.comms.process"),
-            "both children",
+            what="both children",
         )
         return self.child("vehicle.flight.process"), self.child("vehicle.comms.process")
 
@@ -224,7 +214,7 @@ def check_link(station: FakeStation) -> None:
         station.send_bearings(time.time_ns())  # a stream: what comes before the solver has no pose
         return expected <= set(station.counts)
 
-    wait_until(complete, f"every topic of {expected}")
+    wait_for(complete, what=f"every topic of {expected}")
 
 
 def check_parameters(station: FakeStation) -> None:
@@ -233,7 +223,7 @@ def check_parameters(station: FakeStation) -> None:
     changed: Mapping[str, float] = {"model.mass": 1.308}
     reply = station.command("change_parameters", "p1", parameters=to_parameters(changed))
     assert (reply.accepted, reply.revision) == (True, 1)
-    wait_until(lambda: station.changes == ["model.mass 1.3 1.308"], "the parameter change")
+    wait_for(lambda: station.changes == ["model.mass 1.3 1.308"], what="the parameter change")
     wrong = to_parameters({"model.mass": 13.0})
     refused = station.command("change_parameters", "p2", parameters=wrong)
     assert not refused.accepted
@@ -243,9 +233,9 @@ def check_parameters(station: FakeStation) -> None:
 def check_calibrations(station: FakeStation) -> None:
     """One is stored, found and refused; what was stored before the start is in force."""
     assert ParameterClient(station.node, "/quad1/vehicle").values()["model.motor_offset"] == 14.5
-    wait_until(
+    wait_for(
         lambda: any("is not in force: --set model.mass=1.3" in text for text in station.events),
-        "the lines on calibrations in force",
+        what="the lines on calibrations in force",
     )
     found = station.command("calibrate", "c1", action="gyroscope")
     assert found.accepted, found.reason
@@ -253,7 +243,7 @@ def check_calibrations(station: FakeStation) -> None:
     stored = station.command("calibrate", "c2", action="store", record=arm.model_dump_json())
     assert stored.accepted, stored.reason
     assert parse_record(stored.records[0]).previous == {"model.arm": 0.25}
-    wait_until(lambda: "model.arm 0.25 0.251" in station.changes, "the calibration's change")
+    wait_for(lambda: "model.arm 0.25 0.251" in station.changes, what="the calibration's change")
     history = station.command("calibrate", "c3", action="history")
     names = [parse_record(text).name for text in history.records]
     assert names[:2] == ["arm", "gyroscope"]
@@ -272,23 +262,24 @@ def take_off(station: FakeStation) -> None:
     assert again.accepted, "the same request id gets the same answer"
     other = station.command("arm", "a2")
     assert (other.accepted, other.reason) == (False, "already armed")
-    wait_until(lambda: station.mode == "armed", "armed")
+    wait_for(lambda: station.mode == "armed", what="armed")
     checks = station.call("checks", again=True)
     assert not checks.accepted
     assert checks.reason == "the vehicle is armed; checks are made on the ground"
     fields = {"name": "take_off", "arguments": to_parameters({"height": 0.8})}
     assert station.command("start_behavior", "b1", **fields).accepted
-    wait_until(lambda: station.height > 0.7, "height 0.7 m")
+    wait_for(lambda: station.height > 0.7, what="height 0.7 m")
 
 
 def survive_comms(station: FakeStation, processes: VehicleProcesses) -> None:
     flight, comms = processes.children()
     station.counts.clear()
     os.kill(comms, signal.SIGKILL)
-    wait_until(
-        lambda: processes.child("vehicle.comms.process") not in (0, comms), "a new comms process"
+    wait_for(
+        lambda: processes.child("vehicle.comms.process") not in (0, comms),
+        what="a new comms process",
     )
-    wait_until(lambda: station.counts["telemetry"] > 10, "telemetry again")
+    wait_for(lambda: station.counts["telemetry"] > 10, what="telemetry again")
     assert processes.child("vehicle.flight.process") == flight
     assert station.height > 0.6
     values = ParameterClient(station.node, "/quad1/vehicle").values()
@@ -335,7 +326,7 @@ def test_a_flight_goes_on_when_comms_is_killed(tmp_path: Path) -> None:
     with vehicle_processes(tmp_path, free_port(socket.SOCK_STREAM)) as processes:
         station = FakeStation(processes)
         try:
-            wait_until(lambda: station.mode == "ready", "ready")
+            wait_for(lambda: station.mode == "ready", what="ready")
             check_link(station)
             check_parameters(station)
             check_calibrations(station)
@@ -343,12 +334,12 @@ def test_a_flight_goes_on_when_comms_is_killed(tmp_path: Path) -> None:
             survive_comms(station, processes)
             landing = station.command("start_behavior", "b2", name="land")
             assert landing.accepted, (landing.reason, station.events)
-            wait_until(lambda: station.mode == "ready", "landed and disarmed")
-            wait_until(
+            wait_for(lambda: station.mode == "ready", what="landed and disarmed")
+            wait_for(
                 lambda: any(text.endswith(" MB") and "closed" in text for text in station.events),
-                "the onboard log is closed",
+                what="the onboard log is closed",
             )
-            wait_until(lambda: torn_logs(processes.data) == [], "recovery of the torn log")
+            wait_for(lambda: torn_logs(processes.data) == [], what="recovery of the torn log")
             check_files(station, processes)
         finally:
             station.close()
@@ -374,7 +365,7 @@ def test_no_process_stays_when_the_parent_is_killed(tmp_path: Path) -> None:
         children = processes.children()
         processes.vehicle.kill()
         processes.vehicle.wait(BOUND)
-        wait_until(lambda: not any(map(alive, children)), "the end of both children")
+        wait_for(lambda: not any(map(alive, children)), what="the end of both children")
 
 
 def test_a_link_port_in_use_is_one_line_and_the_end(tmp_path: Path) -> None:
