@@ -2,6 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import "./browser.js";
+import { Spectrogram, colorOf } from "../../web/static/replay/spectrogram.js";
 import { FrequencyAxis, Spectra } from "../../web/static/replay/spectrum.js";
 
 const FOUND = { frequency: [0, 1, 2, 3, 4], density: [0, 2, 8, 4, 1] };
@@ -54,4 +55,29 @@ test("it asks once for what is shown, and shows the answer or why there is none"
   made.runs[0].spectrum = async () => { throw new Error("too few"); };
   await made.fetch();
   assert.deepEqual([problems, made.found.size, made.settled], [["", "too few"], 0, true]);
+});
+
+test("a spectrogram asks for the first signal and tells where it is strongest at the cursor", async () => {
+  const made = new Spectrogram({ span: [0, 10], cursor: 1.1 }), asked = [], output = { textContent: "" };
+  const [, rotor] = made.lines(["imu.x", "imu.y"]);
+  made.runs = [{ shift: 1, signals: new Map([["imu.x", { unit: "m/s²" }]]), spectrogram: async (...question) => {
+    asked.push(question);
+    return { times: [1.5, 2, 2.5], frequency: [0, 20, 40, 60], rotors: [[20, 21, 22]],
+      density: [[9, 1, 2, 3], [9, 1, 5, 3], [9, 8, 2, 3]] };
+  } }];
+  await made.fetch();
+  assert.deepEqual(asked, [["imu.x", 1, 11]]);
+  assert.deepEqual([made.unit, made.most, made.greatest], ["m/s²/√Hz", 60, 9]);
+  assert.deepEqual(made.samples(rotor), { times: [0.5, 1, 1.5], values: [20, 21, 22], from: 0, to: 3, gap: Infinity });
+  made.read(output, { name: "imu.x" });
+  assert.equal(output.textContent, "40 Hz");
+  made.range.cursor = null;
+  made.read(output, { name: "imu.x" });
+  assert.equal(output.textContent, "");
+});
+
+test("colours go by the logarithm, from the ground to yellow", () => {
+  assert.deepEqual([0, 1e-3, 1].map((value) => colorOf(value, 1)), [[18, 23, 28], [18, 23, 28], [253, 231, 76]]);
+  const [low, high] = [colorOf(0.01, 1), colorOf(0.1, 1)];
+  assert.ok(high[1] > low[1]);
 });

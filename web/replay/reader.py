@@ -15,7 +15,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from console.evaluation.spectrum import SEGMENT, SEGMENTS_MIN, evenly, rotor_frequency, spectrum
+from console.evaluation.spectrum import (
+    SEGMENT,
+    SEGMENTS_MIN,
+    evenly,
+    rotor_frequency,
+    spectrogram,
+    spectrum,
+)
 from quadrotor.errors import MeasurementError, OutOfBoundsError, StorageError
 from web.replay.cache_writer import COLUMNS, INDEX, TRACK, VERSION
 from web.replay.pyramid import FACTOR, coarser, level_sizes
@@ -24,6 +31,8 @@ STRIDE = 512
 """Every so many times are kept in memory; between them, one read finds the place."""
 MOST_SAMPLES = 2_000_000
 """Of a signal, under one spectrum."""
+MOST_COLUMNS = 300
+"""Of a spectrogram; of more, neighbours are averaged."""
 DETAIL = 2
 """Samples a point are drawn one by one."""
 
@@ -132,9 +141,7 @@ class Replay:
         """
         found = []
         for name in dict.fromkeys(names):
-            times, values = self._samples(self._row(name), start, end)
-            known = np.isfinite(values)
-            rate, even = evenly(times[known], values[known, None])
+            _, rate, even = self._even(name, start, end)
             segment = min(SEGMENT, len(even) / rate / SEGMENTS_MIN)
             frequency, density = spectrum(rate, even, segment)
             root = np.sqrt(0.5 * density[:, 0])
@@ -145,10 +152,31 @@ class Replay:
                     "density": [float(f"{one:.4g}") for one in root],
                 }
             )
-        rows = [self._signals.get(f"actuators/thrusts[{k}]") for k in range(4)]
-        thrusts = [self._samples(row, start, end)[1] for row in rows if row is not None]
-        rotors = [float(rotor_frequency(one).mean()) for one in thrusts if len(one)]
+        rotors = [float(turns.mean()) for _, turns in self._rotors(start, end)]
         return {"spectra": found, "rotors": rotors}
+
+    def spectrogram(self, name: str, start: float, end: float) -> dict[str, Any]:
+        """Return the density of a signal over time and frequency, as `spectra` does: times (T,) in
+        s of the run, frequencies (M,) in Hz, `density` (T, M), and the rotors' frequencies (4, T).
+
+        Raises OutOfBoundsError and MeasurementError as `spectra` does.
+        """
+        first, rate, even = self._even(name, start, end)
+        time, frequency, density = spectrogram(rate, even)
+        apart = -(-len(time) // MOST_COLUMNS)
+        edges = np.arange(0, len(time), apart)
+        counts = np.diff(edges, append=len(time))
+        time = first + np.add.reduceat(time, edges) / counts
+        root = np.sqrt(0.5 * np.add.reduceat(density[:, 0], edges, axis=1) / counts)
+        return {
+            "times": time.round(4).tolist(),
+            "frequency": frequency.round(4).tolist(),
+            "density": [[float(f"{one:.3g}") for one in column] for column in root.T.tolist()],
+            "rotors": [
+                np.interp(time, at, turns).round(2).tolist()
+                for at, turns in self._rotors(start, end)
+            ],
+        }
 
     def at(self, names: Sequence[str], t: float) -> dict[str, list[float | None]]:
         """Return newest value at t (s) and its age (s) of each signal; None before the first
@@ -179,6 +207,19 @@ class Replay:
         if len(data) != count * kind.itemsize:
             raise StorageError(f"the replay's cache {self.folder.name} is cut off; open it again")
         return np.frombuffer(data, kind)
+
+    def _even(self, name: str, start: float, end: float) -> tuple[float, float, Times]:
+        """Return the time of the first sample (s), the rate (Hz) and samples at it, (N, 1)."""
+        times, values = self._samples(self._row(name), start, end)
+        known = np.isfinite(values)
+        rate, even = evenly(times[known], values[known, None])
+        return float(times[known][0]), rate, even
+
+    def _rotors(self, start: float, end: float) -> list[tuple[Times, Times]]:
+        """Return times (s) and turns a second of each rotor whose thrust the log has."""
+        rows = [self._signals.get(f"actuators/thrusts[{k}]") for k in range(4)]
+        thrusts = [self._samples(row, start, end) for row in rows if row is not None]
+        return [(times, rotor_frequency(values)) for times, values in thrusts if len(values)]
 
     def _samples(self, row: dict[str, Any], start: float, end: float) -> tuple[Times, Floats]:
         base = self._bases[self.index["topics"][row["topic"]]["base"]]

@@ -107,6 +107,11 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
         """Return spectra of signals between two instants (s), and the rotors' frequencies."""
         return store.opened(find(run_id)).spectra(signal, start, end)
 
+    @app.get("/api/replay/{run_id}/spectrogram")
+    def spectrogram(run_id: str, start: Seconds, end: Seconds, signal: str) -> dict[str, Any]:
+        """Return a signal's density over time and frequency, and the rotors' frequencies."""
+        return store.opened(find(run_id)).spectrogram(signal, start, end)
+
     @app.get("/api/replay/{run_id}/at")
     def at(run_id: str, t: Seconds, signal: Names) -> dict[str, list[float | None]]:
         """Return newest value and its age (s) of each signal at t (s)."""

@@ -112,6 +112,26 @@ def test_a_spectrum_has_the_density_of_what_was_recorded_and_the_rotors(
     assert "too few" in answered.json()["error"]
 
 
+def test_a_spectrogram_has_the_density_at_each_time_and_the_rotors(
+    viewer_there: httpx.Client, until: Until
+) -> None:
+    described(viewer_there, RUN, until)
+    query = {"start": "1", "end": "6", "signal": "imu/linear_acceleration.x"}
+    found = viewer_there.get(f"/api/replay/{RUN}/spectrogram", params=query).json()
+    density = np.array(found["density"])
+    assert density.shape == (len(found["times"]), len(found["frequency"]))
+    assert found["frequency"][-1] == pytest.approx(250.0, abs=1.0)
+    assert 1.0 < found["times"][0] < 1.5
+    assert 5.5 < found["times"][-1] < 6.0
+    level = float(np.sqrt(np.mean(np.square(density[:, 5:-5]))))
+    assert level == pytest.approx(30.0 * SHORT.noise * np.sqrt(1.0 / 500.0), rel=0.15)
+    assert np.array(found["rotors"]).shape == (4, len(found["times"]))
+    wrong = viewer_there.get(
+        f"/api/replay/{RUN}/spectrogram", params={**query, "signal": "imu/nothing"}
+    )
+    assert "no signal" in wrong.json()["error"]
+
+
 def test_the_vehicles_own_logs_are_listed(viewer_there: httpx.Client) -> None:
     assert {one["id"] for one in viewer_there.get("/api/replay").json()} == {
         "onboard:quad1_flight",

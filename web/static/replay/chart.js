@@ -4,6 +4,7 @@ import { Chart } from "../charts/chart.js";
 import { ChartMenu } from "../charts/signal_menu.js";
 import { element } from "../core/dom.js";
 import { RecordedSignals } from "./recorded_signals.js";
+import { Spectrogram, SpectrogramChart } from "./spectrogram.js";
 import { Spectra, SpectrumChart } from "./spectrum.js";
 
 const axes = (name) => ["x", "y", "z"].map((axis) => `${name}.${axis}`);
@@ -11,16 +12,16 @@ const FIRST = [[...axes("state.position"), ...axes("reference.position")], axes(
 
 // Events: `select`, `drawn` when it is as fine as the screen, `problem` with its text.
 export class ReplayChart extends EventTarget {
-  kind; tools; // made with the runs
+  kinds; tools; // made with the runs
 
   constructor(place, index, clock, range) {
     super();
     this.key = `replay.chart.${index}`; this.index = index; this.place = place; this.range = range;
     this.recorded = new RecordedSignals(clock, range, () => Math.min(2000, Math.max(200, this.chart.plot.clientWidth)));
-    this.spectra = new Spectra(range);
+    this.spectra = new Spectra(range); this.spectrogram = new Spectrogram(range);
     this.chart = new Chart(place, { axis: range, source: this.recorded });
     for (const one of [range, this.spectra.axis]) one.addEventListener("range", () => this.show());
-    for (const source of [this.recorded, this.spectra]) {
+    for (const source of [this.recorded, this.spectra, this.spectrogram]) {
       source.addEventListener("window", () => { this.chart.refresh(); this.show(); });
       source.addEventListener("problem", ({ detail }) => {
         place.classList.toggle("lost", Boolean(detail));
@@ -35,27 +36,29 @@ export class ReplayChart extends EventTarget {
 
   setRuns(runs) {
     const { signals } = runs[0].description;
-    this.recorded.runs = this.spectra.runs = runs;
+    this.recorded.runs = this.spectra.runs = this.spectrogram.runs = runs;
     const menu = new ChartMenu({ signals, named: signals.filter(({ known }) => known).length });
     const choose = element("button", { title: "choose signals", ariaExpanded: "false",
       onclick: () => menu.toggle(this.chart, choose, () => this.changed()) }, "Signals");
-    this.kind = element("button", { title: "density over frequency of what is shown, with the rotors' frequencies; and back",
-      ariaPressed: "false", onclick: () => { if (menu.isOpen) menu.close(); this.setSpectrum(this.source !== this.spectra); } },
-      "Spectrum");
-    this.tools = [this.kind, choose];
+    const kind = (text, source, title) => element("button", { title: `${title}, with the rotors' frequencies; and back`, ariaPressed: "false",
+      onclick: () => { if (menu.isOpen) menu.close(); this.setSource(this.source === source ? this.recorded : source); } }, text);
+    this.kinds = [kind("Spectrum", this.spectra, "density over frequency of what is shown"),
+      kind("Spectrogram", this.spectrogram, "density of the first signal over time and frequency")];
+    this.tools = [...this.kinds, choose];
     this.chart.tools.append(...this.tools);
     this.chart.select(this.stored() ?? this.defaults(runs[0]));
     this.show();
   }
 
-  // Over frequency, or over time again.
-  setSpectrum(isSpectrum) {
-    const { names, place, range, recorded, spectra } = this;
+  // Over time, over frequency, or over both.
+  setSource(source) {
+    const { place, range, spectra, spectrogram } = this, { names } = this;
     this.chart.close();
     place.replaceChildren();
-    this.chart = isSpectrum ? new SpectrumChart(place, { axis: spectra.axis, source: spectra })
-      : new Chart(place, { axis: range, source: recorded });
-    this.kind.ariaPressed = String(isSpectrum);
+    this.chart = source === spectra ? new SpectrumChart(place, { axis: spectra.axis, source })
+      : source === spectrogram ? new SpectrogramChart(place, { axis: range, source })
+        : new Chart(place, { axis: range, source });
+    this.kinds.forEach((button, i) => { button.ariaPressed = String(source === [spectra, spectrogram][i]); });
     this.chart.tools.append(...this.tools);
     this.chart.select(names);
     this.changed();

@@ -84,6 +84,11 @@ export class Run {
     return get(`${this.base}/spectrum?start=${start.toFixed(6)}&end=${end.toFixed(6)}${query(this.known(names))}`);
   }
 
+  // { times, frequency, density: [of each time], rotors: [of each motor] } of one signal.
+  spectrogram(name, start, end) {
+    return get(`${this.base}/spectrogram?start=${start.toFixed(6)}&end=${end.toFixed(6)}${query([name])}`);
+  }
+
   known(names) { return names.filter((name) => this.signals.has(name)); }
 
   // [{signals, times, columns}] between two instants of its own time.

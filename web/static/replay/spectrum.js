@@ -6,6 +6,8 @@ import { Axis, ticksOf } from "../charts/time_axis.js";
 import { setText } from "../core/dom.js";
 
 const ROTOR = "#c9b06b", MOTORS = ["front", "left", "rear", "right"];
+export const rotorsOf = (name) => MOTORS.map((motor, rotor) => ({ name, motor, rotor, second: true, stroke: ROTOR, dash: [3, 3], width: 1 }));
+export const densityOf = (unit) => `${unit || "1"}/√Hz`;
 const LEAST = 1; // Hz, of a zoom
 const RETRY = 1000; // ms
 
@@ -35,29 +37,52 @@ export class FrequencyAxis extends Axis {
   reset() { this.show(0, this.most); }
 }
 
-// Events: `window` when another spectrum is here, `problem` with its text.
-export class Spectra extends EventTarget {
-  runs = []; names = []; found = new Map(); rotors = []; shown = ""; isFetching = false;
+// What the server finds in the samples shown: `ask` asks, `take` keeps the answer, `forget` what it was,
+// `unitOf` a signal is what a chart shows. Events: `window` when another answer is here, `problem` with its text.
+export class Asked extends EventTarget {
+  runs = []; names = []; rotors = []; shown = ""; isFetching = false;
 
   constructor(range) {
     super();
-    this.range = range; this.axis = new FrequencyAxis();
+    this.range = range;
   }
 
   get signals() {
     return new Map([...(this.runs[0]?.signals ?? [])].map(([name, signal]) => [name,
-      { ...signal, unit: `${signal.unit || "1"}/√Hz` }]));
+      { ...signal, unit: /** @type {any} */ (this).unitOf(signal) }]));
   }
 
   get settled() { return !this.names.length || this.shown === this.key; }
   get key() { return JSON.stringify([this.names, this.range.span, this.runs[0]?.shift]); }
 
+  // One question at a time; when its answer comes, what is wanted then is asked for.
+  async fetch() {
+    if (this.isFetching || this.settled) return;
+    this.isFetching = true;
+    const kind = /** @type {any} */ (this), { key, runs: [run], range: { span: [start, end] } } = this;
+    try {
+      kind.take(await kind.ask(run, start + run.shift, end + run.shift), run.shift);
+      this.shown = key;
+      this.dispatchEvent(new CustomEvent("problem", { detail: "" }));
+    } catch (error) {
+      kind.forget();
+      this.shown = key; // it would be refused again
+      this.dispatchEvent(new CustomEvent("problem", { detail: error.message }));
+      await new Promise((resolve) => { setTimeout(resolve, RETRY); });
+    }
+    this.isFetching = false;
+    this.dispatchEvent(new Event("window"));
+  }
+}
+
+export class Spectra extends Asked {
+  found = new Map(); axis = new FrequencyAxis();
+
+  unitOf({ unit }) { return densityOf(unit); }
+
   lines(names, styles) {
     this.names = names;
-    if (!names.length) return [];
-    const rotors = MOTORS.map((motor, rotor) => ({ name: names[0], motor, rotor, second: true, stroke: ROTOR,
-      dash: [3, 3], width: 1 }));
-    return [...names.map((name, i) => ({ name, ...styles[i] })), ...rotors];
+    return names.length ? [...names.map((name, i) => ({ name, ...styles[i] })), ...rotorsOf(names[0])] : [];
   }
 
   samples({ name, rotor }, min, max) {
@@ -76,27 +101,15 @@ export class Spectra extends EventTarget {
     setText(output, rotor === undefined && value ? figure(value) : "");
   }
 
-  // One question at a time; when its answer comes, what is wanted then is asked for.
-  async fetch() {
-    if (this.isFetching || this.settled) return;
-    this.isFetching = true;
-    const { key, names, runs: [run], range: { span: [start, end] } } = this;
-    try {
-      const { spectra, rotors } = await run.spectrum(names, start + run.shift, end + run.shift);
-      this.found = new Map(spectra.map((one) => [one.signal, one]));
-      this.rotors = rotors;
-      this.axis.setMost(Math.max(1, ...spectra.map(({ frequency }) => frequency.at(-1))));
-      this.shown = key;
-      this.dispatchEvent(new CustomEvent("problem", { detail: "" }));
-    } catch (error) {
-      this.found = new Map();
-      this.shown = key; // it would be refused again
-      this.dispatchEvent(new CustomEvent("problem", { detail: error.message }));
-      await new Promise((resolve) => { setTimeout(resolve, RETRY); });
-    }
-    this.isFetching = false;
-    this.dispatchEvent(new Event("window"));
+  ask(run, start, end) { return run.spectrum(this.names, start, end); }
+
+  take({ spectra, rotors }) {
+    this.found = new Map(spectra.map((one) => [one.signal, one]));
+    this.rotors = rotors;
+    this.axis.setMost(Math.max(1, ...spectra.map(({ frequency }) => frequency.at(-1))));
   }
+
+  forget() { this.found = new Map(); }
 }
 
 export class SpectrumChart extends Chart {

@@ -175,7 +175,12 @@ def test_a_chart_shows_the_spectrum_of_its_signals_and_time_again(replay: Any) -
     at(replay, 5.0)
     assert replay.get_attribute("#chart-1 button >> text=Spectrum", "aria-pressed") == "true"
     assert replay.locator("#state:not([hidden])").count() == 0
-    replay.click("#chart-1 >> text=Spectrum")
+    replay.click("#chart-1 >> text=Spectrogram")
+    replay.wait_for_function(
+        "() => document.querySelector('#chart-1 .heat')?.textContent.includes('√Hz')", timeout=BOUND
+    )
+    assert replay.get_attribute("#chart-1 button >> text=Spectrum", "aria-pressed") == "false"
+    replay.click("#chart-1 >> text=Spectrogram")
     replay.wait_for_selector("#chart-1 .plot[aria-label$='over time'] canvas", timeout=BOUND)
     at(replay, 5.0)
 
