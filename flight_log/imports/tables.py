@@ -15,6 +15,10 @@ Array = npt.NDArray[np.float64]
 
 HEAD_LINES = 2000
 """Lines of a text in which its first row of numbers is looked for."""
+LONGEST_LINE = 1 << 20
+"""Characters; a longer first line is of no table."""
+MOST_VALUES = 16_000_000
+"""Numbers read of a table, 128 MB: half an hour of an IMU at 1000 Hz."""
 
 
 class Source(Protocol):
@@ -58,14 +62,14 @@ class TextTable(FileTables):
         super().__init__(path)
         with path.open(encoding="utf-8-sig", errors="replace") as file:
             before: list[str] = []
-            for number, line in enumerate(file):
+            for number, line in enumerate(iter(lambda: file.readline(LONGEST_LINE), "")):
+                if number > HEAD_LINES or len(line) == LONGEST_LINE:
+                    raise _no_numbers(path)
                 self._delimiter = next((one for one in ",;\t" if one in line), None)
                 row = self._split(line)
                 if len(row) > 1 and _number(row[0]) and sum(map(_number, row)) > len(row) / 2:
                     break
                 before = row or before
-                if number > HEAD_LINES:
-                    raise _no_numbers(path)
             else:
                 raise _no_numbers(path)
         self._skip, self._width = number, len(row)
@@ -88,13 +92,14 @@ class TextTable(FileTables):
 
     def read(self, table: str, names: list[str]) -> Array:
         wanted = [self._names.index(one) for one in names]
+        most = MOST_VALUES // len(wanted) + 1
         try:
             found: Array = np.loadtxt(
                 self.path,
                 delimiter=self._delimiter,
                 skiprows=self._skip,
                 usecols=wanted,
-                max_rows=self._rows,
+                max_rows=most if self._rows is None else min(most, self._rows),
                 ndmin=2,
                 comments=None,
                 converters=_value,
@@ -104,10 +109,20 @@ class TextTable(FileTables):
             raise LogFormatError(
                 f"{self.path.name} is not whole: {error}; cut it off behind its last whole line"
             ) from None
+        check_size(self.path, len(found), len(wanted))
         return found
 
     def _split(self, line: str) -> list[str]:
         return [one.strip(' "#\r\n') for one in line.split(self._delimiter)] if line.strip() else []
+
+
+def check_size(path: Path, rows: int, columns: int) -> None:
+    """Raise LogFormatError when a table is too large to be read."""
+    if rows * columns > MOST_VALUES:
+        raise LogFormatError(
+            f"{path.name} has {rows} rows or more; of {columns} columns at most "
+            f"{MOST_VALUES // columns} are imported: cut it into flights"
+        )
 
 
 def _number(text: str) -> bool:
@@ -165,6 +180,7 @@ class Hdf5Table(FileTables):
             with h5py.File(self.path) as file:
                 for name in names:
                     stem, _, item = name.partition("[")
+                    check_size(self.path, len(file[stem]), len(names))
                     found.append(file[stem][:, int(item[:-1])] if item else file[stem][:])
         except (OSError, RuntimeError) as error:
             raise LogFormatError(f"{self.path.name} is damaged: {error!s:.120}") from None
@@ -172,7 +188,7 @@ class Hdf5Table(FileTables):
         if len(set(lengths.values())) > 1:
             told = ", ".join(f"{name} {length}" for name, length in lengths.items())
             raise LogFormatError(f"{self.path.name}: columns of several lengths: {told}")
-        return np.stack(found, axis=1).astype(np.float64)
+        return np.stack(found, axis=1, dtype=np.float64)
 
 
 class NumpyTable(FileTables):
@@ -182,7 +198,7 @@ class NumpyTable(FileTables):
         """Raises LogFormatError."""
         super().__init__(path)
         try:
-            found = np.load(path, allow_pickle=False)
+            found = np.load(path, mmap_mode="r", allow_pickle=False)
         except (ValueError, OSError, EOFError) as error:
             raise LogFormatError(f"{path.name} is no whole NumPy file: {error!s:.120}") from None
         if found.dtype.names:
@@ -196,4 +212,6 @@ class NumpyTable(FileTables):
         return list(self._columns)
 
     def read(self, table: str, names: list[str]) -> Array:
-        return np.stack([self._columns[name] for name in names], axis=1).astype(np.float64)
+        columns = [self._columns[name] for name in names]
+        check_size(self.path, len(columns[0]), len(columns))
+        return np.stack(columns, axis=1, dtype=np.float64)

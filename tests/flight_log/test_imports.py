@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -10,11 +11,13 @@ import pytest
 
 from estimation.sweep_angles import plane_numbers, swept
 from flight_log import check
+from flight_log.imports import tables
 from flight_log.imports.flight import ImportedFlight
 from flight_log.imports.frames import axes
 from flight_log.imports.importing import NewRun, read_flight
 from flight_log.imports.mapping import load_mapping, names
 from flight_log.imports.sweeps import SENSORS_B, read_stations
+from flight_log.imports.tables import TextTable
 from quadlab.__main__ import main
 from quadlab.replay.lines import plan_runs
 from quadlab.replay.log import read_recording
@@ -204,6 +207,48 @@ def test_hdf5_by_columns_of_its_datasets(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:50_000])
     with pytest.raises(LogFormatError):
         read_flight(path, "blackbird")
+
+
+def _claiming_hdf5(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        for name, width in (("ts", ()), ("gyro_raw", (3,)), ("accel_raw", (3,))):
+            shape = (5_000_000_000, *width)
+            file.create_dataset(name, shape, "f8", chunks=True, compression="gzip")
+
+
+def _claiming_numpy(path: Path) -> None:
+    with path.open("wb") as file:
+        shape = {"descr": "<f8", "fortran_order": False, "shape": (5_000_000_000, 7)}
+        np.lib.format.write_array_header_1_0(file, shape)
+
+
+@pytest.mark.parametrize("make", [_claiming_hdf5, _claiming_numpy])
+def test_a_small_file_that_claims_gigabytes_is_one_line(
+    make: Callable[[Path], None], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    make(tmp_path / "data")
+    before = {path.name for path in tmp_path.iterdir()}
+    words = ["--mapping", "blackbird", "--data", str(tmp_path / "lab")]
+    assert main(["log", "import", str(tmp_path / "data"), *words]) == 1
+    [line] = capsys.readouterr().err.strip().splitlines()
+    assert "at most" in line or "no whole" in line
+    assert {path.name for path in tmp_path.iterdir()} == before
+
+
+def test_a_table_longer_than_is_read_and_a_line_without_end_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "flight.csv"
+    path.write_text("t,x,y\n" + "1,2,3\n" * 400)
+    table = TextTable(path)
+    monkeypatch.setattr(tables, "MOST_VALUES", 1200)
+    assert len(table.read("", ["t", "x", "y"])) == 400
+    monkeypatch.setattr(tables, "MOST_VALUES", 1199)
+    with pytest.raises(LogFormatError, match="at most 399 are imported"):
+        table.read("", ["t", "x", "y"])
+    path.write_text("1," * tables.LONGEST_LINE)
+    with pytest.raises(LogFormatError, match="no rows of numbers"):
+        TextTable(path)
 
 
 def topics_of(flight: ForeignFlight) -> dict[str, np.ndarray[tuple[int], np.dtype[np.void]]]:
