@@ -23,10 +23,11 @@ VARIABLE = "QUADLAB_LOCKSTEP"
 """Environment variable with the page's path, for the processes of one `quadlab up`."""
 GONE_NS = 5_000_000_000
 """More than a busy machine keeps a simulation waiting that lives."""
-EPOCH, OFFSET, LIMIT, FACTOR, VEHICLES = range(5)
+EPOCH, OFFSET, LIMIT, FACTOR, VEHICLES, STOPPING = range(6)
 """Index in 8-byte words of the page. EPOCH: the host's epoch time minus its steady clock, at the
 page's making. OFFSET: of the simulation's clock before the host's steady one. LIMIT: up to where
-the simulation has got. All in ns. FACTOR: simulated time over the computer's, in millionths."""
+the simulation has got. All in ns. FACTOR: simulated time over the computer's, in millionths.
+STOPPING: 1 once the parts are being stopped, so that their ends are no news."""
 HEADER = 8
 """Words before the vehicles' own."""
 FREE = (1 << 63) - 1

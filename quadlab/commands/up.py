@@ -233,6 +233,8 @@ class Up(PageOptions):
                             print(f"quadlab: {said}", flush=True)
                 land_before_stopping(self.link_port, fleet.names, stop)
             finally:
+                if (words := clock.page()) is not None:
+                    words[clock.STOPPING] = 1
                 for group in reversed(groups):
                     _stop(group)
         print("quadlab: stopped", flush=True)

@@ -224,7 +224,7 @@ class LockstepPace:
             elif not process.is_end_told:
                 process.is_end_told = True
                 lines.append(f"{process.name} has ended")
-        if lines:
+        if lines and not self._page[clock.STOPPING]:
             self._say(f"{', '.join(dict.fromkeys(lines))}; time continues without it")
 
     def close(self) -> None:

@@ -141,6 +141,16 @@ def test_a_flight_process_that_is_gone_does_not_stop_time_and_may_come_back(benc
     assert len(bench.said) == 2
 
 
+def test_the_end_of_a_part_that_is_being_stopped_is_no_news(bench: Bench) -> None:
+    bench.deliver(7)
+    bench.part.answered(0, 7)
+    bench.step()
+    bench.page[clock.STOPPING] = 1
+    bench.deliver(9)
+    assert bench.step() == pytest.approx(PATIENCE_NS, abs=4 * MS)
+    assert bench.said == []
+
+
 def test_a_flight_process_that_was_killed_is_not_waited_for_and_the_next_one_is(
     bench: Bench,
 ) -> None:
