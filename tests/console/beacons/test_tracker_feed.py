@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 
-from bearing_sim import BearingMeasurement, BearingParameters, PoseMeasurement, TrackerParameters
+from bearing_sim import (
+    PRESETS,
+    BearingMeasurement,
+    BearingParameters,
+    PoseMeasurement,
+    TrackerParameters,
+)
 from console.tracker_feed import TrackerFeed
 from quadrotor.plain_rotations import matrix_of
 from tests.support.narrowing import now
@@ -109,3 +116,30 @@ def test_a_layout_that_changes_while_it_runs_is_seen_at_the_next_frame() -> None
     feed.truth(20 * MS, HERE, LEVEL)
     feed.close()
     assert [len(f.beacon_ids) for f in sink.frames] == [4, 8, 0]
+
+
+def test_beside_a_camera_on_board_no_bearings_are_emulated_and_its_problems_are_told() -> None:
+    sink, clock = Sink(), [0.0]
+    feed = TrackerFeed(
+        TrackerParameters(),
+        BearingParameters(layout="wall"),
+        sink.pose,
+        sink.frame,
+        lambda: clock[0],
+    )
+    feed.truth(0, HERE, LEVEL)
+    assert (len(sink.frames), feed.bearings_nominal, feed.camera_alarm) == (1, 30.0, None)
+    feed.camera_told(SimpleNamespace(problem="the picture is black", frame_rate=20.0))
+    for k in range(1, 50):
+        feed.truth(10 * k * MS, HERE, LEVEL)
+    assert len(sink.frames) == 1
+    assert len(sink.poses) == 50  # the simulated tracker goes on
+    assert feed.camera_alarm == "camera on board: the picture is black"
+    assert feed.bearings_nominal == 20.0
+    seen = BearingMeasurement(7, np.array([3], np.int32), np.array([[1.0, 0.0, 0.0]]), 0.002)
+    feed.seen(seen)
+    assert sink.frames[-1].stamp_ns == 7
+    assert sink.frames[-1].beacons == PRESETS["wall"]
+    clock[0] += 0.5
+    assert "its process is silent" in str(feed.camera_alarm)
+    feed.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,12 @@ import numpy.typing as npt
 import pytest
 
 from bearing_sim import BearingParameters
-from console.trackers.onboard_camera import OnboardCameraSource, Places
+from console.trackers.onboard_camera import (
+    BearingsTracker,
+    OnboardCameraSource,
+    Places,
+    StationsBeacons,
+)
 from console.trackers.source import Frame
 from quadlab.commands.processes import check_tracker
 from quadlab.commands.tracker import Tracker
@@ -33,7 +39,7 @@ CAMERA = OnboardCamera(
 )
 BEACONS = dict(zip(CAMERA.beacons.ids.tolist(), CAMERA.beacons.positions_w.tolist(), strict=True))
 TAGS = "size = 0.2\n[camera]\nposition = [0.05, 0, -0.03]\nturn = [0, -90, 0]\n"
-PICTURES = 400
+PICTURES, RATE = 120, 4.0
 
 
 class Told:
@@ -56,7 +62,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def write(path: Path, pictures: list[Any]) -> None:
     size = pictures[0].shape[::-1]
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 20.0, size)
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), RATE, size)
     for grey in pictures:
         writer.write(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR))
     writer.release()
@@ -126,19 +132,26 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     bench.close()
 
 
-def test_a_video_becomes_the_vehicles_bearings_and_its_end_is_told(
+def test_a_video_becomes_the_vehicles_bearings_and_its_silence_is_told(
     bench: Bench, files: Path
 ) -> None:
     statuses: list[Any] = []
+    type_name = TOPICS["camera_status"].type_name
     bench.page.subscribe(
-        "camera_status",
-        TOPICS["camera_status"].type_name,
-        lambda r: statuses.append(decode(r.payload, TOPICS["camera_status"].type_name)),
+        "camera_status", type_name, lambda r: statuses.append(decode(r.payload, type_name))
     )
-    video = ("--video", files / "hover.avi", "--intrinsics", files / "camera.yaml")
-    words = [str(word) for word in (*video, "--tags", files / "beacons.toml")]
-    camera = bench.track("onboard_camera", *words)
-    wait_for(lambda: len(bench.frames) > 5 or camera.poll() is not None)
+    session, ending = bench.page.session, threading.Event()
+
+    def source() -> OnboardCameraSource:
+        beacons = StationsBeacons(session, "quad1")
+        return OnboardCameraSource(
+            files / "hover.avi", files / "camera.yaml", files / "beacons.toml", beacons
+        )
+
+    tracker = BearingsTracker("a camera", source, {"quad1": "quad1"}, session)
+    thread = threading.Thread(target=tracker.run, args=(ending,), daemon=True)
+    thread.start()
+    wait_for(lambda: len(bench.frames) > 5)
     newest = bench.frames[-1]
     frame = topics.decode_bearings(newest.payload)
     assert beacon_ids_of(frame) == [1, 2, 3, 4]
@@ -147,8 +160,8 @@ def test_a_video_becomes_the_vehicles_bearings_and_its_end_is_told(
     assert -0.005 < age < 1.0
     # The station's beacons stand on the floor, in its own layout.
     wait_for(lambda: bench.told("pixels from their places in the layout"))
-    wait_for(lambda: statuses and len(statuses[-1].seen) == 4)
+    wait_for(lambda: len(statuses[-1].seen) == 4)
     assert sorted(statuses[-1].seen) == [f"beacon {number}" for number in (1, 2, 3, 4)]
-    camera.terminate()
-    assert camera.wait(20) == 0
+    ending.set()
+    thread.join(20)
     wait_for(lambda: bench.told("camera on board: its process is silent"))
