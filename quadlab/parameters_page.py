@@ -16,6 +16,7 @@ def page() -> str:
     from bearing_sim.emulator import BearingParameters
     from bearing_sim.tracker import TrackerParameters
     from console.parameters.station import StationParameters
+    from quadlab.simulated.onboard_camera import CameraParameters
     from vehicle.parameters import new_parameters
     from vehicle.simulator.parameters import SimulatorParameters
 
@@ -24,6 +25,7 @@ def page() -> str:
         ("Simulator", "simulator.", SimulatorParameters()),
         ("Tracker", "tracker.", TrackerParameters()),
         ("Bearings", "bearings.", BearingParameters()),
+        ("Camera on board, of quadlab fly", "camera.", CameraParameters()),
         ("Station", "station.", StationParameters()),
     ]
     parts = [
