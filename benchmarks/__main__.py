@@ -34,6 +34,7 @@ FOLDERS = {
         "onboard_log",
     ),
     "estimation": ("pose", "filters", "comparison", "tags"),
+    "firmware": ("firmware",),
     "flights": (
         "bearing_flights",
         "faults",

@@ -10,7 +10,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -176,6 +176,8 @@ class Simulator:
     """namespace of the vehicle's topics (default: quad1); of several, once for each"""
     serve: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SYSTEM[=PORT]")] = ()
     """serve poses as these tracking systems do, on loopback: vrpn, natnet, qtm"""
+    firmware: Literal["python", "c"] = "python"
+    """what the simulated microcontroller runs; gcc and make build the C one (firmware/) first"""
     set: Settings = ()
     """start with this parameter value; tracker.NAME=VALUE sets how served poses are measured"""
 
@@ -184,7 +186,8 @@ class Simulator:
         from vehicle.simulator.parameters import SimulatorParameters
         from vehicle.simulator.process import run
 
-        parameters, served, prefix = SimulatorParameters(), None, "tracker."
+        parameters = SimulatorParameters(firmware=self.firmware)
+        served, prefix = None, "tracker."
         of_tracker = [word for word in self.set if word.startswith(prefix) and self.serve]
         parse_settings(parameters, [word for word in self.set if word not in of_tracker])
         if self.serve:

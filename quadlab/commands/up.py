@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -74,6 +74,8 @@ class Up(PageOptions):
     """fly on the poses of `quadlab tracker` with these words, in real time: vrpn, natnet and qtm
     without --host are served by the simulator, udp is what you send (default: on the simulated
     tracker's, without such a process)"""
+    firmware: Literal["python", "c"] = "python"
+    """what the simulated microcontroller runs; gcc and make build the C one (firmware/) first"""
     set: Settings = ()
     """start with this vehicle parameter, or simulator.NAME=VALUE"""
 
@@ -83,6 +85,10 @@ class Up(PageOptions):
         fleet.check()
         check_rate(self._rate(fleet), len(MCU_PORTS))
         self._check_ports(fleet)
+        if self.firmware == "c":
+            from vehicle.simulator.firmware.native import library
+
+            library()  # built before anything starts
         if self.tracker:
             check_tracker(self._tracker_words(fleet))
         vehicle_words, simulator_words, values = self._check_settings()
@@ -165,6 +171,8 @@ class Up(PageOptions):
         if not any(word.startswith("imu_rate=") for word in simulator):
             simulator = ["--set", f"imu_rate={self._rate(fleet)}", *simulator]
         robot = ["simulator", "--folder", str(run_folder), *loopback, *names, *simulator]
+        if self.firmware == "c":
+            robot += ["--firmware", self.firmware]
         base = ["station", *common, *dialled, *loopback, *fleet.station_words]
         if self.tracker:
             base += ["--tracker", self._tracker_words(fleet)]

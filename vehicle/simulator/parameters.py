@@ -46,6 +46,13 @@ class SimulatorParameters(VehicleModel):
         description="IMU samples a second over both ports, until the vehicle requests its own "
         "rate; `quadlab fly` requests this one",
     )
+    firmware: str = parameter(
+        "python",
+        choices=("python", "c"),
+        read_only=True,
+        description="what the simulated microcontroller runs; both are equal to the count, and gcc "
+        "builds the C one first",
+    )
     start_x: float = parameter(
         0.0,
         unit="m",

@@ -6,7 +6,6 @@ import math
 import random
 from collections import deque
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -29,8 +28,6 @@ from vehicle_link.serial.port import MemoryPort, memory_port_pair
 
 Command = tuple[int, int, int, int]
 """Four bytes of a command."""
-Controller = Literal["python", "c"]
-"""The microcontroller's firmware."""
 PORTS = 2
 _MIRROR_PERIOD = int(Id.MIRROR_PERIOD)
 
@@ -85,7 +82,6 @@ class SimulatedVehicle:
     Args:
         parameters: the truth.
         ports: its own ends of the serial lines; None makes them in memory.
-        controller: the microcontroller's firmware: `python`, or `c`, which gcc builds first.
 
     Raises StorageError when the C firmware cannot be built.
 
@@ -96,10 +92,7 @@ class SimulatedVehicle:
     """
 
     def __init__(
-        self,
-        parameters: SimulatorParameters,
-        ports: Sequence[Line] | None = None,
-        controller: Controller = "python",
+        self, parameters: SimulatorParameters, ports: Sequence[Line] | None = None
     ) -> None:
         self.ports: tuple[MemoryPort, ...] = ()
         if ports is None:
@@ -108,7 +101,7 @@ class SimulatedVehicle:
             ports = [pair[1] for pair in pairs]
         self.parameters = parameters
         self.firmware: Firmware | NativeFirmware = (
-            Firmware(len(ports)) if controller == "python" else NativeFirmware(len(ports))
+            NativeFirmware(len(ports)) if parameters.firmware == "c" else Firmware(len(ports))
         )
         self.stamp_ns = 0
         self._wires = new_wires(ports, parameters)

@@ -15,6 +15,10 @@ from vehicle.simulator.firmware.constants import HALF_TURN
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.firmware.fixed import angle_of, by16, root
 from vehicle.simulator.firmware.native import NativeFirmware
+from vehicle.simulator.parameters import SimulatorParameters
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+from vehicle_link.serial import commands as c
+from vehicle_link.serial.ids import Id, MotorState
 
 needs_compiler = pytest.mark.skipif(
     not (shutil.which("gcc") and shutil.which("make")),
@@ -34,9 +38,27 @@ def test_the_header_has_the_numbers_of_the_python_firmware() -> None:
 def test_both_firmwares_answer_the_same(
     stream: Callable[[int, int], Iterator[Step]], seed: int
 ) -> None:
-    python, c = Firmware(), NativeFirmware(2, "checked")
+    python, in_c = Firmware(), NativeFirmware(2, "checked")
     for k, step in enumerate(stream(seed, 12_000)):
-        assert answer(c, step) == answer(python, step), f"period {k} of seed {seed}: {step}"
+        assert answer(in_c, step) == answer(python, step), f"period {k} of seed {seed}: {step}"
+
+
+@needs_compiler
+def test_a_vehicle_on_the_c_firmware_flies_as_one_on_the_python_firmware() -> None:
+    ends = []
+    for firmware in ("python", "c"):
+        simulated = SimulatedVehicle(SimulatorParameters(firmware=firmware))
+        for k in range(1000):
+            command = (8, 252, 10, 125)  # pitch, roll, yaw rate, thrust
+            data = c.encode_command(command) if k < 600 else b""  # in silence it lands alone
+            if k == 0:
+                data = c.encode_set(command, Id.MOTOR_STATE, MotorState.ON)
+            simulated.ports[0].write(data)
+            simulated.step()
+        assert simulated.firmware.motor_state is MotorState.EMERGENCY
+        assert simulated.truth["position_w"][0, 2] > 0.3
+        ends.append((simulated.truth.tobytes(), [port.read() for port in simulated.ports]))
+    assert ends[0] == ends[1]
 
 
 def test_without_a_compiler_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
