@@ -16,18 +16,20 @@ import json
 import os
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 from mcap.records import Attachment
 
+from flight_log.columns import read_columns
 from flight_log.comparison import Comparison, compare
 from flight_log.file import LogFile, sync_folder
 from flight_log.mcap_writer import McapWriter
 from flight_log.run_folder import MERGED, STATION, station_log, vehicle_logs
 from flight_log.vehicle_messages import EARLIEST, LATEST, Channel, Log, Stamps, Taken, joined
 from flight_log.writer import FILLED_METADATA, MEDIA_TYPES
-from quadrotor.errors import StorageError
+from quadrotor.errors import LogFormatError, StorageError
 from vehicle_link.topics.table import SHARED
 
 LEAD_NS = 2_000_000_000
@@ -206,7 +208,7 @@ def merge(
     run: Path, oldest_on_board_ns: int = 0, report: Callable[[float], None] = lambda share: None
 ) -> Comparison:
     """Compare a run with the vehicle's logs in its folder, and write both as one, at once and as a
-    whole; without any of the vehicle's nothing is written.
+    whole; without any of the vehicle's nothing is written. The columns of the run are made too.
 
     Raises LogFormatError or StorageError.
     """
@@ -222,4 +224,6 @@ def merge(
             "missing": found.why,
         }
         found.messages = plan.write(run / MERGED, told, report)
+    with suppress(StorageError, LogFormatError):  # told to whoever reads the run
+        read_columns(run)
     return found

@@ -34,6 +34,8 @@ MOST_TEXT = 1_000_000
 """Bytes of one text, and of a sequence's texts together."""
 HEADERS = frozenset({"header", "stamp"})
 """Fields that are no signals: times have their own way."""
+HEADER_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
+"""Numbers of a header, read where they are asked for."""
 _LENGTH = struct.Struct("<I")
 _OCTETS = {"byte": "uint8", "char": "uint8", "bool": "uint8", "octet": "uint8"}
 
@@ -60,7 +62,7 @@ class SchemaLayouts:
     """Layouts of one schema.
 
     Args:
-        stamps: whether the numbers and texts of headers are wanted too.
+        stamps: whether HEADER_STAMP is wanted too.
 
     Attributes:
         grows: whether a message may have more numbers than another one.
@@ -69,7 +71,7 @@ class SchemaLayouts:
     """
 
     def __init__(self, schema: Schema, *, stamps: bool = False) -> None:
-        self._unwanted = frozenset() if stamps else HEADERS
+        self._stamps = HEADER_STAMP if stamps else ()
         if schema.encoding != "ros2msg":
             raise LogFormatError(
                 f"{schema.name} is described in {schema.encoding!r}; only ros2msg is read"
@@ -125,7 +127,7 @@ class SchemaLayouts:
         """
         if len(payload) < 4 or payload[1] != 1:
             raise LogFormatError(f"{self._name}: only little-endian CDR is read")
-        walk = _Walk(payload, self._types, self._unwanted)
+        walk = _Walk(payload, self._types, self._stamps)
         try:
             walk.message(self._name, "", shown=True)
         except (struct.error, KeyError, RecursionError) as error:
@@ -134,8 +136,8 @@ class SchemaLayouts:
 
 
 class _Walk:
-    def __init__(self, payload: bytes, types: Mapping[str, Any], unwanted: frozenset[str]) -> None:
-        self._payload, self._types, self._unwanted = payload, types, unwanted
+    def __init__(self, payload: bytes, types: Mapping[str, Any], stamps: tuple[str, ...]) -> None:
+        self._payload, self._types, self._stamps = payload, types, stamps
         self._at = 4
         self._parts = 0
         self.layout = PayloadLayout(len(payload))
@@ -144,7 +146,7 @@ class _Walk:
         self._count_part()
         for key, (kind, details) in self._types[name][1]:
             path = f"{prefix}{key}"
-            wanted = shown and key not in self._unwanted
+            wanted = shown and key not in HEADERS
             if kind == Nodetype.BASE:
                 self._base(str(details[0]), path, shown=wanted)
             elif kind == Nodetype.NAME:
@@ -165,7 +167,7 @@ class _Walk:
         if primitive in ("string", "wstring"):
             self._keep_texts(path, [self._text()], shown=shown)
             return
-        self._numbers(primitive, [path] if shown else [], 1)
+        self._numbers(primitive, [path] if shown or path in self._stamps else [], 1)
 
     def _array(self, path: str, details: Any, *, is_sequence: bool, shown: bool) -> None:
         (kind, item), count = details

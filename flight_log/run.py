@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from flight_log.blocks import BlockReader
-from flight_log.gathered import Topic, gather
+from flight_log.columns import LogColumns, Topic, read_columns
 from flight_log.message_times import common_stamps, gaps, seconds_since
-from flight_log.topic_columns import ColumnReader, text_fields
+from flight_log.topic_columns import text_fields
 from quadrotor.errors import LogFormatError
+
+MOST_MESSAGES = 12_000_000
+"""Of a run: their times and order are held."""
 
 Floats = npt.NDArray[np.float32]
 Times = npt.NDArray[np.float64]
@@ -40,18 +43,17 @@ class Series:
         return len(self.time)
 
     def __contains__(self, name: str) -> bool:
-        return name in self._topic.columns
+        return name in self._topic
 
     @property
     def names(self) -> list[str]:
         """Return the names of its numbers."""
-        return list(self._topic.columns)
+        return self._topic.names
 
     def constant(self, name: str) -> float | None:
         """Return the one value of a number, NaN if it has none at all, None if it has several."""
-        column = self._topic.columns[name]
-        column.fill(len(self))
-        return column.constant
+        found = self._topic.constants.get(name)
+        return None if found is None else float(np.array(found, self._topic.dtype))
 
     def values(self, name: str) -> Floats:
         """Return a number, (N,), NaN where the log has none such; not to be written into."""
@@ -63,7 +65,7 @@ class Series:
         return np.stack([self.values(name) for name in names], axis=1)
 
     def take(self, names: Sequence[str]) -> Floats:
-        """Return the columns as `rows` does, and free them one after the other."""
+        """Return the columns as `rows` does, one after the other."""
         rows = self._topic.take(names)
         return rows if self._order is None else rows[self._order]
 
@@ -86,16 +88,16 @@ class Series:
         place = np.argsort(self._order)
         return sorted((float(self.time[place[index]]), text) for index, text in told)
 
-    def lines(self) -> Iterator[tuple[float, dict[str, Any]]]:
-        """Yield time (s) and fields of each message whose payload was read.
+    def lines(self, most: int) -> Iterator[tuple[float, dict[str, Any]]]:
+        """Yield time (s) and fields of the `most` messages logged first, of a topic kept whole.
 
         Of one instant they stay as they were logged: a mark's later text has the mark's stamp.
         """
-        payloads = self._topic.payloads
+        payloads = self._topic.payloads[:most]
         order = range(len(self.time)) if self._order is None else self._order.tolist()
         for time, index in zip(self.time.tolist(), order, strict=True):
             if index < len(payloads):
-                yield time, text_fields(payloads[index], self.type_name)
+                yield time, text_fields(payloads[index], self._topic.decodable_name)
 
     @property
     def gaps(self) -> list[tuple[float, float]]:
@@ -114,14 +116,12 @@ class Run:
         start_ns: of the first message, on the recorder's clock.
         topics: by name without that namespace; those of the same ticks share their `time`.
         log: attachments, metadata and damages of the file.
-        problems: by topic, why it could not be read.
     """
 
     space: str
     start_ns: int
     topics: dict[str, Series]
-    log: BlockReader
-    problems: dict[str, str]
+    log: LogColumns
 
     @property
     def duration(self) -> float:
@@ -129,27 +129,35 @@ class Run:
         return max(float(one.time[-1]) for one in self.topics.values())
 
 
-def read_run(reader: ColumnReader, *arguments: Any, **options: Any) -> Run:
-    """Read a run; arguments as for `gather`. Raises as it does, LogFormatError without messages."""
-    found = gather(reader, *arguments, **options)
+def read_run(log: Path, tell: Callable[[float], None] = lambda share: None) -> Run:
+    """Read a run; `tell` as for `read_columns`. Raises as it does, LogFormatError also without
+    messages, or with more than are held.
+    """
+    columns = read_columns(log, tell)
+    found = columns.topics
     if not found:
-        unread = next(iter(reader.problems.items()), None)
-        why = f"{unread[0]}: {unread[1]}" if unread else f"it {reader.log.tear or 'has no message'}"
-        raise LogFormatError(f"{reader.log.path.name} has nothing to show: {why}")
+        unread = next(iter(columns.problems.items()), None)
+        why = f"{unread[0]}: {unread[1]}" if unread else f"it {columns.tear or 'has no message'}"
+        raise LogFormatError(f"{columns.path.name} has nothing to show: {why}")
+    if (count := sum(map(len, found.values()))) > MOST_MESSAGES:
+        raise LogFormatError(
+            f"{columns.path.name} has {count} messages; at most {MOST_MESSAGES} are shown: cut it "
+            "with `mcap filter --include-attachments --output-compression lz4 --start … --end …`, "
+            "or export it with `quadlab log export`"
+        )
     space = _namespace(found)
     stamps = {name: common_stamps(one.log_ns, one.publish_ns) for name, one in found.items()}
     start_ns = min(int(one.min()) for one in stamps.values())
     topics: dict[str, Series] = {}
-    for name in list(found):
-        topic = found.pop(name)
+    for name, topic in found.items():
         time = seconds_since(stamps.pop(name), start_ns)
-        topic.give_up_stamps()
+        topic.release()
         series = Series(topic, time)
         del time
         known = (one.time for one in topics.values() if np.array_equal(one.time, series.time))
         series.time = next(known, series.time)
         topics[name.removeprefix(f"{space}/").lstrip("/")] = series
-    return Run(space, start_ns, topics, reader.log, reader.problems)
+    return Run(space, start_ns, topics, columns)
 
 
 def _namespace(topics: dict[str, Topic]) -> str:

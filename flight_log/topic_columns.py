@@ -6,7 +6,7 @@ its type (by path, `pose.pose.position.x`), and for each text the places where i
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,7 +20,6 @@ from flight_log.attached import logged_value
 from flight_log.blocks import Block, BlockReader, Bytes, Places, field_at, rows_at
 from flight_log.format import HEAD_BYTES, LENGTH_AT, LOG_AT, PUBLISH_AT
 from flight_log.payload_layout import MOST_NUMBERS, PayloadLayout, SchemaLayouts
-from flight_log.reader import decodable_name
 from quadrotor.errors import LinkError, LogFormatError
 from vehicle_link.messages import decode
 
@@ -37,7 +36,7 @@ MOST_VALUES = 4_000_000
 
 NO_SCHEMA = Schema(id=0, name="", encoding="", data=b"")
 
-Floats = npt.NDArray[np.floating[Any]]
+Floats = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
 
 
@@ -49,10 +48,11 @@ class Columns:
     type_name: str
     log_ns: Stamps  # (N,) reception at the writer
     publish_ns: Stamps  # (N,) the source's stamp
-    numbers: dict[str, Floats] = field(default_factory=dict)  # (N,) each, NaN where there is none
+    numbers: dict[str, Floats] = field(
+        default_factory=dict
+    )  # (N,) each, NaN where there is none; of whole ones beyond 2^53 the nearest
     texts: dict[str, list[tuple[int, str]]] = field(default_factory=dict)  # index, text from there
     payloads: list[bytes] = field(default_factory=list)  # of topics wanted whole
-    grows: bool = False  # a later block may have numbers more
 
 
 class Batch(NamedTuple):
@@ -67,10 +67,7 @@ class ColumnReader:
 
     Args:
         whole: ends of topic names (`/events`) whose payloads are wanted too.
-        wanted: paths of the numbers and texts to be read by last part of the topic's name; of
-            other topics only the times. None for all there are but those of headers.
-        topics: only these; None for all.
-        dtype: of the numbers; float64 keeps them as they are, whole ones beyond 2^53 apart.
+        header_stamps: whether the numbers of HEADER_STAMP are wanted; else none of headers are.
 
     Attributes:
         problems: one line for each topic that could not be read.
@@ -80,18 +77,13 @@ class ColumnReader:
     """
 
     def __init__(
-        self,
-        path: Path,
-        whole: tuple[str, ...] = (),
-        wanted: Mapping[str, Collection[str]] | None = None,
-        topics: Collection[str] | None = None,
-        dtype: npt.DTypeLike = np.float32,
+        self, path: Path, whole: tuple[str, ...] = (), header_stamps: bool = False
     ) -> None:
         self.log = BlockReader(path)
-        self._wanted = wanted
+        self._header_stamps = header_stamps
         self.problems: dict[str, str] = {}
         self.foreign: set[str] = set()
-        self._whole, self._chosen, self.dtype = whole, topics, np.dtype(dtype)
+        self._whole = whole
         self._topics: dict[int, _TopicReader | None] = {}
 
     def __iter__(self) -> Iterator[Batch]:
@@ -118,8 +110,7 @@ class ColumnReader:
         if channel is None:
             self.problems[f"channel {channel_id}"] = "its description was in a damaged chunk"
         schema = self.log.schemas.get(channel.schema_id, NO_SCHEMA) if channel else None
-        chosen = channel is not None and (self._chosen is None or channel.topic in self._chosen)
-        if channel is not None and schema is not None and chosen:
+        if channel is not None and schema is not None:
             try:
                 if channel.message_encoding != "cdr":
                     raise LogFormatError(
@@ -128,20 +119,10 @@ class ColumnReader:
                     )
                 if schema is NO_SCHEMA:
                     raise LogFormatError("the log does not describe its messages")
-                layouts = SchemaLayouts(schema, stamps=self._wanted is not None)
+                layouts = SchemaLayouts(schema, stamps=self._header_stamps)
                 self.foreign.update(layouts.foreign)
-                paths = None
-                if self._wanted is not None:
-                    paths = frozenset(self._wanted.get(channel.topic.rsplit("/", 1)[-1], ()))
                 is_whole = channel.topic.endswith(self._whole)
-                reader = _TopicReader(
-                    channel.topic,
-                    decodable_name(schema) if is_whole else schema.name,
-                    layouts,
-                    is_whole,
-                    paths,
-                    self.dtype,
-                )
+                reader = _TopicReader(channel.topic, schema.name, layouts, is_whole)
             except LogFormatError as error:
                 self.problems[channel.topic] = str(error)
         self._topics[channel_id] = reader
@@ -149,22 +130,11 @@ class ColumnReader:
 
 
 class _TopicReader:
-    def __init__(
-        self,
-        topic: str,
-        type_name: str,
-        layouts: SchemaLayouts,
-        whole: bool,
-        paths: frozenset[str] | None,
-        dtype: np.dtype[Any],
-    ) -> None:
-        self._dtype = dtype
+    def __init__(self, topic: str, type_name: str, layouts: SchemaLayouts, whole: bool) -> None:
         self._topic = topic
         self._type_name = type_name
         self._layouts = layouts
         self._whole = whole
-        self._paths = paths  # of the numbers and texts wanted, None for all
-        self._grows = layouts.grows
         self._known: dict[int, list[PayloadLayout]] = {}  # by size
         self._last: dict[str, str] = {}
         self._seen: set[str] = set()  # paths of numbers and texts
@@ -181,10 +151,9 @@ class _TopicReader:
             self._type_name,
             field_at(data, places, LOG_AT, "<i8"),
             field_at(data, places, PUBLISH_AT, "<i8"),
-            grows=self._grows,
         )
         texts: dict[str, npt.NDArray[Any]] = {}
-        for size in np.unique(sizes).tolist() if self._paths != frozenset() else ():
+        for size in np.unique(sizes).tolist():
             chosen = np.flatnonzero(sizes == size)
             rows = rows_at(data, places[chosen] + HEAD_BYTES, size)
             self._read_size(rows, chosen, out, texts)
@@ -217,12 +186,12 @@ class _TopicReader:
                     left[np.argmax(left)] = False
                     self._failures += 1
                     continue
-                known.append(self._bounded(_narrowed(layout, self._paths)))
+                known.append(self._bounded(layout))
                 layout = known[-1]
             here = left & layout.fits(rows)
             if here.any():
                 whole = bool(here.all())
-                _fill(rows if whole else rows[here], chosen[here], layout, out, texts, self._dtype)
+                _fill(rows if whole else rows[here], chosen[here], layout, out, texts)
             left &= ~here
 
     def _bounded(self, layout: PayloadLayout) -> PayloadLayout:
@@ -252,10 +221,8 @@ def _values(columns: Columns) -> int:
     return (len(columns.numbers) + len(columns.texts) + 2) * len(columns.log_ns)
 
 
-def _narrowed(layout: PayloadLayout, paths: frozenset[str] | None) -> PayloadLayout:
+def _narrowed(layout: PayloadLayout, paths: frozenset[str]) -> PayloadLayout:
     """Return the layout with these numbers and texts alone."""
-    if paths is None:
-        return layout
     return PayloadLayout(
         layout.size,
         layout.lengths,
@@ -270,14 +237,13 @@ def _fill(
     layout: PayloadLayout,
     out: Columns,
     texts: dict[str, npt.NDArray[Any]],
-    dtype: np.dtype[Any],
 ) -> None:
     count = len(out.log_ns)
     if layout.numbers:
         record = np.dtype(
             {
                 "names": list(layout.numbers),
-                "formats": [dtype for _, dtype in layout.numbers.values()],
+                "formats": [kind for _, kind in layout.numbers.values()],
                 "offsets": [offset for offset, _ in layout.numbers.values()],
                 "itemsize": layout.size,
             }
@@ -286,11 +252,11 @@ def _fill(
         with np.errstate(over="ignore", invalid="ignore"):
             for path in layout.numbers:
                 if len(rows) == count:  # all messages have this layout
-                    out.numbers[path] = read[path].astype(dtype)
+                    out.numbers[path] = read[path].astype(np.float64)
                     continue
                 column = out.numbers.get(path)
                 if column is None:
-                    column = out.numbers[path] = np.full(count, np.nan, dtype)
+                    column = out.numbers[path] = np.full(count, np.nan)
                 column[chosen] = read[path]
     for path, pieces in layout.texts.items():
         column = texts.get(path)

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from console.log_export.formats import arrow_table
 from console.log_export.tables import Tables
 from flight_log.run_folder import log_of
 from flight_log.summary import LogSummary, summarize
@@ -119,10 +118,10 @@ class Run:
     def __getitem__(self, topic: str) -> Table:
         """Return a topic as a table. Raises UsageError for one that is not in the log."""
         if topic not in self._tables:
-            pieces = list(Tables(self.path, [topic]))
-            if not pieces:
+            found = next(Tables(self.path, [topic]).whole(), None)
+            if found is None:
                 raise UsageError(f"topic {topic} of {self.path.name} has no messages")
-            self._tables[topic] = Table(arrow_table(pieces))
+            self._tables[topic] = Table(found.table)
         return self._tables[topic]
 
     def __contains__(self, topic: object) -> bool:
@@ -170,7 +169,7 @@ class Run:
     def _report(self) -> RunLog:
         from console.reports.run_log import read_run
 
-        return read_run(self.path, {})
+        return read_run(self.path)
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,14 @@ def pytest_configure(config: pytest.Config) -> None:
         os.setsid()
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Generator[None]:
+    """Keep the columns of the tests' logs out of the user's cache folder."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Pages first, for they take longest; what flies last."""
     named = (*REAL_TIME, LABORATORIES, LAST_FLIGHT, *LIVE, BROWSER, *LONG)

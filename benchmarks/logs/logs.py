@@ -1,9 +1,10 @@
-"""A log of 20 minutes: checked, exported, reported, each by its command in a process of its own.
+"""A log of 20 minutes: checked, exported, reported, opened, each in a process of its own.
 
     python -m benchmarks logs [--quick]
 
 The log is made up (benchmarks/logs/recorded_run.py). Next to it the mcap library's own reader goes
-through all messages of the same file and does nothing with them.
+through all messages of the same file and does nothing with them. The columns of the log are made
+once, by themselves, and what comes after reads them.
 """
 
 from __future__ import annotations
@@ -29,6 +30,28 @@ from mcap.reader import make_reader
 with open(sys.argv[1], "rb") as file:
     print(sum(1 for _ in make_reader(file).iter_messages(log_time_order=False)))
 """
+COLUMNS = "columns, made"
+MAKE = """
+import sys
+from pathlib import Path
+from flight_log.columns import read_columns
+read_columns(Path(sys.argv[1]))
+"""
+PAGE = """
+import sys
+from pathlib import Path
+from web.replay.build import build
+build(Path(sys.argv[1]), Path(sys.argv[2]), lambda share: None)
+"""
+TABLE = """
+import sys, time
+import quadlab
+run = quadlab.open(sys.argv[1])
+began = time.process_time()
+run["state"]["pose.pose.position.z"].sum()
+print(time.process_time() - began)
+"""
+MOST_TABLE_S = 0.5
 LIMITED = ("log check", "log export --format parquet")
 """What has a limit of time; memory is limited for all of ours."""
 
@@ -45,15 +68,24 @@ def run(quick: bool = False) -> Report:
     with tempfile.TemporaryDirectory(prefix="quadlab-logs-") as name:
         log = write_run(Path(name) / "run.mcap", MadeRun(duration))
         out = Path(name) / "out"
+        os.environ["XDG_CACHE_HOME"] = str(Path(name) / "cache")
         taken = {PLAIN: _taken(sys.executable, "-c", READ, str(log))}
+        taken[COLUMNS] = _taken(sys.executable, "-c", MAKE, str(log))
+        taken["replay page"] = _taken(
+            sys.executable, "-c", PAGE, str(log), str(Path(name) / "page")
+        )
         for command in (*LIMITED, "log export --format csv", "log report"):
             words = command.split()
             if words[1] != "check":
                 words += ["--out", str(out / "_".join(words))]
             words.insert(2, str(log))
             taken[command] = _taken(sys.executable, "-m", "quadlab", *words)
+        words = [sys.executable, "-c", TABLE, str(log)]
+        table = float(subprocess.run(words, cwd=ROOT, capture_output=True, check=True).stdout)
         size = log.stat().st_size / 1e6
-    return _report(taken, duration, size)
+    report = _report(taken, duration, size)
+    report.targets.append(Target('quadlab.open(run)["state"]: s', table, MOST_TABLE_S))
+    return report
 
 
 def _report(taken: dict[str, Taken], duration: float, size: float) -> Report:

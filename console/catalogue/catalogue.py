@@ -18,6 +18,7 @@ from console.catalogue.database_file import DatabaseFile
 from console.catalogue.search import RunSearch, condition
 from console.catalogue.tables import Base, RunRow, TrashRow
 from console.catalogue.transactions import transactions
+from flight_log.columns import CACHES
 from flight_log.run_folder import log_of
 from quadrotor.errors import StorageError
 
@@ -63,7 +64,7 @@ class Catalogue:
     def __init__(self, data: Path, url: str | None = None) -> None:
         self.folder = data / RUNS
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
+            (self.folder / CACHES).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise StorageError(
                 f"cannot make the folder {self.folder} ({error.strerror}); "

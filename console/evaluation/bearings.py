@@ -17,7 +17,7 @@ from console.evaluation.bearings_bound import Frame, PoseBound, posterior_bound
 from console.evaluation.log_columns import read_parameters
 from estimation.error_state.parameters import ErrorStateParameters
 from flight_log.attached import logged_value
-from flight_log.gathered import Topic, read_topics
+from flight_log.columns import Topic, read_topics
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterValue
 from quadrotor.plain_rotations import rotation_vectors_between
@@ -42,7 +42,7 @@ WANTED: dict[str, tuple[str, ...]] = {
     "actuators": ("scaling",),
     "status": ("mode",),
 }
-WHOLE = ("/events", "/parameter_changes", "/bearings")
+WHOLE = ("events", "parameter_changes", "bearings")
 EMERGENCIES = ("emergency_land", "cut")
 
 
@@ -119,7 +119,7 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
 
     Raises LogFormatError when it was not flown on bearings, or truth is missing.
     """
-    topics = read_topics(log, vehicle, WANTED, WHOLE)
+    topics = read_topics(log, vehicle, (*WANTED, *WHOLE))
     phase = _phase(topics["parameter_changes"])
     if not phase:
         raise LogFormatError(
@@ -129,7 +129,7 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
     begin_ns, end_ns = phase[0], newest if len(phase) == 1 else phase[1]
     begin, end = begin_ns * 1e-9, end_ns * 1e-9
     events = [
-        (ns * 1e-9, str(decode(payload, topics["events"].type_name).msg))
+        (ns * 1e-9, str(decode(payload, topics["events"].decodable_name).msg))
         for ns, payload in _payloads(topics["events"])
     ]
     window = _window([e for e in events if begin <= e[0] <= end], begin, end, ramp)
@@ -186,7 +186,7 @@ def _phase(changes: Topic) -> list[int]:
     """Return when bearings were first flown on, and until when (ns), as far as that happened."""
     phase: list[int] = []
     for ns, payload in _payloads(changes):
-        change = decode(payload, changes.type_name)
+        change = decode(payload, changes.decodable_name)
         if change.name == "estimation.source":
             on = logged_value(change.new_value) == "bearings"
             if on is (len(phase) == 0) and len(phase) < 2:
@@ -277,7 +277,7 @@ def _values(log: Path, changes: Topic, until: float) -> dict[str, ParameterValue
         values = {}
     for ns, payload in _payloads(changes):
         if ns * 1e-9 <= until:
-            change = decode(payload, changes.type_name)
+            change = decode(payload, changes.decodable_name)
             with suppress(LogFormatError):
                 values[change.name] = logged_value(change.new_value)
     return values

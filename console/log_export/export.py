@@ -19,13 +19,14 @@ FORMATS = ("csv", "parquet", "mat")
 @dataclass(frozen=True, slots=True)
 class Exported:
     """The result of an export; `problems` has a line for each topic that could not be read,
-    `missing` says what of the file could not.
+    `missing` says what of the file could not, `note` why its columns are not kept.
     """
 
     files: tuple[Path, ...]
     rows: int
     problems: tuple[str, ...]
     missing: str = ""
+    note: str = ""
 
 
 def export(
@@ -45,7 +46,7 @@ def export(
     """
     if kind not in FORMATS:
         raise UsageError(f"unknown format {kind!r}; there are {', '.join(FORMATS)}")
-    tables = Tables(log, topics, begin, end)
+    tables = Tables(log, topics, begin, end, lambda share: progress(0.5 * share))
     made = _make(folder)
     files: Format = (
         MatFile(folder, log.stem, tables.run)
@@ -56,8 +57,8 @@ def export(
     try:
         for piece in tables:
             files.write(piece)
-            rows += piece.rows
-            progress(piece.share)
+            rows += piece.table.num_rows
+            progress(0.5 + 0.5 * piece.share)
         problems = tuple(f"{topic}: {line}" for topic, line in tables.problems.items())
         if not rows:
             why = next(iter(problems), "") or tables.missing or "no message is in that time"
@@ -73,7 +74,7 @@ def export(
                 "another disk with --out"
             ) from error
         raise
-    return Exported(tuple(written), rows, problems, tables.missing)
+    return Exported(tuple(written), rows, problems, tables.missing, tables.note)
 
 
 def _make(folder: Path) -> list[Path]:

@@ -9,18 +9,14 @@ import contextlib
 import json
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
-
-from console.log_export.tables import Array, Piece
+from console.log_export.tables import Piece
 from quadrotor.errors import StorageError
 
-ROWS = 20_000
-"""Written at once."""
 MAT_NAME = 63
 """Characters MATLAB allows for a name."""
 MAT_BYTES = 250_000_000
@@ -50,20 +46,21 @@ class ColumnFiles:
     def __init__(self, folder: Path, kind: str, run: Mapping[str, str]) -> None:
         self._folder, self._kind, self._run = folder, kind, run
         self._writers: dict[str, Any] = {}
-        self._waiting: dict[str, list[Piece]] = {}
+        self._types: dict[str, str] = {}
         self._files: list[Path] = []
         self._writing = ThreadPoolExecutor(1, "log export")
         self._last: Future[None] | None = None
 
     def write(self, piece: Piece) -> None:
-        waiting = self._waiting.setdefault(piece.topic, [])
-        waiting.append(piece)
-        if sum(one.rows for one in waiting) >= ROWS:
-            self._flush(piece.topic)
+        run = {"quadlab.run": json.dumps(dict(self._run)), "quadlab.type": piece.type_name}
+        self._types[piece.topic] = piece.type_name
+        table = _with_units_in_names(piece.table) if self._kind == "csv" else piece.table
+        self._wait()  # so that no more than two tables are in memory
+        self._last = self._writing.submit(
+            self._put, piece.topic, table.replace_schema_metadata(run)
+        )
 
     def finish(self) -> list[Path]:
-        for topic in list(self._waiting):
-            self._flush(topic)
         self._wait()
         self._writing.shutdown()
         for topic, writer in self._writers.items():
@@ -77,7 +74,7 @@ class ColumnFiles:
         for writer in self._writers.values():
             with contextlib.suppress(OSError, ValueError):  # the disk that is full, once more
                 writer.close()
-        for topic in self._waiting:  # one that failed as it was opened has a file, and no writer
+        for topic in self._types:  # one that failed as it was opened has a file, and no writer
             self._aside(topic).unlink(missing_ok=True)
         for path in self._files:
             path.unlink(missing_ok=True)
@@ -87,15 +84,6 @@ class ColumnFiles:
 
     def _aside(self, topic: str) -> Path:
         return self._folder / f".{topic}.{self._kind}.new"
-
-    def _flush(self, topic: str) -> None:
-        pieces, self._waiting[topic] = self._waiting[topic], []
-        if not pieces:
-            return
-        run = {"quadlab.run": json.dumps(dict(self._run)), "quadlab.type": pieces[0].type_name}
-        table = arrow_table(pieces, self._kind == "csv").replace_schema_metadata(run)
-        self._wait()  # so that no more than two tables are in memory
-        self._last = self._writing.submit(self._put, topic, table)
 
     def _put(self, topic: str, table: Any) -> None:
         if topic not in self._writers:
@@ -120,18 +108,10 @@ class ColumnFiles:
         return CSVWriter(self._aside(topic), schema)
 
 
-def arrow_table(pieces: Sequence[Piece], units_in_names: bool = False) -> Any:
-    """Return the pieces of one topic as a pyarrow.Table, with units in its fields' metadata."""
-    import pyarrow as pa
-
-    columns, fields = [], []
-    for name, values in pieces[0].columns.items():
-        unit = pieces[0].units.get(name, "")
-        shown = f"{name} [{unit}]" if unit and units_in_names else name
-        kind = pa.string() if values.dtype.kind == "O" else pa.from_numpy_dtype(values.dtype)
-        fields.append(pa.field(shown, kind, metadata={"unit": unit} if unit else None))
-        columns.append(pa.array(_concatenated(pieces, name)))
-    return pa.Table.from_arrays(columns, schema=pa.schema(fields))
+def _with_units_in_names(table: Any) -> Any:
+    units = [(field.metadata or {}).get(b"unit", b"").decode() for field in table.schema]
+    names = zip(table.column_names, units, strict=True)
+    return table.rename_columns([f"{name} [{unit}]" if unit else name for name, unit in names])
 
 
 class MatFile:
@@ -150,7 +130,7 @@ class MatFile:
     def write(self, piece: Piece) -> None:
         """Write a piece. Raises StorageError when it is more than can be held."""
         self._pieces.setdefault(piece.topic, []).append(piece)
-        self._size += sum(map(_held, piece.columns.values()))
+        self._size += sum(map(_held, piece.table.columns))
         if self._size > MAT_BYTES:
             raise StorageError(
                 f"up to {100 * piece.share:.0f} % of the log are more than {MAT_BYTES // 10**6} MB "
@@ -181,32 +161,25 @@ class MatFile:
 
 
 def _table(pieces: list[Piece]) -> tuple[dict[str, Any], int]:
-    """Return a topic's columns and their units, and how many bytes; the pieces are freed."""
-    names, units = _mat_names(pieces[0].columns), pieces[0].units
-    table: dict[str, Any] = {}
-    size = 0
-    for name, short in names.items():
-        table[short] = _concatenated(pieces, name)
-        size += table[short].nbytes
-        for piece in pieces:
-            del piece.columns[name]
-    table["units"] = {short: units.get(name, "") for name, short in names.items()}
-    return table, size
+    """Return a topic's columns and their units, and how many bytes."""
+    import pyarrow as pa
+
+    table = pa.concat_tables([piece.table for piece in pieces])
+    names = _mat_names(table.column_names)
+    columns = {short: table[name].to_numpy() for name, short in names.items()}
+    size = sum(one.nbytes for one in columns.values())
+    fields = [(names[field.name], field.metadata or {}) for field in table.schema]
+    units = {short: known.get(b"unit", b"").decode() for short, known in fields}
+    return {**columns, "units": units}, size
 
 
-def _held(column: Array) -> int:
-    """Return the bytes of a column; of texts, the row indices and each text once."""
-    texts = set(column.tolist()) if column.dtype.kind == "O" else ()
-    return column.nbytes + sum(map(sys.getsizeof, texts))
+def _held(column: Any) -> int:
+    """Return the bytes of a column as numpy has it; of texts, the pointers and each text once."""
+    texts = column.unique().to_pylist() if str(column.type) == "string" else ()
+    return 8 * len(column) + sum(map(sys.getsizeof, texts))
 
 
-def _concatenated(pieces: Sequence[Piece], name: str) -> Array:
-    if len(pieces) == 1:
-        return pieces[0].columns[name]
-    return np.concatenate([piece.columns[name] for piece in pieces])
-
-
-def _mat_names(columns: Mapping[str, Array]) -> dict[str, str]:
+def _mat_names(columns: Iterable[str]) -> dict[str, str]:
     """Return names that MATLAB allows, all different."""
     names: dict[str, str] = {}
     for name in columns:

@@ -1,4 +1,4 @@
-"""A log's topics as tables, piece by piece.
+"""A log's topics as Arrow tables, out of its columns.
 
 A row is a message: when it was true (`stamp_ns`), when it was received (`received_ns`), both by
 the clocks that the log has them from, `time` in s since the log's first reception, then numbers
@@ -7,24 +7,22 @@ and texts of the message.
 
 from __future__ import annotations
 
-import pickle
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryFile
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from flight_log.column_writer import RECEIVED, STAMP
+from flight_log.columns import Topic, read_columns
 from flight_log.summary import summarize
-from flight_log.topic_columns import ColumnReader, Columns
 from quadrotor.errors import UsageError
 from vehicle_link.messages.units import unit_of_path
 
-Array = npt.NDArray[Any]
-TIME_UNITS = {"time": "s", "stamp_ns": "ns", "received_ns": "ns"}
+ROWS = 20_000
+"""In a piece."""
+TIME_UNITS = {"time": "s", STAMP: "ns", RECEIVED: "ns"}
 
 
 @dataclass
@@ -33,30 +31,33 @@ class Piece:
 
     topic: str  # `state`; with its namespace when the log has several
     type_name: str
-    columns: dict[str, Array]  # (N,) each: float64, int64, or objects that are str
-    units: dict[str, str]  # of columns that have one
-    share: float  # of the log read so far, 0…1
-
-    @property
-    def rows(self) -> int:
-        return len(self.columns["time"])
+    table: Any  # a pyarrow.Table: float64, int64 and texts, units in the metadata of its fields
+    share: float  # of the log's rows so far, 0…1
 
 
 class Tables:
-    """Iterate once.
+    """The tables of a log.
 
     Args:
         topics: names as `quadlab log info` tells them, or their last part; none for all.
         begin, end: s since the first reception; rows received then are kept.
+        tell: called with the share of the log that is read, 0 to 1, where it must be.
 
     Attributes:
-        problems: a line for each topic that could not be read, after the iteration.
+        problems: a line for each topic that could not be read.
+        missing: what of the file could not be read; "" when all was.
+        note: why its columns are not kept; "" when they are.
 
     Raises UsageError for a topic that is not there or an empty range, LogFormatError, StorageError.
     """
 
     def __init__(
-        self, path: Path, topics: Sequence[str] = (), begin: float = 0.0, end: float = np.inf
+        self,
+        path: Path,
+        topics: Sequence[str] = (),
+        begin: float = 0.0,
+        end: float = np.inf,
+        tell: Callable[[float], None] = lambda share: None,
     ) -> None:
         if not begin < end:
             raise UsageError(f"from {begin:g} to {end:g} s is no time; give --from below --to")
@@ -67,100 +68,70 @@ class Tables:
             )
         self.run = summary.run
         self._names = _short_names(summary.topics)
-        wanted = [_resolved(word, self._names) for word in topics]
-        self._reader = ColumnReader(path, topics=wanted or None, dtype=np.float64)
-        self._start_ns, self._begin, self._end = summary.start_ns, begin, end
-        self._texts: dict[tuple[str, str], str] = {}
-
-    @property
-    def problems(self) -> dict[str, str]:
-        return self._reader.problems
-
-    @property
-    def missing(self) -> str:
-        """Return what of the file could not be read, after the iteration; "" when all was."""
-        log = self._reader.log
+        wanted = [_resolved(word, self._names) for word in topics] or list(self._names)
+        log = read_columns(path, tell, np.float64)
+        self._topics = {name: topic for name, topic in log.topics.items() if name in wanted}
+        self.problems = {name: why for name, why in log.problems.items() if name in wanted}
         lost = [f"it {log.tear}"] if log.tear else []
         lost += [f"{log.damaged_chunks} of its chunks are damaged"] if log.damaged_chunks else []
-        return ", and ".join(lost)
+        self.missing, self.note = ", and ".join(lost), log.note
+        self._start_ns, self._begin, self._end = summary.start_ns, begin, end
+
+    def whole(self) -> Iterator[Piece]:
+        """Yield each topic as one table."""
+        total, done = sum(map(len, self._topics.values())), 0
+        for name, topic in self._topics.items():
+            table = _table(topic, self._start_ns)
+            if self._begin > 0.0 or np.isfinite(self._end):
+                time = table["time"].to_numpy()
+                table = table.filter((time >= self._begin) & (time <= self._end))
+            done += len(topic)
+            if table.num_rows:
+                yield Piece(self._names[name], topic.type_name, table, done / total)
+            topic.release()
 
     def __iter__(self) -> Iterator[Piece]:
-        growing: dict[str, _Growing] = {}
-        with ExitStack() as files:
-            for batch in self._reader:
-                for columns in batch.columns:
-                    piece = self._piece(columns, batch.share)
-                    if columns.grows:  # which columns there are is known at the end
-                        if columns.topic not in growing:
-                            growing[columns.topic] = _Growing(files.enter_context(TemporaryFile()))
-                        growing[columns.topic].add(piece)
-                    elif piece.rows:
-                        yield piece
-            for one in growing.values():
-                yield from one.pieces()
-
-    def _piece(self, columns: Columns, share: float) -> Piece:
-        time = (columns.log_ns - self._start_ns) * 1e-9
-        kept = (time >= self._begin) & (time <= self._end)
-        table: dict[str, Array] = {
-            "time": time,
-            "stamp_ns": columns.publish_ns,
-            "received_ns": columns.log_ns,
-        }
-        units = dict(TIME_UNITS)
-        for path, values in columns.numbers.items():
-            table[path] = values
-            plain = ".".join(part.split("[")[0] for part in path.split("."))
-            if unit := unit_of_path(columns.type_name, plain):
-                units[path] = unit
-        for path, changes in columns.texts.items():
-            table[path] = self._spread(columns.topic, path, changes, len(time))
-        if not kept.all():
-            table = {name: values[kept] for name, values in table.items()}
-        return Piece(self._names[columns.topic], columns.type_name, table, units, share)
-
-    def _spread(self, topic: str, path: str, changes: list[tuple[int, str]], count: int) -> Array:
-        """Return a text of each row from the rows where it changes."""
-        out = np.empty(count, object)
-        text, at = self._texts.get((topic, path), ""), 0
-        for index, changed in [*changes, (count, "")]:
-            out[at:index] = text
-            if index < count:
-                text, at = changed, index
-        self._texts[topic, path] = text
-        return out
+        """Yield all topics in pieces of some ROWS."""
+        for one in self.whole():
+            for begin in range(0, one.table.num_rows, ROWS):
+                table = one.table.slice(begin, ROWS)
+                yield Piece(one.topic, one.type_name, table, one.share)
 
 
-class _Growing:
-    """Pieces of a topic whose columns are known at the end, kept in a file until then."""
+def _table(topic: Topic, start_ns: int) -> Any:
+    """Return a topic's table. Numbers are not copied, and equal constants are one column."""
+    import pyarrow as pa
 
-    def __init__(self, file: IO[bytes]) -> None:
-        self._file = file
-        self._kinds: dict[str, np.dtype[Any]] = {}
-        self._units: dict[str, str] = {}
-
-    def add(self, piece: Piece) -> None:
-        """Add a piece. Raises OSError."""
-        if not piece.rows:
-            return
-        for name, values in piece.columns.items():
-            self._kinds.setdefault(name, values.dtype)
-        self._units.update(piece.units)
-        pickle.dump(piece, self._file, pickle.HIGHEST_PROTOCOL)
-
-    def pieces(self) -> Iterator[Piece]:
-        """Yield the pieces, with NaN, or no text, where a piece lacks a column. Raises OSError."""
-        end = self._file.tell()
-        self._file.seek(0)
-        while self._file.tell() < end:
-            piece: Piece = pickle.load(self._file)
-            columns = {
-                name: piece.columns[name]
-                if name in piece.columns
-                else np.full(piece.rows, "" if kind.kind == "O" else np.nan, kind)
-                for name, kind in self._kinds.items()
-            }
-            yield replace(piece, columns=columns, units=dict(self._units))
+    columns = {"time": pa.array((topic.log_ns - start_ns) * 1e-9)}
+    columns |= {name: topic.arrow[name] for name in (STAMP, RECEIVED)}
+    units = dict(TIME_UNITS)
+    constants: dict[bytes, Any] = {}
+    for name in topic.names:
+        if name in topic.constants:
+            bits = np.float64(topic.constants[name]).tobytes()
+            if bits not in constants:
+                constants[bits] = pa.repeat(pa.scalar(topic.constants[name]), len(topic))
+            columns[name] = constants[bits]
+        else:
+            columns[name] = topic.arrow[name]
+        plain = ".".join(part.split("[")[0] for part in name.split("."))
+        if unit := unit_of_path(topic.type_name, plain):
+            units[name] = unit
+    for name, changes in topic.texts.items():
+        begins = [0, *(index for index, _ in changes)]
+        ends = [*begins[1:], len(topic)]
+        texts = ["", *(text for _, text in changes)]
+        spread = [
+            pa.repeat(pa.scalar(text), end - begin)
+            for text, begin, end in zip(texts, begins, ends, strict=True)
+            if end > begin
+        ]
+        columns[name] = pa.chunked_array(spread)
+    fields = [
+        pa.field(name, one.type, metadata={"unit": units[name]} if name in units else None)
+        for name, one in columns.items()
+    ]
+    return pa.Table.from_arrays(list(columns.values()), schema=pa.schema(fields))
 
 
 def _short_names(topics: Sequence[str] | dict[str, Any]) -> dict[str, str]:

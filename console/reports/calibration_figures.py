@@ -13,7 +13,7 @@ from console.reports.content import Picture
 from console.reports.flight import Flight
 from console.reports.judgement import Judgement
 from console.reports.plots import AXES, COLORS, QUIET, REFERENCE, finish, grid, line, styled, triple
-from console.reports.run_log import IMU, RunLog, read_run
+from console.reports.run_log import RunLog
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.constants import GRAVITY
@@ -96,10 +96,9 @@ def residuals(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
 
 def inertia(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
     """Return the figures of the excitation of the three axes and the estimates' convergence."""
-    motion = read_run(log.path, MOTION)
-    if not motion.has("state", "actuators"):
+    if not log.has("state", "actuators"):
         raise LogFormatError("the log has no topic state or actuators")
-    state, actuators = motion.topics["state"], motion.topics["actuators"]
+    state, actuators = log.topics["state"], log.topics["actuators"]
     rates = np.degrees(state.rows(MOTION["state"]))
     torque = 1e3 * actuators.rows(MOTION["actuators"])
     found = read_inertia(log.path, log.vehicle)
@@ -178,8 +177,6 @@ def _kind(names: list[str]) -> str:
 
 
 def _imu(log: RunLog) -> Series:
-    """Read the IMU's columns only when needed: other reports do not use them."""
-    found = read_run(log.path, IMU)
-    if not found.has("imu"):
+    if not log.has("imu"):
         raise LogFormatError("the log has no topic imu")
-    return found.topics["imu"]
+    return log.topics["imu"]

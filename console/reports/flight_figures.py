@@ -169,6 +169,13 @@ def _health(log: RunLog, rows: list[str]) -> Picture:
     )
 
 
+HEALTH = {
+    "battery": ("voltage",),
+    "estimator": ("mass", "mass_variance", "measurement_age", "consistency", "refused_share"),
+}
+"""What has values where there is something to show, by topic."""
+
+
 def _shown(log: RunLog, topic: str) -> bool:
     """Return whether the figure has finite values to show."""
     if not log.has(topic):
@@ -176,7 +183,8 @@ def _shown(log: RunLog, topic: str) -> bool:
     series = log.topics[topic]
     if topic == "status":
         return bool(np.nanmax(series.rows(("lateness_max",)), initial=0.0) > 0.0)
-    return any(np.isfinite(series.values(name)).any() for name in series.names)
+    shown = [name for name in HEALTH[topic] if name in series]
+    return any(np.isfinite(series.values(name)).any() for name in shown)
 
 
 def _times(axes: Any, log: RunLog) -> None:

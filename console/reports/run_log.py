@@ -5,7 +5,6 @@ gaps.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,13 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from console.evaluation.explanation.explain import COLUMNS
 from console.evaluation.explanation.finding import axes as _axes
 from flight_log import run
 from flight_log.attached import json_value, parameters_of
 from flight_log.index import RECOVERED_METADATA
 from flight_log.run import Series
-from flight_log.topic_columns import ColumnReader
 from flight_log.writer import RUN_METADATA
 from quadrotor.parameters import ParameterValue
 
@@ -32,41 +29,9 @@ ODOMETRY = (
     *_axes("pose.pose.orientation", "wxyz"),
     *_axes("twist.twist.linear"),
 )
-WANTED: dict[str, tuple[str, ...]] = {
-    "state": ODOMETRY,
-    "truth": ODOMETRY,
-    "tracker_pose": (*_axes("pose.position"), *_axes("pose.orientation", "wxyz")),
-    "reference": (*_axes("position"), "yaw"),
-    "actuators": ("thrust", *(f"motor_references[{k}]" for k in range(4)), "scaling"),
-    "estimator": ("mass", "mass_variance", "measurement_age", "estimator"),
-    "status": (
-        "mode",
-        "behavior",
-        "armed",
-        "airborne",
-        "tick_rate",
-        "lateness_p99",
-        "lateness_max",
-        "missed_share",
-        "overruns",
-        "missed_frames",
-        "damaged_frames",
-    ),
-    "battery": ("voltage",),
-    "link_status": ("loss", "round_trip", "outages", "outage_total"),
-    "bench_reading": ("force", "torque", "speed"),
-    "experiment_status": ("name", "run_id", "proposal", "decision"),
-}
-for _topic, _fields in COLUMNS.items():
-    WANTED[_topic] = tuple(dict.fromkeys((*WANTED.get(_topic, ()), *_fields)))
-"""Numeric and text fields by topic; of every other topic only the times are read."""
 LINES = ("/events", "/marks", "/parameter_changes")
 """Topics whose messages are single lines."""
-IMU = {"imu": (*_axes("linear_acceleration"), *_axes("angular_velocity"))}
-"""Topics that are read only when a figure needs them."""
 MOST_LINES = 2000
-MOST_BYTES = 180_000_000
-"""Largest size of stamps and values: above an hour's flight, and ten million bare stamps."""
 ON_CHANGE = ("events", "marks", "parameter_changes", "joy", "stick")
 """Topics published on change only, which have no gaps."""
 WARNING = 30  # level of rcl_interfaces/Log
@@ -144,19 +109,20 @@ class RunLog:
             return None
 
 
-def read_run(path: Path, wanted: Mapping[str, tuple[str, ...]] = WANTED) -> RunLog:
+def read_run(path: Path) -> RunLog:
     """Read a log for a report. Raises StorageError or LogFormatError when it has nothing to
     report.
     """
-    reader = ColumnReader(path, LINES, wanted)
-    found = run.read_run(reader, most_payloads=MOST_LINES, most_bytes=MOST_BYTES)
+    found = run.read_run(path)
     lines: list[Line] = []
     changes: dict[str, ParameterValue] = {}
     for topic, series in sorted(found.topics.items()):
         if f"/{topic}".endswith(LINES):
             lines += _lines(topic, series, changes)
     log = found.log
-    problems = [f"{topic.lstrip('/')}: {why}" for topic, why in reader.problems.items()]
+    problems = [f"{topic.lstrip('/')}: {why}" for topic, why in log.problems.items()]
+    if log.note:
+        problems.append(log.note)
     if log.tear:
         problems.insert(0, f"the file is torn: it {log.tear}; the part before that is reported")
     if log.damaged_chunks:
@@ -180,7 +146,7 @@ def read_run(path: Path, wanted: Mapping[str, tuple[str, ...]] = WANTED) -> RunL
 def _lines(topic: str, series: Series, changes: dict[str, ParameterValue]) -> list[Line]:
     found: list[Line] = []
     marks: dict[str, Line] = {}  # the newest text of each id counts
-    for t, message in series.lines():
+    for t, message in series.lines(MOST_LINES):
         who = str(message.get("requester", ""))
         if topic.endswith("events"):
             kind = "warning" if int(message.get("level", 0)) >= WARNING else "event"

@@ -12,7 +12,7 @@ from console.reports.content import Picture
 from console.reports.flight import Flight
 from console.reports.judgement import Judgement
 from console.reports.plots import AXES, COLORS, REFERENCE, finish, grid, line, styled
-from console.reports.run_log import IMU, RunLog, read_run
+from console.reports.run_log import RunLog
 from quadrotor.constants import MOTORS
 
 DASHED: Any = {"color": REFERENCE, "linewidth": 0.8, "linestyle": (0, (4, 2))}
@@ -23,8 +23,7 @@ RANGE = 40.0
 def vibration(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
     """Return spectra with the noise proposed and the rotors' frequencies, and spectrograms."""
     found = read_vibration(log.path, log.vehicle)
-    columns = read_run(log.path, {**IMU, "actuators": THRUSTS}).topics
-    imu, actuators = columns["imu"], columns["actuators"]
+    imu, actuators = log.topics["imu"], log.topics["actuators"]
     rotors = rotor_frequency(actuators.rows(THRUSTS))
     start = imu.time[0]
 

@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from pathlib import Path
+
+from flight_log.columns import CACHES, folder_bytes
 
 REPLAYS = ".replay"
 """In the folder of the runs; a cache is a folder named after its log."""
@@ -22,24 +23,13 @@ def replay_name(log: Path, runs: Path) -> str:
 
 
 def remove_replay(log: Path) -> None:
-    """Remove the cache of a run. What cannot be removed is of no use, and goes with the oldest."""
-    shutil.rmtree(log.parent / REPLAYS / log.stem, ignore_errors=True)
+    """Remove the cache and the columns of a run. What cannot be removed is of no use, and goes with
+    the oldest.
+    """
+    for caches in (REPLAYS, CACHES):
+        shutil.rmtree(log.parent / caches / log.stem, ignore_errors=True)
 
 
 def replay_bytes(runs: Path) -> int:
-    """Return the bytes of all caches together; those being made count."""
-    return folder_bytes(runs / REPLAYS)
-
-
-def folder_bytes(folder: Path) -> int:
-    """Return the bytes of all files below, as far as they can be seen: others may be removing
-    them.
-    """
-    total = 0
-    for root, _, names in os.walk(folder):
-        for name in names:
-            try:
-                total += os.lstat(os.path.join(root, name)).st_size
-            except OSError:
-                continue
-    return total
+    """Return the bytes of all caches and columns together; those being made count."""
+    return folder_bytes(runs / REPLAYS) + folder_bytes(runs / CACHES)

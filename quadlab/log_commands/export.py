@@ -42,6 +42,8 @@ class Export:
             print(f"not exported: {line}")
         if done.missing:
             print(f"note: the log is not whole ({done.missing}); the rest of it is exported")
+        if done.note:
+            print(f"note: {done.note}")
         for path in done.files:
             print(path)
         print(f"{done.rows} rows in {len(done.files)} files")

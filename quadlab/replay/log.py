@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_log.attached import json_value, logged_value
-from flight_log.gathered import HEADER_STAMP, Topic, gather
+from flight_log.columns import LogColumns, Topic, read_columns
 from flight_log.index import NO_END, is_closed
-from flight_log.topic_columns import ColumnReader
+from flight_log.payload_layout import HEADER_STAMP
 from quadlab.simulated.flight import FlightParameters
 from quadrotor.errors import LogFormatError, MeasurementError, ParameterError
 from quadrotor.parameters import ParameterStore, ParameterValue
@@ -36,16 +36,10 @@ ODOMETRY = (
     *(f"pose.pose.orientation.{axis}" for axis in "wxyz"),
     *(f"twist.twist.{of}.{axis}" for of in ("linear", "angular") for axis in "xyz"),
 )
-WANTED = {
-    "imu": (*HEADER_STAMP, *IMU),
-    "state": (*HEADER_STAMP, *ODOMETRY),
-    "truth": (*HEADER_STAMP, *ODOMETRY),
-    "status": (*HEADER_STAMP, "airborne"),
-}
+COLUMNS = ("imu", "state", "truth", "status")
 EVENTS = ("tracker_pose", "tracker_position", "bearings", "sweeps", "events", "parameter_changes")
-WHOLE = tuple(f"/{name}" for name in EVENTS)
-MOST_BYTES = 200_000_000
-"""Largest size of what is held: half an hour's flight at 400 Hz."""
+MOST_SAMPLES = 2_000_000
+"""Of a topic that are held: more than an hour's flight at 500 Hz."""
 CALIBRATED, ARMED = "ready: gyroscope bias", "armed: "
 """The events at whose sample the vehicle's estimators forget what they learnt, and take the
 heading stated."""
@@ -105,19 +99,25 @@ def read_recording(path: Path) -> Recording:
     """Read a log for a replay. Raises StorageError or LogFormatError that say what is missing or
     how to mend it.
     """
-    reader = ColumnReader(path, WHOLE, WANTED, dtype=np.float64)
-    found = gather(reader, most_bytes=MOST_BYTES)
-    _check_whole(path, reader)
+    log = read_columns(path, dtype=np.float64)
+    found = log.topics
+    _check_whole(path, log)
     space = next((name.rpartition("/")[0] for name in found if name.endswith("/imu")), None)
     if space is None:
         raise LogFormatError(
             f"{path} has no IMU samples (topic /…/imu); "
             "replay a log of `quadlab fly`, or one of the vehicle's folder onboard/"
         )
-    topics = {name: found.get(f"{space}/{name}") or Topic("") for name in (*WANTED, *EVENTS)}
+    topics = {name: found.get(f"{space}/{name}") or Topic() for name in (*COLUMNS, *EVENTS)}
     for name in ("imu", "state", "truth"):
-        if problem := reader.problems.get(f"{space}/{name}"):
+        if problem := log.problems.get(f"{space}/{name}"):
             raise LogFormatError(f"{path}: {name} cannot be read: {problem}")
+        if len(topics[name]) > MOST_SAMPLES:
+            raise LogFormatError(
+                f"{path.name} has {len(topics[name])} messages of {name}, at most {MOST_SAMPLES} "
+                "are replayed: cut it with `mcap filter --include-attachments "
+                "--output-compression lz4 --start … --end …`"
+            )
     samples_ns, imu = _stamped(topics["imu"], IMU)
     samples = np.zeros(len(imu), IMU_SAMPLE)
     samples["stamp_ns"] = samples_ns
@@ -142,8 +142,8 @@ def read_recording(path: Path) -> Recording:
         ),
         bearings=_arrivals(topics["bearings"], decode_bearings),
         sweeps=_arrivals(topics["sweeps"], decode_sweeps),
-        parameters=_parameters(path, reader.log.attachments),
-        parameters_recorded=PARAMETERS in reader.log.attachments,
+        parameters=_parameters(path, log.attachments),
+        parameters_recorded=PARAMETERS in log.attachments,
         changes=sorted(map(_change, _messages(topics["parameter_changes"])), key=itemgetter(0, 1)),
         resets=_told(topics["events"], CALIBRATED),
         armed=_told(topics["events"], ARMED),
@@ -151,9 +151,8 @@ def read_recording(path: Path) -> Recording:
     )
 
 
-def _check_whole(path: Path, reader: ColumnReader) -> None:
+def _check_whole(path: Path, log: LogColumns) -> None:
     """Raise LogFormatError when something of the log could not be read."""
-    log = reader.log
     if log.tear or not is_closed(path):
         raise LogFormatError(
             f"{path} is torn: it {log.tear or NO_END}; "
@@ -193,7 +192,7 @@ def _stamped(topic: Topic, names: Sequence[str]) -> tuple[Stamps, Floats]:
     LogFormatError.
     """
     for name in (*HEADER_STAMP, *names):
-        if len(topic) and name not in topic.columns:
+        if len(topic) and name not in topic:
             raise LogFormatError(f"a {topic.type_name} without {name} cannot be replayed")
     return topic.header_ns, topic.take(names).astype(np.float64, copy=False)
 
@@ -235,7 +234,7 @@ def _pose(payload: bytes) -> Record:
 
 
 def _messages(topic: Topic) -> Iterator[Any]:
-    return (decode(payload, topic.type_name) for payload in topic.payloads)
+    return (decode(payload, topic.decodable_name) for payload in topic.payloads)
 
 
 def _change(change: Any) -> Change:

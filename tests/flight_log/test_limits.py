@@ -12,10 +12,9 @@ import pytest
 from flight_log import read_attachments, read_log, summarize
 from flight_log.blocks import BLOCK_BYTES, BlockReader
 from flight_log.check import check_log
-from flight_log.gathered import gather
 from flight_log.limits import MOST_BYTES
 from flight_log.reader import read_topic
-from flight_log.topic_columns import ColumnReader
+from flight_log.run import read_run
 from quadrotor.errors import LogFormatError
 from tests.crafted_logs import CRAFTED, TINY, at_the_limit, chunk, many_tiny, message, packed, write
 
@@ -28,6 +27,7 @@ from flight_log import read_attachments, read_log, summarize
 from flight_log.check import check_log
 from flight_log.check import damage
 from flight_log.reader import read_topic
+from flight_log.run import read_run
 log = Path(sys.argv[1])
 for read in (summarize, lambda p: sum(1 for _ in read_log(p)), check_log, read_attachments,
              lambda p: sum(1 for _ in read_topic(p, "tiny")), damage):
@@ -109,14 +109,14 @@ def test_a_log_without_an_index_is_counted_block_by_block(tmp_path: Path) -> Non
     assert shares == sorted(shares)
 
 
-def test_columns_are_gathered_up_to_a_bound(tmp_path: Path) -> None:
+def test_a_run_of_more_messages_than_are_held_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     log = many_tiny(tmp_path / "a.mcap", 50_000)
-    [topic] = gather(ColumnReader(log), most_bytes=50_000 * (8 + 8)).values()
-    assert (len(topic), topic.size) == (50_000, 50_000 * (8 + 8)), "its number never changes"
-    with pytest.raises(LogFormatError, match="more than 1 MB of times and values"):
-        gather(ColumnReader(log), most_bytes=799_999)
-    topic.give_up_stamps()
-    assert topic.size == 0
+    assert [len(one) for one in read_run(log).topics.values()] == [50_000]
+    monkeypatch.setattr("flight_log.run.MOST_MESSAGES", 49_999)
+    with pytest.raises(LogFormatError, match="50000 messages; at most 49999"):
+        read_run(log)
 
 
 def test_a_block_of_the_smallest_messages_is_given_in_pieces(tmp_path: Path) -> None:

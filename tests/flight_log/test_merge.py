@@ -19,7 +19,6 @@ from flight_log.merge import merge
 from flight_log.run import read_run
 from flight_log.run_folder import MERGED, STATION, VEHICLE, log_of, run_bytes
 from flight_log.tick_columns import TICK_TOPICS
-from flight_log.topic_columns import ColumnReader
 from flight_log.writer import FILLED_METADATA, LogWriter
 from tests.flight_log.drop_outs import OFFSET_NS, START_NS, Flight, flown, with_holes
 from vehicle_link import topics
@@ -228,7 +227,7 @@ def test_a_vehicle_s_log_of_an_older_version_is_merged_with_the_fields_it_has(
     assert (run / VEHICLE).read_bytes() == vehicle
     for topic in TICK_TOPICS:
         assert stamps_of(run, topic) == flight.stamps.tolist()
-    actuators = read_run(ColumnReader(run)).topics["actuators"]
+    actuators = read_run(run).topics["actuators"]
     motors = flight.ticks["actuators"]["motor_references"][:, 0].astype(np.float32)
     assert actuators.values("motor_references[0]").tolist() == motors.tolist()
     assert np.isnan(actuators.values("scaling")).all()

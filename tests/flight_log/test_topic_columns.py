@@ -71,8 +71,8 @@ def read(path: Path) -> tuple[ColumnReader, dict[str, dict[str, Any]]]:
             before = len(topic["@log"])
             topic["@log"] = np.concatenate([topic["@log"], columns.log_ns])
             for name, values in columns.numbers.items():
-                kept = topic.get(name, np.zeros(0, np.float32))
-                gap = np.full(before - len(kept), np.nan, np.float32)
+                kept = topic.get(name, np.zeros(0))
+                gap = np.full(before - len(kept), np.nan)
                 topic[name] = np.concatenate([kept, gap, values])
             for name, changes in columns.texts.items():
                 topic.setdefault(f"#{name}", []).extend((before + k, text) for k, text in changes)
@@ -109,7 +109,7 @@ def test_columns_hold_what_the_messages_hold(
             except IndexError:
                 assert np.isnan(values[k])
                 continue
-            assert values[k] == np.float32(expected)
+            assert values[k] == expected
     assert rows == {"/q/state": 200, "/q/bearings": 200, "/q/status": 200}
     assert "bearings[3].z" in found["/q/bearings"]
     assert "header.stamp.sec" not in found["/q/state"]

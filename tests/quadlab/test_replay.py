@@ -82,10 +82,9 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_recording_is_held_up_to_a_bound(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = read_recording(log)
-    held = whole.imu.nbytes + whole.state.nbytes + whole.truth.nbytes
-    monkeypatch.setattr(log_module, "MOST_BYTES", held // 2)
-    with pytest.raises(LogFormatError, match=r"hold at once: cut it .*--include-attachments"):
+    count = len(read_recording(log).imu)
+    monkeypatch.setattr(log_module, "MOST_SAMPLES", count - 1)
+    with pytest.raises(LogFormatError, match=rf"{count} .* cut it .*--include-attachments"):
         read_recording(log)
 
 

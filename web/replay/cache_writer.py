@@ -23,6 +23,7 @@ from web.replay.track import PARTS, WIDTH, track
 
 VERSION = 4
 """Of the cache; another one is built anew."""
+MOST_COLUMNS = 4000
 INDEX, COLUMNS, TRACK = "index.json", "columns.bin", "track.bin"
 
 Floats = npt.NDArray[np.float32]
@@ -68,9 +69,11 @@ class CacheWriter:
         base_rows = [self._base(one) for one in times.values()]
         total = sum(len(one.names) for one in self._topics.values())
         done = 0
+        left = MOST_COLUMNS
         for topic, series in self._topics.items():
             self._columns[topic] = {}
-            for name in [*series.names, *(name for t, name in self._fresh if t == topic)]:
+            names, left = series.names[:left], max(left - len(series.names), 0)
+            for name in [*names, *(name for t, name in self._fresh if t == topic)]:
                 self._columns[topic][name] = self._store(topic, name)
                 done += 1
                 self._tell(min(1.0, done / max(total, 1)))
@@ -82,7 +85,7 @@ class CacheWriter:
             "namespace": run.space,
             "tear": run.log.tear,
             "damaged_chunks": run.log.damaged_chunks,
-            "problems": run.problems,
+            "problems": run.log.problems,
             "bases": base_rows,
             "topics": {
                 topic: {

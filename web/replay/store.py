@@ -14,7 +14,8 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.runs.replay_caches import REPLAYS, folder_bytes, replay_name
+from console.runs.replay_caches import REPLAYS, replay_name
+from flight_log.columns import folder_bytes
 from flight_log.file import is_being_written
 from flight_log.run_folder import log_of
 from quadrotor.errors import JobError, LogFormatError, QuadlabError, RefusedError, StorageError

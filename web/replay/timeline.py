@@ -33,7 +33,7 @@ Moment = dict[str, Any]
 def lines_of(series: Series) -> list[dict[str, Any]]:
     """Return each message of one of WHOLE with its time t, its words, who and its other fields."""
     found = []
-    for t, fields in islice(series.lines(), MOST_LINES):
+    for t, fields in islice(series.lines(MOST_LINES), MOST_LINES):
         texts = {k: v for k, v in fields.items() if isinstance(v, str) and v}
         words = next((texts[name] for name in _WORDS if name in texts), "")
         who = next((texts[name] for name in _PEOPLE if name in texts), "")

@@ -6,36 +6,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from console.evaluation.explanation import causes, consequences
-from console.evaluation.explanation.finding import (
-    ACCELERATION,
-    MARKED,
-    POSITION,
-    REFERENCE,
-    ROLL_PITCH,
-    THRUSTS,
-    TRACKED,
-    Finding,
-    Parameters,
-    Spans,
-    Topics,
-    airborne,
-)
+from console.evaluation.explanation.finding import Finding, Parameters, Spans, Topics, airborne
 from flight_log.attached import parameters_of
 from flight_log.run import read_run
-from flight_log.topic_columns import ColumnReader
 
-COLUMNS = {
-    "imu": ACCELERATION,
-    "state": (*POSITION, *ROLL_PITCH),
-    "tracker_pose": TRACKED,
-    "tracker_position": MARKED,
-    "reference": REFERENCE,
-    "actuators": (*THRUSTS, "scaling"),
-    "estimator": ("measurement_age", "consistency", "refused_share"),
-    "status": ("airborne", "flags", "suspect_offset", "suspect_beacon"),
-    "battery": ("voltage",),
-}
-"""The fields by topic from which flights are explained."""
 DETECTORS: tuple[Callable[[Topics, Parameters, Spans], Iterator[Finding]], ...] = (
     causes.weak_motor,
     causes.vibration,
@@ -65,5 +39,5 @@ def explain(topics: Topics, parameters: Parameters) -> list[Finding]:
 
 def explain_log(path: Path) -> list[Finding]:
     """Read a log and explain it. Raises StorageError or LogFormatError."""
-    run = read_run(ColumnReader(path, (), COLUMNS))
+    run = read_run(path)
     return explain(run.topics, parameters_of(run.log.attachments.get("parameters.json")))

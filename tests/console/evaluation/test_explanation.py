@@ -10,8 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.evaluation.explanation.explain import COLUMNS, explain, explain_log
-from console.evaluation.explanation.finding import MARKED, Finding
+from console.evaluation.explanation.explain import explain, explain_log
+from console.evaluation.explanation.finding import (
+    ACCELERATION,
+    MARKED,
+    POSITION,
+    REFERENCE,
+    ROLL_PITCH,
+    THRUSTS,
+    TRACKED,
+    Finding,
+)
 from console.reports.report import write_report
 from flight_log.run import Series
 from quadlab.__main__ import main
@@ -21,6 +30,18 @@ from web.replay.cache_writer import INDEX
 END = 40.0
 TIMES = {rate: np.arange(0.0, END, 1.0 / rate) for rate in (2, 10, 50, 100, 500)}
 THRUST = 3.2
+COLUMNS = {
+    "imu": ACCELERATION,
+    "state": (*POSITION, *ROLL_PITCH),
+    "tracker_pose": TRACKED,
+    "tracker_position": MARKED,
+    "reference": REFERENCE,
+    "actuators": (*THRUSTS, "scaling"),
+    "estimator": ("measurement_age", "consistency", "refused_share"),
+    "status": ("airborne", "flags", "suspect_offset", "suspect_beacon"),
+    "battery": ("voltage",),
+}
+"""The fields by topic from which flights are explained."""
 
 
 class Made(Series):

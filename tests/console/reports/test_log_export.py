@@ -14,7 +14,7 @@ import pytest
 from pyarrow import parquet
 from scipy.io import loadmat
 
-from console.log_export import formats
+from console.log_export import formats, tables
 from console.log_export.export import export
 from flight_log import LogWriter
 from quadlab.__main__ import main
@@ -55,7 +55,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_parquet_holds_the_numbers_exactly_with_units(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: int
 ) -> None:
-    monkeypatch.setattr(formats, "ROWS", rows)
+    monkeypatch.setattr(tables, "ROWS", rows)
     done = export(log, tmp_path / "out", "parquet")
     assert (done.rows, done.problems) == (3 * COUNT, ())
     table = parquet.read_table(tmp_path / "out/state.parquet")

@@ -40,8 +40,8 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_log_of_more_messages_than_are_held_is_refused(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("web.replay.build.MOST_MESSAGES", 1000)
-    with pytest.raises(LogFormatError, match="at most 1000 are replayed"):
+    monkeypatch.setattr("flight_log.run.MOST_MESSAGES", 1000)
+    with pytest.raises(LogFormatError, match="at most 1000 are shown"):
         build(log, tmp_path / "cache", lambda share: None)
 
 
