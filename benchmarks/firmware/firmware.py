@@ -37,8 +37,8 @@ def run(quick: bool) -> Report:
         rows.append(Row(f"native, {name}", {"frames": frames // 2, "different": unequal}))
         different += unequal
     targets = [Target("frames that differ", different, 0)]
-    notes = missing()
-    if not notes:
+    absent = missing()
+    if not absent:
         count = (QUICK_ON_CHIP if quick else ON_CHIP) // 2
         for name, stream in STREAMS.items():
             python, costs, unequal = Firmware(), list[Cost](), 0
@@ -72,8 +72,11 @@ def run(quick: bool) -> Report:
     return Report(
         name="firmware",
         title="C firmware",
-        text="The native build stops where a number overflows. On the chip no interrupts run: the board's "
-        "layer is not part of it. " + (f"Not simulated: {notes}." if notes else ""),
+        conditions=[
+            "the native build stops where a number overflows",
+            "on the chip no interrupts run: a board's layer is not part of it",
+        ],
         rows=rows,
         targets=targets,
+        notes=[f"not simulated: {absent}"] if absent else [],
     )
