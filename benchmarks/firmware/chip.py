@@ -25,7 +25,8 @@ def missing() -> str:
     absent = [tool for tool in NEEDS if shutil.which(tool) is None]
     if not absent:
         return ""
-    return f"no {', '.join(absent)}: on Debian, apt install make gcc gcc-avr avr-libc simavr libsimavr-dev"
+    packages = "make gcc gcc-avr avr-libc simavr libsimavr-dev"
+    return f"no {', '.join(absent)}: on Debian, apt install {packages}"
 
 
 @dataclass(frozen=True, slots=True)
