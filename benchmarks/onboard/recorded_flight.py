@@ -15,9 +15,9 @@ from unittest import mock
 
 import numpy as np
 
+from vehicle.boards.board import RawSample
 from vehicle.flight import process as flight
 from vehicle.flight.loop import FlightLoop
-from vehicle.microcontroller.microcontroller import RawSample
 
 CAPACITY = 400_000
 _COMMAND = b"#bb"

@@ -25,13 +25,13 @@ from quadlab.simulated.stage_clock import StageClock
 from quadrotor.errors import MeasurementError, RefusedError, UsageError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record, bearings_sample, has_attitude, pose_sample
+from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.comms.bearing_pose import bearing_pose
 from vehicle.estimators.navigation import COMPLAIN_NS
 from vehicle.flight.microcontroller_commands import Orders
 from vehicle.flight.modes import MOTORS_ON
 from vehicle.flight.stack import FlightStack
 from vehicle.laws.laws import Laws
-from vehicle.microcontroller.microcontroller import Microcontroller
 from vehicle.parameters import VehicleParameters
 from vehicle.processes import mailbox
 from vehicle.simulator.parameters import SimulatorParameters

@@ -85,7 +85,7 @@ def ports_at_rate(
 
 def check(words: Sequence[str], identity: Identity = THE_ONE) -> int:
     """Run `--check`: return exit status 0 when the connection is good, else 1."""
-    from vehicle.microcontroller.serial_check import check_connection
+    from vehicle.boards.mikrokopter.serial_check import check_connection
 
     return (
         0 if check_connection(flight_ports(words, identity), identity=identity, say=_print) else 1

@@ -19,18 +19,18 @@ from console.beacon_layout import THEIRS
 from console.catalogue.catalogue import Catalogue
 from quadrotor.parameters import ParameterValue
 from tests.waiting import free_port, until
+from vehicle.boards.board import Command, RawSample
 from vehicle.comms.process import Comms
 from vehicle.flight.loop import FlightLoop
 from vehicle.flight.pacing import PortPacer
 from vehicle.flight.stack import FlightStack
-from vehicle.microcontroller.microcontroller import RawSample
 from vehicle.parameters import new_parameters
 from vehicle.processes.config import CommsConfig, create_rings, open_rings
 from vehicle_link.messages import new
 from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import ensure_certificates
-from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
+from vehicle_link.serial.ids import MotorState
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.heartbeat import LinkState
 from vehicle_link.transport.node import Node
@@ -98,8 +98,8 @@ class StillMicrocontroller:
         still, battery, pressure = (512, 512, 512), 12.0, 101_325.0
         return [RawSample(time.time_ns(), still, still, battery, pressure, self.motor_state)]
 
-    def command(self, command: Sequence[int], mode: FlightControlMode) -> None: ...
-    def set_value(self, id: Id, value: int) -> None: ...
+    def command(self, command: Command) -> None: ...
+    def set_command_timeout(self, milliseconds: int) -> None: ...
     def set_motor_state(self, state: MotorState) -> None: ...
     def service(self, now_s: float) -> None: ...
     def filenos(self) -> Sequence[int]:

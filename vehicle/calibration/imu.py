@@ -18,7 +18,7 @@ from quadrotor.compiled import compiled
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.records import IMU_SAMPLE, Record
 from quadrotor.vehicle_model import GRAVITY
-from vehicle.microcontroller.microcontroller import RawSample
+from vehicle.boards.board import RawSample
 
 CALIBRATION = np.dtype(
     [

@@ -102,6 +102,8 @@ class CommandHandler:
             if modes.mode is Mode.BENCH:
                 modes.move(Mode.READY, f"bench test of {bench} ended by {command.requester}")
             return  # nothing turns, as requested
+        if bench.impossible:
+            raise RefusedError(f"bench refused: {bench.impossible}")
         check_bench(motor, command.reference)
         if modes.mode is not Mode.BENCH:
             self._require_rest("bench refused")

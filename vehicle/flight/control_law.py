@@ -12,7 +12,8 @@ from typing import Protocol, runtime_checkable
 
 from control.controller import Controller
 from control.disturbance_observer import DisturbanceObserver
-from control.parameters import NONE, ControlParameters
+from control.parameters import NONE, ControlParameters, control_record
+from control.rate_law import REFERENCE_MAX
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
@@ -60,6 +61,7 @@ class Steering:
     Attributes:
         model: MODEL, shape (1,), with the mass in use; updated in place, so others hold a view.
         mass: kg, the same.
+        gains: CONTROL, shape (1,), of the parameters; updated in place.
         observer: the disturbance observer; off unless the parameters switch it on.
         external: the external law that is flown or runs as the shadow.
     """
@@ -81,6 +83,7 @@ class Steering:
         self._voltage: float | None = None  # V, filtered; None before the first reading
         self._modelled: float | None = None  # V, the voltage the model was made for
         self.mass = model.mass
+        self.gains = control_record(control)
         self.observer = DisturbanceObserver(control.disturbance)
         self.configure(control, model)
 
@@ -109,6 +112,7 @@ class Steering:
     def configure(self, control: ControlParameters, model: VehicleModel) -> None:
         """Apply the present parameters, which `check` has accepted."""
         self._control, self._parameters = control, model
+        self.gains[...] = control_record(control)
         self.mass = model.mass
         self.observer.configure(control.disturbance)
         if (control.law, control.shadow_law) != (self._name, self._shadow):
@@ -157,6 +161,12 @@ class Steering:
         """Update the disturbance observer; see `control.disturbance_observer.observe_one`."""
         if self._disturbance is not None and not self.observer.idle:
             self.observer.step(state, actuators, self.model, flying, carried, dt, self._disturbance)
+
+    def throttle(self, thrust: float) -> float:
+        """Return the mean motor reference of a thrust (N), as a share (0 to 1) of its range."""
+        m = self.model[0]
+        reference = math.sqrt(max(0.0, 0.25 * thrust)) / m["motor_slope"] - m["motor_offset"]
+        return min(1.0, max(0.0, float(reference) / REFERENCE_MAX))
 
     def weigh(self, mass: float) -> None:
         """Use this mass (kg) from now on, until the next `configure`."""

@@ -6,6 +6,7 @@ import math
 
 from estimation.calibration.gyroscope import GyroscopeCalibration
 from quadrotor.errors import MeasurementError
+from vehicle.boards.board import RawSample
 from vehicle.calibration.gyroscope import GyroCalibration
 from vehicle.calibration.imu import ImuCalibrator
 from vehicle.estimators.navigation import Navigation
@@ -13,7 +14,6 @@ from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.modes import Mode
 from vehicle.flight.outbox import Outbox
 from vehicle.flight.tick_record import TickRecord
-from vehicle.microcontroller.microcontroller import RawSample
 from vehicle.processes import mailbox
 from vehicle.safety.parameters import SafetyParameters
 from vehicle_link.serial.ids import MotorState

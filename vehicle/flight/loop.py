@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Protocol
 
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import Record
+from vehicle.boards.board import Board, Command, RawSample
 from vehicle.flight.lateness import Lateness, LoopCounts, LoopStatistics
-from vehicle.flight.microcontroller_commands import Ordered, Ordering, Orders
+from vehicle.flight.microcontroller_commands import Ordering, Orders
 from vehicle.flight.modes import Mode
 from vehicle.flight.pacing import Pacer
-from vehicle.microcontroller.microcontroller import RawSample
 from vehicle.processes import mailbox
 from vehicle.processes.config import Rings
 from vehicle.processes.terminal import say
@@ -47,27 +47,13 @@ class Stack(Protocol):
     def mode(self) -> Mode: ...
     @property
     def modes(self) -> Ordering: ...
-    def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None: ...
+    def tick(self, sample: RawSample) -> Command | None: ...
     def handle(self, command: mailbox.Command) -> mailbox.Reply: ...
     def say(self, text: str, level: int = mailbox.INFO) -> None: ...
     def measure(self, measurement: mailbox.Measurement | Record) -> None: ...
     def loop_statistics(
         self, statistics: LoopStatistics, counts: LoopCounts, rate: float, real_time: bool
     ) -> None: ...
-
-
-class Mcu(Ordered, Protocol):
-    """The part of vehicle.microcontroller.microcontroller.Microcontroller that the loop needs."""
-
-    failures: list[str]
-    newest_ms: list[int]
-    refused: int
-    late: int
-
-    @property
-    def damaged(self) -> int: ...
-
-    def receive(self) -> list[RawSample]: ...
 
 
 class FlightLoop:
@@ -86,7 +72,7 @@ class FlightLoop:
     def __init__(
         self,
         stack: Stack,
-        mcu: Mcu,
+        mcu: Board,
         rings: Rings,
         pacer: Pacer,
         *,

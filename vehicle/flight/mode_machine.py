@@ -7,6 +7,7 @@ from __future__ import annotations
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
 from quadrotor.errors import QuadlabError
+from vehicle.boards.board import RawSample
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.flight.control_law import Steering
@@ -15,12 +16,11 @@ from vehicle.flight.modes import ControlMode, Mode, check_control_move, check_mo
 from vehicle.flight.motor_bench import Bench
 from vehicle.flight.outbox import Outbox
 from vehicle.flight.tick_record import TickRecord
-from vehicle.microcontroller.microcontroller import RawSample
 from vehicle.processes import mailbox
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.parameters import SafetyParameters
 from vehicle.safety.supervisor import Reaction, Supervisor, Verdict
-from vehicle_link.serial.ids import FlightControlMode, MotorState
+from vehicle_link.serial.ids import MotorState
 
 MOTOR_START_GRACE_NS = 1_500_000_000
 _BRAKING = (BehaviorName.LAND, BehaviorName.BRAKE, BehaviorName.EMERGENCY_LANDING)
@@ -68,13 +68,6 @@ class ModeMachine:
     def motors_had_time(self) -> bool:
         """Return whether motors that were switched on should be turning by now."""
         return self._tick.stamp_ns - self._armed_ns > MOTOR_START_GRACE_NS
-
-    @property
-    def flight_control_mode(self) -> FlightControlMode:
-        """Return how the microcontroller has to interpret the command of a tick."""
-        if self.control_mode is ControlMode.NEAR_HOVERING:
-            return FlightControlMode.NEAR_HOVERING
-        return FlightControlMode.DIRECT
 
     @property
     def command_timeout_ms(self) -> int:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
+from vehicle.boards.board import RawSample
 from vehicle.flight.control_law import Steering
 from vehicle.flight.flown_mass import FlownMass
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.modes import FLYING, ControlMode
 from vehicle.flight.tick_record import TickRecord
-from vehicle.microcontroller.microcontroller import RawSample
 from vehicle.safety.ground_contact import GroundContact
 
 LANDING = (BehaviorName.LAND, BehaviorName.EMERGENCY_LANDING)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from quadrotor.constants import MOTORS
 from quadrotor.errors import RefusedError
-from vehicle.microcontroller.microcontroller import RawSample
+from vehicle.boards.board import RawSample
 from vehicle.safety.parameters import SafetyParameters
 from vehicle_link.serial.ids import MotorState
 
@@ -38,13 +38,16 @@ def check_bench(motor: int, reference: int) -> None:
 class Bench:
     """The motor on the bench.
 
+    Args:
+        impossible: why the board turns no single motor; "" when it does.
+
     Attributes:
         motor: 1…4, 0 when none is.
         reference: counts.
     """
 
-    def __init__(self, safety: SafetyParameters) -> None:
-        self._safety = safety
+    def __init__(self, safety: SafetyParameters, impossible: str = "") -> None:
+        self._safety, self.impossible = safety, impossible
         self._turn_b = np.zeros(3)  # rad
         self.motor = self.reference = self._asked_ns = 0
         self._started = False

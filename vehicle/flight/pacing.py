@@ -74,7 +74,7 @@ class Pacer(Protocol):
 
 
 class Ports(Protocol):
-    """The part of vehicle.microcontroller.microcontroller.Microcontroller that is read here."""
+    """The part of vehicle.boards.mikrokopter.microcontroller.Microcontroller that is read here."""
 
     @property
     def lost_ports(self) -> int: ...

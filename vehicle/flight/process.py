@@ -17,10 +17,10 @@ import msgspec
 
 from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterStore
+from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.flight.loop import FlightLoop
 from vehicle.flight.pacing import MemoryPacer, Pacer, PortPacer
 from vehicle.flight.realtime import become_real_time, freeze_garbage
-from vehicle.microcontroller.microcontroller import Microcontroller
 from vehicle.processes import mailbox
 from vehicle.processes.config import FlightConfig, open_rings
 from vehicle.processes.terminal import say, speak_for

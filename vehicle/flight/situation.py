@@ -6,10 +6,10 @@ import math
 
 from control.behaviors.parameters import BehaviorParameters
 from estimation.outcome import Agreement
+from vehicle.boards.board import RawSample
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.modes import ControlMode
 from vehicle.flight.tick_record import TickRecord
-from vehicle.microcontroller.microcontroller import RawSample
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Situation
 

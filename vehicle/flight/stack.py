@@ -1,9 +1,9 @@
 """One vehicle's flight stack: the whole tick on one screen.
 
 Data goes one way: sample -> estimator -> state -> supervisor -> behavior -> reference ->
-controller -> thrusts -> motor references. The tick is clocked by the stamps of the IMU and never
-reads a clock, so the same code flies in real time, faster, and in replay, with identical results
-for identical input. Only the caller's thread may touch it.
+controller -> thrusts -> command for the board. The tick is clocked by the stamps of the IMU and
+never reads a clock, so the same code flies in real time, faster, and in replay, with identical
+results for identical input. Only the caller's thread may touch it.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from control.parameters import GEOMETRIC, NONE
 from estimation.estimator import Estimator
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import Record
+from vehicle.boards.board import Command, RawSample, Takes, Traits
+from vehicle.boards.mikrokopter.microcontroller import TRAITS
 from vehicle.calibration.imu import ImuCalibrator
 from vehicle.estimators.bearings_guard import BearingsGuard, WayBack
 from vehicle.estimators.navigation import Navigation
@@ -30,19 +32,18 @@ from vehicle.flight.control_law import Steering
 from vehicle.flight.flown_mass import FlownMass
 from vehicle.flight.gyroscope import GyroscopeStart
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
+from vehicle.flight.law_end import law_end
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.model_in_use import LANDING, ModelInUse
 from vehicle.flight.modes import FLYING, ControlMode, Mode
 from vehicle.flight.motor_bench import Bench
 from vehicle.flight.near_hovering import NearHovering
 from vehicle.flight.outbox import Outbox
-from vehicle.flight.reference_rounding import ReferenceRounding
 from vehicle.flight.situation import SituationReader
 from vehicle.flight.status_writer import StatusWriter
 from vehicle.flight.tick_record import TickRecord
 from vehicle.laws.external import ExternalLaw
 from vehicle.laws.laws import LAW, SHADOW_LAW, Laws
-from vehicle.microcontroller.microcontroller import RawSample
 from vehicle.parameters import VehicleParameters
 from vehicle.processes import mailbox
 from vehicle.safety.ground_contact import GroundContact
@@ -53,13 +54,14 @@ LONGEST_STEP = 0.05
 
 
 class FlightStack:
-    """The vehicle's flight code: one IMU sample in, motor references out.
+    """The vehicle's flight code: one IMU sample in, a command for the board out.
 
     Args:
         parameters: the vehicle's parameter tree; this stack becomes its only writer.
         estimator, controller: plugins, any object with the protocol's methods; defaults are the
             estimator and the law that the parameters name.
         laws: the control laws there are; default: the built-in ones and `udp`.
+        board: the board that the commands are for.
     """
 
     def __init__(
@@ -68,6 +70,7 @@ class FlightStack:
         estimator: Estimator | None = None,
         controller: Controller | None = None,
         laws: Laws | None = None,
+        board: Traits = TRAITS,
     ) -> None:
         p = self.parameters = parameters
         tick = self._tick = TickRecord()
@@ -79,7 +82,7 @@ class FlightStack:
         self.imu_calibrator = ImuCalibrator(p.imu)
         self.near_hovering = NearHovering(p.near_hovering)
         self.ground = GroundContact()
-        self.bench = Bench(p.safety)
+        self.bench = Bench(p.safety, board.missing(Takes.MOTORS))
         beacons = parse_layout(p.beacons.layout)
         self.navigation = Navigation(p.estimation, outbox.say, estimator, beacons, p.fallback)
         self.guard = BearingsGuard(p, tick.state, self.navigation, self.behaviors, self.ground)
@@ -141,7 +144,7 @@ class FlightStack:
             supervisor=self.supervisor,
             ground=self.ground,
         )
-        self._rounding = ReferenceRounding()
+        self._law_end = law_end(board.direct, self._tick, self.steering)
         self._situation = SituationReader(
             volume=p.behavior, tick=tick, modes=self.modes, ground=self.ground
         )
@@ -160,12 +163,8 @@ class FlightStack:
         self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
 
     # ------------------------------------------------------------------ the tick
-    def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None:
-        """Take one IMU sample and return four command bytes, or None while there is no
-        command.
-
-        They are motor references (counts), or whatever `flight_control_mode` specifies.
-        """
+    def tick(self, sample: RawSample) -> Command | None:
+        """Take one IMU sample and return the command for the board, None while there is none."""
         since = self._tick.begin(sample.stamp_ns)
         if since <= 0.0:
             return None
@@ -193,20 +192,20 @@ class FlightStack:
         if self.steering.external is not None:
             self._watch_law(self.steering.external)
 
-        command = None
+        command: Command | None = None
         if modes.mode is Mode.BENCH:
             command = self._turn_on_bench(sample, dt)
         elif modes.mode not in FLYING or modes.control_mode is ControlMode.EMERGENCY:
             tick.rest()
         elif self.behaviors.name is BehaviorName.GROUND:
             self._idle()
-            command = self._references() if modes.mode in FLYING else None
+            command = self._law_end() if modes.mode in FLYING else None
         else:
             command = self._fly(dt, airborne)
         self._status_writer.write(sample, pose_age)
         return command
 
-    def _fly(self, dt: float, airborne: bool) -> tuple[int, int, int, int]:
+    def _fly(self, dt: float, airborne: bool) -> Command:
         """Step the behavior's reference and return the command that follows it."""
         behaviors, tick = self.behaviors, self._tick
         behaviors.step(
@@ -223,7 +222,7 @@ class FlightStack:
         if level is None:
             self.controller.step(tick.state, tick.reference, airborne, dt, tick.actuators)
             self.near_hovering.observe(tick.wrench.item(0), dt)
-            command = self._references()
+            command = self._law_end()
         else:
             command = self._level(level, dt)
         if behaviors.aborted:
@@ -231,11 +230,11 @@ class FlightStack:
         self._watch_ground(dt)
         return command
 
-    def _level(self, level: Level, dt: float) -> tuple[int, int, int, int]:
-        """Return a command to the microcontroller, which holds the angles."""
+    def _level(self, level: Level, dt: float) -> Command:
+        """Return a command to the board, which holds the angles."""
         self._tick.motors_off()
-        command, thrust = self.near_hovering.command(level, self.steering.mass, dt)
-        self._tick.wrench[0] = thrust
+        command = self.near_hovering.command(level, self.steering, dt)
+        self._tick.wrench[0] = command.thrust
         return command
 
     def _turn_on_bench(self, sample: RawSample, dt: float) -> tuple[int, int, int, int] | None:
@@ -408,6 +407,3 @@ class FlightStack:
         self.controller.idle(self._tick.actuators)
         if self.ground.rested(self._tick.stamp_ns) >= self.parameters.safety.disarm_after_landing:
             self.modes.move(Mode.READY, "landed")
-
-    def _references(self) -> tuple[int, int, int, int]:
-        return self._rounding.round(self._tick.motor_references)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from control.behaviors.machine import BehaviorMachine
 from estimation.parameters import EstimationParameters
+from vehicle.boards.board import RawSample
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.estimators.rescue import Rescue
@@ -12,7 +13,6 @@ from vehicle.flight.lateness import LoopCounts, LoopStatistics
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.modes import MOTORS_ON, ControlMode, Flag, Mode
 from vehicle.flight.tick_record import TickRecord
-from vehicle.microcontroller.microcontroller import RawSample
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Supervisor
 from vehicle_link.serial.ids import MotorState

@@ -11,9 +11,9 @@ from collections.abc import Callable
 from control.behaviors.table import BehaviorName
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import pose_sample
+from vehicle.boards.board import RawSample
 from vehicle.flight.modes import Mode
 from vehicle.flight.stack import FlightStack
-from vehicle.microcontroller.microcontroller import RawSample
 from vehicle.parameters import new_parameters
 from vehicle.processes import mailbox
 

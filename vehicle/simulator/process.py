@@ -4,8 +4,8 @@ Time: sample k is taken at start + k / rate on the monotonic clock and takes 3 m
 real time that is the computer's clock, in lockstep (`vehicle.simulator.lockstep`) the simulation's,
 which waits for the processes that must follow.
 Truth is stamped with the host's epoch time at the start plus k / rate; the vehicle stamps the same
-sample with its own estimate of the same constant (vehicle.microcontroller.clock), so the two agree
-to within the least delay of a sample, well below 2 ms, as long as both run on one host.
+sample with its own estimate of the same constant (vehicle.boards.mikrokopter.clock), so the two
+agree to within the least delay of a sample, well below 2 ms, as long as both run on one host.
 """
 
 from __future__ import annotations

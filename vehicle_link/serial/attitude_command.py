@@ -36,6 +36,8 @@ class AttitudeCommand(msgspec.Struct, frozen=True):
     pitch: float  # rad, about y
     yaw_rate: float  # rad/s, about z
     thrust_share: float  # T / (m g)
+    thrust: float = 0.0  # N, the same
+    throttle: float = 0.0  # the share of full motor reference that gives it
 
     def encode(self) -> tuple[int, int, int, int]:
         """Return the command bytes as 0…255, each saturated at what it carries.

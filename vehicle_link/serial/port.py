@@ -65,19 +65,19 @@ class Port(Protocol):
 
 
 class SerialPort:
-    """A serial device at 115200 Bd 8N1, opened exclusively; what waited in it is discarded.
+    """A serial device, 8N1, opened exclusively; what waited in it is discarded.
 
     `dropped` counts frames that did not fit into the kernel's output buffer.
 
     Raises PortError when the device cannot be opened.
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(self, path: Path | str, baud_rate: int = BAUD_RATE) -> None:
         self.path = str(path)
         self.dropped = 0
         try:
             self._serial = serial.Serial(
-                self.path, BAUD_RATE, timeout=0, write_timeout=0, exclusive=True
+                self.path, baud_rate, timeout=0, write_timeout=0, exclusive=True
             )
             self._fd: int = self._serial.fileno()
             # pyserial asks for VMIN = 0, where "nothing yet" and "line gone" look the same.

@@ -15,15 +15,15 @@ import pytest
 from quadrotor.errors import LinkError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.records import Record, bearings_sample, new_tick, pose_sample
+from vehicle.boards.board import Command, RawSample
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
 from vehicle.flight.loop import MESSAGES_A_TICK, FlightLoop
 from vehicle.flight.modes import Mode
 from vehicle.flight.pacing import Deadlines, PortPacer
 from vehicle.flight.process import open_ports
-from vehicle.microcontroller.microcontroller import RawSample
 from vehicle.processes import mailbox
 from vehicle.processes.config import Rings, create_rings, open_rings
-from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
+from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import SerialPort
 
 PERIOD_NS = 2_000_000
@@ -45,7 +45,6 @@ class FakeStack:
         self.store = ParameterStore(Root().model_copy(deep=True))
         self.outbox: list[mailbox.Told] = []
         self.motor_state_wanted = MotorState.OFF
-        self.flight_control_mode = FlightControlMode.DIRECT
         self.command_timeout_ms = 250
         self.lost_ports = 0
         self.obstacle = ""
@@ -93,10 +92,9 @@ class FakeMcu:
         self.failures: list[str] = []
         self.newest_ms = [-1, -1]
         self.given: list[RawSample] = []
-        self.commands: list[Sequence[int]] = []
-        self.modes: list[FlightControlMode] = []
+        self.commands: list[Command] = []
         self.motor_states: list[MotorState] = []
-        self.values: list[tuple[Id, int]] = []
+        self.timeouts: list[int] = []
         self.lost_ports = 0
         self.obstacle = ""
         self.damaged = self.refused = self.late = 0
@@ -107,15 +105,14 @@ class FakeMcu:
         given, self.given = self.given, []
         return given
 
-    def command(self, command: Sequence[int], mode: FlightControlMode) -> None:
+    def command(self, command: Command) -> None:
         self.commands.append(command)
-        self.modes.append(mode)
 
     def set_motor_state(self, state: MotorState) -> None:
         self.motor_states.append(state)
 
-    def set_value(self, id: Id, value: int) -> None:
-        self.values.append((id, value))
+    def set_command_timeout(self, milliseconds: int) -> None:
+        self.timeouts.append(milliseconds)
 
     def service(self, now_s: float) -> None:
         self.serviced += 1
@@ -477,16 +474,14 @@ def test_a_port_in_use_is_told_once_and_opened_when_it_is_free(
     os.close(slave)
 
 
-def test_the_mode_goes_with_each_command_and_the_timeout_once(bench: Bench) -> None:
-    bench.stack.flight_control_mode = FlightControlMode.NEAR_HOVERING
+def test_the_command_timeout_is_set_once_and_when_it_changes(bench: Bench) -> None:
     for _ in range(3):
         bench.samples(1)
-    assert bench.mcu.modes == [FlightControlMode.NEAR_HOVERING] * 3
-    assert bench.mcu.values == [(Id.EMERGENCY_TIMEOUT, 250)]
+    assert bench.mcu.timeouts == [250]
     bench.stack.command_timeout_ms = 400
     bench.mcu.lost_ports = 1
     bench.samples(1)
-    assert bench.mcu.values[1:] == [(Id.EMERGENCY_TIMEOUT, 400)]
+    assert bench.mcu.timeouts == [250, 400]
     assert bench.stack.lost_ports == 1
 
 

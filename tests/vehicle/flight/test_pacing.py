@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from quadrotor.records import POSE_SAMPLE, Record
+from vehicle.boards.mikrokopter.microcontroller import Microcontroller
+from vehicle.boards.mikrokopter.sample_stamps import MS, FineStamps
 from vehicle.flight.pacing import GIVE_UP_NS, Deadlines, MemoryPacer, PortPacer
-from vehicle.microcontroller.microcontroller import Microcontroller
-from vehicle.microcontroller.sample_stamps import MS, FineStamps
 from vehicle.simulator.in_process import InProcessRobot
 
 PERIOD = 2 * MS

@@ -12,9 +12,9 @@ from quadrotor.errors import RefusedError
 from quadrotor.records import Record
 from tests.support.lab import Lab
 from tests.support.narrowing import now
+from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.flight.modes import ControlMode, Mode
 from vehicle.flight.stack import FlightStack
-from vehicle.microcontroller.microcontroller import Microcontroller
 from vehicle.processes import mailbox
 from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 

@@ -14,7 +14,7 @@ from numba.core.dispatcher import Dispatcher
 from vehicle.processes import mailbox
 from vehicle.flight.kernels import LATER
 from vehicle.flight.warm_up import warm_up
-from vehicle.microcontroller.microcontroller import Microcontroller
+from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.flight.modes import Mode
 from vehicle.parameters import new_parameters
 from vehicle.simulator.parameters import SimulatorParameters

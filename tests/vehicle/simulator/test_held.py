@@ -11,7 +11,7 @@ from quadrotor.rotations import quaternion_from_euler, quaternion_log, quaternio
 from quadrotor.vehicle_model import thrust_of_reference
 from tests.support.arrays import Array
 from tests.support.narrowing import now
-from vehicle.microcontroller.microcontroller import Microcontroller
+from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator.force_sensor import FORCE_STEP, TORQUE_STEP, ForceReading
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from tests.vehicle.simulator.test_process import BOUND, open_ports
-from vehicle.microcontroller.microcontroller import Microcontroller
+from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator import lockstep
 from vehicle.simulator.lockstep import MADE_UP_NS, PATIENCE_NS, LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters

@@ -19,7 +19,8 @@ import zenoh
 
 from quadrotor.errors import LinkError, StorageError
 from quadrotor.records import new_state
-from vehicle.microcontroller.microcontroller import Microcontroller, RawSample
+from vehicle.boards.board import RawSample
+from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator import process
 from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.parameters import SimulatorParameters

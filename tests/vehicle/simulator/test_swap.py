@@ -9,7 +9,7 @@ import pytest
 
 from quadrotor.errors import RefusedError
 from tests.support.arrays import Array
-from vehicle.microcontroller.microcontroller import Microcontroller
+from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator import attendant as attendant_module
 from vehicle.simulator.attendant import Attendant
 from vehicle.simulator.live_parameters import CHARGE, LiveParameters

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vehicle.microcontroller.microcontroller import Microcontroller, RawSample
+from vehicle.boards.board import RawSample
+from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.ids import MotorState

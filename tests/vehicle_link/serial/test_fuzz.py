@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from vehicle.microcontroller.microcontroller import Microcontroller
+from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle_link.serial import commands as c
 from vehicle_link.serial.frames import MAX_FRAME, Frame, FrameDecoder, encode_frame

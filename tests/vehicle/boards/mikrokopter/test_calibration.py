@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from quadrotor.records import IMU_SAMPLE
+from vehicle.boards.board import RawSample
+from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.calibration.imu import ImuCalibration, ImuCalibrator, calibrate
-from vehicle.microcontroller.microcontroller import Microcontroller, RawSample
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.ids import MotorState

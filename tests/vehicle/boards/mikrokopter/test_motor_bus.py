@@ -7,8 +7,8 @@ import pytest
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.constants import MOTORS
 from quadrotor.errors import RefusedError
+from vehicle.boards.mikrokopter.motor_bus import NO_ANSWER, PERIOD_S, REFERENCES, MotorBus
 from vehicle.flight.modes import Mode
-from vehicle.microcontroller.motor_bus import NO_ANSWER, PERIOD_S, REFERENCES, MotorBus
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.commands import decode_instruction
 from vehicle_link.serial.frames import FrameDecoder

@@ -6,7 +6,13 @@ import random
 
 import pytest
 
-from vehicle.microcontroller.clock import FRAME_NS, LATEST_NS, MS, SETTLING_NS, MicrocontrollerClock
+from vehicle.boards.mikrokopter.clock import (
+    FRAME_NS,
+    LATEST_NS,
+    MS,
+    SETTLING_NS,
+    MicrocontrollerClock,
+)
 
 
 def test_time_goes_on_through_the_wrap() -> None:

@@ -20,10 +20,13 @@ from collections.abc import Sequence
 
 import msgspec
 
-from vehicle.microcontroller.clock import MicrocontrollerClock
-from vehicle.microcontroller.motor_bus import MotorBus
-from vehicle.microcontroller.ports import MicrocontrollerPorts
-from vehicle.microcontroller.sample_stamps import FineStamps
+from quadrotor.errors import OutOfBoundsError
+from vehicle.boards.board import Command, RawSample, Takes, Traits
+from vehicle.boards.mikrokopter.clock import MicrocontrollerClock
+from vehicle.boards.mikrokopter.motor_bus import MotorBus
+from vehicle.boards.mikrokopter.ports import MicrocontrollerPorts
+from vehicle.boards.mikrokopter.sample_stamps import FineStamps
+from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.capacity import DEFAULT_RATE, sample_period_us
 from vehicle_link.serial.commands import decode_data, encode_command, encode_set
 from vehicle_link.serial.exchange import (
@@ -43,21 +46,12 @@ REPEAT_COMMAND_S = 0.006
 KEEP_COMMAND_S = 0.04
 """Oldest command that is sent: an old one must not keep the microcontroller from landing."""
 
+TRAITS = Traits("mikrokopter", (Takes.MOTORS, Takes.ANGLES))
+
 _MOTOR_STATES = tuple(MotorState)
 _MODES = frozenset(FlightControlMode)
 _RESTING = (MotorState.INIT, MotorState.OFF)
 _STOPPED = (0, 0, 0, 0)
-
-
-class RawSample(msgspec.Struct, frozen=True, order=True):
-    """One IMU sample as the sensors gave it; ordered by its stamp."""
-
-    stamp_ns: int  # of the vehicle's clock
-    accelerometer: tuple[int, int, int]  # counts, 0…1023, axes x, y, z
-    gyroscope: tuple[int, int, int]  # counts, 0…1023
-    battery_voltage: float  # V
-    pressure: float  # Pa
-    motor_state: MotorState
 
 
 class Microcontroller:
@@ -66,7 +60,7 @@ class Microcontroller:
     Args:
         ports: one or two; requests go to the first, references to all in turn.
         epoch_ns: time of the first sample; None takes the host's epoch time (see
-            vehicle.microcontroller.clock).
+            vehicle.boards.mikrokopter.clock).
         rate: IMU samples a second to ask for; motors do not start before it is confirmed.
         identity: what it must be before motors may start.
 
@@ -180,17 +174,18 @@ class Microcontroller:
         samples.sort()
         return self._in_order(samples)
 
-    def command(
-        self, command: Sequence[int], mode: FlightControlMode = FlightControlMode.DIRECT
-    ) -> None:
-        """Send the four command bytes (0…255) of a flight control mode, changing to it if needed.
-
-        In direct mode they are motor references (counts, front, left, rear, right), else those of
-        vehicle_link.serial.attitude_command.
+    def command(self, command: Command) -> None:
+        """Send motor references or an attitude, changing the flight control mode if needed.
 
         Raises OutOfBoundsError or, when the last port is gone, LinkError.
         """
-        self._command, self._mode, self._is_new = command, mode, True
+        if isinstance(command, tuple):
+            self._command, self._mode = command, FlightControlMode.DIRECT
+        elif isinstance(command, AttitudeCommand):
+            self._command, self._mode = command.encode(), FlightControlMode.NEAR_HOVERING
+        else:
+            raise OutOfBoundsError(TRAITS.missing(Takes.RATES))
+        self._is_new = True
         self._send_command()
 
     def set_motor_state(self, state: MotorState) -> None:
@@ -202,9 +197,9 @@ class Microcontroller:
             self._command, self._is_new, self._made_s = _STOPPED, False, -math.inf
         self._motors.put(set_value(Id.MOTOR_STATE, state, persistent=state is not MotorState.ON))
 
-    def set_value(self, id: Id, value: int) -> None:
-        """Request this value of an id from the next `service` on, until it is echoed."""
-        self._motors.put(set_value(id, value))
+    def set_command_timeout(self, milliseconds: int) -> None:
+        """Request this timeout from the next `service` on, until it is echoed."""
+        self._motors.put(set_value(Id.EMERGENCY_TIMEOUT, milliseconds))
 
     def service(self, now_s: float) -> None:
         """Send what is due, including retries; `now_s` is from any monotonic clock."""

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from vehicle.boards.mikrokopter import serial_check
+from vehicle.boards.mikrokopter.serial_check import check_connection
 from vehicle.flight.realtime import RealTime
-from vehicle.microcontroller import serial_check
-from vehicle.microcontroller.serial_check import check_connection
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.process import run
 from vehicle.simulator.pseudo_terminal import PseudoTerminal

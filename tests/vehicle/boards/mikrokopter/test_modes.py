@@ -6,7 +6,8 @@ import pytest
 
 from quadrotor.errors import LinkError
 from tests.support.narrowing import now
-from vehicle.microcontroller.microcontroller import Microcontroller, RawSample
+from vehicle.boards.board import Command, RawSample
+from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.attitude_command import AttitudeCommand
@@ -17,7 +18,7 @@ from vehicle_link.serial.port import MemoryPort, memory_port_pair
 
 DIRECT, NEAR_HOVERING = FlightControlMode.DIRECT, FlightControlMode.NEAR_HOVERING
 CLIMB = (135, 135, 135, 135)
-LEVEL = AttitudeCommand(0.0, 0.0, 0.0, 1.05).encode()
+LEVEL = AttitudeCommand(0.0, 0.0, 0.0, 1.05)
 
 
 class Pulled(MemoryPort):
@@ -51,18 +52,18 @@ class Bench:
     def mode(self) -> int:
         return int(self.robot.firmware.registers[Id.FLIGHT_CONTROL_MODE])
 
-    def go(self, steps: int, command: tuple[int, ...], mode: FlightControlMode) -> list[RawSample]:
+    def go(self, steps: int, command: Command) -> list[RawSample]:
         samples = []
         for _ in range(steps):
             self.robot.step()
             samples += self.mcu.receive()
-            self.mcu.command(command, mode)
+            self.mcu.command(command)
             self.mcu.service(self.robot.stamp_ns * 1e-9)
         return samples
 
     def start(self) -> None:
         self.mcu.set_motor_state(MotorState.ON)
-        self.go(50, CLIMB, DIRECT)
+        self.go(50, CLIMB)
         assert self.robot.firmware.motor_state is MotorState.ON
 
 
@@ -84,11 +85,11 @@ def test_bytes_of_one_mode_are_never_read_in_the_other() -> None:
 
     firmware.receive = spy  # type: ignore[method-assign]
     for _ in range(3):
-        bench.go(20, LEVEL, NEAR_HOVERING)
+        bench.go(20, LEVEL)
         assert bench.mode == NEAR_HOVERING
-        bench.go(20, CLIMB, DIRECT)
+        bench.go(20, CLIMB)
         assert bench.mode == DIRECT
-    meant = {LEVEL: NEAR_HOVERING, CLIMB: DIRECT}
+    meant = {LEVEL.encode(): NEAR_HOVERING, CLIMB: DIRECT}
     assert all(after == meant[bytes_] for _, after, bytes_ in seen)
     assert sum(before != after for before, after, _ in seen) == 6
 
@@ -96,7 +97,7 @@ def test_bytes_of_one_mode_are_never_read_in_the_other() -> None:
 def test_a_mode_counts_when_it_is_echoed() -> None:
     bench = Bench()
     bench.start()
-    bench.mcu.command(LEVEL, NEAR_HOVERING)
+    bench.mcu.command(LEVEL)
     assert bench.mcu.flight_control_mode is DIRECT
     bench.robot.step()
     bench.mcu.receive()
@@ -107,16 +108,16 @@ def test_a_mode_counts_when_it_is_echoed() -> None:
 def test_one_port_pulled_in_flight_leaves_the_other(index: int) -> None:
     bench = Bench()
     bench.start()
-    before = len(bench.go(100, CLIMB, DIRECT))
+    before = len(bench.go(100, CLIMB))
     bench.near[index].gone = True
-    samples = bench.go(100, CLIMB, DIRECT)
+    samples = bench.go(100, CLIMB)
     assert (before, len(samples)) == (100, 50)
     assert bench.robot.firmware.motor_state is MotorState.ON
     assert bench.mcu.lost_ports == 1
     [line] = bench.mcu.failures
     assert "is gone: pulled; flying on with the other port, at half the rate" in line
     bench.mcu.set_motor_state(MotorState.OFF)
-    bench.go(2, CLIMB, DIRECT)
+    bench.go(2, CLIMB)
     assert now(bench).robot.firmware.motor_state is MotorState.OFF
 
 
@@ -140,7 +141,7 @@ def test_damage_on_a_port_that_is_gone_still_counts() -> None:
 
 def test_a_value_is_set_until_echoed() -> None:
     bench = Bench()
-    bench.mcu.set_value(Id.EMERGENCY_TIMEOUT, 400)
-    bench.go(20, CLIMB, DIRECT)
+    bench.mcu.set_command_timeout(400)
+    bench.go(20, CLIMB)
     assert bench.robot.firmware.registers[Id.EMERGENCY_TIMEOUT] == 400
     assert bench.mcu.failures == []

@@ -7,8 +7,9 @@ from itertools import pairwise
 import pytest
 
 from quadrotor.errors import LinkError
-from vehicle.microcontroller.clock import FRAME_NS, MicrocontrollerClock
-from vehicle.microcontroller.microcontroller import Microcontroller, RawSample
+from vehicle.boards.board import RawSample
+from vehicle.boards.mikrokopter.clock import FRAME_NS, MicrocontrollerClock
+from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle

@@ -1,0 +1,61 @@
+"""What must change on a board is told as lines for its command line, and nothing when it fits."""
+
+from __future__ import annotations
+
+import pytest
+
+from vehicle.boards.betaflight.arming import REASONS, why_not_armed
+from vehicle.boards.betaflight.configuration import lines_to_enter, mode_lines, required
+from vehicle.boards.betaflight.options import BetaflightOptions
+
+OPTIONS = BetaflightOptions()
+
+
+def fitting() -> dict[str, str]:
+    return required(OPTIONS)
+
+
+def written(settings: dict[str, str], lines: list[str]) -> str:
+    return "\r\n".join([*(f"set {name} = {value}" for name, value in settings.items()), *lines, ""])
+
+
+def test_a_board_that_fits_needs_no_line() -> None:
+    assert lines_to_enter(written(fitting(), mode_lines()), OPTIONS) == []
+
+
+def test_each_wrong_setting_is_one_line_and_save_comes_last() -> None:
+    for name, value in fitting().items():
+        answer = written(fitting() | {name: "7"}, mode_lines())
+        assert lines_to_enter(answer, OPTIONS) == [f"set {name} = {value}", "save"]
+
+
+def test_options_change_what_is_asked_for() -> None:
+    options = BetaflightOptions(rate_max=600.0, failsafe_delay=0.4)
+    lines = lines_to_enter(written(fitting(), mode_lines()), options)
+    assert "set roll_rc_rate = 60" in lines
+    assert "set failsafe_delay = 4" in lines
+
+
+@pytest.mark.parametrize(
+    "modes",
+    [
+        mode_lines()[:2],
+        [*mode_lines(), "aux 3 0 5 900 1300 0 0"],
+        [*mode_lines()[:2], "aux 2 27 2 1300 1700 0 0"],
+    ],
+)
+def test_modes_missing_moved_or_on_a_second_switch_are_told(modes: list[str]) -> None:
+    assert lines_to_enter(written(fitting(), modes), OPTIONS) == [*mode_lines(), "save"]
+
+
+def test_every_reason_has_a_sentence_with_its_name() -> None:
+    assert len({name for name, _ in REASONS}) == 30
+    for bit, (name, why) in enumerate(REASONS):
+        assert why_not_armed(1 << bit) == f"{name}: {why}"
+    assert why_not_armed(0) == ""
+
+
+def test_the_consequence_is_told_only_alone_and_unknown_bits_are_named() -> None:
+    assert "ARM_SWITCH" not in why_not_armed(1 << 29 | 1 << 2)
+    assert why_not_armed(1 << 29).startswith("ARM_SWITCH: ")
+    assert "unknown reason 0x40000000" in why_not_armed(1 << 30)

@@ -1,0 +1,1 @@
+"""Boards with Betaflight: body rates and throttle as stick commands, told by MSP."""

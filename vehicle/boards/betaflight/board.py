@@ -1,0 +1,206 @@
+"""A flight controller with Betaflight behind one or two UARTs.
+
+The first port speaks MSP: it is asked for the IMU at the sample rate, for status and battery in
+turn, and for its firmware at the start. Stick commands go by CRSF over the second port; without
+one they go by MSP, which the firmware takes with `feature RX_MSP`.
+
+MSP has no time stamps: a sample counts as taken when its answer arrived, less half the round trip.
+Of the board's own failsafe only the request is made here: EMERGENCY turns its switch, and a
+computer that is gone sends no sticks, which is the same to the board.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+from quadrotor.errors import LinkError
+from vehicle.boards.betaflight.arming import why_not_armed
+from vehicle.boards.betaflight.messages import (
+    ARM_BOX,
+    FAILSAFE_BOX,
+    Function,
+    check_firmware,
+    decode_imu,
+    decode_status,
+    decode_voltage,
+)
+from vehicle.boards.betaflight.options import BetaflightOptions
+from vehicle.boards.betaflight.sticks import Sticks
+from vehicle.boards.board import BodyRates, Command, RawSample
+from vehicle_link import clock
+from vehicle_link.msp.crsf import encode_channels
+from vehicle_link.msp.frames import ERROR, Message, MessageDecoder, encode
+from vehicle_link.serial.ids import MotorState
+from vehicle_link.serial.port import Port
+
+ASKED_AGAIN_S = 0.02
+"""An answer that is not there by then is lost; the IMU is asked again."""
+STICKS_S = 0.02
+"""Sticks are sent at least this often, or the board's failsafe begins."""
+SLOW_S = 0.1
+"""Between two questions for status, and between two for the battery."""
+PRESSURE = 101_325.0
+"""Pa: MSP tells no pressure, only a height."""
+MILLISECONDS = 60_000
+_START = (Function.VARIANT, Function.VERSION, Function.BOX_IDS)
+_IDLE = BodyRates((0.0, 0.0, 0.0), 0.0)
+
+
+class BetaflightBoard:
+    """A board of vehicle.boards.board.Board.
+
+    Args:
+        ports: of MSP, and of CRSF where there is a second.
+        rate: IMU samples a second to ask for.
+        now_ns: the vehicle's clock, from which samples get their stamps.
+    """
+
+    def __init__(
+        self,
+        ports: Sequence[Port],
+        options: BetaflightOptions,
+        *,
+        rate: int,
+        now_ns: Callable[[], int] = clock.time_ns,
+    ) -> None:
+        if not 1 <= len(ports) <= 2:
+            raise LinkError(f"{len(ports)} ports given; a board with Betaflight has one or two")
+        self.failures: list[str] = []
+        self.newest_ms = [-1]
+        self.refused = self.late = self.lost_ports = 0
+        self._msp, self._crsf = ports[0], ports[1] if len(ports) > 1 else None
+        self._sticks, self._now_ns = Sticks(options), now_ns
+        self._decoder = MessageDecoder()
+        self._period_s = 1.0 / rate
+        self._samples: list[RawSample] = []
+        self._newest_ns = -1
+        self._asked: dict[int, float] = {}  # when each function was asked for last
+        self._imu_asked_ns = 0
+        self._told: dict[int, bytes] = {}
+        self._unfit, self._blocks = "", -1
+        self._voltage = 0.0
+        self._state = MotorState.INIT
+        self._wanted = MotorState.OFF
+        self._command: Command = _IDLE
+        self._sticks_due_s = self._imu_due_s = -math.inf
+
+    # ------------------------------------------------------------------ what it tells
+    @property
+    def damaged(self) -> int:
+        return self._decoder.damaged
+
+    @property
+    def obstacle(self) -> str:
+        if self._unfit:
+            return self._unfit
+        if any(function not in self._told for function in _START) or self._blocks < 0:
+            return "the board is not recognised: it has not answered by MSP yet"
+        if self._state is MotorState.ON:
+            return ""
+        return why_not_armed(self._blocks)
+
+    def filenos(self) -> Sequence[int]:
+        return (self._msp.fileno(),)
+
+    def receive(self) -> list[RawSample]:
+        for message in self._decoder.feed(self._msp.read()):
+            try:
+                self._take(message)
+            except LinkError as error:
+                self.refused += 1
+                if not self._unfit:
+                    self._unfit = str(error)
+                    self.failures.append(self._unfit)
+        samples, self._samples = self._samples, []
+        return samples
+
+    def _take(self, message: Message) -> None:
+        function, payload = message.function, message.payload
+        if message.direction == ERROR:
+            self._asked.pop(function, None)
+        elif function == Function.RAW_IMU:
+            self._asked.pop(function, None)
+            self._sample(*decode_imu(payload))
+        elif function == Function.STATUS:
+            self._take_status(payload)
+        elif function == Function.ANALOG:
+            self._voltage = decode_voltage(payload)
+        elif function in _START:
+            self._told[function] = payload
+            if Function.VARIANT in self._told and Function.VERSION in self._told:
+                self._unfit = check_firmware(
+                    self._told[Function.VARIANT], self._told[Function.VERSION]
+                )
+
+    def _take_status(self, payload: bytes) -> None:
+        status, ids = decode_status(payload), self._told.get(Function.BOX_IDS)
+        self._blocks = status.arming_blocks
+        if ids is None:
+            return
+        on = {box for k, box in enumerate(ids[:32]) if status.boxes >> k & 1}
+        if ARM_BOX not in on:
+            self._state = MotorState.OFF
+        else:
+            self._state = MotorState.EMERGENCY if FAILSAFE_BOX in on else MotorState.ON
+
+    def _sample(self, accelerometer: tuple[int, int, int], gyroscope: tuple[int, int, int]) -> None:
+        now_ns = self._now_ns()
+        stamp_ns = now_ns - (now_ns - self._imu_asked_ns) // 2
+        if stamp_ns <= self._newest_ns:
+            self.late += 1
+            return
+        self._newest_ns = stamp_ns
+        self.newest_ms[0] = stamp_ns // 1_000_000 % MILLISECONDS
+        self._samples.append(
+            RawSample(stamp_ns, accelerometer, gyroscope, self._voltage, PRESSURE, self._state)
+        )
+
+    # ------------------------------------------------------------------ what it takes
+    def command(self, command: Command) -> None:
+        """Send a command with the next `service`. Raises OutOfBoundsError, LinkError."""
+        self._command = command
+        self._send_sticks()
+
+    def set_motor_state(self, state: MotorState) -> None:
+        """Arm or disarm by the arm switch, land by the failsafe switch; armed only without an
+        obstacle.
+        """
+        self._wanted = state
+        self._command = _IDLE
+
+    def set_command_timeout(self, milliseconds: int) -> None:
+        """Do nothing: the time is the board's own setting, compared by `--check`."""
+
+    def service(self, now_s: float) -> None:
+        """Ask for what is due, and keep the sticks alive."""
+        for function in _START:
+            if function not in self._told:
+                self._ask(function, now_s, SLOW_S)
+        self._ask(Function.STATUS, now_s, SLOW_S)
+        self._ask(Function.ANALOG, now_s, SLOW_S)
+        asked_s = self._asked.get(Function.RAW_IMU)
+        if now_s >= self._imu_due_s and (asked_s is None or now_s - asked_s > ASKED_AGAIN_S):
+            self._imu_due_s = max(self._imu_due_s + self._period_s, now_s)
+            self._imu_asked_ns = self._now_ns()
+            self._ask(Function.RAW_IMU, now_s, 0.0)
+        if now_s >= self._sticks_due_s:
+            self._sticks_due_s = now_s + STICKS_S
+            self._send_sticks()
+
+    def _ask(self, function: Function, now_s: float, period_s: float) -> None:
+        if now_s - self._asked.get(function, -math.inf) >= period_s:
+            self._asked[function] = now_s
+            self._msp.write(encode(function))
+
+    def _send_sticks(self) -> None:
+        starting = self._wanted is MotorState.ON and not self.obstacle
+        arm = starting or (self._wanted is MotorState.EMERGENCY)
+        channels = self._sticks.channels(
+            self._command, arm=arm, failsafe=self._wanted is MotorState.EMERGENCY
+        )
+        if self._crsf is not None:
+            self._crsf.write(encode_channels(channels))
+        else:
+            payload = b"".join(channel.to_bytes(2, "little") for channel in channels)
+            self._msp.write(encode(Function.SET_RC, payload))

@@ -1,0 +1,84 @@
+"""The settings that a board with Betaflight needs to fly here, and how they are compared.
+
+Settings are read over the command line of the firmware, which answers on the MSP port after `#`.
+What differs is told as the lines that a person enters there.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+from vehicle.boards.betaflight.messages import ANGLE_BOX, ARM_BOX, FAILSAFE_BOX
+from vehicle.boards.betaflight.options import BetaflightOptions
+
+SWITCHES = (ARM_BOX, ANGLE_BOX, FAILSAFE_BOX)
+"""Modes by auxiliary channel: AUX1 arms, AUX2 holds angles, AUX3 lands at once."""
+_SETTING = re.compile(r"^(?:set )?(\w+) = (.*?)\s*$", re.MULTILINE)
+_RANGE = re.compile(r"^aux (\d+) (\d+) (\d+) (\d+) (\d+)", re.MULTILINE)
+
+
+def required(options: BetaflightOptions) -> dict[str, str]:
+    """Return {setting: value} as the command line shows them."""
+    rate = str(round(options.rate_max / 10.0))
+    axes = ("roll", "pitch", "yaw")
+    settings = {"rates_type": "ACTUAL"}
+    settings |= {f"{axis}_rc_rate": rate for axis in axes}
+    settings |= {f"{axis}_srate": rate for axis in axes}
+    settings |= {f"{axis}_expo": "0" for axis in axes}
+    return settings | {
+        "deadband": "0",
+        "yaw_deadband": "0",
+        "min_check": str(options.min_check),
+        "thr_expo": "0",
+        "throttle_limit_type": "OFF",
+        "throttle_boost": "0",
+        "vbat_sag_compensation": "0",
+        "rc_smoothing": "OFF",
+        "angle_limit": str(round(options.angle_max)),
+        "motor_idle": str(round(options.idle * 100.0)),
+        "serial_update_rate_hz": "2000",
+        "failsafe_delay": str(round(options.failsafe_delay * 10.0)),
+        "failsafe_procedure": "AUTO-LAND",
+        "failsafe_switch_mode": "STAGE2",
+        "runaway_takeoff_prevention": "OFF",
+    }
+
+
+def mode_lines() -> list[str]:
+    """Return the lines that put the modes on their switches."""
+    return [f"aux {k} {box} {k} 1700 2100 0 0" for k, box in enumerate(SWITCHES)]
+
+
+def lines_to_enter(answer: str, options: BetaflightOptions) -> list[str]:
+    """Return the lines to enter until the board fits; none when it does.
+
+    Args: `answer`, what the command line wrote to `dump`.
+    """
+    found = dict(_SETTING.findall(answer))
+    lines = [
+        f"set {name} = {value}"
+        for name, value in required(options).items()
+        if found.get(name, value if _is_optional(name, found) else "").upper() != value
+    ]
+    ranges = {
+        (int(box), int(aux)): (int(low), int(high))
+        for _, box, aux, low, high in _RANGE.findall(answer)
+        if low != high
+    }
+    wanted = {(box, aux): (1700, 2100) for aux, box in enumerate(SWITCHES)}
+    if {key: ranges.get(key) for key in wanted} != wanted or _on_another_switch(ranges, wanted):
+        lines += mode_lines()
+    return [*lines, "save"] if lines else []
+
+
+def _is_optional(name: str, found: Mapping[str, str]) -> bool:
+    """Return whether a build of the firmware may lack a setting, which then has no effect."""
+    return bool(found) and name in ("throttle_boost", "vbat_sag_compensation")
+
+
+def _on_another_switch(
+    ranges: Mapping[tuple[int, int], tuple[int, int]], wanted: Mapping[tuple[int, int], object]
+) -> bool:
+    boxes: Sequence[int] = SWITCHES
+    return any(box in boxes and (box, aux) not in wanted for box, aux in ranges)

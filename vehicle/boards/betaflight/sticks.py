@@ -1,0 +1,76 @@
+"""Commands as stick channels: roll, pitch, throttle, yaw, then arm, angle mode and failsafe.
+
+Sticks are linear in rate (`rates_type = ACTUAL`, no expo, no dead band). Roll and pitch have the
+signs of this project's body axes; a stick to the right yaws clockwise, against z.
+"""
+
+from __future__ import annotations
+
+import math
+
+from quadrotor.errors import OutOfBoundsError
+from vehicle.boards.betaflight.options import BetaflightOptions
+from vehicle.boards.board import BodyRates, Command, Takes, Traits
+from vehicle_link.serial.attitude_command import AttitudeCommand
+
+TRAITS = Traits("betaflight", (Takes.RATES, Takes.ANGLES))
+MIDDLE, HALF, LOW, HIGH = 1500.0, 500.0, 1000.0, 2000.0
+"""µs."""
+RC_CHANNELS = 8
+"""Sent: four sticks, arm, angle mode, failsafe, one spare."""
+Four = tuple[float, float, float, float]
+
+
+class Sticks:
+    """Turns commands into channels, in the order A E T R of the firmware's default map.
+
+    A pulse is a whole µs, 0.8 deg/s: the rest of each is carried to the next command, as
+    vehicle.flight.reference_rounding does for motors.
+    """
+
+    def __init__(self, options: BetaflightOptions) -> None:
+        self._options = options
+        self._carry = [0.0] * 4
+
+    def channels(self, command: Command, *, arm: bool, failsafe: bool = False) -> list[int]:
+        """Return the channels, whole µs. Raises OutOfBoundsError for what it cannot carry out."""
+        is_angle = isinstance(command, AttitudeCommand)
+        wanted = self._wanted(command)
+        if not all(map(math.isfinite, wanted)):
+            raise OutOfBoundsError(f"{command} cannot be sent; every number must be finite")
+        pulses = [self._whole(index, pulse) for index, pulse in enumerate(wanted)]
+        switches = (HIGH if on else LOW for on in (arm, is_angle, failsafe))
+        return [*pulses, *map(int, switches), int(LOW)]
+
+    def _wanted(self, command: Command) -> Four:
+        p = self._options
+        if isinstance(command, BodyRates):
+            full = math.radians(p.rate_max)
+            roll, pitch, yaw = (rate / full for rate in command.rates_b)
+            throttle = command.throttle
+        elif isinstance(command, AttitudeCommand):
+            full = math.radians(p.angle_max)
+            roll, pitch = command.roll / full, command.pitch / full
+            yaw, throttle = command.yaw_rate / math.radians(p.rate_max), command.throttle
+        else:
+            raise OutOfBoundsError(TRAITS.missing(Takes.MOTORS))
+        return (
+            MIDDLE + HALF * roll,
+            MIDDLE + HALF * pitch,
+            self._throttle_pulse(throttle),
+            MIDDLE - HALF * yaw,
+        )
+
+    def _throttle_pulse(self, throttle: float) -> float:
+        """Return the pulse that drives the motors at this share of their range, on average."""
+        p = self._options
+        idle = 0.01 * p.idle
+        share = max(0.0, (throttle - idle) / (1.0 - idle))
+        return p.min_check + share * (HIGH - p.min_check)
+
+    def _whole(self, index: int, pulse: float) -> int:
+        exact = pulse + self._carry[index]
+        whole = round(exact)
+        within = min(max(whole, int(LOW)), int(HIGH))
+        self._carry[index] = exact - whole if within == whole else 0.0
+        return within

@@ -1,0 +1,129 @@
+"""The interface of every board: what it takes, what it tells, and what it can do alone.
+
+A board is the hardware between the flight stack and the motors, with inertial sensors and a
+processor of its own. The control law ends at the highest level that the board takes: motor
+references where it hands the motors over, else body rates and collective thrust, whose inner loop
+is the board's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+from typing import Protocol
+
+import msgspec
+
+from vehicle_link.serial.attitude_command import AttitudeCommand
+from vehicle_link.serial.ids import MotorState
+
+
+class Takes(Enum):
+    """What a board can be commanded by."""
+
+    MOTORS = "motor references"
+    RATES = "body rates and collective thrust"
+    ANGLES = "roll, pitch, yaw rate and collective thrust"
+
+
+class BodyRates(msgspec.Struct, frozen=True):
+    """A command of body rates and collective thrust."""
+
+    rates_b: tuple[float, float, float]  # rad/s, body axes (x forward, y left, z up)
+    throttle: float  # 0…1, the share of full motor reference that gives the wanted thrust
+
+
+MotorReferences = tuple[int, int, int, int]
+"""Counts, 0…255, motors front, left, rear, right."""
+Command = MotorReferences | BodyRates | AttitudeCommand
+"""A command at one of the levels of `Takes`."""
+
+
+class RawSample(msgspec.Struct, frozen=True, order=True):
+    """One IMU sample as the sensors gave it; ordered by its stamp."""
+
+    stamp_ns: int  # of the vehicle's clock
+    accelerometer: tuple[int, int, int]  # counts, axes x, y, z; `imu` has zero and scale
+    gyroscope: tuple[int, int, int]  # counts
+    battery_voltage: float  # V
+    pressure: float  # Pa
+    motor_state: MotorState
+
+
+class Traits(msgspec.Struct, frozen=True):
+    """What the flight stack has to know about a kind of board."""
+
+    name: str
+    takes: tuple[Takes, ...]
+
+    @property
+    def direct(self) -> Takes:
+        """Return the level at which the control law ends."""
+        return Takes.MOTORS if Takes.MOTORS in self.takes else Takes.RATES
+
+    def missing(self, needed: Takes) -> str:
+        """Return why it cannot be commanded at this level, "" when it can."""
+        if needed in self.takes:
+            return ""
+        taken = " or ".join(one.value for one in self.takes)
+        return f"board {self.name} takes {taken}, no {needed.value}"
+
+
+class Board(Protocol):
+    """One board, as the flight loop uses it; nothing here blocks.
+
+    Attributes:
+        failures: lines about requests given up, lost ports and whatever else an operator has to
+            know, for the caller to report and clear.
+        refused: number of samples with impossible values or times.
+        late: number of samples dropped because they were older than the newest one.
+        newest_ms: the board's time, ms modulo 60 s, in the last sample of each port; -1 before.
+    """
+
+    failures: list[str]
+    newest_ms: list[int]
+    refused: int
+    late: int
+
+    @property
+    def damaged(self) -> int:
+        """Return the number of runs of bytes that are no frames."""
+        ...
+
+    @property
+    def lost_ports(self) -> int:
+        """Return the number of lost ports."""
+        ...
+
+    @property
+    def obstacle(self) -> str:
+        """Return the known reason why motors would not start; empty when they would."""
+        ...
+
+    def filenos(self) -> Sequence[int]:
+        """Return the file descriptors to wait for."""
+        ...
+
+    def receive(self) -> list[RawSample]:
+        """Return the samples that arrived, oldest first. Raises LinkError when the last port is
+        lost.
+        """
+        ...
+
+    def command(self, command: Command) -> None:
+        """Send a command at a level that the board takes."""
+        ...
+
+    def set_motor_state(self, state: MotorState) -> None:
+        """Request this motor state until it is reached; EMERGENCY leaves the landing to the
+        board.
+        """
+        ...
+
+    def set_command_timeout(self, milliseconds: int) -> None:
+        """Request that the board lands by itself this long after the last command."""
+        ...
+
+    def service(self, now_s: float) -> None:
+        """Send what is due, including retries; `now_s` is from any monotonic clock."""
+        ...

@@ -1,0 +1,1 @@
+"""MSP v2 and CRSF, the protocols that Betaflight speaks on its UARTs."""
