@@ -88,6 +88,8 @@ class Vehicle:
     """the microcontroller's serial ports, one or two; auto looks for them behind all devices"""
     check: bool = False
     """only test the connection and print what was found"""
+    board: str = "mikrokopter"
+    """the board that turns the motors: mikrokopter; betaflight for --check (docs/boards)"""
     find: bool = False
     """only look at all serial devices and print what is there"""
     robot_id: Annotated[int, tyro.conf.arg(metavar="ID")] = THE_ONE.robot_id
@@ -118,6 +120,8 @@ class Vehicle:
         identity.check()
         if self.find and self.check:
             raise UsageError("--find looks at all devices, --check tests two: give one of them")
+        if self.board != "mikrokopter":
+            return serial_ports.check_other_board(self.board, self.serial, check=self.check)
         if self.find:
             return serial_ports.find(self.serial, identity)
         if self.check:

@@ -92,6 +92,35 @@ def check(words: Sequence[str], identity: Identity = THE_ONE) -> int:
     )
 
 
+def check_other_board(board: str, words: Sequence[str], *, check: bool) -> int:
+    """Run `--board NAME --check`: return exit status 0 when the board fits, else 1.
+
+    Raises UsageError for a board that is not known, and for a flight, which only the MikroKopter
+    board can do so far; LinkError when the port cannot be opened or does not answer.
+    """
+    if board != "betaflight":
+        raise UsageError(f"--board {board!r} is not known; there are mikrokopter and betaflight")
+    if not check:
+        raise UsageError(
+            "--board betaflight has only --check so far; `quadlab vehicle` flies the mikrokopter"
+        )
+    named = split_ports(words)
+    if len(named) != 1:
+        raise UsageError(
+            f"--serial has {len(named)} ports; --board betaflight --check reads one, the board's "
+            "USB or a UART with MSP, like --serial /dev/ttyACM0"
+        )
+    from vehicle.boards.betaflight.check import check_board
+    from vehicle.boards.betaflight.options import BetaflightOptions
+    from vehicle_link.serial.port import SerialPort
+
+    port = SerialPort(named[0])
+    try:
+        return 0 if check_board(port, BetaflightOptions(), _print) else 1
+    finally:
+        port.close()
+
+
 def find(words: Sequence[str], identity: Identity = THE_ONE) -> int:
     """Run `--find`: print a line for each device; return exit status 0 when one fits, else 1."""
     from vehicle_link.serial.devices import candidates, choose_ports, controllers

@@ -28,7 +28,8 @@ def test_frames_are_read_back_however_the_bytes_are_cut(direction: bytes) -> Non
         for _ in range(50)
     ]
     stream = b"".join(encode(m.function, m.payload, m.direction) for m in sent)
-    decoder, received = MessageDecoder(), []
+    decoder = MessageDecoder()
+    received: list[Message] = []
     while stream:
         cut = generator.randrange(1, 12)
         received += decoder.feed(stream[:cut])

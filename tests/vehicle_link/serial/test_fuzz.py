@@ -160,7 +160,8 @@ def test_the_microcontroller_interface_survives_any_bytes(seed: int, real_time: 
         mcu.receive()
         if generator.random() < 0.01:
             mcu.set_motor_state(generator.choice(list(MotorState)))
-        mcu.command([generator.randrange(256) for _ in range(4)])
+        a, b, c, d = (generator.randrange(256) for _ in range(4))
+        mcu.command((a, b, c, d))
         mcu.service(step * 0.002)
     assert mcu.damaged > 1_000
     firmware = Firmware()

@@ -35,15 +35,19 @@ REASONS: tuple[tuple[str, str], ...] = (
     ("ARM_SWITCH", "the arm switch was on while it could not arm: disarm, then arm"),
 )
 """(name in its command line's `status`, what is wrong and what to do), by bit."""
-_CONSEQUENCE = 1 << len(REASONS) - 1
-"""ARM_SWITCH is set whenever another one was while arming."""
 
 
-def why_not_armed(flags: int) -> str:
-    """Return what blocks arming, "" for 0."""
-    shown = flags & ~_CONSEQUENCE or flags
-    reasons = [f"{name}: {why}" for k, (name, why) in enumerate(REASONS) if shown >> k & 1]
-    unknown = shown >> len(REASONS)
+def why_not_armed(flags: int, count: int = len(REASONS)) -> str:
+    """Return what blocks arming, "" for 0.
+
+    Args: `count`, the number of reasons that this version knows; ARM_SWITCH is always the last of
+        them. It is set whenever another one was while arming, so it is told only alone.
+    """
+    names = (*REASONS[: min(count, len(REASONS)) - 1], REASONS[-1])
+    consequence = 1 << len(names) - 1
+    shown = flags & ~consequence or flags
+    reasons = [f"{name}: {why}" for k, (name, why) in enumerate(names) if shown >> k & 1]
+    unknown = shown >> len(names)
     if unknown:
-        reasons.append(f"unknown reason {unknown << len(REASONS):#x}: is the firmware newer?")
+        reasons.append(f"unknown reason {unknown << len(names):#x}: is the firmware newer?")
     return "; ".join(reasons)

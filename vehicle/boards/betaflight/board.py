@@ -78,7 +78,7 @@ class BetaflightBoard:
         self._asked: dict[int, float] = {}  # when each function was asked for last
         self._imu_asked_ns = 0
         self._told: dict[int, bytes] = {}
-        self._unfit, self._blocks = "", -1
+        self._unfit, self._blocks, self._block_count = "", -1, 0
         self._voltage = 0.0
         self._state = MotorState.INIT
         self._wanted = MotorState.OFF
@@ -98,7 +98,7 @@ class BetaflightBoard:
             return "the board is not recognised: it has not answered by MSP yet"
         if self._state is MotorState.ON:
             return ""
-        return why_not_armed(self._blocks)
+        return why_not_armed(self._blocks, self._block_count)
 
     def filenos(self) -> Sequence[int]:
         return (self._msp.fileno(),)
@@ -135,7 +135,7 @@ class BetaflightBoard:
 
     def _take_status(self, payload: bytes) -> None:
         status, ids = decode_status(payload), self._told.get(Function.BOX_IDS)
-        self._blocks = status.arming_blocks
+        self._blocks, self._block_count = status.arming_blocks, status.block_count
         if ids is None:
             return
         on = {box for k, box in enumerate(ids[:32]) if status.boxes >> k & 1}

@@ -42,6 +42,7 @@ class Status(msgspec.Struct, frozen=True):
     boxes: int  # bit k: the k-th mode of BOX_IDS is on
     load: int  # % of its processor
     arming_blocks: int  # bits of vehicle.boards.betaflight.arming
+    block_count: int  # of these bits, which differs between versions
 
 
 def decode_imu(payload: bytes) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
@@ -54,8 +55,8 @@ def decode_status(payload: bytes) -> Status:
     """Return the status. Raises LinkError."""
     cycle_us, _, _, boxes, _, load, _, _ = _unpack(_STATUS, payload, Function.STATUS)
     more = _STATUS.size + 1 + (payload[_STATUS.size] & 15 if len(payload) > _STATUS.size else 0)
-    _, blocks = _unpack(_FLAGS, payload[more:], Function.STATUS)
-    return Status(cycle_us, boxes, load, blocks)
+    count, blocks = _unpack(_FLAGS, payload[more:], Function.STATUS)
+    return Status(cycle_us, boxes, load, blocks, count)
 
 
 def decode_voltage(payload: bytes) -> float:

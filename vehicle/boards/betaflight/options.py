@@ -1,4 +1,4 @@
-"""The options of a board with Betaflight, `board.*` in the vehicle's parameters."""
+"""The options of a board with Betaflight."""
 
 from __future__ import annotations
 

@@ -55,6 +55,11 @@ def test_every_reason_has_a_sentence_with_its_name() -> None:
     assert why_not_armed(0) == ""
 
 
+def test_older_versions_know_fewer_reasons_and_end_with_the_same() -> None:
+    assert why_not_armed(1 << 28, 29).startswith("ARM_SWITCH: ")  # 4.6
+    assert why_not_armed(1 << 27, 29).startswith("POS_HOLD_SW: ")
+
+
 def test_the_consequence_is_told_only_alone_and_unknown_bits_are_named() -> None:
     assert "ARM_SWITCH" not in why_not_armed(1 << 29 | 1 << 2)
     assert why_not_armed(1 << 29).startswith("ARM_SWITCH: ")
