@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial import commands as c
@@ -23,7 +24,9 @@ class Alone:
 
     def __init__(self, **truth: Any) -> None:
         self.robot = SimulatedVehicle(SimulatorParameters(**truth))
-        self.firmware = self.robot.firmware
+        firmware = self.robot.firmware
+        assert isinstance(firmware, Firmware)
+        self.firmware = firmware
         self.line = self.robot.ports[0]
         self.rest(1.0)
 

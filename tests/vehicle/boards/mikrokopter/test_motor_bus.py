@@ -9,6 +9,7 @@ from quadrotor.constants import MOTORS
 from quadrotor.errors import RefusedError
 from vehicle.boards.mikrokopter.motor_bus import NO_ANSWER, PERIOD_S, REFERENCES, MotorBus
 from vehicle.flight.modes import Mode
+from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.commands import decode_instruction
 from vehicle_link.serial.frames import FrameDecoder
@@ -87,13 +88,15 @@ def test_it_arms_once_the_controller_answers_and_asks_no_more_while_motors_turn(
     one.wait(0.5)
     assert robot.firmware.motor_state is MotorState.ON
     asked = []
-    obey = robot.firmware._obey
+    firmware = robot.firmware
+    assert isinstance(firmware, Firmware)
+    obey = firmware._obey
 
     def spy(instruction):  # type: ignore[no-untyped-def]
         asked.append(instruction.id)
         return obey(instruction)
 
-    robot.firmware._obey = spy  # type: ignore[method-assign]
+    firmware._obey = spy  # type: ignore[method-assign]
     one.wait(0.5)
     assert asked
     assert not set(asked) & set(REFERENCES)
