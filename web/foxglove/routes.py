@@ -6,6 +6,7 @@ import asyncio
 import time
 import uuid
 from collections.abc import Coroutine
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode, urlsplit
@@ -15,7 +16,7 @@ from fastapi.responses import JSONResponse, Response
 
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from web.access.door import LINK_AGE
-from web.access.roles import Role
+from web.access.roles import Role, Session
 from web.foxglove import protocol, services
 from web.foxglove.catalogue import CALLED, channels
 from web.foxglove.catalogue import services as offered
@@ -44,16 +45,21 @@ def add_foxglove(app: FastAPI, parts: Parts) -> None:
     @app.post("/api/foxglove/link")
     def link(request: Request, session: Asker) -> dict[str, Any]:
         """Return the address of the live connection with a token that lets a program connect as
-        you for ten minutes, and the addresses that open it in a viewer.
+        you for ten minutes, and the addresses that open it in a viewer. Those only watch: a
+        viewer's server sees its own address, token included.
         """
         scheme = "wss" if urlsplit(parts.base_url).scheme == "https" else "ws"
-        token = urlencode({"token": parts.people.door.sign_link(session)})
-        url = f"{scheme}://{request.headers['host']}/v/{parts.vehicle}/foxglove?{token}"
-        query = urlencode({"ds": "foxglove-websocket", "ds.url": url})
+        place = f"{scheme}://{request.headers['host']}/v/{parts.vehicle}/foxglove"
+
+        def address(holder: Session) -> str:
+            return f"{place}?{urlencode({'token': parts.people.door.sign_link(holder)})}"
+
+        watching = address(replace(session, role=Role.VIEWER))
+        query = urlencode({"ds": "foxglove-websocket", "ds.url": watching})
         return {
-            "url": url,
+            "url": address(session),
             "expires": time.time() + LINK_AGE,
-            "viewers": {name: f"{place}?{query}" for name, place in VIEWERS.items()},
+            "viewers": {name: f"{page}?{query}" for name, page in VIEWERS.items()},
         }
 
     @app.get("/api/foxglove/layout")

@@ -181,14 +181,26 @@ def link(person: httpx.Client) -> str:
     return f"{parts.path}?{parts.query}"
 
 
-def test_a_link_opens_the_viewers_with_this_address(site: Any, viewer: httpx.Client) -> None:
-    made = viewer.post("/api/foxglove/link").json()
+def test_a_link_opens_the_viewers_which_only_watch(
+    site: Any, admin: httpx.Client, station: Any
+) -> None:
+    made = admin.post("/api/foxglove/link").json()
     assert made["url"].startswith(f"ws://{site.host}/v/quad1/foxglove?token=")
     assert 0 < made["expires"] - time.time() <= door.LINK_AGE
     for address in made["viewers"].values():
         query = parse_qs(urlsplit(address).query)
-        assert query == {"ds": ["foxglove-websocket"], "ds.url": [made["url"]]}
-    layout = viewer.get("/api/foxglove/layout")
+        assert query["ds"] == ["foxglove-websocket"]
+        assert query["ds.url"][0].startswith(f"ws://{site.host}/v/quad1/foxglove?token=")
+        watching = urlsplit(query["ds.url"][0])
+        path = f"{watching.path}?{watching.query}"
+        with site.websocket(path, cookie=None, subprotocol="foxglove.sdk.v1") as socket:
+            for _ in range(3):
+                socket.recv()
+            gain = {"name": "gains.kp", "value": 6}
+            socket.send(json.dumps({"op": "setParameters", "parameters": [gain], "id": "one"}))
+            assert "may watch" in json.loads(socket.recv(timeout=20.0))["message"]
+    assert station.store.values()["gains.kp"] != 6.0
+    layout = admin.get("/api/foxglove/layout")
     assert "VEHICLE" not in layout.text
     assert "/quad1/state" in layout.text
     assert {"layout", "configById"} <= layout.json().keys()
