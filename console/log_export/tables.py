@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from flight_log.column_writer import RECEIVED, STAMP
 from flight_log.columns import Topic, read_columns
+from flight_log.columns.writer import RECEIVED, STAMP
 from flight_log.summary import summarize
 from quadrotor.errors import UsageError
 from vehicle_link.messages.units import unit_of_path

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from control.rate_law import rates_of_wrench
 from vehicle.boards.board import BodyRates, Command, Takes
+from vehicle.boards.reference_rounding import ReferenceRounding
 from vehicle.flight.control_law import Steering
-from vehicle.flight.reference_rounding import ReferenceRounding
 from vehicle.flight.tick_record import TickRecord
 
 RATE_MAX = math.radians(300.0)

@@ -25,7 +25,7 @@ class Sticks:
     """Turns commands into channels, in the order A E T R of the firmware's default map.
 
     A pulse is a whole µs, 0.8 deg/s: the rest of each is carried to the next command, as
-    vehicle.flight.reference_rounding does for motors.
+    vehicle.boards.reference_rounding does for motors.
     """
 
     def __init__(self, options: BetaflightOptions) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vehicle.flight.reference_rounding import ReferenceRounding
+from vehicle.boards.reference_rounding import ReferenceRounding
 
 
 def test_the_mean_of_the_counts_is_the_wanted_reference() -> None:

@@ -26,7 +26,7 @@ import platformdirs
 import xxhash
 from mcap.records import Schema
 
-from flight_log.column_writer import (
+from flight_log.columns.writer import (
     HEADER,
     INDEX,
     PAYLOAD,
