@@ -192,7 +192,7 @@ def test_commands_control_and_runs_are_each_vehicle_s_own(laboratory: Laboratory
         path = laboratory.catalogue.resolve(run.id)
         assert until(partial(is_closed, path))
         written = {topic.split("/")[1] for topic in summarize(path).topics}
-        assert written == {name}
+        assert written == {name, "tf", "tf_static"}
 
 
 def test_a_vehicle_that_goes_leaves_the_other_linked(laboratory: Laboratory) -> None:

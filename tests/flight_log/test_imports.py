@@ -545,4 +545,4 @@ def test_the_command_imports_into_the_catalogue_and_refuses_without_a_run(
     assert main(words) == 2
     assert main([*words, "--mapping", str(write_mapping(mapping, 'body = "FRD"'))]) == 1
     assert len(capsys.readouterr().err.splitlines()) == 2
-    assert list(run.parent.iterdir()) == [run]
+    assert list(run.parent.glob("[!.]*")) == [run]

@@ -41,11 +41,11 @@ def test_what_one_of_them_refuses_neither_has(linked: Any) -> None:
 
     # As when bearings are flown on: its beacons stay where they are.
     vehicle.stack.navigation.source = "bearings"
-    vehicle.boards.mikrokopter.motor_state = MotorState.ON
+    vehicle.microcontroller.motor_state = MotorState.ON
     vehicle.stack.modes.mode = Mode.ARMED
     refused = linked.change(OURS, "wide")
     vehicle.stack.modes.mode = Mode.READY
-    vehicle.boards.mikrokopter.motor_state = MotorState.OFF
+    vehicle.microcontroller.motor_state = MotorState.OFF
     vehicle.stack.navigation.source = "poses"
     assert not refused.accepted
     assert refused.reason.startswith(f"{OURS} not changed, the vehicle refuses: ")

@@ -22,6 +22,7 @@ from console.runs.run import RecorderStatus
 from console.runs.storage import storage
 from console.runs.trash import TRASH, delete_run, deleted_runs, purge, restore_run
 from flight_log import LogWriter
+from flight_log.columns import CACHES
 from quadrotor.errors import RefusedError, StorageError
 from tests.support.runs import run_entry
 
@@ -119,7 +120,8 @@ def test_after_its_time_nothing_of_a_run_is_left(catalogue: Catalogue) -> None:
     assert purge(catalogue, older_than=60.0).done == []
     assert (catalogue.folder / TRASH / "r1.mcap").exists()
     assert purge(catalogue).done == ["r1"]
-    assert names(catalogue.folder) == {"r0.mcap", "r10.mcap", TRASH}
+    assert names(catalogue.folder) - {CACHES} == {"r0.mcap", "r10.mcap", TRASH}
+    assert not (catalogue.folder / CACHES / "r1").exists()
     assert names(catalogue.folder / TRASH) == set()
     with catalogue.session() as session:
         assert session.get(RunRow, "r1") is None

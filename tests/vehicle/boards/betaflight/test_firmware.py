@@ -105,7 +105,7 @@ def test_the_lines_of_the_check_make_the_real_firmware_fit(tmp_path: Path) -> No
     if not shutil.which("unshare") or subprocess.run([*ALONE, "true"], check=False).returncode:
         pytest.skip("no right to make a network of its own (unshare --net)")
     done = subprocess.run(
-        [*ALONE, sys.executable, "-m", __name__, str(tmp_path)],
+        [*ALONE, sys.executable, "-m", __name__, str(FIRMWARE), str(tmp_path)],
         capture_output=True,
         text=True,
         check=False,
@@ -119,4 +119,5 @@ def test_the_lines_of_the_check_make_the_real_firmware_fit(tmp_path: Path) -> No
 
 
 if __name__ == "__main__":
-    check_enter_and_check(Path(sys.argv[1]))
+    FIRMWARE = Path(sys.argv[1])
+    check_enter_and_check(Path(sys.argv[2]))

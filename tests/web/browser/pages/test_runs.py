@@ -372,7 +372,7 @@ def test_a_link_for_a_viewer_says_how_long_it_works_and_what_browsers_refuse(
     with runs_page.context.expect_page() as opened:
         runs_page.click("#detail button:has-text('Foxglove')")
     assert parse_qs(urlsplit(opened.value.url).query)["ds"] == ["remote-file"]
-    sees.text("#detail .said >> nth=0", "until .*for anyone who has it.*Safari refuses")
+    sees.text("#detail .said >> nth=0", "for ten minutes, for anyone who has it.*Safari refuses")
 
 
 def test_a_recording_that_cannot_be_made_says_why(runs_page: Any, sees: Any) -> None:
