@@ -64,13 +64,13 @@ def running(folder: Path) -> Iterator[tuple[subprocess.Popen[bytes], TcpPort]]:
         while True:
             try:
                 port = TcpPort()
-            except ConnectionError:
+            except OSError:
                 assert time.monotonic() < deadline, "the firmware does not listen"
                 continue
             try:
                 decode_imu(_ask(port, Function.RAW_IMU))
                 break
-            except (ConnectionError, LinkError):
+            except (OSError, LinkError):
                 port.close()  # first: it serves one at a time
                 assert time.monotonic() < deadline, "the firmware does not answer"
         yield firmware, port
