@@ -22,5 +22,5 @@ test("the state of a run has a word and never only a colour", () => {
   const runs = [{ recording: true }, { problem: "torn" }, { completeness: { state: "missing", missing: 2 } },
     { completeness: { state: "filled", filled: 0.01 } }, { recovered: true }, { complete: true }, {}];
   const words = runs.map((run) => state(run)[0]);
-  assert.deepEqual(words, ["● recording", "problem", "2.0 s missing", "filled < 0.1 s", "recovered", "closed", "not closed"]);
+  assert.deepEqual(words, ["● recording", "problem", "2.0 s missing", "complete (< 0.1 s restored)", "recovered", "closed", "not closed"]);
 });
