@@ -6,7 +6,10 @@ these bounds no reader needs more than 500 MB, whatever a log claims or holds.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import resource
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
 
 from quadrotor.errors import LogFormatError
 
@@ -18,6 +21,10 @@ MOST_KEPT = 64_000_000
 """Largest size of all descriptions, metadata and attachments of a log together."""
 MOST_TIMES = 256
 """So many times lz4 can make data smaller: a chunk that claims more is damaged."""
+MOST_FOREIGN = 400_000_000
+"""Memory that another project's reader may take besides what the process has."""
+MOST_UNPACKED = 4_000_000_000
+"""Largest file that such a reader may unpack."""
 PAIR_BYTES = 150
 """Size of two short texts in a map, besides their letters."""
 FRAME = 64
@@ -55,6 +62,34 @@ def check_chunk(name: str, stored: int, claimed: int) -> None:
 def map_bytes(words: Mapping[str, str]) -> int:
     """Return the size of texts by name, as Python holds them."""
     return sum(len(name) + len(text) + PAIR_BYTES for name, text in words.items())
+
+
+@contextmanager
+def bounded_reader(name: str) -> Iterator[None]:
+    """Bound memory and files of a reader that checks no sizes itself. Raises LogFormatError.
+
+    The bounds are the kernel's and hold for the whole process, so only a command that does
+    nothing else may use them.
+    """
+    status = Path("/proc/self/status").read_text()
+    held = 1024 * int(status.partition("VmData:")[2].split()[0])
+    bounds = {resource.RLIMIT_DATA: held + MOST_FOREIGN, resource.RLIMIT_FSIZE: MOST_UNPACKED}
+    before = {kind: resource.getrlimit(kind) for kind in bounds}
+    try:
+        for kind, bound in bounds.items():
+            soft, hard = before[kind]
+            resource.setrlimit(
+                kind, (bound if soft == resource.RLIM_INFINITY else min(soft, bound), hard)
+            )
+        yield
+    except MemoryError:
+        raise LogFormatError(
+            f"{name} needs more than {MOST_FOREIGN // 10**6} MB of memory to be read; cut it into "
+            "flights, or write it with smaller chunks"
+        ) from None
+    finally:
+        for kind, limits in before.items():
+            resource.setrlimit(kind, limits)
 
 
 class Kept:

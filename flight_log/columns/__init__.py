@@ -111,9 +111,12 @@ class Topic:
 
     def _column(self, name: str) -> npt.NDArray[Any]:
         column = self.arrow[name]
-        found: npt.NDArray[Any]
-        found = column.chunk(0).to_numpy() if column.num_chunks == 1 else column.to_numpy()
-        return found
+        if column.num_chunks == 1:
+            lying: npt.NDArray[Any] = column.chunk(0).to_numpy()
+            return lying
+        copied: npt.NDArray[Any] = column.to_numpy()
+        self.release()
+        return copied
 
     @property
     def log_ns(self) -> Stamps:

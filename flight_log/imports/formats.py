@@ -9,6 +9,7 @@ from flight_log.imports.crazyflie import CrazyflieTables
 from flight_log.imports.ros_bags import BagTables
 from flight_log.imports.tables import Hdf5Table, NumpyTable, Source, TextTable
 from flight_log.imports.ulog import UlogTables
+from flight_log.limits import bounded_reader
 from quadrotor.errors import LogFormatError, StorageError
 
 MAGIC = {
@@ -55,8 +56,10 @@ def open_source(path: Path, wanted: Collection[str]) -> Source:
         case "crazyflie":
             return CrazyflieTables(path)
         case "rosbag":
-            return BagTables(path, wanted)
+            with bounded_reader(path.name):
+                return BagTables(path, wanted)
         case "ulog":
-            return UlogTables(path, wanted)
+            with bounded_reader(path.name):
+                return UlogTables(path, wanted)
         case _:
             return TextTable(path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ class BagTables(FileTables):
         from rosbags.typesys import Stores, get_typestore
 
         super().__init__(path)
-        self._columns: dict[str, dict[str, list[float]]] = {}
+        self._columns: dict[str, dict[str, array[float]]] = {}
         self._topics: list[str] = []
         try:
             with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
@@ -39,7 +40,7 @@ class BagTables(FileTables):
                     columns = self._columns.setdefault(one.topic, {})
                     message = bag.deserialize(data, one.msgtype)
                     for name, value in ((LOGGED, 1e-9 * logged_ns), *_numbers(message)):
-                        columns.setdefault(name, []).append(value)
+                        columns.setdefault(name, array("d")).append(value)
         except (AnyReaderError, OSError, ValueError, KeyError, AssertionError) as error:
             raise LogFormatError(f"{path.name} is no whole bag: {error!s:.120}") from None
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import resource
+import sqlite3
 from collections.abc import Callable
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from zstandard import ZstdCompressor
 
 from estimation.sweep_angles import plane_numbers, swept
-from flight_log import check
+from flight_log import check, limits
 from flight_log.imports import tables
 from flight_log.imports.flight import ImportedFlight
 from flight_log.imports.frames import axes
@@ -483,6 +486,39 @@ def test_bags_of_ros_1_and_ros_2(tmp_path: Path, version: int) -> None:
         path.write_bytes(path.read_bytes()[:300_000])
         with pytest.raises(LogFormatError):
             read_flight(path)
+
+
+def _pack(folder: Path, mode: str, size: int) -> None:
+    """Say that a bag's parts are compressed, and put `size` zeros of few bytes into the first."""
+    database = folder / f"{folder.name}.db3"
+    zeros = ZstdCompressor().compressobj()
+    packed = b"".join(zeros.compress(bytes(1_000_000)) for _ in range(size // 1_000_000))
+    packed += zeros.flush()
+    if mode == "message":
+        with sqlite3.connect(database) as connection:
+            connection.execute("UPDATE messages SET data = ? WHERE id = 1", (packed,))
+        connection.close()
+    else:
+        database.write_bytes(packed)
+    described = folder / "metadata.yaml"
+    text = described.read_text().replace("compression_mode: ''", f"compression_mode: {mode}")
+    described.write_text(text.replace("compression_format: ''", "compression_format: zstd"))
+
+
+@pytest.mark.parametrize("mode", ["message", "file"])
+def test_a_small_bag_that_opens_to_gigabytes_is_one_line(
+    mode: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = write_bag(tmp_path / "flight", FLIGHT, 2)
+    _pack(bag, mode, 1_500_000_000 if mode == "message" else 30_000_000)
+    monkeypatch.setattr(limits, "MOST_UNPACKED", 20_000_000)
+    before = [resource.getrlimit(one) for one in (resource.RLIMIT_DATA, resource.RLIMIT_FSIZE)]
+    assert main(["log", "import", str(bag), "--data", str(tmp_path / "lab")]) == 1
+    [line] = capsys.readouterr().err.strip().splitlines()
+    assert ("needs more than 400 MB" if mode == "message" else "File too large") in line
+    after = [resource.getrlimit(one) for one in (resource.RLIMIT_DATA, resource.RLIMIT_FSIZE)]
+    assert after == before
+    assert not list((tmp_path / "lab").glob("runs/*"))
 
 
 @pytest.mark.parametrize(
