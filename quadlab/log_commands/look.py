@@ -6,12 +6,13 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from quadlab.log_commands.log_file import LogFile, check_log_file
 from quadlab.log_commands.progress import progress_of
 
 if TYPE_CHECKING:
+    from console.evaluation.explanation.finding import Finding
     from flight_log import LogSummary
 
 
@@ -24,7 +25,7 @@ class Info:
     json: bool = False
     """print it as one line of JSON"""
     explain: bool = False
-    """print what happened in the flight, the heaviest first"""
+    """also what happened in the flight, the heaviest first"""
 
     def run(self) -> int:
         from flight_log.summary import summarize
@@ -32,8 +33,16 @@ class Info:
         check_log_file(self.file)
         with progress_of(f"reading {self.file.name}") as progress:
             found = summarize(self.file, progress)
+        told: list[Finding] = []
+        if self.explain:
+            from console.evaluation.explanation.explain import explain_log
+
+            told = explain_log(self.file)
         if self.json:
-            print(_as_json(found))
+            described = _described(found)
+            if self.explain:
+                described["findings"] = [one.as_json() for one in told]
+            print(json.dumps(described))
             return 0
         print(
             f"{self.file}: {found.message_count} messages in {found.duration:.1f} s, "
@@ -51,17 +60,17 @@ class Info:
         for name, size in sorted(found.attachments.items()):
             print(f"  attached: {name}, {size} bytes")
         if self.explain:
-            from console.evaluation.explanation.explain import explain_log
-
-            told = [f"{one.start:.1f} s: {one.claim}" for one in explain_log(self.file)]
+            claims = [f"{one.start:.1f} s: {one.claim}" for one in told]
             print(
-                "what happened:", *told or ["No anomalies found in what was recorded."], sep="\n  "
+                "what happened:",
+                *claims or ["No anomalies found in what was recorded."],
+                sep="\n  ",
             )
         return 0
 
 
-def _as_json(found: LogSummary) -> str:
-    """Return one line of JSON; times in s and ns, rates in Hz."""
+def _described(found: LogSummary) -> dict[str, Any]:
+    """Return the summary as JSON has it; times in s and ns, rates in Hz."""
     topics = {
         name: {
             "type": one.type_name,
@@ -70,22 +79,20 @@ def _as_json(found: LogSummary) -> str:
         }
         for name, one in sorted(found.topics.items())
     }
-    return json.dumps(
-        {
-            "file": str(found.path),
-            "bytes": found.bytes,
-            "messages": found.message_count,
-            "start_ns": found.start_ns,
-            "duration": found.duration,
-            "closed": found.closed,
-            "recovered": found.recovered,
-            "tear": found.tear,
-            "topics": topics,
-            "run": found.run,
-            "filled": found.filled,
-            "attachments": found.attachments,
-        }
-    )
+    return {
+        "file": str(found.path),
+        "bytes": found.bytes,
+        "messages": found.message_count,
+        "start_ns": found.start_ns,
+        "duration": found.duration,
+        "closed": found.closed,
+        "recovered": found.recovered,
+        "tear": found.tear,
+        "topics": topics,
+        "run": found.run,
+        "filled": found.filled,
+        "attachments": found.attachments,
+    }
 
 
 def ticks_line(path: Path, filled: Mapping[str, str]) -> list[str]:

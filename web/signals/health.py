@@ -93,7 +93,7 @@ HEALTH = (
         (
             Signal("innovation.position", "position", "mm", "innovation", "estimator"),
             Signal("innovation.attitude", "attitude", "°", "innovation", "estimator"),
-            Signal("nis", "NIS a number", "", "innovation", "estimator"),
+            Signal("nis", "NIS per degree of freedom", "", "innovation", "estimator"),
             Signal("deviation.position", "position", "mm", "rms deviation", "estimator"),
             Signal("deviation.velocity", "velocity", "mm/s", "rms deviation", "estimator"),
             Signal("deviation.attitude", "attitude", "°", "rms deviation", "estimator"),

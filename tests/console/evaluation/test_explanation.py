@@ -264,3 +264,5 @@ def test_a_flight_with_a_weak_motor_explains_itself_in_report_and_replay(
     capsys.readouterr()
     main(["log", "info", "--explain", str(log)])
     assert first.claim in capsys.readouterr().out
+    main(["log", "info", "--json", "--explain", str(log)])
+    assert json.loads(capsys.readouterr().out)["findings"][0] == first.as_json()
