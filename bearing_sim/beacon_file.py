@@ -77,8 +77,7 @@ class _Reader:
                 self._refuse(
                     number,
                     cells[0][0],
-                    f"id {id} stands on line {line_of[id]} already; "
-                    "give each beacon an id of its own",
+                    f"id {id} is already on line {line_of[id]}; give each beacon its own id",
                 )
             line_of[id] = number
             x, y, z = (
@@ -138,7 +137,7 @@ class _Reader:
         except ValueError:
             id = -1
         if not 0 <= id <= ID_MAX:
-            self._refuse(number, at, f"id {cell!r}; allowed is a whole number 0 to {ID_MAX}")
+            self._refuse(number, at, f"id {cell!r}; allowed is an integer from 0 to {ID_MAX}")
         return id
 
     def _metres(self, number: int, at: int, name: str, cell: str) -> float:

@@ -105,7 +105,7 @@ def _checked_ids(ids: npt.ArrayLike) -> npt.NDArray[np.int32]:
     except (TypeError, ValueError, OverflowError):
         sound = False
     if not sound:
-        raise MeasurementError(f"beacon ids must be a row of whole numbers, not {ids!r}")
+        raise MeasurementError(f"beacon ids must be a sequence of integers, not {ids!r}")
     if len(whole) < LEAST:
         raise DegenerateGeometryError(
             f"{len(whole)} beacons; allowed are {LEAST} to {MAX_BEACONS}: add {LEAST - len(whole)}"
@@ -117,12 +117,11 @@ def _checked_ids(ids: npt.ArrayLike) -> npt.NDArray[np.int32]:
         )
     for one in whole.tolist():
         if not 0 <= one <= ID_MAX:
-            raise MeasurementError(f"beacon id {one}; allowed are 0 to {ID_MAX}: number it anew")
+            raise MeasurementError(f"beacon id {one}; allowed are 0 to {ID_MAX}: renumber it")
     twice = [one for one, times in Counter(whole.tolist()).items() if times > 1]
     if twice:
         raise MeasurementError(
-            f"beacon id {twice[0]} comes more than once; "
-            "allowed is once: give each beacon an id of its own"
+            f"beacon id {twice[0]} appears more than once; give each beacon its own id"
         )
     return whole.astype(np.int32)
 

@@ -28,7 +28,7 @@ class BearingParameters(Parameters):
 
     layout: str = parameter(
         "paper",
-        description="where the beacons stand: paper, wide, eight, ceiling, wall, "
+        description="positions of the beacons: paper, wide, eight, ceiling, wall, "
         "or 'id x y z; …' in m",
     )
     lost: str = parameter(

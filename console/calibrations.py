@@ -27,7 +27,7 @@ START_PATIENCE = 10.0
 """s for which the gyroscope found at the vehicle's start is waited for: it is on its disk first."""
 GYROSCOPE = "gyroscope"
 TOLD = HISTORY, IN_FORCE = ("history", "in_force")
-NOT_READ = "the vehicle has not told them yet"
+NOT_READ = "not received from the vehicle yet"
 LOST = "the link to the vehicle is lost"
 
 
@@ -134,7 +134,7 @@ class Calibrations:
         request = new(f"{SERVICE}_Request", requester="station", action=action)
         response = self._client.call(request, timeout=TIMEOUT)
         if not response.accepted:
-            raise LinkError(f"the vehicle does not tell its calibrations: {response.reason}")
+            raise LinkError(f"no calibrations received from the vehicle: {response.reason}")
         try:
             return tuple(parse_record(str(text)) for text in response.records)
         except MeasurementError as error:

@@ -73,7 +73,7 @@ class EstimationParameters(Parameters):
     shadow: str = parameter(
         "none",
         choices=("none", "complementary", "error_state"),
-        description="estimator that runs beside, to be compared or to take over",
+        description="second estimator, run in parallel, for comparison or to take over",
     )
     shadow_source: str = parameter(
         "same",

@@ -93,7 +93,7 @@ def check_log(path: Path, progress: Callable[[float], None] = lambda share: None
         progress(batch.share)
     if reader.log.tear or index:
         why = f"is torn: it {reader.log.tear}" if reader.log.tear else index
-        found.problems.append(f"it {why}; mend it: quadlab log recover {path}")
+        found.problems.append(f"it {why}; repair it: quadlab log recover {path}")
     if reader.log.damaged_chunks:
         found.problems.append(
             f"{reader.log.damaged_chunks} damaged chunks, whose messages are lost"
@@ -174,7 +174,7 @@ def _compare_with_index(found: LogCheck) -> None:
                 f"{topic}: the index tells {told.count} messages, {counted} are there"
             )
     if index.recovered:
-        found.notes.append("it was torn once, and mended")
+        found.notes.append("it was torn and has been repaired")
 
 
 def _why_backwards(name: str) -> str:

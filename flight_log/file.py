@@ -64,7 +64,7 @@ class LogFile:
         except OSError as error:
             raise StorageError(
                 f"cannot write {self.path}: {error.strerror} after {self.size} bytes; "
-                "what was written before stays readable"
+                "what was written so far stays readable"
             ) from error
         return len(data)
 
@@ -86,8 +86,8 @@ class LogFile:
 
     def _not_aside(self, error: OSError) -> StorageError:
         return StorageError(
-            f"cannot put an index aside in {self.path.parent}: {error.strerror or error}; "
-            "what was written before stays readable"
+            f"cannot write an index to {self.path.parent}: {error.strerror or error}; "
+            "what was written so far stays readable"
         )
 
     def sync(self) -> None:

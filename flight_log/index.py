@@ -85,7 +85,7 @@ def _problem(read: Read, size: int) -> str:
         return ""
     end = size - len(MAGIC) - 4  # the checksum itself
     if not len(MAGIC) <= begin <= size - END_BYTES:
-        return f"{DAMAGED}: it is said to begin at byte {begin} of {size}"
+        return f"{DAMAGED}: its index says that it begins at byte {begin} of {size}"
     found = 0
     for place in range(begin, end if checksum else begin, _STRIDE):
         found = zlib.crc32(read(place, min(_STRIDE, end - place)), found)

@@ -54,7 +54,7 @@ def check_chunk(name: str, stored: int, claimed: int) -> None:
     if claimed > MOST_BYTES:
         raise LogFormatError(
             f"{name} has a chunk of {stored / 1e6:.1f} MB that opens to {claimed / 1e6:.0f} MB; at "
-            f"most {MOST_BYTES // 10**6} MB are opened: write it anew in smaller ones with "
+            f"most {MOST_BYTES // 10**6} MB are opened: rewrite it in smaller ones with "
             "`mcap compress --compression lz4 --chunk-size 4194304`"
         )
 

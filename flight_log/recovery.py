@@ -60,7 +60,7 @@ def recover(path: Path) -> Recovery:
             target.path.unlink(missing_ok=True)
             target.close()
     except OSError as error:
-        raise StorageError(f"cannot mend {path}: {error.strerror}") from error
+        raise StorageError(f"cannot repair {path}: {error.strerror}") from error
 
 
 def _mend(path: Path, target: LogFile, problem: str) -> Recovery:

@@ -192,7 +192,7 @@ def coerce(description: ParameterDescription, value: object) -> ParameterValue:
     if not math.isfinite(value):
         raise OutOfBoundsError(f"{name} = {value} is not a finite number; {_allowed(description)}")
     if kind == "int" and value != int(value):
-        raise _wrong_type(description, value, "a whole number")
+        raise _wrong_type(description, value, "an integer")
     low, high = description.minimum, description.maximum
     if (low is not None and value < low) or (high is not None and value > high):
         raise OutOfBoundsError(f"{name} = {value:g} is out of bounds; {_allowed(description)}")

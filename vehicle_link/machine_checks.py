@@ -54,7 +54,7 @@ def clock_check(place: Place, ask: Callable[[], tuple[bool, float]] = kernel_clo
     try:
         synchronised, error = ask()
     except (OSError, AttributeError):
-        return Check("clock", "unknown", "this system does not tell", wanted, place=place)
+        return Check("clock", "unknown", "not reported by this system", wanted, place=place)
     if not synchronised:
         return Check(
             "clock",
@@ -101,7 +101,7 @@ def disk_check(place: Place, name: str, folder: Path, keep_free: float) -> Check
         advice = f"is the disk of {folder} mounted?"
         return Check(name, "fail", f"not reached ({error.strerror})", wanted, advice, place)
     if not os.access(there, os.W_OK | os.X_OK):
-        advice = f"mend the permissions of {there}, or choose another folder with --data"
+        advice = f"correct the permissions of {there}, or choose another folder with --data"
         return Check(name, "fail", f"{there} is not writable", wanted, advice, place)
     state: State = "ok" if free >= ROOM * keep_free else "warn" if free >= keep_free else "fail"
     return Check(

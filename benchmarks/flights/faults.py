@@ -56,7 +56,7 @@ def run(quick: bool = False) -> Report:
             "the one farthest from it; full sensors at 500 Hz, control gains `standard`, hover at "
             "1 m unless said",
             "gust: a force for 1 s, along x, y and between in turns; payload: hung on in hover",
-            "no commands: the flight process stands still; the microcontroller lands by itself",
+            "no commands: the flight process stands still; the microcontroller lands on its own",
             "held commands: the last motor references of the 8 from rest to rest, at most 37° of "
             "tilt, act on until the timeout; tried at every 0.2 s of the lap",
         ],

@@ -47,24 +47,22 @@ class DatabaseFile:
         if writable:
             return ""
         return (
-            f"{self._path} is not writable for this user; nothing but recordings is saved; mend "
-            "its permissions or its owner"
+            f"{self._path} is not writable for this user; only recordings are saved; "
+            "correct its permissions or its owner"
         )
 
     def _gone(self) -> str:
         """Return the problem of a file that no longer exists, as `problem` does."""
         if self._path is None or self._identity() == self._opened:
             return ""
-        remedy = (
-            "mount its disk or put it back, or start quadlab anew: it begins with what is there"
-        )
+        remedy = "mount its disk or restore it, or restart quadlab to continue with what is there"
         if not self._data.is_dir():
             return f"the data folder is gone: {self._data}; nothing is recorded or saved; {remedy}"
         if not self._path.exists():
             found = f"{self._path.name} is gone from the data folder {self._path.parent}"
         else:
             found = f"{self._path} is another file than the one that was opened"
-        return f"{found}; nothing but recordings is saved; {remedy}"
+        return f"{found}; only recordings are saved; {remedy}"
 
     def _identity(self) -> Identity | None:
         if self._path is None:

@@ -22,7 +22,7 @@ GRAVITY_OFF = 15.0
 """deg, between gravity and the z of the tracker's attitude, which a crooked mounting may have."""
 MISSED = 0.01
 """Share of the flight loop's periods without a tick that is worth a note."""
-_SILENT = "nothing heard"
+_SILENT = "nothing received"
 
 Item = Callable[[Facts, PreflightParameters], Check]
 
@@ -30,7 +30,7 @@ Item = Callable[[Facts, PreflightParameters], Check]
 def link(f: Facts, p: PreflightParameters) -> Check:
     advice = {
         LinkState.LOST: "is the vehicle switched on and in reach?",
-        LinkState.DEGRADED: "bring the antennas closer, or look for what loads the network",
+        LinkState.DEGRADED: "bring the antennas closer, or find what is loading the network",
     }
     state: State = "ok" if f.link is LinkState.GOOD else "fail"
     return Check("link", state, f"{f.link}", "good", advice.get(f.link, ""))
@@ -45,11 +45,11 @@ def clock(f: Facts, p: PreflightParameters) -> Check:
 def telemetry(f: Facts, p: PreflightParameters) -> Check:
     found, wanted = f"{f.telemetry_rate:.0f} Hz", f"at least {p.telemetry_rate_min:.0f} Hz"
     if f.telemetry_rate < p.telemetry_rate_min:
-        return Check("telemetry", "fail", found, wanted, "wait, or look at the link's loss")
+        return Check("telemetry", "fail", found, wanted, "wait, or check the link's packet loss")
     if f.loss > p.loss_max:
         lost = f"{found}, {100 * f.loss:.0f} % lost"
         limit = f"at most {100 * p.loss_max:.0f} % lost"
-        return Check("telemetry", "warn", lost, limit, "look at the link's antennas and load")
+        return Check("telemetry", "warn", lost, limit, "check the link's antennas and load")
     return Check("telemetry", "ok", found, wanted)
 
 
@@ -57,7 +57,7 @@ def mode(f: Facts, p: PreflightParameters) -> Check:
     if f.mode is None:
         return Check("mode", "fail", _SILENT, "ready", "wait for the vehicle")
     advice = {
-        "cut": "the motors were cut: look why, then press Disarm to acknowledge it",
+        "cut": "the motors were cut: find out why, then press Disarm to acknowledge",
         "emergency_land": "wait until it is down",
         "starting": "wait for the gyroscope's calibration",
         "bench": "a motor is on the bench: wait, or press Disarm to end it",
@@ -96,13 +96,15 @@ def consistency(f: Facts, p: PreflightParameters) -> Check:
     if f.position_innovation is None:
         return Check(name, "unknown", _SILENT, wanted)
     if "rescued" in f.flags:
-        advice = "look at the noise that was adapted to (chart layout Estimator)"
+        advice = "check the adapted noise (chart layout Estimator)"
         return Check(name, "warn", "on the shadow", "the estimator chosen", advice)
     if math.isnan(f.consistency):
-        return Check(name, "ok", "not told by this estimator", wanted)
+        return Check(name, "ok", "not reported by this estimator", wanted)
     found = f"{f.consistency:.1f}, {100 * f.refused_share:.0f} % refused"
     good = f.consistency <= p.consistency_max and f.refused_share <= p.refused_share_max
-    advice = "wait until it has converged; else look at the tracker's stamps, axes and noise"
+    advice = (
+        "wait until it has converged; if it does not, check the tracker's stamps, axes and noise"
+    )
     return Check(name, "ok" if good else "fail", found, wanted, advice)
 
 
@@ -120,7 +122,7 @@ def measurements(f: Facts, p: PreflightParameters) -> Check:
         return Check(name, "fail", _SILENT, wanted, "wait for the vehicle")
     found = f"pose {1e3 * f.pose_age:.0f} ms old" if math.isfinite(f.pose_age) else "no pose yet"
     fresh = f.pose_age <= p.pose_age_max and "no_pose" not in f.flags
-    return Check(name, "ok" if fresh else "fail", found, wanted, "look at tracker and link")
+    return Check(name, "ok" if fresh else "fail", found, wanted, "check the tracker and the link")
 
 
 def battery(f: Facts, p: PreflightParameters) -> Check:
@@ -184,7 +186,7 @@ def parameters(f: Facts, p: PreflightParameters) -> Check:
         return Check("parameters", "fail", "not read yet", wanted, "wait for the link")
     if f.parameters_behind > BEHIND:
         found = f"{f.parameters_behind:.0f} s behind the vehicle's"
-        return Check("parameters", "fail", found, wanted, "wait, or look at the link")
+        return Check("parameters", "fail", found, wanted, "wait, or check the link")
     return Check("parameters", "ok", "in step", wanted)
 
 
@@ -228,7 +230,9 @@ def flight_loop(f: Facts, p: PreflightParameters) -> Check:
         advice = "give the vehicle its real-time rights: see the Set-up page"
         return Check("flight loop", "warn", f"not real time, {missed}", wanted, advice)
     state: State = "ok" if f.missed_share <= MISSED else "warn"
-    return Check("flight loop", state, missed, wanted, "look for what loads the vehicle's computer")
+    return Check(
+        "flight loop", state, missed, wanted, "find what is loading the vehicle's computer"
+    )
 
 
 ITEMS: tuple[Item, ...] = (

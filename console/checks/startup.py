@@ -138,7 +138,7 @@ class StartupChecks:
             log.debug("the vehicle's checks: %s", error)
             return [Check("vehicle", "unknown", found, "connected", advice, "vehicle")]
         if not answer.accepted:
-            advice = "check again when it stands disarmed"
+            advice = "run the checks again when it is disarmed"
             return [Check("vehicle", "unknown", answer.reason, "disarmed", advice, "vehicle")]
         ours = provenance()["git_revision"]
         return [_compared(one, ours) for one in from_messages(answer.checks)]
@@ -169,7 +169,7 @@ class StartupChecks:
         bad = [f"{one.name} ({one.place})" for one in self.found if one.state in ("warn", "fail")]
         if bad:
             failing = any(one.state == "fail" for one in self.found)
-            line = f"start-up checks: look at {', '.join(bad)}; see the Set-up page"
+            line = f"start-up checks need attention: {', '.join(bad)}; see the Set-up page"
             self._say(WARN if failing else INFO, line)
 
 

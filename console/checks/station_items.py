@@ -30,7 +30,7 @@ def vehicle_clock(f: Facts, link_status: Any) -> Check:
     trip, offset = float(link_status.round_trip), float(link_status.clock_offset)
     state: State = "ok" if trip <= ROUND_TRIP else "warn"
     found = f"{1e3 * offset:+.1f} ms from ours, round trip {1e3 * trip:.1f} ms"
-    return Check(name, state, found, wanted, "look for what loads the network")
+    return Check(name, state, found, wanted, "find what is loading the network")
 
 
 def rates(f: Facts, p: StationParameters) -> list[Check]:
@@ -43,7 +43,7 @@ def rates(f: Facts, p: StationParameters) -> list[Check]:
             "flight loop",
             f.tick_rate if heard else None,
             f.nominal_rate,
-            "look at the microcontroller's cables and the load of the vehicle's computer",
+            "check the microcontroller's cables and the load of the vehicle's computer",
         ),
         _real_time(f),
         _rate(
@@ -56,7 +56,7 @@ def rates(f: Facts, p: StationParameters) -> list[Check]:
             "bearings",
             f.bearings_rate,
             f.bearings_nominal,
-            "they come from the tracker's poses or a camera on board: look at it, and at the "
+            "they are made from the tracker's poses or by a camera on board: check it, and the "
             "beacons in sight",
         ),
     ]
@@ -69,7 +69,7 @@ def disk_speed(f: Facts, folder: Path, data: Path, megabytes: float = PROBE / 1e
     """
     name, wanted = "disk's speed", f"at least {SLOWEST:.0f} MB/s"
     if f.armed or f.mode is None:
-        why = "is armed" if f.armed else "is not heard, and may be flying"
+        why = "is armed" if f.armed else "sends nothing, and may be flying"
         advice = "check again with the vehicle connected and disarmed"
         return Check(name, "unknown", f"not measured: the vehicle {why}", wanted, advice)
     path, block = folder / ".speed", os.urandom(round(1e6 * megabytes))
@@ -81,7 +81,7 @@ def disk_speed(f: Facts, folder: Path, data: Path, megabytes: float = PROBE / 1e
             os.fsync(file.fileno())
         spent = time.perf_counter() - began
     except OSError as error:
-        advice = f"mend the permissions of {folder}, or choose another folder with --data"
+        advice = f"correct the permissions of {folder}, or choose another folder with --data"
         return Check(name, "fail", f"cannot write ({error.strerror})", wanted, advice)
     finally:
         with suppress(OSError):
@@ -94,7 +94,7 @@ def disk_speed(f: Facts, folder: Path, data: Path, megabytes: float = PROBE / 1e
 def _rate(name: str, found: float | None, nominal: float, advice: str) -> Check:
     wanted = f"{nominal:.0f} Hz"
     if found is None:
-        return Check(name, "unknown", "nothing heard", wanted, "connect the vehicle")
+        return Check(name, "unknown", "nothing received", wanted, "connect the vehicle")
     share = found / nominal if nominal > 0.0 else 1.0
     state: State = "ok" if share >= NEARLY else "warn" if share >= HALF else "fail"
     return Check(name, state, f"{found:.0f} Hz", wanted, advice)
@@ -103,7 +103,7 @@ def _rate(name: str, found: float | None, nominal: float, advice: str) -> Check:
 def _real_time(f: Facts) -> Check:
     name, wanted = "flight process", "real time"
     if f.mode is None:
-        return Check(name, "unknown", "nothing heard", wanted, "connect the vehicle")
+        return Check(name, "unknown", "nothing received", wanted, "connect the vehicle")
     if "not_real_time" in f.flags:
         advice = "see real-time rights and locked memory of the vehicle; then restart it"
         return Check(name, "warn", "not real time: late under load", wanted, advice)

@@ -82,7 +82,7 @@ class ControlLease:
         """Answer the person who asks, as the holder. Raises RefusedError."""
         self._of_holder(who)
         if not self._asking:
-            raise RefusedError("nobody asks for control (any more)")
+            raise RefusedError("there is no request for control (any more)")
         self._acted = now
         if yes:
             self._give(self._asking, now)

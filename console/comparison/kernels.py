@@ -80,7 +80,7 @@ class Kernels:
         def check() -> None:
             nonlocal said
             if self._closing.is_set():
-                raise JobError("not wanted any more")
+                raise JobError("no longer needed")
             if not said and time.monotonic() - began > SAID_AFTER:
                 said = True
                 self._say(f"comparing {name}: compiling")

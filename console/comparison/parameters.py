@@ -59,7 +59,7 @@ def parse_estimators(text: str) -> tuple[Choice, ...]:
         if name not in registry.names() or (colon and preset not in PRESETS):
             raise OutOfBoundsError(
                 f"estimators = {text!r}: {word!r} is none; allowed are "
-                f"{', '.join(registry.names())}, each alone or with one of the presets "
+                f"{', '.join(registry.names())}, each alone or with a preset, "
                 f"{', '.join(PRESETS)} like complementary:paper, words separated by spaces"
             )
         choices.append(Choice(word, name, preset or PRESET_OF.get(name, "")))

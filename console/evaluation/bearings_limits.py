@@ -34,9 +34,9 @@ def limits(
     out = {"fallbacks": 0.0, "emergencies": 0.0}
     why = ""
     if gains not in TUNED:
-        why = f"none is known with the gains {gains}; they are for {' and '.join(TUNED)}"
+        why = f"no limit is known for the gains {gains}; they are for {' and '.join(TUNED)}"
     elif not math.isfinite(bound.position + bound.attitude):
-        why = "the log does not tell what the sensor allows: bearings, and where the beacons stand"
+        why = "the log lacks what the sensor's bound needs: bearings and beacon positions"
     else:
         factor = ESTIMATE[estimator]
         out |= {

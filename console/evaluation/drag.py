@@ -100,8 +100,8 @@ class DragFlight:
         low, high = DRAG_BOUNDS
         if not low - SPREAD_MAX <= self.found <= high:
             raise MeasurementError(
-                f"a drag of {self.found:.3f} N s/m is none the model takes: {low:g} to {high:g} "
-                "N s/m; fly in still air, more laps or a shorter period"
+                f"a drag of {self.found:.3f} N s/m is outside what the model accepts: {low:g} "
+                f"to {high:g} N s/m; fly in still air, more laps or a shorter period"
             )
         return CalibrationRecord(
             name="drag",

@@ -117,8 +117,8 @@ class InertiaFlight:
                 )
             if not low <= value <= high:
                 raise MeasurementError(
-                    f"an inertia of {value:.4g} kg m² about {axis[0]} is none the model takes: "
-                    f"{low:g} to {high:g} kg m²"
+                    f"an inertia of {value:.4g} kg m² about {axis[0]} is outside what the "
+                    f"model accepts: {low:g} to {high:g} kg m²"
                 )
         values = self.parameters.vehicle
         warnings: tuple[str, ...] = ()

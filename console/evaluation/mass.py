@@ -118,7 +118,8 @@ class MassFlight:
         low, high = MASS_BOUNDS
         if not low <= self.found <= high:
             raise MeasurementError(
-                f"a mass of {self.found:.3f} kg is none the model takes: {low:g} to {high:g} kg"
+                f"a mass of {self.found:.3f} kg is outside what the model accepts: {low:g} to "
+                f"{high:g} kg"
             )
         rows = self.judged
         pieces = zip(

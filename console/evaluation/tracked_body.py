@@ -136,7 +136,7 @@ class TrackedBodyFound:
             d = store.description(key)
             if not float(d.minimum or 0.0) <= value <= float(d.maximum or 0.0):
                 raise MeasurementError(
-                    f"{PARAMETER}{key} = {value:.3g} {d.unit} is none the vehicle takes: "
+                    f"{PARAMETER}{key} = {value:.3g} {d.unit} is outside what the vehicle accepts: "
                     f"{d.minimum:g} to {d.maximum:g}; is it this vehicle's body, in metres?"
                 )
         f = self.found

@@ -142,8 +142,8 @@ class Vibration:
             low, high = BOUNDS[name]
             if not low <= value <= high:
                 raise MeasurementError(
-                    f"a {name.replace('_', ' ')} of {value:.3g} is none the estimator takes: "
-                    f"{low:g} to {high:g}; look for what is loose, then fly again"
+                    f"a {name.replace('_', ' ')} of {value:.3g} is outside what the estimator "
+                    f"accepts: {low:g} to {high:g}; find what is loose, then fly again"
                 )
         return CalibrationRecord(
             name="vibration",

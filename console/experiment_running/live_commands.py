@@ -242,7 +242,7 @@ class LiveCommands:
         self._looked = monotonic()
         if self._ended is None and self._ground.link_state() is LinkState.LOST:
             self._ended = LinkError(
-                "the link to the vehicle was lost; it brakes, and lands by itself unless "
+                "the link to the vehicle was lost; it brakes, and lands on its own unless "
                 "the link returns"
             )
         if self._ended is not None:

@@ -47,8 +47,8 @@ class AccelerometerOptions(Parameters):
     method: str = parameter(
         "tracker",
         choices=("tracker", "faces"),
-        description="attitudes by the tracker, in any poses; or without one by the six faces the "
-        "vehicle is put on",
+        description="attitudes by the tracker, in any poses; or, without a tracker, by the six faces "
+        "it is placed on",
     )
     poses: int = parameter(
         12, ge=4, le=40, step=1, description="with the tracker; the faces are six"
@@ -136,7 +136,7 @@ class Accelerometer:
         heard = len(client.imu().time)
         if heard < 2:
             raise RefusedError(
-                f"no samples of the IMU came within {LISTEN:g} s; check the link, then begin again"
+                f"no samples of the IMU came within {LISTEN:g} s; check the link, then start again"
             )
         finder = StillPoses(heard / LISTEN, duration=self.parameters.hold)
         state = _Progress(finder, client.view().time, self._next([], []))

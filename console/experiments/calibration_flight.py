@@ -9,8 +9,8 @@ import numpy as np
 from console.experiments.client import Client, VehicleView
 
 CLEAR = (
-    "The motors start and the vehicle takes off by itself. Is everybody clear of it, with 2 m of "
-    "room to each side?"
+    "The motors start and the vehicle takes off on its own. Is everybody clear of it, with 2 m of "
+    "room on each side?"
 )
 LANDING = 30.0
 """s."""

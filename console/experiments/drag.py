@@ -59,7 +59,7 @@ class DragExperiment:
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         client.confirm(CLEAR)
         client.wait(0.5)
-        client.tell(Progress("Keep clear: it takes off by itself", 1, STEPS))
+        client.tell(Progress("Keep clear: it takes off on its own", 1, STEPS))
         client.arm()
         client.wait(1.0)
         try:

@@ -121,7 +121,7 @@ class InertiaExperiment:
         client.confirm(CLEAR)
         client.wait(0.5)
         steps = self.excitations()
-        client.tell(Progress("Keep clear: it takes off by itself", 1, len(steps) + 2))
+        client.tell(Progress("Keep clear: it takes off on its own", 1, len(steps) + 2))
         client.arm()
         client.wait(1.0)
         try:

@@ -113,7 +113,7 @@ class MassExperiment:
             self._until(
                 client,
                 lambda v: v.airborne,
-                "Keep clear: it takes off by itself, held back by the low estimate",
+                "Keep clear: it takes off on its own, held back by the low estimate",
                 1,
                 patience,
                 "lift-off",

@@ -60,7 +60,7 @@ class VibrationExperiment:
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         client.confirm(CLEAR)
         self._wait(client, "Leave it standing still", 1, p.rest)
-        client.tell(Progress("Keep clear: it takes off by itself", 2, STEPS))
+        client.tell(Progress("Keep clear: it takes off on its own", 2, STEPS))
         client.arm()
         client.wait(1.0)
         try:

@@ -63,7 +63,7 @@ class Introduction:
             standing.introduced(self._whoami.ask())
             self._due = now + (AGAIN if standing.access != OBSERVER else STRANGE)
         except LinkError:
-            log.debug("the vehicle did not say who it is", exc_info=True)
+            log.debug("the vehicle did not identify itself", exc_info=True)
             # With access a question was lost, and nothing is new.
             if not standing.access and (found := self._stranger()) is not None:
                 standing.stranger = found

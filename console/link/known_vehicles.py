@@ -45,7 +45,7 @@ class KnownVehicles:
                 parse_endpoint(one.address)
         except (tomllib.TOMLDecodeError, KeyError, TypeError, AttributeError, UsageError) as error:
             raise StorageError(
-                f"{self.path} cannot be understood ({error}); mend it, or delete it and enrol the "
+                f"{self.path} cannot be read ({error}); correct it, or delete it and enrol the "
                 "vehicles again"
             ) from error
         return found

@@ -23,8 +23,8 @@ from vehicle_link.parameters.replica import Snapshot
 log = logging.getLogger(__name__)
 
 AT_START = "(start of vehicle or station)"
-AT_RESTART = "(the vehicle started anew)"
-NOT_HEARD = "(not heard: the link was away)"
+AT_RESTART = "(the vehicle restarted)"
+NOT_HEARD = "(not received: the link was down)"
 """Who changed it, where nobody said."""
 UNRECORDED = "not recorded"
 CLOSE_PATIENCE = 3.0

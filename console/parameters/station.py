@@ -17,7 +17,7 @@ class RecorderParameters(Parameters):
         ge=0,
         le=60,
         step=0.5,
-        description="a run goes on for this long after disarming",
+        description="a run continues for this long after disarming",
     )
     keep_free: float = parameter(
         500.0, unit="MB", ge=10, le=100_000, step=10, description="no recording below this"

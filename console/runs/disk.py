@@ -41,14 +41,14 @@ def folder_problem(folder: Path) -> tuple[str, str]:
         return f"the folder {folder} is missing", "mount its disk, or choose another with --data"
     except OSError as error:
         found = f"the folder {folder} cannot be reached ({error.strerror})"
-        return found, "mount its disk and mend its permissions, or choose another with --data"
+        return found, "mount its disk and correct its permissions, or choose another with --data"
     if not is_folder:
         return f"{folder} is no folder", "move that file away, or choose another with --data"
     if is_read_only:
         advice = "mount it writable (one with errors turns read-only: see dmesg), or choose another"
         return f"the disk of {folder} is read-only", f"{advice} with --data"
     if not os.access(folder, os.W_OK | os.X_OK):
-        advice = "mend its permissions or choose another with --data"
+        advice = "correct its permissions or choose another with --data"
         return f"the folder {folder} is not writable", advice
     return "", ""
 

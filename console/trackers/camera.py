@@ -77,7 +77,7 @@ class Pictures:
             raise UnreachableError(
                 f"{camera} is no video that OpenCV reads; convert it to MP4 or AVI"
                 if isinstance(camera, Path)
-                else f"camera {camera} cannot be opened: plug it in, look whether another program "
+                else f"camera {camera} cannot be opened: plug it in, check whether another program "
                 f"uses /dev/video{camera}, or give another --device"
             )
 
@@ -101,7 +101,7 @@ class Pictures:
             return UsageError(f"the video {self._camera} has ended")
         self._capture.release()
         return UnreachableError(
-            f"camera {self._camera} gives no more pictures: plug it in again, or look at its cable"
+            f"camera {self._camera} delivers no more pictures: plug it in again, or check its cable"
         )
 
     def _paced(self, stamp_ns: int, now_ns: int) -> int:

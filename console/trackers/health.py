@@ -131,7 +131,7 @@ class BodyHealth:
         by = 5 * round(math.degrees(angle) / 5)
         return (
             f"{body.name}'s axes have flipped by {by}° from one frame to the next: make "
-            "its markers less symmetric and define the body anew"
+            "its markers less symmetric and define the body again"
         )
 
     def _lying(self, body: Body, now: float) -> str:
@@ -169,7 +169,7 @@ def _invalid(body: Body) -> str:
     if turn is not None and not abs(float(np.linalg.norm(turn)) - 1.0) < 0.05:
         return (
             f"{body.name} comes with the quaternion (w, x, y, z) {turn.tolist()}, which has not "
-            "unit length; look at the order of the fields"
+            "unit length; check the order of the fields"
         )
     return ""
 

@@ -132,4 +132,4 @@ class BearingsTracker(Tracker):
             one.measured.put(payload, stamp_ns)
 
     def _unseen(self, one: Vehicle) -> str:
-        return f"{self._words} sees no beacon; look at the light and at where the tags are"
+        return f"{self._words} sees no beacon; check the light and where the tags are"

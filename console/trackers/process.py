@@ -258,12 +258,12 @@ class Tracker:
             return self._trouble
         note = self._note if now - self._noted < RECENT else ""
         if now - self._heard > GAP:
-            return note or f"no frames from {self._words}; look at the system and its network"
+            return note or f"no frames from {self._words}; check the system and its network"
         one.is_missing = self._heard - one.seen > self.unseen_for
         if one.is_missing:
             return note or self._unseen(one)
         if one.is_doubled:
-            return f"two bodies are called {one.body!r}; give each a name of its own in the system"
+            return f"two bodies are called {one.body!r}; give each its own name in the system"
         return one.health.problem(now) or note
 
     def _unseen(self, one: Vehicle) -> str:

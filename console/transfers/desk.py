@@ -181,7 +181,7 @@ class TransferDesk:
         if self._link_state() is LinkState.LOST:
             for job in jobs:
                 job.phase, job.rate = "waiting", 0.0
-                job.problem = "the link to the vehicle is lost; it goes on when it is back"
+                job.problem = "the link to the vehicle is lost; it continues when the link is back"
             return None
         jobs.sort(key=lambda job: job.name, reverse=True)
         jobs.sort(key=lambda job: (bool(job.problem), job.kind != "download"))
@@ -194,7 +194,7 @@ class TransferDesk:
             try:
                 self._make_folder()
             except StorageError as error:
-                raise NotYetError(f"{error}; it goes on when it is there") from error
+                raise NotYetError(f"{error}; it continues when it is there") from error
             if job.kind == "download":
                 self._download(job, fetcher).by_name()
             else:
@@ -206,7 +206,7 @@ class TransferDesk:
         except (NotYetError, LinkError) as error:
             self._waits(job, str(error))
         except NoRoomError as error:
-            self._waits(job, f"{error}; it goes on when there is room")
+            self._waits(job, f"{error}; it continues when there is room")
         except QuadlabError as error:
             if self._closing.is_set():
                 return
@@ -295,7 +295,7 @@ class TransferDesk:
         keep = round(self._parameters.keep_free * 1e6)
         found, advice = folder_problem(self.folder)
         if found:
-            raise NotYetError(f"{found}; {advice}; it goes on when it is there")
+            raise NotYetError(f"{found}; {advice}; it continues when it is there")
         free = free_bytes(self.folder)
         if free - count < keep:
             raise NoRoomError(

@@ -56,7 +56,7 @@ class Job:
         self.phase = phase
 
     def check(self) -> None:
-        """Raise CancelledError when it is not wanted any more."""
+        """Raise CancelledError when it is no longer needed."""
         if self.cancelled.is_set():
             raise CancelledError("cancelled")
 

@@ -10,7 +10,7 @@ class TakeOffArguments(Parameters):
     """The arguments of take_off."""
 
     height: float = parameter(
-        1.0, unit="m", ge=0.2, le=20.0, step=0.1, description="above where it stands"
+        1.0, unit="m", ge=0.2, le=20.0, step=0.1, description="above the start position"
     )
     speed: float = parameter(
         0.4,

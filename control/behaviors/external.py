@@ -91,7 +91,9 @@ class External:
     def _lateness(self, stamp_ns: int) -> str:
         age = self._since(stamp_ns)
         if age == math.inf:
-            return "no reference came on the topic external_reference; send them first"
+            return (
+                "no reference was received on the topic external_reference; start publishing first"
+            )
         # One from the future is as wrong as an old one.
         if abs(age) > self._timeout:
             return (

@@ -34,7 +34,7 @@ class LapArguments(PeriodArguments):
     """The arguments of laps at a constant rate between ramps."""
 
     laps: int = parameter(
-        3, ge=1, le=1000, step=1, description="figure_eight, circle, helix: whole laps"
+        3, ge=1, le=1000, step=1, description="figure_eight, circle, helix: number of laps"
     )
     ramp: float = parameter(
         3.0,

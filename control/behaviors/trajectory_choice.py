@@ -154,7 +154,7 @@ def _waypoints(context: Context, a: WaypointArguments) -> Trajectory:
 def _file(context: Context, a: FileArguments) -> Trajectory:
     path = context.trajectories.get(a.file)
     if path is None:
-        there = ", ".join(context.trajectories) or "none: none was in the trajectory folder"
+        there = ", ".join(context.trajectories) or "none: the trajectory folder has none"
         raise OutOfBoundsError(f"file = {a.file!r} is not loaded; there are {there}")
     here = context.point
     if a.anchor == "world":

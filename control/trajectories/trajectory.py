@@ -82,7 +82,7 @@ def stretches_of(trajectory: Trajectory) -> tuple[Stretch, ...]:
         return trajectory.stretches()
     end = trajectory.duration
     if not math.isfinite(end):
-        raise ValueError("a trajectory without an end cannot be looked at as a whole")
+        raise ValueError("a trajectory without an end cannot be examined as a whole")
     return ((0.0, end, min(SAMPLES_MAX, max(64, round(end * UNKNOWN_RATE)))),)
 
 

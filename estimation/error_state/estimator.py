@@ -56,7 +56,10 @@ DETERMINED = 4
 """Bearings to beacons in one plane that leave one pose."""
 ONE_PLACE_NS = 60_000_000
 """Sweeps of the planes within it met the vehicle at nearly one place, for a start."""
-HOW_TO_START = "show it a fourth beacon in their plane, or run it beside an estimator on poses"
+HOW_TO_START = (
+    "bring a fourth beacon in their plane into view, "
+    "or run it as the shadow of an estimator on poses"
+)
 FIT = Deviations(position=0.15, velocity=0.2, attitude=math.radians(3.0))
 """Largest deviations to be flown on."""
 REFUSED_MAX = 0.5
@@ -424,7 +427,7 @@ class ErrorStateEstimator:
         apart = float(np.linalg.norm(m["now"][:3] - before[:3]))
         many = f"{count} measurements in {1e-9 * lost_ns:.1f} s"
         self.restarts.append(
-            f"error_state started anew, {apart:.2f} m from where it was: "
+            f"error_state restarted, {apart:.2f} m from where it was: "
             f"{many if confirmed else f'the first {RUN_LEAST} measurements'} did not agree with it"
         )
 

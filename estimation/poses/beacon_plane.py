@@ -142,7 +142,7 @@ def _checked(beacons_w: npt.ArrayLike, ids: Sequence[int] | None) -> Array:
         require_distinct(ids)
     if len(beacons) < 4:
         raise DegenerateGeometryError(
-            f"{len(beacons)} bearings came; a planar pose needs at least 4: "
+            f"{len(beacons)} bearings received; a planar pose needs at least 4: "
             "bring more beacons into view"
         )
     if not np.isfinite(beacons).all():
@@ -155,6 +155,6 @@ def require_distinct(ids: Sequence[int]) -> None:
     if len(set(ids)) < len(ids):
         twice = sorted(one for one, times in Counter(ids).items() if times > 1)
         raise DegenerateGeometryError(
-            f"beacon {', '.join(map(str, twice))} came more than once in one frame; "
+            f"beacon {', '.join(map(str, twice))} appears more than once in one frame; "
             "each may be seen once: check the identities"
         )

@@ -2,7 +2,7 @@
 
 With a = (alpha, beta, 1) the plane coordinates of a beacon at c + L (alpha e1 + beta e2), its
 bearing is along G a, where G = [R_bw e1, R_bw e2, R_bw (c - r) / L] up to scale: print's H without
-the plane's distance d from the world origin, by which print divides (0 is a normal case).
+the plane's distance d from the world origin, by which eq. 33 divides (0 is a normal case).
 
 Four points map a projective basis to a projective basis, hence no null vector is searched: with
 a4 = A (c1, c2, c3), A = [a1 a2 a3], and X = [x1 x2 x3],

@@ -33,7 +33,7 @@ def literal_pose(
     """
     if d == 0.0:
         raise DegenerateGeometryError(
-            "the beacons' plane goes through the world's origin, d = 0, by which print divides; "
+            "the beacons' plane goes through the world's origin, d = 0, by which eq. 33 divides; "
             "use planar_pose"
         )
     x1 = beacons_w / np.sqrt((beacons_w**2).sum(axis=1))[:, None]

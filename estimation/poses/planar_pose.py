@@ -170,7 +170,7 @@ class PlanarPoseSolver:
         if code == BAD_PREDICTION:
             return MeasurementError(
                 "the predicted pose is not finite or its quaternion is 0; "
-                "give a finite one, or none"
+                "give a finite one, or omit it"
             )
         if code == NO_FIT:
             residual = frame[POSITION, 3]

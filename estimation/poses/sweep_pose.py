@@ -58,7 +58,7 @@ def sweep_pose(frames: Sequence[Record]) -> SweepPose:
     if not cost < numbers * WORST**2:
         raise DegenerateGeometryError(
             f"no pose fits the sweeps: the best is {np.sqrt(cost / numbers):.0f} deviations off, "
-            f"allowed {WORST:g}; are the base stations where the geometry says?"
+            f"allowed {WORST:g}; are the base stations where the geometry file says?"
         )
     return SweepPose(position, quaternion, covariance)
 

@@ -88,7 +88,7 @@ class TagLayout(Strict):
     def _is_complete(self) -> TagLayout:
         numbers = [n for tags in (*self.bodies.values(), self.world) for n in tags]
         if twice := {n for n in numbers if numbers.count(n) > 1}:
-            raise ValueError(f"tag {min(twice)} is in it twice; give each place a tag of its own")
+            raise ValueError(f"tag {min(twice)} is in it twice; give each place its own tag")
         if not self.bodies or not all(self.bodies.values()):
             raise ValueError("a body needs a tag, like [bodies.quad1.3]")
         if bool(self.world) == (self.camera is not None):
@@ -97,7 +97,7 @@ class TagLayout(Strict):
                 "position and looks_at"
             )
         if self.camera is not None and self.camera.position == self.camera.looks_at:
-            raise ValueError("the camera looks at its own position")
+            raise ValueError("the camera's target is its own position")
         return self
 
 

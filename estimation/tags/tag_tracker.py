@@ -81,7 +81,8 @@ class TagTracker:
             if off and np.median(off) > MOVED:
                 self._place = None
                 raise MeasurementError(
-                    f"the camera has moved, by {np.median(off):.1f} pixels; it is placed anew"
+                    f"the camera has moved, by {np.median(off):.1f} pixels; "
+                    "its pose is being found again"
                 )
             return self._place
         if not world:

@@ -172,7 +172,7 @@ def _rate_unit(imu: RawImu, turning: Array, scales: list[float], notes: list[str
     if stated is None:
         if found is None:
             raise LogFormatError(
-                f"{told}: that does not say its unit; write angular_velocity_unit, one of "
+                f"{told}: the unit cannot be found from it; write angular_velocity_unit, one of "
                 f"{', '.join(RATE_UNITS)}, or a number (rad/s a count)"
             )
         notes.append(f"{told}: in {found}")

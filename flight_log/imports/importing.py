@@ -54,7 +54,7 @@ def read_flight(
 def _with_truth(mapping: Mapping, truth: Path, chosen: str) -> Mapping:
     if mapping.truth is None:
         raise UsageError(
-            f"--truth {truth}: the mapping {chosen} has no [truth] that says its columns"
+            f"--truth {truth}: the mapping {chosen} has no [truth] that names its columns"
         )
     rows = mapping.truth.model_copy(
         update={"file": str(truth.absolute()), "table": "", "optional": False}

@@ -140,9 +140,9 @@ class _Files:
             return
         if not self._torn:
             raise LogFormatError(
-                f"{source.path.name} is not whole: {source.torn}; --torn imports what is before"
+                f"{source.path.name} is incomplete: {source.torn}; --torn imports what is before"
             )
-        note = f"{source.path.name} is not whole: {source.torn}; imported up to there"
+        note = f"{source.path.name} is incomplete: {source.torn}; imported up to there"
         if note not in self.notes:
             self.notes.append(note)
 

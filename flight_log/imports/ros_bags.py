@@ -42,7 +42,7 @@ class BagTables(FileTables):
                     for name, value in ((LOGGED, 1e-9 * logged_ns), *_numbers(message)):
                         columns.setdefault(name, array("d")).append(value)
         except (AnyReaderError, OSError, ValueError, KeyError, AssertionError) as error:
-            raise LogFormatError(f"{path.name} is no whole bag: {error!s:.120}") from None
+            raise LogFormatError(f"{path.name} is not a complete bag: {error!s:.120}") from None
 
     def tables(self) -> list[str]:
         return self._topics

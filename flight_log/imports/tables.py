@@ -107,7 +107,7 @@ class TextTable(FileTables):
             )
         except (ValueError, IndexError) as error:
             raise LogFormatError(
-                f"{self.path.name} is not whole: {error}; cut it off behind its last whole line"
+                f"{self.path.name} is incomplete: {error}; cut it off after its last complete line"
             ) from None
         check_size(self.path, len(found), len(wanted))
         return found
@@ -163,7 +163,9 @@ class Hdf5Table(FileTables):
             with h5py.File(path) as file:
                 file.visititems(note)
         except (OSError, RuntimeError, KeyError) as error:
-            raise LogFormatError(f"{path.name} is no whole HDF5 file: {error!s:.120}") from None
+            raise LogFormatError(
+                f"{path.name} is not a complete HDF5 file: {error!s:.120}"
+            ) from None
 
     def columns(self, table: str) -> list[str]:
         return [
@@ -200,7 +202,9 @@ class NumpyTable(FileTables):
         try:
             found = np.load(path, mmap_mode="r", allow_pickle=False)
         except (ValueError, OSError, EOFError) as error:
-            raise LogFormatError(f"{path.name} is no whole NumPy file: {error!s:.120}") from None
+            raise LogFormatError(
+                f"{path.name} is not a complete NumPy file: {error!s:.120}"
+            ) from None
         if found.dtype.names:
             self._columns = {name: found[name] for name in found.dtype.names}
         elif found.ndim == 2:

@@ -174,7 +174,8 @@ class Checked:
         if isinstance(stated, float):
             if abs(lag) > 2 * STEP and share < 0.98:
                 self._notes.append(
-                    f"[{name}] time_offset = {stated:g} is kept; the motion says {stated + lag:.4f}"
+                    f"[{name}] time_offset = {stated:g} is kept; "
+                    f"the motion suggests {stated + lag:.4f}"
                 )
             return
         if abs(lag) >= TOLD_OFFSET:
@@ -215,7 +216,7 @@ class Checked:
         )
         if not fits:
             raise LogFormatError(
-                f"{told}: neither z up nor z down; does quaternion_maps say the right way, "
+                f"{told}: neither z up nor z down; is quaternion_maps right, "
                 "and is [imu] body right?"
             )
         if rows.world is None:
@@ -301,10 +302,10 @@ class Checked:
         return LENGTH_UNITS[stated] if isinstance(stated, str) else stated
 
     def _settle_unit(self, scale: float) -> None:
-        """Settle the unit; `scale` is m a number, as the specific force says."""
+        """Settle the unit; `scale` is m per unit, from the specific force."""
         name, stated = self.raw.name, self._stated_unit()
         found = next((k for k, unit in LENGTH_UNITS.items() if 0.6 < scale / unit < 1.6), None)
-        told = f"[{name}] positions move by {scale:.3g} m a number, as the specific force says"
+        told = f"[{name}] positions move by {scale:.3g} m per unit, from the specific force"
         if stated is None:
             if found is None:
                 raise LogFormatError(f"{told}: no unit known here; write position_unit")

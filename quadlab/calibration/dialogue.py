@@ -79,7 +79,7 @@ class Dialogue:
         while (status := self._status).phase not in ENDED or not self._is_ours(status):
             if not self._is_ours(status):
                 raise LinkError(
-                    "the station has started anew or runs another experiment; this calibration is "
+                    "the station has restarted or runs another experiment; this calibration is "
                     "over and nothing was stored on the vehicle"
                 )
             self._screen.progress(status)

@@ -42,8 +42,8 @@ def check_name(name: str) -> None:
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]{0,31}", name):
         raise UsageError(
-            f"--name {name!r} is not one; allowed are up to 32 small letters, digits and _, "
-            "a letter first, like quad2"
+            f"--name {name!r} is not a valid name; allowed are up to 32 lower-case letters, digits "
+            "and _, a letter first, like quad2"
         )
 
 
@@ -70,7 +70,7 @@ def parse_vehicles(words: Sequence[str], name: str = THE_VEHICLE) -> dict[str, s
         if one in found:
             raise UsageError(
                 f"two vehicles would be called {one!r}; "
-                "give each a name of its own, like --vehicle quad2=192.168.4.3:7447"
+                "give each its own name, like --vehicle quad2=192.168.4.3:7447"
             )
         place = parse_endpoint(endpoint)
         for other, there in found.items():
@@ -119,7 +119,7 @@ class Vehicle:
         identity = Identity(self.robot_id, self.firmware)
         identity.check()
         if self.find and self.check:
-            raise UsageError("--find looks at all devices, --check tests two: give one of them")
+            raise UsageError("--find searches all devices, --check tests two: give one of them")
         if self.board != "mikrokopter":
             return serial_ports.check_other_board(self.board, self.serial, check=self.check)
         if self.find:
@@ -163,7 +163,7 @@ def check_tracker(words: str) -> None:
     command.check()
     if command.of_bearings:
         raise UsageError(
-            f"--tracker {words!r}: it brings bearings and no poses; start quadlab tracker "
+            f"--tracker {words!r}: it provides bearings and no poses; run quadlab tracker "
             "onboard_camera by itself, beside the station"
         )
 

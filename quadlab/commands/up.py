@@ -116,7 +116,7 @@ class Up(PageOptions):
     def _check_ports(self, fleet: SimulatedFleet) -> None:
         for port in (self.port, *fleet.ports.values()):
             if not 1 <= port <= 65535:
-                raise UsageError(f"port {port} is not one; allowed 1 to 65535")
+                raise UsageError(f"port {port} is out of range (1 to 65535)")
         _require_free("page", self.port, socket.SOCK_STREAM, "--port")
         _require_free("loopback session", self.link_port, socket.SOCK_STREAM, "--link-port")
         for port in fleet.ports.values():

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from vehicle_link.security.access import Access
 
 MAY = {
-    "observer": "hears and reads everything, and can command nothing",
+    "observer": "receives and reads everything, and can command nothing",
     "pilot": "may do everything that this base may",
 }
 

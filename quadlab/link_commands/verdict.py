@@ -38,10 +38,10 @@ UNANSWERED = Limit(
     0.02,
     100.0,
     "%",
-    "commands would have to be repeated: look for interference and for other traffic",
+    "commands would have to be repeated: look for interference and other traffic",
 )
 LOSS = Limit(
-    "telemetry lost", 0.02, 0.2, 100.0, "%", "go nearer, or choose a channel that nobody else uses"
+    "telemetry lost", 0.02, 0.2, 100.0, "%", "move closer, or choose a channel that is free"
 )
 JITTER = Limit(
     "jitter",
@@ -109,7 +109,7 @@ def _not_measured(figures: Figures) -> list[tuple[str, str]]:
     found = [(name, "no question was answered") for name in trip]
     if telemetry:
         came = "one packet" if figures.packets == 1 else "no packet"
-        why = f"{came} of telemetry came; its terminal may say why"
+        why = f"{came} of telemetry received; its terminal may say why"
         found.append((_list(telemetry), why))
     return found
 
@@ -134,13 +134,18 @@ def _notes(figures: Figures) -> list[str]:
             "vehicle's clock, so this does no harm, but logs will have its date"
         )
     if figures.held_by_another:
-        notes.append("note: another station has the vehicle; this was measured beside it")
+        notes.append(
+            "note: another station is connected to the vehicle; "
+            "its traffic was there during the measurement"
+        )
     if figures.access == "observer":
         notes.append("note: our certificate lets us observe, not command")
     if figures.armed:
         notes.append("note: the vehicle is armed, so throughput was not measured")
     elif math.isnan(figures.throughput) and not figures.disagreement:
-        notes.append("note: throughput could not be measured, the vehicle told no parameters")
+        notes.append(
+            "note: throughput could not be measured, no parameters were received from the vehicle"
+        )
     if figures.packets and figures.rate < 50.0:
         notes.append(
             f"note: {figures.packets} packets of telemetry only; loss and jitter are rough"

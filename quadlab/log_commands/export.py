@@ -41,7 +41,7 @@ class Export:
         for line in done.problems:
             print(f"not exported: {line}")
         if done.missing:
-            print(f"note: the log is not whole ({done.missing}); the rest of it is exported")
+            print(f"note: the log is incomplete ({done.missing}); the rest of it is exported")
         if done.note:
             print(f"note: {done.note}")
         for path in done.files:

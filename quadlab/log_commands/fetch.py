@@ -78,7 +78,7 @@ def _list(vehicle: str, answer: Any) -> int:
         lasted = f"{(one.end_ns - one.start_ns) * 1e-9:8.1f} s"
         if not one.start_ns:
             start, lasted = " " * 19, " " * 10
-        open_ = "being written" if one.start_ns else "torn, not mended yet"
+        open_ = "being written" if one.start_ns else "torn, not repaired yet"
         state = "mended" if one.recovered else "closed" if one.closed else open_
         print(f"{one.name:{width}}  {start} {lasted} {one.size / 1e6:8.1f} MB  {state}")
     print(f"{answer.free_bytes / 1e9:.1f} GB are free on board; quadlab log fetch NAME fetches one")
@@ -122,5 +122,5 @@ def _report(heard: queue.SimpleQueue[Any], number: int, name: str) -> Any:
             if one.id == number:
                 return one
     raise LinkError(
-        f"the station has not reported on {name} for {SILENT:g} s; it goes on by itself, ask again"
+        f"the station has not reported on {name} for {SILENT:g} s; it continues, ask again"
     )

@@ -46,12 +46,12 @@ class Info:
             return 0
         print(
             f"{self.file}: {found.message_count} messages in {found.duration:.1f} s, "
-            f"{found.bytes / 1e6:.1f} MB{', torn once and mended' if found.recovered else ''}"
+            f"{found.bytes / 1e6:.1f} MB{', torn and repaired' if found.recovered else ''}"
         )
         for line in ticks_line(self.file, found.filled):
             print(f"  {line}")
         if found.tear:
-            print(f"  it is torn: it {found.tear}; mend it with: quadlab log recover {self.file}")
+            print(f"  it is torn: it {found.tear}; repair it with: quadlab log recover {self.file}")
         for topic, one in sorted(found.topics.items()):
             rate = one.count / found.duration if found.duration > 0 else 0.0
             print(f"  {topic:32} {one.count:8} {rate:8.1f} Hz  {one.type_name}")

@@ -24,7 +24,7 @@ class Recover:
         if not found.torn:
             return self._left_alone()
         print(
-            f"{self.file} was torn ({found.reason}) and is mended in place: "
+            f"{self.file} was torn ({found.reason}) and was repaired in place: "
             f"{found.messages} messages kept, {found.lost_bytes} bytes behind the tear "
             f"and {found.damaged_chunks} damaged chunks lost"
         )
@@ -47,5 +47,5 @@ class Recover:
                 "checked and exported as it is"
             )
             return 1
-        print(f"{self.file} is whole; nothing was changed")
+        print(f"{self.file} is complete; nothing was changed")
         return 0

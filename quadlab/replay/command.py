@@ -154,7 +154,7 @@ class Replay:
         run = next((run for run in runs if run.estimator == "error_state"), None)
         if run is None or run.source == "poses":
             raise UsageError(
-                "--survey goes by a run of error_state on bearings, both or sweeps; "
+                "--survey needs a run of error_state on bearings, both or sweeps; "
                 "add --estimator error_state --on both"
             )
         print("surveying: the flight is replayed some hundred times", flush=True)

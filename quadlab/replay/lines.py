@@ -137,7 +137,7 @@ def _apply(parameters: FlightParameters, words: Sequence[str]) -> set[str]:
                 "beacons.layout; everything else was flown as it was"
             )
         if name in SHADOWS:
-            raise UsageError(f"{word}: a replay has no shadow; give it a --run of its own")
+            raise UsageError(f"{word}: a replay has no shadow; give it its own --run")
     try:
         return set(parse_settings(parameters, words))
     except ParameterError as error:
@@ -153,7 +153,7 @@ def _estimator(words: list[str], parameters: FlightParameters, fixed: set[str]) 
         )
     if ESTIMATOR in fixed and chosen != name:
         raise UsageError(
-            f"{ESTIMATOR}={chosen} and the estimator {name} in one run: give each a run of its own"
+            f"{ESTIMATOR}={chosen} and the estimator {name} in one run: give each its own run"
         )
     return name
 

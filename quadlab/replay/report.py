@@ -73,7 +73,7 @@ def run_row(
     }
     note = ""
     if started_ns is None:
-        note = f"never started: {replayed.complaint or 'no measurement came'}"
+        note = f"never started: {replayed.complaint or 'no measurement was received'}"
     elif started_ns > window.start_ns:
         note = f"started at {recording.seconds(started_ns):.2f} s, compared from there on"
     unsound = int((~np.isfinite(found.position)).sum())

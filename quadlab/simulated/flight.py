@@ -99,7 +99,7 @@ class SimulatedFlight(SimulatedGuide):
 
     def pilot_flies(self, on: bool) -> None:
         """Raise UsageError: simulated time waits for no pilot."""
-        raise UsageError("nobody can fly by hand in simulated time; play sticks from a file")
+        raise UsageError("flying by hand is impossible in simulated time; play sticks from a file")
 
     def view(self) -> VehicleView:
         stack = self.stack

@@ -57,7 +57,12 @@ class CameraParameters(Parameters):
         0.0, unit="s", ge=0, le=0.03, step=0.001, description="of a rolling shutter, of all rows"
     )
     sigma: float = parameter(
-        0.2, unit="deg", ge=0.01, le=20, step=0.01, description="told beside the corners' noise"
+        0.2,
+        unit="deg",
+        ge=0.01,
+        le=20,
+        step=0.01,
+        description="stated in addition to the corners' noise",
     )
 
 

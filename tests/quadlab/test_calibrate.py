@@ -273,7 +273,7 @@ def test_a_station_that_started_anew_ends_it(
 ) -> None:
     scripted.flights = [[PASSES[0], later, *PASSES[1:]]]
     assert main(["calibrate", "motor_bench", "--accept"]) == 1
-    assert "the station has started anew or runs another" in capsys.readouterr().err
+    assert "the station has restarted or runs another" in capsys.readouterr().err
     assert scripted.actions() == ["start"]
 
 

@@ -378,7 +378,7 @@ def test_a_run_without_a_measurement_says_that_it_never_started(
     words = ["replay", str(log), "--estimator", "error_state", "--set", "bearings.lost=all"]
     assert main(words) == 0
     out = capsys.readouterr().out
-    assert "error_state: never started: no measurement came" in out
+    assert "error_state: never started: no measurement was received" in out
 
 
 def test_a_window_is_what_was_asked_for(capsys: pytest.CaptureFixture[str], log: Path) -> None:

@@ -86,7 +86,10 @@ def test_a_program_flies_the_vehicle_and_its_silence_ends_in_hover(
     assert lab.browser.put("/api/parameters", json=patient).status_code == 200
     refused = lab.command("start_behavior", name="external", arguments={})
     assert refused.status_code == 409
-    assert "no reference came on the topic external_reference; send them first" in refused.text
+    assert (
+        "no reference was received on the topic external_reference; start publishing first"
+        in refused.text
+    )
     session = loopback_session(lab.link_port)
     with closing(session), closing(Program(session)) as program:
         until(

@@ -46,7 +46,7 @@ LOG = bytes(range(256)) * 40
 
 class _Gains(Parameters):
     kp: float = parameter(4.0, unit="1/s²", ge=0, le=20, step=0.1, description="position gain")
-    laps: int = parameter(3, ge=1, le=10, description="whole laps")
+    laps: int = parameter(3, ge=1, le=10, description="number of laps")
     exact: bool = parameter(False, description="exact rates")
     rate: str = parameter("nominal", choices=("nominal", "exact"), description="which rates")
     fixed: float = parameter(1.0, ge=0, le=2, read_only=True, description="set at the start")

@@ -72,8 +72,8 @@ class CalibrationStore:
             except OSError as error:
                 why = error.strerror or str(error)
                 raise StorageError(
-                    f"calibration not stored in {self._folder}: {why}; make room or mend the disk, "
-                    "then accept it again"
+                    f"calibration not stored in {self._folder}: {why}; free some space or repair "
+                    "the disk, then accept it again"
                 ) from error
             self._history.append(record)
 

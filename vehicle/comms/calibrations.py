@@ -129,8 +129,8 @@ class Calibrations:
         used = {one.name: one for one in self._in_force()}.get(GYROSCOPE)
         if used is None or drift_of(used) != drift_of(proposed):
             raise RefusedError(
-                "calibration not taken over: the vehicle does not fly on this drift of the "
-                "gyroscope; have it found anew (action gyroscope), then accept that"
+                "calibration not accepted: the vehicle does not use this drift of the "
+                "gyroscope; find it again (action gyroscope), then accept that"
             )
 
     def _stored(

@@ -115,7 +115,7 @@ class FlightParameters:
         """
         if not self._fetched.wait(FETCH_PATIENCE_S):
             raise LinkError(
-                f"the flight process did not tell its parameters within {FETCH_PATIENCE_S:g} s; "
+                f"the flight process did not report its parameters within {FETCH_PATIENCE_S:g} s; "
                 "is the microcontroller connected?"
             )
         return self.replica.values()

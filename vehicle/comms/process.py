@@ -253,7 +253,7 @@ def main(argument: str) -> int:
         return GIVEN_UP
     if not is_enrolled:
         say(
-            f"made certificates of its own in {folder}; a base on another machine is let in after "
+            f"made its own certificates in {folder}; a base on another machine is accepted after "
             "`quadlab link enrol` there"
         )
     for line in readable_keys(files):

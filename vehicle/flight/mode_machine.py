@@ -71,7 +71,7 @@ class ModeMachine:
 
     @property
     def command_timeout_ms(self) -> int:
-        """Return the time without commands after which the microcontroller lands by itself."""
+        """Return the time without commands after which the microcontroller lands on its own."""
         return round(1000 * self._safety.command_timeout)
 
     def microcontroller_reports(self, lost_ports: int, obstacle: str) -> None:
@@ -116,7 +116,7 @@ class ModeMachine:
         if reaction is Reaction.CUT:
             self.move(Mode.CUT, why, mailbox.ERROR)
         elif self.control_mode is ControlMode.EMERGENCY:
-            return  # the microcontroller lands by itself: nothing else is obeyed
+            return  # the microcontroller lands on its own: nothing else is obeyed
         elif reaction is Reaction.EMERGENCY:
             self.hand_over(why)
         elif reaction is Reaction.DESCEND:
@@ -152,7 +152,7 @@ class ModeMachine:
         """Leave the landing to the microcontroller."""
         if self.control_mode is ControlMode.EMERGENCY:
             return
-        self._enter_emergency(f"{why}; the microcontroller lands by itself")
+        self._enter_emergency(f"{why}; the microcontroller lands on its own")
         self.motor_state_wanted = MotorState.EMERGENCY
         self.steer_by(ControlMode.EMERGENCY)
 

@@ -47,7 +47,7 @@ class ControlMode(IntEnum):
 
     NEAR_HOVERING = 0  # the microcontroller, from the angles, yaw rate and thrust sent to it
     DIRECT = 1  # this vehicle's own controller
-    EMERGENCY = 2  # the microcontroller lands by itself and obeys only off
+    EMERGENCY = 2  # the microcontroller lands on its own and obeys only off
 
 
 CONTROL_MOVES: dict[ControlMode, frozenset[ControlMode]] = {
@@ -62,7 +62,7 @@ def check_control_move(current: ControlMode, wanted: ControlMode) -> None:
     if wanted is not current and wanted not in CONTROL_MOVES[current]:
         raise RefusedError(
             f"cannot go from {_words(current)} to {_words(wanted)} mode: "
-            "the microcontroller lands by itself until the motors are off"
+            "the microcontroller lands on its own until the motors are off"
         )
 
 

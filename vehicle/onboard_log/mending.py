@@ -25,9 +25,9 @@ TRIES = 8
 """Tries for one list of torn files; the last comes 20 min after the first."""
 PATIENCE_S = 1.0
 
-LATER = "is mended at the vehicle's next start"
-SOON = "is mended once the vehicle stands disarmed"
-NOW = "is being mended"
+LATER = "is repaired at the vehicle's next start"
+SOON = "is repaired once the vehicle is disarmed"
+NOW = "is being repaired"
 
 
 def start_mending(paths: Sequence[Path], told: Callable[[str], None]) -> Job[None]:
@@ -106,7 +106,7 @@ class Mending:
             return
         if free < need:
             self.how = (
-                f"is mended once {need // 10**6} MB are free on the vehicle's disk "
+                f"is repaired once {need // 10**6} MB are free on the vehicle's disk "
                 f"({free // 10**6} MB are: delete old runs there)"
             )
             return

@@ -149,7 +149,7 @@ class SafetyParameters(Parameters):
         ge=0.05,
         le=2.0,
         step=0.05,
-        description="time without commands after which the microcontroller lands by itself",
+        description="time without commands after which the microcontroller lands on its own",
     )
     emergency_land: str = parameter(
         "emergency",

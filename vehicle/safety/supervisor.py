@@ -25,7 +25,7 @@ class Reaction(IntEnum):
     BRAKE = 1  # stop and hover
     LAND = 2  # down under control, which needs a pose
     DESCEND = 3  # level and down by the barometer, angles held by the microcontroller
-    EMERGENCY = 4  # the microcontroller lands by itself
+    EMERGENCY = 4  # the microcontroller lands on its own
     CUT = 5  # motors off
 
 

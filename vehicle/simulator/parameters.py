@@ -60,7 +60,7 @@ class SimulatorParameters(VehicleModel):
         le=10.0,
         step=0.1,
         read_only=True,
-        description="where it stands on the floor at the start, in W",
+        description="start position on the floor, in W",
     )
     start_y: float = parameter(
         0.0,
@@ -69,7 +69,7 @@ class SimulatorParameters(VehicleModel):
         le=10.0,
         step=0.1,
         read_only=True,
-        description="where it stands on the floor at the start, in W",
+        description="start position on the floor, in W",
     )
     thrust_efficiency: float = parameter(
         1.0,
@@ -103,7 +103,7 @@ class SimulatorParameters(VehicleModel):
         ge=0,
         le=4,
         step=1,
-        description="motor that turns without thrust: 1 front, 2 left, 3 rear, 4 right; 0 none",
+        description="motor that spins without thrust: 1 front, 2 left, 3 rear, 4 right; 0 none",
     )
     missing_motor: int = parameter(
         0,

@@ -35,8 +35,8 @@ def authority_key(files: TlsFiles) -> EllipticCurvePrivateKey:
     from cryptography.hazmat.primitives.asymmetric import ec
 
     remedy = (
-        f"copy it back from where you keep a second one, or move {files.folder} away to begin "
-        "anew, and then enrol every vehicle again"
+        f"copy it back from where you keep a second one, or move {files.folder} away to start "
+        "over, and then enrol every vehicle again"
     )
     key = read_key(files.authority_key, remedy)
     if not isinstance(key, ec.EllipticCurvePrivateKey):
@@ -58,14 +58,14 @@ def is_of_another_authority(files: TlsFiles) -> bool:
 def remedy_of_authority(files: TlsFiles) -> str:
     return (
         "copy it back from a machine that has it (the base and every vehicle enrolled there have "
-        f"the same certificates/{files.authority.name}), or move {files.folder} away to begin "
-        "anew, and then enrol every vehicle again"
+        f"the same certificates/{files.authority.name}), or move {files.folder} away to start "
+        "over, and then enrol every vehicle again"
     )
 
 
 def remedy_of_pair(files: TlsFiles, role: Role) -> str:
     pair = f"{files.certificate(role).name} and {files.key(role).name}"
     if is_there(files.authority_key) and not is_of_another_authority(files):
-        return f"copy {pair} anew from the base, or delete them to have them made"
+        return f"copy {pair} again from the base, or delete them to have them made"
     own = ", or delete both if only a station runs here" if role == "vehicle" else ""
-    return f"copy {pair} anew from the base that ca.pem is of{own}"
+    return f"copy {pair} again from the base that issued ca.pem{own}"

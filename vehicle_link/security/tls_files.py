@@ -135,7 +135,7 @@ def _content(path: Path, remedy: str) -> bytes:
     except FileNotFoundError:
         raise LinkError(f"{path} is missing; {remedy}") from None
     except IsADirectoryError:
-        raise LinkError(f"{path} is a folder, and a file is wanted; {remedy}") from None
+        raise LinkError(f"{path} is a folder, a file is needed; {remedy}") from None
     except PermissionError:
         raise LinkError(
             f"{path} may not be read by this user; start as its owner, or as root "

@@ -58,5 +58,5 @@ class WhoAmI:
         pilot, observer = self._clients
         request = new(f"{TYPE}_Request")
         if not self.is_there:
-            raise LinkError("nobody says who the vehicle is")
+            raise LinkError("the vehicle does not identify itself")
         return (pilot if pilot.wait(SHOWN_WITHIN) else observer).call(request, timeout)

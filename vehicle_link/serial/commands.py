@@ -125,7 +125,7 @@ def _references(references: Sequence[int]) -> bytes:
     if len(packed) != 4:
         raise OutOfBoundsError(
             f"motor references {tuple(references)!r} cannot be sent; "
-            "allowed are four whole numbers from 0 to 255"
+            "allowed are four integers from 0 to 255"
         )
     return packed
 

@@ -110,7 +110,7 @@ def choose_ports(devices: Sequence[Device], robot_id: int, firmware: int) -> lis
     ports = [device.path for device in groups[0]]
     if len(ports) > 2:
         raise LinkError(
-            f"{len(ports)} ports look like those of one microcontroller: {', '.join(ports)}; "
+            f"{len(ports)} ports could belong to one microcontroller: {', '.join(ports)}; "
             "name two of them with --serial"
         )
     return ports

@@ -43,7 +43,7 @@ class Finding(Enum):
     OTHER_ROBOT = "another robot's microcontroller"
     OTHER_FIRMWARE = "a microcontroller with another firmware"
     RUNNING = "a microcontroller with running motors"
-    SILENT = "nothing heard"
+    SILENT = "nothing received"
     GARBAGE = "bytes that are no frames"
     DEAF = "frames, but no answers"
     ECHO = "our own bytes"

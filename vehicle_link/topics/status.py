@@ -148,7 +148,7 @@ def encode_pressures(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
     return pressures.encode(out)
 
 
-UNHEARD = "while the station was not heard: "
+UNHEARD = "while the station sent nothing: "
 """The beginning of an event that repeats what the vehicle said while it was not heard."""
 
 

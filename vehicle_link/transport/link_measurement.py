@@ -131,7 +131,7 @@ def _only_name(session: zenoh.Session, host: str, port: int) -> str:
             )
         time.sleep(0.1)
     raise LinkError(
-        f"the link to {host}:{port} stands, but the vehicle shows us nothing: our certificate may "
+        f"the link to {host}:{port} is open, but the vehicle sends us nothing: our certificate may "
         "be no station's, or its quadlab is another version; say its name with --name to try on"
     )
 
@@ -166,7 +166,7 @@ class _Test:
             except LinkError as error:
                 if time.monotonic() > deadline:
                     raise LinkError(
-                        f"the link to {self._found.address} stands, but no vehicle called "
+                        f"the link to {self._found.address} is open, but no vehicle called "
                         f"{self._found.vehicle} says who it is: it has another name, or its "
                         "quadlab another version"
                     ) from error

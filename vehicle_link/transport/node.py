@@ -207,7 +207,7 @@ class Node:
                 data = sample.attachment
                 sequence, source_ns, gid = parse_attachment(data.to_bytes() if data else b"")
                 if not _published.belongs(gid, key):
-                    log.warning("a message of another topic came as %s and was dropped", topic)
+                    log.warning("a message of another topic arrived as %s and was dropped", topic)
                     return
                 payload = sample.payload.to_bytes()
                 callback(Received(payload, sequence, source_ns, received_ns, gid))

@@ -35,7 +35,7 @@ WHY = {
     f"is too busy to open the link within {OPEN_S:g} s",
     Door.CLOSED: "the machine is there, but no `quadlab vehicle` listens on this port",
     Door.SILENT: "nothing answers; is the vehicle on, in this network, and UDP let through?",
-    Door.NAMELESS: "nobody knows this name; give the vehicle's address instead",
+    Door.NAMELESS: "this name cannot be resolved; give the vehicle's address instead",
 }
 """There is no link: what to tell people."""
 

@@ -199,8 +199,8 @@ class Radio:
                 elif stood > patience:
                     self.reopened += 1
                     self._say(
-                        f"the link to {self.address} stands but brought nothing for "
-                        f"{patience:g} s: opened anew"
+                        f"the link to {self.address} is open but brought nothing for "
+                        f"{patience:g} s: reopened"
                     )
                     return min(2 * patience, LONGEST)
         return patience

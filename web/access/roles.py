@@ -24,7 +24,7 @@ _RANK = {role: rank for rank, role in enumerate(Role)}
 @dataclass(frozen=True, slots=True)
 class Session:
     """A signed-in browser. `label` is the requester of its commands: an account's name, or
-    `operator 1` for one that came by a link (accounts' names have no spaces)."""
+    `operator 1` for one that signed in by a link (accounts' names have no spaces)."""
 
     label: str
     role: Role

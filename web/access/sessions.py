@@ -96,7 +96,7 @@ class Sessions:
             transaction.execute(delete(SessionRow).where(SessionRow.id == session.id))
 
     def end_guests(self, label: str) -> None:
-        """End the session that came by a link as `label`. Raises RefusedError if there is none."""
+        """End the session of a link with this label. Raises RefusedError if there is none."""
         with self._database.session() as transaction:
             guests = SessionRow.label == label, SessionRow.generation == 0
             ended = transaction.scalars(select(SessionRow.id).where(*guests)).all()

@@ -134,7 +134,7 @@ async def read_form(request: Request) -> dict[str, str]:
     except TimeoutError:
         raise ValueError("the form did not arrive in time") from None
     except ClientDisconnect:
-        raise ValueError("the form did not arrive whole") from None
+        raise ValueError("the form was incomplete") from None
     return dict(
         parse_qsl(body.decode("utf-8", "replace"), keep_blank_values=True, max_num_fields=8)
     )

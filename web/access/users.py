@@ -64,7 +64,7 @@ def _add_session(app: FastAPI, people: People) -> None:
     async def change_own(body: OwnPasswordBody, session: Asker, request: Request) -> Response:
         """Set a new password for one's own account; other browsers of it are signed out."""
         if not session.has_account:
-            raise RefusedError(f"{session.label} came by a link and has no password")
+            raise RefusedError(f"{session.label} signed in by a link and has no password")
         account = await people.sign_in.verify(session.label, body.current, address_of(request))
         if isinstance(account, Refusal):
             status = 403 if account.status == 401 else account.status

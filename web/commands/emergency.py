@@ -167,7 +167,7 @@ class EmergencyDesk:
                     raise
             await asyncio.sleep(max(began + SPACING - self._clock(), 0.0))
             if press.action == "land" and self._cut_at >= press.pressed:
-                raise LinkError("not answered; a cut came after it")  # and must not wait for it
+                raise LinkError("not answered; a cut followed it")  # and must not wait for it
 
     async def _watch(self, press: Press) -> None:
         """Watch a press from acceptance to what the status shows."""

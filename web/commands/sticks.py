@@ -36,8 +36,8 @@ CAUSES = (
     "the window lost the focus",
     "the tab is hidden",
     "the pad was unplugged",
-    "the page stood still",
-    "the answers came late",
+    "the page froze",
+    "the replies were late",
     "the page was left",
     "its sticks are being set up",
 )

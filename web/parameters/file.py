@@ -53,7 +53,7 @@ def read_file(content: bytes) -> dict[str, Any]:
         read = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise MeasurementError(
-            f"this is no TOML file of parameters ({error}); save one here to see how it looks"
+            f"this is no TOML file of parameters ({error}); save one here as an example"
         ) from None
     return dict(_flat(read, ""))
 

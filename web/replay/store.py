@@ -216,7 +216,7 @@ def _is_wanted(folder: Path, runs: Path) -> bool:
 def _too_large(log: Path) -> str:
     return (
         f"the replay of {log.stem} would take more than {LARGEST / 1e9:g} GB; "
-        "download the log and look at it in another program"
+        "download the log and open it in another program"
     )
 
 

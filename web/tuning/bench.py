@@ -103,7 +103,7 @@ class TuningBench:
             found = await asyncio.to_thread(evaluate, samples, plan)
             problems = list(found.problems)
             if followed_by not in ENDS_WELL:
-                problems.append(f"it was ended by {followed_by}; the events say why")
+                problems.append(f"it was stopped by {followed_by}; the events say why")
             now = self.gains()
             run = KeptRun(
                 id=self.kept.new_id(self._vehicle),
@@ -151,7 +151,7 @@ class TuningBench:
                     if status is None
                     else f"the test still runs {PATIENCE:.0f} s after its planned end"
                 )
-            where = "" if status is not None else "; no status comes, the vehicle goes on"
+            where = "" if status is not None else "; no status arrives, the vehicle keeps flying"
             share = min(1.0, elapsed / planned)
             self._tell("flying", f"{elapsed:.0f} of {planned:.0f} s{where}", share)
             await asyncio.sleep(LOOK)

@@ -155,7 +155,7 @@ async def pump(socket: WebSocket, server: ViewServer, session: Session) -> None:
             close_timeout=CLOSING,
         )
     except (OSError, WebSocketException):
-        await socket.close(1013, "the 3D view is starting; it connects by itself")
+        await socket.close(1013, "the 3D view is starting")
         return
     await socket.accept(subprotocol=wanted)
     try:

@@ -378,7 +378,7 @@ def test_while_an_armed_vehicle_is_not_heard_the_disk_is_left_alone(bench: Bench
     found = {one.name: one for one in from_messages(answer.checks) if one.place == "station"}
     speed = found["disk's speed"]
     assert speed.state == "unknown"
-    assert speed.found == "not measured: the vehicle is not heard, and may be flying"
+    assert speed.found == "not measured: the vehicle sends nothing, and may be flying"
     assert found["runs' disk"].state != "unknown"
     bench.vehicle.state.update(silent=False)
     assert until(lambda: bench.call("disarm").accepted)  # once the link is good again

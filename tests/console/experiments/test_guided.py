@@ -535,7 +535,7 @@ def test_the_station_tells_the_vehicles_calibrations_and_takes_none(lab: Lab) ->
         return lab.vehicle.node.handlers["station/calibrate"](new(kind, action=action))
 
     assert asked("history").reason == (
-        "the vehicle's calibrations are not known: the vehicle has not told them yet"
+        "the vehicle's calibrations are not known: not received from the vehicle yet"
     )
     lab.vehicle.history = [CalibrationRecord(name="mass"), CalibrationRecord(name="gyroscope")]
     lab.calibrations.look(5)

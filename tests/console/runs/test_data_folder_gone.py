@@ -21,7 +21,7 @@ from quadrotor.checkout import ROOT
 from quadrotor.errors import StorageError
 from tests.support.runs import run_entry
 
-REMEDY = "mount its disk or put it back, or start quadlab anew: it begins with what is there"
+REMEDY = "mount its disk or restore it, or restart quadlab to continue with what is there"
 CHANGE = ParameterChange("control.k_p", 1.0, 2.0, "ada", 1, 1, "", 1)
 
 
@@ -77,7 +77,7 @@ def test_a_data_folder_that_comes_back_is_written_again(data: Path, keepers: Kee
     data.rename(away)
     keepers.refuse_with(f"the data folder is gone: {data}; nothing is recorded or saved; {REMEDY}")
     data.mkdir()  # as the folder below a disk that is not mounted
-    missing = f"{DATABASE} is gone from the data folder {data}; nothing but recordings is saved"
+    missing = f"{DATABASE} is gone from the data folder {data}; only recordings are saved"
     keepers.refuse_with(f"{missing}; {REMEDY}")
     assert list(data.iterdir()) == []
     data.rmdir()
@@ -97,7 +97,7 @@ def test_another_database_under_the_name_is_not_taken_for_the_one_that_was_opene
     shutil.copy(data / DATABASE, data / "copy")
     (data / "copy").replace(data / DATABASE)
     other = f"{data / DATABASE} is another file than the one that was opened"
-    keepers.refuse_with(f"{other}; nothing but recordings is saved; {REMEDY}")
+    keepers.refuse_with(f"{other}; only recordings are saved; {REMEDY}")
 
 
 def test_a_database_that_may_not_be_written_is_told_and_can_be_read(
@@ -117,7 +117,7 @@ def test_a_database_that_may_not_be_written_is_told_and_can_be_read(
         check=True,
     ).stdout
     assert told.splitlines() == [
-        f"{data / DATABASE} is not writable for this user; nothing but recordings is saved; mend "
+        f"{data / DATABASE} is not writable for this user; only recordings are saved; mend "
         "its permissions or its owner",
         "['r1']",
     ]

@@ -188,7 +188,7 @@ def test_a_folder_that_is_away_is_one_alarm(
     [line] = board.lines(runs.recorder.status().alarms)
     reasons = {
         "data": f"the data folder is gone: {away}; nothing is recorded or saved; mount its disk or "
-        "put it back, or start quadlab anew: it begins with what is there",
+        "restore it, or restart quadlab to continue with what is there",
         "runs": f"the folder {away} cannot be reached (No such file or directory); is its disk "
         "mounted?",
     }

@@ -464,7 +464,7 @@ def test_nothing_is_made_where_the_data_folder_is_away_and_it_goes_on_when_it_is
     assert until(lambda: bench.desk.jobs()[0].problem.startswith(gone))
     [job] = bench.desk.jobs()
     assert job.phase == "waiting"
-    assert job.problem.endswith("; it goes on when it is there")
+    assert job.problem.endswith("; it continues when it is there")
     with pytest.raises(StorageError, match=gone):
         bench.desk.ask("download", "other.mcap")
     assert list(data.iterdir()) == []

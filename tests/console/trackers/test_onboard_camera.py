@@ -121,7 +121,7 @@ def test_words_that_do_not_go_together_are_refused(words: dict[str, Any], told: 
 
 
 def test_the_station_does_not_start_it_for_poses() -> None:
-    with pytest.raises(UsageError, match="brings bearings and no poses"):
+    with pytest.raises(UsageError, match="provides bearings and no poses"):
         check_tracker("onboard_camera --intrinsics c --tags t")
 
 

@@ -98,7 +98,7 @@ def test_a_shadow_that_starts_anew_says_so() -> None:
     lab = MovedLab(shadow="error_state").hovering()
     lab.moved = np.array([0.3, 0.0, 0.0])
     lab.wait(2.0)
-    assert len(lab.events_with("error_state started anew, 0.3")) == 1
+    assert len(lab.events_with("error_state restarted, 0.3")) == 1
 
 
 def test_the_supervisor_sees_a_large_jump_before_the_filter_follows_it() -> None:

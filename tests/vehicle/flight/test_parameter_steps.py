@@ -62,7 +62,7 @@ def test_what_acts_on_the_motors_at_once_has_a_step_within_its_range() -> None:
 
 def test_only_floats_can_be_limited() -> None:
     class Counted(Parameters):
-        laps: int = parameter(3, description="whole laps", flight_step=1.0)
+        laps: int = parameter(3, description="number of laps", flight_step=1.0)
 
     with pytest.raises(TypeError, match="laps: only a float"):
         ParameterStore(Counted())

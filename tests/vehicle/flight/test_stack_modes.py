@@ -112,7 +112,7 @@ def test_emergency_land_leaves_the_landing_to_the_microcontroller(height: float)
     assert lab.robot.firmware.motor_state is MotorState.EMERGENCY
     assert now(lab).control_told is ControlMode.EMERGENCY
     lab.landed()
-    assert "emergency land by anna; the microcontroller lands by itself" in lab.said
+    assert "emergency land by anna; the microcontroller lands on its own" in lab.said
     assert "landed by the microcontroller" in lab.said
     lab.arm()
     lab.wait(0.5)

@@ -147,7 +147,7 @@ def test_a_mended_file_is_another_content(vehicle: Vehicle) -> None:
     name = vehicle.name()
     (torn,) = vehicle.ask("onboard_files").files
     assert (torn.closed, torn.start_ns) == (False, 0)
-    told = f"{name} was torn, and is mended once the vehicle stands disarmed; ask again later"
+    told = f"{name} was torn, and is repaired once the vehicle is disarmed; ask again later"
     assert vehicle.ask("onboard_part", name=name).reason == told
     list(recover_logs(torn_logs(vehicle.folder)))
     (mended,) = vehicle.ask("onboard_files").files
@@ -165,7 +165,7 @@ def test_a_log_torn_in_this_process_is_told_to_be_so(vehicle: Vehicle) -> None:
     assert [written.path.name for written in vehicle.log.files()] == [name], "it is known still"
     (torn,) = vehicle.ask("onboard_files").files
     assert (torn.closed, torn.start_ns) == (False, 0)
-    told = f"{name} was torn, and is mended once the vehicle stands disarmed; ask again later"
+    told = f"{name} was torn, and is repaired once the vehicle is disarmed; ask again later"
     answer = vehicle.ask("onboard_part", name=name)  # as a station asks for the reason
     assert (answer.accepted, answer.reason) == (False, told)
     assert vehicle.ask("onboard_part", name=name, length=100).accepted, "its bytes are there"

@@ -542,7 +542,7 @@ def test_a_log_torn_by_a_full_disk_is_mended_on_the_ground(
         failing.setattr(os, "write", full)
         log._store([Batch(ticks(10, 10, armed=True), START_NS)])
     assert (
-        "onboard log not closed; it is mended once the vehicle stands disarmed: cannot"
+        "onboard log not closed; it is repaired once the vehicle is disarmed: cannot"
         in (told.lines[-1])
     )
     (path,) = log.folder.iterdir()
@@ -556,7 +556,7 @@ def test_a_log_torn_by_a_full_disk_is_mended_on_the_ground(
     assert "is mended once 500 MB are free on the vehicle's disk (0 MB are" in log.mending
     free[0] = 10 * FREE_BYTES_MIN
     log._look_after(on_ground=True)
-    assert log.mending == "is being mended"
+    assert log.mending == "is being repaired"
     assert [written.path for written in log.files()] == [path]
     process = now(log)._mending._process
     assert process is not None

@@ -109,7 +109,7 @@ def test_without_ca_pem_nothing_is_made_beside_what_is_left(whole: Path, tmp_pat
             ensure_certificates(tls.folder, ["quad1.local"])
         beside = ", ".join(path.name for path in tls.present())
         assert str(caught.value).startswith(f"{tls.authority} is missing beside {beside}; copy it")
-        assert f"or move {tls.folder} away to begin anew, and then enrol" in str(caught.value)
+        assert f"or move {tls.folder} away to start over, and then enrol" in str(caught.value)
         assert _contents(tls) == before
 
 

@@ -18,8 +18,8 @@ from vehicle_link.security.authority import (
 )
 from vehicle_link.security.enrolment import issue_station, issue_vehicle
 
-FROM_A_BASE = "copy vehicle.pem and vehicle.key anew from the base that ca.pem is of"
-HAVE_MADE = "copy vehicle.pem and vehicle.key anew from the base, or delete them to have them made"
+FROM_A_BASE = "copy vehicle.pem and vehicle.key again from the base that issued ca.pem"
+HAVE_MADE = "copy vehicle.pem and vehicle.key again from the base, or delete them to have them made"
 FROM_ANOTHER = "copy it back from a machine that has it"
 
 
@@ -67,7 +67,7 @@ def _locked(path: Path) -> None:
         ),
         ("vehicle.key", Path.unlink, f"is missing; {HAVE_MADE}"),
         ("vehicle.key", lambda path: path.write_bytes(b"\n"), f"is empty; {HAVE_MADE}"),
-        ("vehicle.key", _folder, f"is a folder, and a file is wanted; {HAVE_MADE}"),
+        ("vehicle.key", _folder, f"is a folder, a file is needed; {HAVE_MADE}"),
         ("vehicle.key", _damaged, f"holds a damaged private key; {HAVE_MADE}"),
         ("vehicle.key", _locked, f"is locked by a password; {HAVE_MADE}"),
         (
@@ -113,7 +113,7 @@ def test_a_copy_is_not_told_to_have_its_certificate_made(tmp_path: Path) -> None
         check_certificate(copy, "vehicle")
     station = issue_station(tmp_path / "base", tmp_path / "ben", "ben", "pilot")
     station.certificate("station").write_bytes(b"x")
-    with pytest.raises(LinkError, match=r"anew from the base that ca\.pem is of$"):
+    with pytest.raises(LinkError, match=r"again from the base that issued ca\.pem$"):
         check_certificate(station, "station")
 
 

@@ -315,7 +315,7 @@ def test_who_came_by_a_link_has_no_password(place: Any) -> None:
         change = {"current": WORDS, "password": OTHER}
         answer = client.put("/api/session/password", json=change)
     assert answer.status_code == 409
-    assert "came by a link" in answer.json()["error"]
+    assert "signed in by a link" in answer.json()["error"]
 
 
 def test_an_admin_sees_and_manages_users(place: Any) -> None:

@@ -73,7 +73,7 @@ def check_firmware(variant: bytes, version: bytes) -> str:
     if name != FIRMWARE:
         return f"the board's firmware calls itself {name!r}, not Betaflight ({FIRMWARE})"
     if len(version) < 3:
-        return "the board did not tell the version of its Betaflight"
+        return "the board did not report its Betaflight version"
     found, named = (version[0], version[1]), ".".join(str(part) for part in version[:3])
     if found < OLDEST:
         return f"Betaflight {named} is older than 4.5: flash 4.5 or newer"

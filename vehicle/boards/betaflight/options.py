@@ -36,5 +36,5 @@ class BetaflightOptions(Parameters):
         ge=0.1,
         le=2.0,
         step=0.1,
-        description="time without commands after which it lands by itself",
+        description="time without commands after which it lands on its own",
     )

@@ -37,7 +37,7 @@ export class Residuals {
     this.note.hidden = !isOff;
     if (!isOff) return;
     const offset = `${fixed((status.suspect_offset * 180) / Math.PI, 1)}° off on average`;
-    setText(this.note, id < 0 ? `One beacon is ${offset}; which one cannot be told without the tracker or a fifth beacon.`
+    setText(this.note, id < 0 ? `One beacon is ${offset}; which one cannot be determined without the tracker or a fifth beacon.`
       : `Beacon ${id} is ${offset}${status.suspect_left_out ? ", left out" : ""}.`);
   }
 

@@ -19,11 +19,11 @@ export class Session {
     this.detail = element("span", { className: "detail" });
     this.estimator = element("select", { ariaLabel: "estimator on bearings", disabled: !isOperator, onchange: () => this.draw() });
     this.preset = element("select", { ariaLabel: "gains of the complementary filter", disabled: !isOperator, onchange: () => this.draw(),
-      title: "gains of the complementary filter, set when it starts beside; the vehicle's own one has the same" });
-    this.beside = element("button", { onclick: () => this.runBeside() }, "Run beside");
+      title: "gains of the complementary filter, set when it starts in parallel; the same as on the vehicle" });
+    this.beside = element("button", { onclick: () => this.runBeside() }, "Run in parallel");
     this.stop = element("button", { onclick: () => this.attempt({ [P.shadow]: "none" }) }, "Stop");
-    this.over = element("button", { onclick: () => this.attempt({ [P.estimator]: this.estimator.value, [P.source]: "bearings" }), title: "the vehicle takes it when it has converged and agrees with what is flown on; else it says why not" }, "Fly on bearings");
-    this.back = element("button", { onclick: () => this.attempt({ [P.source]: "poses" }), title: "at once; before landing the vehicle goes back by itself" }, "Back to tracker");
+    this.over = element("button", { onclick: () => this.attempt({ [P.estimator]: this.estimator.value, [P.source]: "bearings" }), title: "the vehicle switches when the estimate has converged and agrees with the one in use; otherwise it says why not" }, "Fly on bearings");
+    this.back = element("button", { onclick: () => this.attempt({ [P.source]: "poses" }), title: "at once; before landing the vehicle switches back on its own" }, "Back to tracker");
     this.reason = element("div", { className: "reason", hidden: true, role: "status" });
     this.steps = [
       step("Hover on the tracker"),
@@ -91,7 +91,7 @@ export class Session {
     const onBearings = flags.includes("on_bearings") || source === "bearings";
     const filter = value("estimator"), gains = filter === "complementary" && this.presetInUse;
     setText(this.line, source === undefined ? "The vehicle's parameters have not been read yet" : `${status?.airborne === false ? "Estimate from" : "Flies on"} ${SOURCES[onBearings ? "bearings" : source]}`);
-    setText(this.detail, [filter && partsOf(filter)[0], gains === "default" ? "gains for the tracker" : gains && `${gains} gains`, flags.includes("fell_back") && "fell back by itself, the events say why"].filter(Boolean).join(" · "));
+    setText(this.detail, [filter && partsOf(filter)[0], gains === "default" ? "gains for the tracker" : gains && `${gains} gains`, flags.includes("fell_back") && "fell back automatically, the events say why"].filter(Boolean).join(" · "));
     this.detail.classList.toggle("amber", flags.includes("fell_back") && !isStale);
     this.way.hidden = source !== "poses";
     this.back.hidden = source === undefined || source === "poses";
@@ -110,9 +110,9 @@ export class Session {
     mark(hover, `Hover on the tracker${room}`, !isStale && Boolean(status?.airborne) && CALM.includes(status?.behavior?.toLowerCase()));
     const runs = value("shadow") === this.estimator.value && value("shadowSource") === "bearings";
     const isSet = this.estimator.value !== "complementary" || this.preset.value === "" || this.presetInUse === this.preset.value;
-    mark(beside, runs ? "It runs beside, on bearings" : "Run it beside, on bearings", runs && isSet);
+    mark(beside, runs ? "It runs in parallel, on bearings" : "Run it in parallel, on bearings", runs && isSet);
     this.beside.hidden = runs && isSet;
-    setText(this.beside, runs ? "Set gains" : "Run beside");
+    setText(this.beside, runs ? "Set gains" : "Run in parallel");
     this.stop.hidden = !runs;
     this.beside.parentElement?.classList.toggle("two", runs && !isSet);
     mark(over, "Hand over, once it has converged", false);

@@ -120,11 +120,11 @@ export class Calibrate {
     const { status, control } = this.events.summary, { status: experiment } = this, holder = control?.holder ?? "";
     if (!this.isOperator) return "Viewers watch; an operator calibrates.";
     if (!this.events.connected) return "No connection to this page's server.";
-    if (!this.known.length) return "The station does not tell its calibrations.";
+    if (!this.known.length) return "No calibrations received from the station.";
     if (this.chosen?.problem) return "This file cannot run; the reason is given above.";
     if (!status) return "No data from the vehicle.";
     if (!(this.events.age("status") < FRESH)) return "The vehicle's status is old; a calibration needs the link.";
-    if (this.ages.isOld(TOPIC)) return "The station does not say how its experiments stand.";
+    if (this.ages.isOld(TOPIC)) return "No experiment status received from the station.";
     if (RUNNING.includes(experiment?.phase)) return `${labelOf(experiment.name)} is running${experiment.requester ? `, started by ${experiment.requester}` : ""}.`;
     if (holder && holder !== this.session.label) return `${holder} has control; ask for it to calibrate.`;
     if (status.armed) return "The vehicle is armed; a calibration starts on the ground with the motors off.";

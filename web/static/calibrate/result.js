@@ -21,7 +21,7 @@ export class CalibrationResult {
     this.said = element("p", { className: "said", role: "status" });
     this.content = element("div");
     this.accept = element("button", { onclick: () => ask("accept") }, "Accept");
-    this.reject = element("button", { title: "put the result away; nothing changes", onclick: () => ask("reject") }, "Reject");
+    this.reject = element("button", { title: "discard the result; nothing changes", onclick: () => ask("reject") }, "Reject");
     this.repeat = element("button", { className: "hold" }, "Repeat");
     onHold(this.repeat, 800, repeat);
     this.report = new RunReport(isOperator);

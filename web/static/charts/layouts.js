@@ -91,7 +91,7 @@ export class Layouts {
 
   nameOf(name) {
     const short = String(name).trim();
-    if (!short || short.length > LONGEST_NAME || Object.hasOwn(BUILT_IN, short) || short === "__proto__") throw new Error(`a layout's name has 1 to ${LONGEST_NAME} characters and is none of ${Object.keys(BUILT_IN).join(", ")}`);
+    if (!short || short.length > LONGEST_NAME || Object.hasOwn(BUILT_IN, short) || short === "__proto__") throw new Error(`a layout's name has 1 to ${LONGEST_NAME} characters and cannot be one of ${Object.keys(BUILT_IN).join(", ")}`);
     return short;
   }
 

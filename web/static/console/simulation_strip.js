@@ -25,8 +25,8 @@ export class Simulation {
     if (this.place.hidden === isSimulated) this.place.hidden = !isSimulated;
     if (!isSimulated) return;
     const may = this.isOperator && !isOn, why = this.isOperator ? ON : "viewers watch";
-    put(this.swap, may, "put a full battery in", why);
-    put(this.reset, may, "hold for 0.8 s: puts the vehicle back where it stood at the start, with a full battery", why);
+    put(this.swap, may, "install a full battery", why);
+    put(this.reset, may, "hold for 0.8 s: returns the vehicle to its start position with a full battery", why);
   }
 }
 

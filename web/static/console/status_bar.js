@@ -28,7 +28,7 @@ export class StatusBar {
     onHold($("arm"), 800, (wanted) => fly.attempt(() => command(wanted), wanted, SHOWN[wanted]), () => this.nextArm);
     flightButton($("take-off")).addEventListener("click", () => fly.start("take_off"));
     flightButton($("land")).addEventListener("click", () => fly.start("land"));
-    if (!isOperator) for (const button of this.controls) { button.disabled = true; button.title = "viewers watch; ask an operator for an invitation to command"; }
+    if (!isOperator) for (const button of this.controls) { button.disabled = true; button.title = "viewers cannot do this; ask an operator for an invitation to command"; }
     setInterval(() => this.draw(), 200);
     events.on("summary", ({ link }) => { if (link && link.state !== this.linkDrawn) this.draw(); });
     timeout.addEventListener("change", () => this.draw());

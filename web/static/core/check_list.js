@@ -2,7 +2,7 @@
 
 import { element } from "./dom.js";
 
-const WORDS = { ok: ["✓", "ok"], warn: ["!", "look"], fail: ["✗", "mend"], unknown: ["?", "not known"] };
+const WORDS = { ok: ["✓", "OK"], warn: ["!", "Warning"], fail: ["✗", "Fix"], unknown: ["?", "Unknown"] };
 
 export const badge = (state) => {
   const [sign, word] = WORDS[state] ?? WORDS.unknown;
@@ -11,12 +11,12 @@ export const badge = (state) => {
 
 export const checkList = (checks) => element("ul", { className: "checks" }, ...checks.map(({ name, state, found, wanted, advice }) =>
   element("li", { className: state }, badge(state), element("b", {}, name),
-    element("span", { className: "found" }, found, ...(wanted && wanted !== found ? [element("small", {}, ` wanted: ${wanted}`)] : [])),
+    element("span", { className: "found" }, found, ...(wanted && wanted !== found ? [element("small", {}, ` expected: ${wanted}`)] : [])),
     ...(state !== "ok" && advice ? [element("span", { className: "advice" }, advice)] : []))));
 
-// "20 ok, 1 to look at, 2 to mend"
+// "2 to fix, 1 warning, 20 OK"
 export function count(checks) {
   const of = (state) => checks.filter((one) => one.state === state).length;
-  return [[of("fail"), "to mend"], [of("warn"), "to look at"], [of("unknown"), "not known"], [of("ok"), "ok"]]
+  return [[of("fail"), "to fix"], [of("warn"), of("warn") === 1 ? "warning" : "warnings"], [of("unknown"), "unknown"], [of("ok"), "OK"]]
     .filter(([number]) => number).map(([number, text]) => `${number} ${text}`).join(", ");
 }

@@ -99,7 +99,7 @@ export class EmergencyPress {
       return { tone: "done", said: `${DONE[press.action]}${of}, ${answered}`, answered: `${of && `pressed${of}, `}${answered}`, running: "" };
     }
     if (press.phase === "failed") return { tone: "failed", said: `${name} failed: ${press.reason}. Press again.`, running: "" };
-    if (press.web === false && press.phase === "sent") return { tone: "waiting", said: `${name}: this page's server does not answer, trying again`, running: `, pressed ${ago} ago` };
+    if (press.web === false && press.phase === "sent") return { tone: "waiting", said: `${name}: this page's server does not answer, retrying`, running: `, pressed ${ago} ago` };
     const silent = this.events.age("status") > 1 ? "; no data from the vehicle" : "";
     const isTaken = press.action === "land" && this.events.summary.emergency_land === "emergency";
     const what = press.phase === "sent" ? "not acknowledged" : isTaken ? "accepted, the microcontroller not yet flying" : "accepted, not yet shown by the vehicle";

@@ -18,7 +18,7 @@ export class Guide {
     this.bar = element("i");
     this.progress = element("div", { className: "progress", role: "progressbar", ariaLabel: "progress of all steps", ariaValueMin: "0", ariaValueMax: "100" }, this.bar);
     this.text = element("p");
-    this.yes = element("button", { className: "hold caution", title: "hold for 0.8 s: it goes on, motors may turn" }, "Yes");
+    this.yes = element("button", { className: "hold caution", title: "hold for 0.8 s to continue; motors may spin" }, "Yes");
     this.question = element("div", { className: "question", role: "alert" }, this.text, this.yes);
     this.live = element("dl", { className: "live" });
     this.place = element("div", { className: "guide", hidden: true }, this.number, this.progress, this.instruction, this.question, this.live);

@@ -88,7 +88,7 @@ export class Fly {
   showRecording() {
     const station = this.events.summary.station;
     $("record").textContent = station?.recording ? "Stop" : "Record";
-    const note = !station ? "" : station.recording ? station.run_id : `${bytes(station.free_bytes)} free; starts by itself on arming`;
+    const note = !station ? "" : station.recording ? station.run_id : `${bytes(station.free_bytes)} free; starts on arming`;
     setText($("record-note"), note);
   }
 }

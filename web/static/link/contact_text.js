@@ -4,7 +4,7 @@ import { fixed, words } from "../core/format.js";
 
 /** @type {Record<string, { does: string, doing: string }>} */
 export const REACTIONS = {
-  none: { does: "goes on as before", doing: "going on as before" },
+  none: { does: "continues as before", doing: "continuing as before" },
   brake: { does: "brakes and hovers", doing: "braking, then hovering" },
   land: { does: "lands", doing: "landing" },
   descend: { does: "comes down level by its barometer", doing: "coming down level by its barometer" },
@@ -32,9 +32,9 @@ export function lastState(status, height, battery) {
  */
 export function byItself(cause, status, silent, safety) {
   if (!status) return "";
-  if (cause === "page") return status.airborne ? "What it was told goes on: it does not depend on this page. Sticks of this page were let go." : "It does not depend on this page.";
+  if (cause === "page") return status.airborne ? "The current command continues: it does not depend on this page. Sticks of this page were released." : "It does not depend on this page.";
   if (!status.armed) return "It does nothing until contact is back.";
-  if (/emergency/i.test(status.mode)) return "Its landing goes on by itself.";
+  if (/emergency/i.test(status.mode)) return "It continues its landing on its own.";
   if (cause === "flight") {
     const timeout = safety("command_timeout");
     const after = timeout === undefined ? "" : ` after ${fixed(timeout, 2)} s without commands`;
@@ -43,7 +43,7 @@ export function byItself(cause, status, silent, safety) {
   if (!status.airborne) return "Its motors keep turning until contact is back: keep away from it.";
   const timeout = safety("link_timeout"), after = safety("link_land_after");
   const first = REACTIONS[safety("link_reaction")], then = REACTIONS[safety("link_land_reaction")];
-  if (timeout === undefined || after === undefined || !first || !then) return "What it does by itself is not known here: its parameters have not been read.";
+  if (timeout === undefined || after === undefined || !first || !then) return "Its own reaction is not known here: its parameters have not been read.";
   const left = timeout + after - silent;
   if (silent < timeout) return `By itself it ${first.does} ${span(timeout - silent)} from now, and ${then.does} ${span(after)} later.`;
   if (left > 0) return `By itself it should be ${first.doing} now; it ${then.does} in ${span(left)}.`;

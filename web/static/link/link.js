@@ -12,7 +12,7 @@ const TOPIC = "link_status";
 const SIGNS = { good: "●", degraded: "◐", lost: "○" };
 const SAMPLE = 200; // ms
 const SLOW = 0.15, FRAMES = 20; // s, Hz: of this page's own link
-const PATHS = { datagram: "datagrams beside the link", quic: "the link itself" };
+const PATHS = { datagram: "datagrams outside the link", quic: "the link itself" };
 const GREY = 0.3; // s, deadline of what telemetry shows
 
 export class LinkPanel {
@@ -105,7 +105,7 @@ export class LinkPanel {
     const timeout = this.gains.value("safety.link_timeout"), land = this.gains.value("safety.link_land_after");
     const first = REACTIONS[this.gains.value("safety.link_reaction")], then = REACTIONS[this.gains.value("safety.link_land_reaction")];
     if (timeout === undefined || land === undefined || !first || !then) return "What the vehicle does without the station is not known here: its parameters have not been read.";
-    return `Without the station for ${fixed(timeout, 2)} s, a flying vehicle ${first.does} by itself; ${fixed(land, 1)} s later it ${then.does}.`;
+    return `Without the station for ${fixed(timeout, 2)} s, a flying vehicle ${first.does} on its own; ${fixed(land, 1)} s later it ${then.does}.`;
   }
 
   // Which of the two ways is the slow one.
@@ -128,7 +128,7 @@ function outages({ outages: count, outage_last: last, outage_longest: longest, o
 
 // Where the vehicle is, as whom it lets the station in, and how telemetry comes.
 function way({ address, access, path, reopened }) {
-  const parts = [address && `dialled at ${address}`, access && `let in as ${access}`, path && `telemetry by ${PATHS[path] ?? path}`, reopened && `reopened ${reopened === 1 ? "once" : `${reopened} times`}, because nothing came`].filter(Boolean);
+  const parts = [address && `connected to ${address}`, access && `admitted as ${access}`, path && `telemetry by ${PATHS[path] ?? path}`, reopened && `reopened ${reopened === 1 ? "once" : `${reopened} times`}, because nothing was received`].filter(Boolean);
   const text = parts.join(", ");
   return text && `${text[0].toUpperCase()}${text.slice(1)}.`;
 }

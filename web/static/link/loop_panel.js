@@ -23,7 +23,7 @@ export class LoopPanel {
     });
     this.histogram = element("div", { className: "histogram", role: "img" }, ...this.bars.map((one) => one.place));
     this.histogram.dataset.topic = TOPIC;
-    this.none = element("p", { hidden: true }, "This vehicle does not tell how its loop's ticks are spread.");
+    this.none = element("p", { hidden: true }, "This vehicle does not report the distribution of its ticks.");
     this.counts = COUNTS.map(([name, label, title]) => ({ name, known: /** @type {any} */ (null), steps: /** @type {number[][]} */ ([]), value: output(), growth: element("span", { className: "growth" }), label, title }));
     place.append(
       element("h2", {}, "Flight loop on board"), element("p", {}, this.line),

@@ -103,7 +103,7 @@ function facts(run) {
   const { topics, problems, tear, damaged_chunks: damaged, duration } = run.description;
   const row = (name, value, title = "") => element("tr", { title }, element("td", {}, name), element("td", {}, value));
   return element("section", {}, element("h2", {}, run.id),
-    ...(tear ? [element("p", { className: "warn" }, `Cut off: it ${tear}. What is whole is shown.`)] : []),
+    ...(tear ? [element("p", { className: "warn" }, `Cut off: it ${tear}. The complete part is shown.`)] : []),
     ...(damaged ? [element("p", { className: "warn" }, `${damaged} damaged parts are left out.`)] : []),
     ...Object.entries(problems).map(([topic, why]) => element("p", { className: "warn" }, `${topic}: ${why}`)),
     element("table", { className: "values" }, element("tbody", {}, ...Object.entries(topics).map(([name, { type, count }]) => row(name, `${(count / Math.max(duration, 1e-9)).toFixed(count > duration ? 0 : 2)} Hz`, `${type}, ${count} messages`)))));

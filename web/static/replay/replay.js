@@ -172,7 +172,7 @@ class Page {
     if (!growing && current) return;
     const url = new URL(location.href);
     url.searchParams.set("newer", "");
-    $("runs-shown").append(element("span", { className: "warn" }, "● still being recorded; shown up to when it was opened"), element("a", { href: url.href }, "Show what came since"));
+    $("runs-shown").append(element("span", { className: "warn" }, "● still being recorded; shown up to when it was opened"), element("a", { href: url.href }, "Show the rest"));
   }
 }
 

@@ -23,7 +23,7 @@ export function state(run) {
   if (ticks === "filled") return [`complete (${inSeconds(filled)} restored)`, "", line];
   if (run.recovered) return ["recovered", "", "its end was lost; what was recorded until then is here"];
   if (run.complete) return ticks === "complete" ? ["complete", "", line] : ["closed", "", line ?? "closed with its index; not compared with the vehicle's own log"];
-  return ["not closed", "warn", "the recording was cut off; it is mended when the station starts"];
+  return ["not closed", "warn", "the recording was cut off; it is repaired when the station starts"];
 }
 
 export const lasted = (run) => (run.complete || run.duration ? duration(run.duration) : "–");

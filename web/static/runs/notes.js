@@ -88,14 +88,14 @@ export class RunNotes {
     if (!replaced) { this.said(by.author, by.stamp, "Saved"); return; }
     const { notes, author, stamp } = replaced;
     this.say(element("span", {}, `Saved. It replaced what ${author || "somebody"} wrote${stamp ? ` at ${moment(stamp).slice(11)}` : ""}: “${notes.slice(0, 200)}” `,
-      element("button", { className: "link", onclick: () => this.put(notes) }, "Put that back")), true);
+      element("button", { className: "link", onclick: () => this.put(notes) }, "Restore that")), true);
     if (this.history.open) this.loadHistory();
   }
 
   // Somebody else saved while this one types.
   foreign(run) {
     const { author, version } = run.notes_by;
-    this.say(element("span", {}, `${author} changed these notes meanwhile: “${run.notes.slice(0, 200)}”. Yours will stand when saved; both are kept. `,
+    this.say(element("span", {}, `${author} changed these notes meanwhile: “${run.notes.slice(0, 200)}”. Yours will be the current ones when saved; both are kept. `,
       element("button", { className: "link", onclick: () => { this.drafts.delete(run.id); clearTimeout(this.timer); this.text.value = run.notes; this.said(author, run.notes_by.stamp); } }, "Take theirs")), true);
     const draft = this.drafts.get(run.id);
     this.drafts.set(run.id, { ...draft, seen: version });

@@ -58,7 +58,7 @@ export class Onboard {
     const cell = element("td"), progress = new Progress(`fetching ${log.name}`);
     const button = element("button", { disabled: !this.page.isOperator, title: this.page.isOperator ? "" : "operators fetch logs", onclick: () => this.act(log.name) });
     this.rows.set(log.name, { log, cell, button, progress });
-    const state = !log.closed ? (log.start === null ? "torn" : "being written") : log.recovered ? "mended" : "closed";
+    const state = !log.closed ? (log.start === null ? "torn" : "being written") : log.recovered ? "repaired" : "closed";
     const length = log.start === null || log.end === null ? "–" : duration(log.end - log.start);
     return element("tr", {}, ...[log.name, log.start === null ? "–" : moment(log.start), length, bytes(log.bytes), state].map((text) => element("td", {}, text)), cell, element("td", {}, button));
   }

@@ -21,7 +21,7 @@ class RunsPage {
     this.gauge = new Gauge($("gauge"));
     const wanted = () => query($("search").value, $("tag").value, $("of-vehicle").value);
     this.list = new RunList($("list"), (offset, limit) => get(`/api/runs/search?${wanted()}&offset=${offset}&limit=${limit}`),
-      () => (wanted().toString() ? "No run is like that." : "No runs yet. Recording starts by itself on arming."));
+      () => (wanted().toString() ? "No runs match." : "No runs yet. Recording starts on arming."));
     this.trash = new Trash($("trash"), $("open-trash"), session, (text, undo) => this.say(text, undo));
     this.onboard = new Onboard($("onboard"), $("open-onboard"), this, events);
     $("open-trash").addEventListener("click", () => { if (!$("trash").hidden) this.only(this.trash); });

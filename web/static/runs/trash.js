@@ -37,7 +37,7 @@ export class Trash {
     const [runs, { trash_days: days }] = await Promise.all([get("/api/trash"), get("/api/storage")]);
     this.opener.textContent = runs.length ? `Trash (${runs.length})` : "Trash";
     this.empty.hidden = !runs.length;
-    this.note.textContent = runs.length ? `What lies here longer than ${Number(days.toFixed(2))} days is removed for good. The vehicle's own logs are not touched.` : "Nothing is here.";
+    this.note.textContent = runs.length ? `Runs are deleted permanently after ${Number(days.toFixed(2))} days here. The vehicle's own logs are not touched.` : "The trash is empty.";
     this.body.replaceChildren(...runs.map((run) => this.row(run, days)));
     hide(this.body.parentElement, !runs.length);
   }

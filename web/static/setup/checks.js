@@ -13,7 +13,7 @@ export class CheckSection {
   constructor(place, summary, isOperator, shown) {
     this.shown = shown;
     this.summary = summary;
-    this.again = element("button", { disabled: !isOperator, title: isOperator ? "station, vehicle and page look again; on the ground only" : "viewers watch; ask an operator", onclick: () => this.look(() => request("POST", "/api/setup/checks", {})) }, "Check again");
+    this.again = element("button", { disabled: !isOperator, title: isOperator ? "station, vehicle and page run their checks again; on the ground only" : "viewers cannot do this; ask an operator", onclick: () => this.look(() => request("POST", "/api/setup/checks", {})) }, "Check again");
     this.when = element("span", { className: "hint", role: "status" });
     this.lists = element("div", { className: "places" });
     place.append(element("div", { className: "acts" }, this.again, this.when), this.lists);

@@ -6,7 +6,7 @@ import { fixed } from "../core/format.js";
 
 const DEGREES = 180 / Math.PI;
 /** @type {Record<string, string>} */
-const PLACE = { velocity: "the vehicle stands", near_hovering: "level; it may drift" };
+const PLACE = { velocity: "the vehicle hovers", near_hovering: "level; it may drift" };
 
 export const OBEYING = { velocity: "Velocity", near_hovering: "Near hover" };
 

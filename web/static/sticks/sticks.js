@@ -13,7 +13,7 @@ const CUT_HOLD = 500; // ms
 const CENTRE = [0, 0, 0, 0];
 const DROPS = {
   blur: "the window lost the focus", hidden: "the tab was hidden", unplugged: "the pad was unplugged",
-  stalled: "this page stood still", late: "no answer from the station", left: "the page was left", editing: "the pad is being set up",
+  stalled: "this page froze", late: "no reply from the station", left: "this page was closed", editing: "the pad is being set up",
 };
 
 export class Sticks {

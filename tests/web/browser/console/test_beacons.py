@@ -208,7 +208,7 @@ def test_a_file_is_refused_with_line_and_column(
 def test_the_way_onto_bearings_and_back(tab: Any, look: Any, station: Any) -> None:
     look.text("#beacons-session .flies", "^Flies on the tracker's poses$")
     look.has_class("#beacons-session .steps li >> nth=0", "done")
-    tab.click("#beacons-session button:has-text('Run beside')")
+    tab.click("#beacons-session button:has-text('Run in parallel')")
     look.has_class("#beacons-session .steps li >> nth=1", "done")
     now = values(station)
     assert now["estimation.shadow"] == "error_state"
@@ -230,7 +230,7 @@ def test_a_preset_of_gains_goes_with_the_complementary_filter(
 ) -> None:
     tab.select_option("#beacons-session select >> nth=0", "complementary")
     tab.select_option("#beacons-session select >> nth=1", "bearings")
-    tab.click("#beacons-session button:has-text('Run beside')")
+    tab.click("#beacons-session button:has-text('Run in parallel')")
     look.text("#beacons-session .detail", "complementary · bearings gains")
     assert values(station)["estimation.position_bandwidth"] == 2.5
 

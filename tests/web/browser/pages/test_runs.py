@@ -168,9 +168,9 @@ def test_a_list_without_any_run_says_how_the_first_is_made(
     with runs.session() as session:
         session.execute(delete(RunRow))
     runs_page.reload()
-    sees.text("#list .empty", "^No runs yet. Recording starts by itself on arming.$")
+    sees.text("#list .empty", "^No runs yet. Recording starts on arming.$")
     runs_page.fill("#search", "wind")
-    sees.text("#list .empty", "^No run is like that.$")
+    sees.text("#list .empty", "^No runs match.$")
 
 
 def test_deleting_can_be_undone_at_once_and_from_the_trash(

@@ -208,7 +208,7 @@ def test_the_start_up_checks_stand_with_a_word_and_what_to_do(
 ) -> None:
     page = open_tab("/setup")
     look = look_at(page)
-    look.text("#checks-summary", "mend")
+    look.text("#checks-summary", "to fix")
     look.text("#checks section[aria-label=Vehicle] li", "mend *real-time rights *refused")
     look.text("#checks section[aria-label=Vehicle] .advice", "^write it$")
     look.text("#checks section[aria-label='This browser'] li >> nth=0", "ok *secure context *yes")
