@@ -47,8 +47,8 @@ class AccelerometerOptions(Parameters):
     method: str = parameter(
         "tracker",
         choices=("tracker", "faces"),
-        description="attitudes by the tracker, in any poses; or, without a tracker, by the six faces "
-        "it is placed on",
+        description="attitudes by the tracker, in any poses; or, without a tracker, by the six "
+        "faces it is placed on",
     )
     poses: int = parameter(
         12, ge=4, le=40, step=1, description="with the tracker; the faces are six"
