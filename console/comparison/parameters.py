@@ -58,9 +58,9 @@ def parse_estimators(text: str) -> tuple[Choice, ...]:
         name, colon, preset = word.partition(":")
         if name not in registry.names() or (colon and preset not in PRESETS):
             raise OutOfBoundsError(
-                f"estimators = {text!r}: {word!r} is none; allowed are "
-                f"{', '.join(registry.names())}, each alone or with a preset, "
-                f"{', '.join(PRESETS)} like complementary:paper, words separated by spaces"
+                f"estimators = {text!r}: {word!r} is not one; allowed are "
+                f"{', '.join(registry.names())}, each alone or with a preset "
+                f"({', '.join(PRESETS)}) like complementary:paper, words separated by spaces"
             )
         choices.append(Choice(word, name, preset or PRESET_OF.get(name, "")))
     twice = [word for k, word in enumerate(words) if word in words[:k]]

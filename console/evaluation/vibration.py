@@ -142,7 +142,7 @@ class Vibration:
             low, high = BOUNDS[name]
             if not low <= value <= high:
                 raise MeasurementError(
-                    f"a {name.replace('_', ' ')} of {value:.3g} is outside what the estimator "
+                    f"{name.replace('_', ' ')} {value:.3g} is outside what the estimator "
                     f"accepts: {low:g} to {high:g}; find what is loose, then fly again"
                 )
         return CalibrationRecord(

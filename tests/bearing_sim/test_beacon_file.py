@@ -63,7 +63,7 @@ def test_a_written_set_is_read_back(tmp_path: Path, name: str) -> None:
         (GOOD.replace("2,-1,1,0.1", "2,,1,0.1"), 3, 3, "x is ''; allowed is a finite"),
         (GOOD.replace("2,-1,1,0.1", "B2,-1,1,0.1"), 3, 1, "id 'B2'; allowed is an integer"),
         (GOOD.replace("2,-1,1,0.1", "-2,-1,1,0.1"), 3, 1, "id '-2'; allowed is an integer"),
-        (GOOD.replace("2,-1,1,0.1", "1,-1,1,0.1"), 3, 1, "id 1 stands on line 2 already"),
+        (GOOD.replace("2,-1,1,0.1", "1,-1,1,0.1"), 3, 1, "id 1 is already on line 2"),
         (GOOD.encode().replace(b"-1,-1", b"-1,\xff1"), 4, 6, "byte 0xff is no UTF-8 text"),
         (b"\x89PNG\r\n\x1a\n", 1, 1, "byte 0x89 is no UTF-8 text"),
     ],

@@ -43,7 +43,7 @@ def test_a_preset_is_read_by_its_name_told_by_it_and_solvable(name: str) -> None
         (IDS[:3], SQUARE[:3], DegenerateGeometryError, "3 beacons; allowed are 4 to 32: add 1"),
         ([], np.zeros((0, 3)), DegenerateGeometryError, "0 beacons; allowed are 4 to 32: add 4"),
         (range(33), np.zeros((33, 3)), MeasurementError, "33 beacons.*leave out 1"),
-        ([1, 2, 3, 3], SQUARE, MeasurementError, "id 3 comes more than once; allowed is once"),
+        ([1, 2, 3, 3], SQUARE, MeasurementError, "id 3 appears more than once"),
         ([1, 2, 3, -1], SQUARE, MeasurementError, "id -1; allowed are 0 to 2147483647"),
         ([1, 2, 3, 2**31], SQUARE, MeasurementError, "id 2147483648; allowed are 0 to 2147483647"),
         ([1, 2, 3, 10**30], SQUARE, MeasurementError, "ids must be a sequence of integers"),
@@ -152,7 +152,7 @@ def test_any_other_text_is_refused_with_one_line(text: str) -> None:
         ("1 1 1 .1; 2 -1 one .1", "beacon 2 of the layout"),
         ("1.5 1 1 .1", "beacon 1 of the layout"),
         ("1 1 1 .1; 2 -1 1 .1; 3 -1 -1 .1", "3 beacons; allowed are 4 to 32"),
-        ("1 1 1 .1; 1 -1 1 .1; 3 -1 -1 .1; 4 1 -1 .1", "id 1 comes more than once"),
+        ("1 1 1 .1; 1 -1 1 .1; 3 -1 -1 .1; 4 1 -1 .1", "id 1 appears more than once"),
     ],
 )
 def test_a_wrong_layout_is_refused_with_what_is_allowed(text: str, says: str) -> None:

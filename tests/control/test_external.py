@@ -204,7 +204,8 @@ def test_a_reference_that_silence_would_make_too_much_is_not_flown() -> None:
 
 
 @pytest.mark.parametrize(
-    ("age", "said"), [(None, "no reference came"), (0.3, "is 0.30 s old"), (-0.3, "is -0.30 s old")]
+    ("age", "said"),
+    [(None, "no reference was received"), (0.3, "is 0.30 s old"), (-0.3, "is -0.30 s old")],
 )
 def test_it_starts_with_a_fresh_reference_alone(age: float | None, said: str) -> None:
     bench = Bench()

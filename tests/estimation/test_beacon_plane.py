@@ -57,7 +57,7 @@ def test_three_of_four_on_a_line_span_no_homography() -> None:
         (np.outer(np.arange(5), [1, 2, 3]), None, DegenerateGeometryError, "one line"),
         (np.ones((4, 3)), None, DegenerateGeometryError, "one line or one spot"),
         (SQUARE + np.diag([0, 0, 0.2, 0])[:4, :3], None, DegenerateGeometryError, "leave their"),
-        (SQUARE, [1, 2, 2, 4], DegenerateGeometryError, "beacon 2 came more than once"),
+        (SQUARE, [1, 2, 2, 4], DegenerateGeometryError, "beacon 2 appears more than once"),
         (SQUARE, [1, 2, 3], MeasurementError, "3 ids for 4 beacons"),
         (SQUARE * np.nan, None, MeasurementError, "not finite"),
         (SQUARE[:, :2], None, MeasurementError, r"\(N, 3\) is needed"),

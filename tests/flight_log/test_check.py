@@ -101,7 +101,7 @@ def test_a_torn_log_says_how_to_mend_it(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     [problem] = check_log(path).problems
     assert problem.startswith("it is torn: it ends within a record after byte")
-    assert problem.endswith(f"mend it: quadlab log recover {path}")
+    assert problem.endswith(f"repair it: quadlab log recover {path}")
 
 
 def test_a_flipped_byte_is_a_damaged_chunk_and_fewer_messages(tmp_path: Path) -> None:

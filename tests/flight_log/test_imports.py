@@ -192,7 +192,7 @@ def test_half_a_file_is_refused_and_its_whole_lines_imported_when_asked(tmp_path
     path = write_csv(tmp_path / "flight.csv", columns_of(FLIGHT))
     path.write_bytes(path.read_bytes()[:300_000].rsplit(b",", 1)[0])
     mapping = str(write_mapping(tmp_path / "m.toml"))
-    with pytest.raises(LogFormatError, match="not whole"):
+    with pytest.raises(LogFormatError, match="is incomplete"):
         read_flight(path, mapping)
     whole = path.read_text().count("\n") - 1
     assert len(read_flight(path, mapping, torn=True).imu.stamps_ns) == whole
@@ -234,7 +234,7 @@ def test_a_small_file_that_claims_gigabytes_is_one_line(
     words = ["--mapping", "blackbird", "--data", str(tmp_path / "lab")]
     assert main(["log", "import", str(tmp_path / "data"), *words]) == 1
     [line] = capsys.readouterr().err.strip().splitlines()
-    assert "at most" in line or "no whole" in line
+    assert "at most" in line or "not a complete" in line
     assert {path.name for path in tmp_path.iterdir()} == before
 
 
@@ -313,7 +313,7 @@ def test_a_ulog_without_imu_or_cut_off_is_refused(tmp_path: Path) -> None:
     topics = topics_of(FLIGHT)
     path = write_ulog(tmp_path / "log.ulg", topics)
     path.write_bytes(path.read_bytes()[:100_003])
-    with pytest.raises(LogFormatError, match="not whole"):
+    with pytest.raises(LogFormatError, match="is incomplete"):
         read_flight(path)
     assert len(read_flight(path, torn=True).imu.stamps_ns) > 500
     del topics["sensor_combined"]
@@ -361,7 +361,7 @@ def test_crazyflie_with_motion_capture_by_another_clock_and_in_another_world(
     assert np.sqrt((off**2).mean()) < 0.02
     assert read_flight(log).truth is None
     log.write_bytes(log.read_bytes()[:50_000])
-    with pytest.raises(LogFormatError, match="not whole"):
+    with pytest.raises(LogFormatError, match="is incomplete"):
         read_flight(log)
     assert len(read_flight(log, torn=True).imu.stamps_ns) > 1000
 

@@ -196,7 +196,7 @@ def test_a_torn_log_is_shown_exported_with_a_note_and_mended_to_be_sound(
     assert "it is torn" in out
     status, out, _ = run("check", log)
     assert (status, out.count("not sound")) == (1, 1)
-    assert f"mend it: quadlab log recover {log}" in out
+    assert f"repair it: quadlab log recover {log}" in out
     status, out, _ = run("export", log)
     assert status == 0
     assert ("the log is not whole" in out) is not kind.startswith("zeros"), "all messages are there"

@@ -97,7 +97,7 @@ def test_one_bad_value_changes_nothing_at_all(
         ("motor.gain", "2", WrongTypeError, "must be a number, not '2'"),
         ("motor.gain", True, WrongTypeError, "must be a number, not True"),
         ("motor.gain", None, WrongTypeError, "must be a number, not None"),
-        ("motor.poles", 2.5, WrongTypeError, "must be a whole number"),
+        ("motor.poles", 2.5, WrongTypeError, "must be an integer"),
         ("motor.poles", 1, OutOfBoundsError, "allowed from 2"),
         ("motor.offset", 6, OutOfBoundsError, "allowed up to 5"),
         ("motor.enabled", 1, WrongTypeError, "must be true or false"),

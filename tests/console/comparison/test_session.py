@@ -92,9 +92,9 @@ def test_the_set_changes_while_it_runs_and_wrong_names_change_nothing(linked: An
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("kalman", "'kalman' is none; allowed are complementary, error_state"),
-        ("complementary:fast", "presets paper, bearings, resolved"),
-        ("complementary:", "'complementary:' is none"),
+        ("kalman", "'kalman' is not one; allowed are complementary, error_state"),
+        ("complementary:fast", "a preset \\(paper, bearings, resolved\\)"),
+        ("complementary:", "'complementary:' is not one"),
         ("error_state error_state", "'error_state' twice"),
         (
             "error_state complementary error_state:paper error_state:bearings "
@@ -194,7 +194,7 @@ def test_an_estimator_that_only_the_station_knows_is_said_and_changes_nothing() 
         worker.take(("theirs", []))
     worker.close()
     assert len(said) == 1
-    assert said[0].startswith("not compared: estimators = 'theirs': 'theirs' is none")
+    assert said[0].startswith("not compared: estimators = 'theirs': 'theirs' is not one")
 
 
 def test_the_feed_hands_everything_over_in_its_order(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -117,7 +117,7 @@ def test_a_database_that_may_not_be_written_is_told_and_can_be_read(
         check=True,
     ).stdout
     assert told.splitlines() == [
-        f"{data / DATABASE} is not writable for this user; only recordings are saved; mend "
+        f"{data / DATABASE} is not writable for this user; only recordings are saved; correct "
         "its permissions or its owner",
         "['r1']",
     ]

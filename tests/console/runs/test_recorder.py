@@ -189,7 +189,7 @@ def test_a_catalogue_that_fails_is_an_alarm_and_the_file_is_whole(tmp_path: Path
 
 def test_an_unwritable_folder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.access", lambda *_: False)
-    with pytest.raises(StorageError, match="not writable; mend its permissions"):
+    with pytest.raises(StorageError, match="not writable; correct its permissions"):
         disk.check_folder(tmp_path, 0)
 
 

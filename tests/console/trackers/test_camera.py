@@ -98,7 +98,7 @@ def test_a_camera_that_is_unplugged_or_not_there_is_told(monkeypatch: pytest.Mon
     pictures = iter(Pictures(0))
     stamp_ns, _, _ = next(pictures)
     assert stamp_ns is None  # the driver gave none
-    with pytest.raises(UnreachableError, match="camera 0 gives no more pictures"):
+    with pytest.raises(UnreachableError, match="camera 0 delivers no more pictures"):
         next(pictures)
 
 

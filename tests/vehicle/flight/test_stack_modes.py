@@ -79,7 +79,9 @@ def test_a_program_outside_flies_and_is_braked_when_it_falls_silent() -> None:
             numbers[9:12], numbers[12:15] = -radius * omega**3 * ahead, radius * omega**4 * turned
         lab.stack.measure(mailbox.ExternalReference(stamp_ns, tuple(numbers.tolist())))
 
-    with pytest.raises(RefusedError, match="external refused: no reference came on the topic"):
+    with pytest.raises(
+        RefusedError, match="external refused: no reference was received on the topic"
+    ):
         lab.start("external")
     send()
     lab.start("external")

@@ -133,7 +133,7 @@ def test_a_vehicles_certificate_opens_no_other_vehicle(door: Door, tmp_path: Pat
     station, radio = door.station(stolen)
     assert radio.wait(WAIT)
     assert radio.names() == set()
-    with pytest.raises(LinkError, match="nobody says who"):
+    with pytest.raises(LinkError, match="does not identify itself"):
         WhoAmI(station).ask()
 
 

@@ -76,7 +76,7 @@ def test_data_are_ten_little_endian_int16() -> None:
 
 @pytest.mark.parametrize("references", [(0, 0, 0), (0, 0, 0, 256), (0, 0, 0, -1), (1.5, 0, 0, 0)])
 def test_impossible_references_are_refused(references: tuple[int, ...]) -> None:
-    with pytest.raises(OutOfBoundsError, match="four whole numbers from 0 to 255"):
+    with pytest.raises(OutOfBoundsError, match="four integers from 0 to 255"):
         c.encode_command(references)
 
 

@@ -73,7 +73,7 @@ def test_a_stray_sample_does_not_reach_the_callback(
     put("joy", 50)
     put("stick", 99)
     assert at_end.wait(5.0)
-    wait_for(lambda: "came as joy" in caplog.text)
+    wait_for(lambda: "arrived as joy" in caplog.text)
     node.close()
     assert 50 not in came
 

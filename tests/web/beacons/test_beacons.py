@@ -99,7 +99,7 @@ IN_LINE = [[k, float(k), 0.0, 0.1] for k in range(1, 5)]
 BAD_ROWS = [
     (SQUARE[:3], "3 beacons; allowed are 4 to 32: add 1"),
     (IN_LINE, "on one line"),
-    ([*SQUARE[:3], [1, 1.0, -1.0, 0.1]], "beacon id 1 comes more than once"),
+    ([*SQUARE[:3], [1, 1.0, -1.0, 0.1]], "beacon id 1 appears more than once"),
     ([*SQUARE[:3], [4, 1e9, -1.0, 0.1]], "allowed are finite numbers within ±1000 m"),
     ([*SQUARE[:3], [4, "one", -1.0, 0.1]], r"Expected `float`, got `str` - at `$[3][1]`"),
     ([*SQUARE[:3], [4, 1.0, -1.0]], "Expected `array` of length 4"),
