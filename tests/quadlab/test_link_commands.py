@@ -88,7 +88,7 @@ def test_an_observers_files_fit_into_a_tar(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("enrol", "Bad", "10.0.0.2"), "'Bad' is not one"),
+        (("enrol", "Bad", "10.0.0.2"), "'Bad' is not a valid name"),
         (("enrol", "quad2", "a:b"), "'a:b' is no address of a vehicle"),
         (("enrol", "quad2"), "Missing from quadlab link enrol: ADDRESS"),
         (("observer", "../ben"), "no name for a station"),
@@ -97,7 +97,7 @@ def test_an_observers_files_fit_into_a_tar(tmp_path: Path) -> None:
         (("forget", "quad2"), "no vehicle is called 'quad2'; known are: none"),
         (("test", "a:b"), "'a:b' is no address of a vehicle"),
         (("test", "--seconds", "0"), "allowed are 2 to 600"),
-        (("test", "--name", "Bad"), "'Bad' is not one"),
+        (("test", "--name", "Bad"), "'Bad' is not a valid name"),
         (("frobnicate",), "Available subcommands: enrol"),
     ],
 )
@@ -115,7 +115,7 @@ def test_a_file_of_vehicles_that_cannot_be_understood_is_kept_and_told(tmp_path:
     known = KnownVehicles(tmp_path)
     for text in ("[quad1", "quad1 = 3", "[quad1]\naddres = 'x'", "[quad1]\naddress = 'a:b'"):
         known.path.write_text(text)
-        with pytest.raises(StorageError, match="cannot be understood"):
+        with pytest.raises(StorageError, match="cannot be read"):
             known.add("quad2", "10.0.0.2")
         assert known.path.read_text() == text
 
@@ -265,7 +265,7 @@ def _figures(**changed: Any) -> Figures:
         ({"unanswered": 1}, "usable", "questions not answered 1 %"),
         ({"loss": 0.1}, "usable", "telemetry lost 10 %, good is up to 2 %"),
         ({"loss": 0.3}, "bad", "telemetry lost"),
-        ({"loss": math.nan}, "bad", "telemetry loss not measured: no packet of telemetry came"),
+        ({"loss": math.nan}, "bad", "telemetry loss not measured: no packet of telemetry received"),
         ({"jitter": math.nan, "packets": 1}, "bad", "jitter not measured: one packet of"),
         ({"round_trips": [], "unanswered": 9}, "bad", "round trip not measured: no question was"),
         ({"jitter": 0.02}, "usable", "jitter 20 ms"),
@@ -275,7 +275,7 @@ def _figures(**changed: Any) -> Figures:
         ({"disagreement": "another protocol"}, "bad", "another protocol"),
         ({"clock_offset": -3600.0}, "good", "the clocks differ by 3600 s"),
         ({"access": "observer"}, "good", "lets us observe"),
-        ({"held_by_another": True}, "good", "another station has the vehicle"),
+        ({"held_by_another": True}, "good", "another station is connected to the vehicle"),
         ({"packets": 20, "rate": 5.0}, "good", "20 packets of telemetry only"),
     ],
 )

@@ -524,10 +524,10 @@ def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int)
         (["--run", "error_state bearings.sgma=1"], "bearings.sigma"),
         (["--run", "complementary estimation.preset=sporty"], "there are paper"),
         (["--set", "model.mass=1"], "a replay changes estimation.*"),
-        (["--set", "estimation.shadow=error_state"], "a --run of its own"),
+        (["--set", "estimation.shadow=error_state"], "its own --run"),
         (
             ["--estimator", "complementary", "--set", "estimation.estimator=error_state"],
-            "each a run of its own",
+            "each its own run",
         ),
         (
             ["--estimator", "error_state", "--on", "poses", "--set", "bearings.sigma=2"],

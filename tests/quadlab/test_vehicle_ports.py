@@ -171,7 +171,7 @@ def test_a_file_is_no_port_to_fly_with_and_that_is_told_at_once(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["vehicle", "--find", "--check"], "--find looks at all devices, --check tests two"),
+        (["vehicle", "--find", "--check"], "--find searches all devices, --check tests two"),
         (["vehicle", "--serial", "auto", "--rate", "1000"], "2 serial ports carry 677"),
     ],
 )

@@ -339,7 +339,7 @@ def test_a_torn_log_on_board_is_waited_for_until_it_is_mended(
     flight.log_onboard(log)
     flight.record(run / STATION)
     log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
-    when = "flight.mcap was torn, and is mended once 500 MB are free"
+    when = "flight.mcap was torn, and is repaired once 500 MB are free"
 
     def torn(request: Any) -> None:
         raise RefusedError(when)

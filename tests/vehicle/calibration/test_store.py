@@ -108,7 +108,9 @@ def test_a_full_disk_is_a_reason_and_nothing_is_stored(disk: Disk) -> None:
     store = disk.open()
     disk.history.parent.mkdir()
     disk.history.symlink_to("/dev/full")
-    with pytest.raises(StorageError, match=r"not stored .*: No space left on device; make room"):
+    with pytest.raises(
+        StorageError, match=r"not stored .*: No space left on device; free some space"
+    ):
         store.append(MASS)
     assert store.newest_first() == []
     disk.history.unlink()

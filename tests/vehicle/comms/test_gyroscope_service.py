@@ -73,8 +73,8 @@ def test_it_can_be_accepted_while_it_is_in_use_and_no_other_can(wired: Any) -> N
     wired.now_ns += 10**9
     wired.call("gyroscope")
     reason = wired.refused("store", found.model_dump_json(), RefusedError)
-    assert "the vehicle does not fly on this drift" in reason
-    assert "not fly on this drift" in wired.refused("store", '{"name": "gyroscope"}')
+    assert "the vehicle does not use this drift" in reason
+    assert "not use this drift" in wired.refused("store", '{"name": "gyroscope"}')
 
 
 def test_while_it_is_being_found_nothing_else_begins(wired: Any) -> None:

@@ -158,7 +158,7 @@ def test_the_replica_tells_no_values_before_flight_told_its_own(
 ) -> None:
     monkeypatch.setattr("vehicle.comms.commands.FETCH_PATIENCE_S", 0.01)
     parameters = FlightParameters(Flight().mailbox, {"model.mass": 1.2})
-    with pytest.raises(LinkError, match="did not tell its parameters"):
+    with pytest.raises(LinkError, match="did not report its parameters"):
         parameters.values()
 
 

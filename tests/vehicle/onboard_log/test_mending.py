@@ -119,7 +119,7 @@ def test_it_waits_for_room_and_says_how_much(tmp_path: Path) -> None:
     harness.after(0.0)
     assert harness.begun == []
     assert harness.mending.how == (
-        "is mended once 500 MB are free on the vehicle's disk (500 MB are: delete old runs there)"
+        "is repaired once 500 MB are free on the vehicle's disk (500 MB are: delete old runs there)"
     )
     harness.free = 300_000_000
     for _ in range(10 * TRIES):

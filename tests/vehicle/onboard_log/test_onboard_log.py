@@ -354,7 +354,7 @@ def test_what_does_not_reach_the_disk_stops_the_log(
 
 def test_a_flight_is_logged_even_without_its_parameters(tmp_path: Path) -> None:
     def unknown() -> bytes:
-        raise LinkError("the flight process did not tell its parameters")
+        raise LinkError("the flight process did not report its parameters")
 
     told = Told()
     log = OnboardLog(
@@ -364,7 +364,7 @@ def test_a_flight_is_logged_even_without_its_parameters(tmp_path: Path) -> None:
     log.close()
     (path,) = (tmp_path / "onboard").iterdir()
     assert len(list(read_log(path, ["/quad1/imu"]))) == 10
-    told.wait_for("onboard log without parameters.json: the flight process did not tell")
+    told.wait_for("onboard log without parameters.json: the flight process did not report")
 
 
 def test_robot_and_firmware_are_in_the_file(tmp_path: Path) -> None:
@@ -553,7 +553,7 @@ def test_a_log_torn_by_a_full_disk_is_mended_on_the_ground(
     free[0] = 0
     log._store([Batch(ticks(20, 300, armed=False), START_NS)])
     log._look_after(on_ground=True)
-    assert "is mended once 500 MB are free on the vehicle's disk (0 MB are" in log.mending
+    assert "is repaired once 500 MB are free on the vehicle's disk (0 MB are" in log.mending
     free[0] = 10 * FREE_BYTES_MIN
     log._look_after(on_ground=True)
     assert log.mending == "is being repaired"

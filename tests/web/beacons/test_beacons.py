@@ -124,7 +124,7 @@ def test_a_layout_that_is_none_is_refused_and_nothing_changes(
 BAD_FILES = [
     (CSV.replace("-1.0,1.0,0.1", "-1.0,abc,0.1"), "line 3, column 8: y is 'abc'"),
     (CSV.replace("id,x,y,z", "name,x,y,z"), "line 1, column 1"),
-    (CSV.replace("4,1.0", "7,1.0"), "line 5, column 1: id 7 stands on line 2 already"),
+    (CSV.replace("4,1.0", "7,1.0"), "line 5, column 1: id 7 is already on line 2"),
     ("", "line 1, column 1: the file is empty"),
     ("id,x,y,z\n1,1,1,0\n2,1,2,0\n", "2 beacons; allowed are 4 to 32"),
     ("id,x,y,z\n" + "# a long comment\n" * 10_000, "more than 100000 bytes"),

@@ -249,7 +249,7 @@ async def test_a_cut_does_not_wait_behind_the_tries_of_a_landing(bench: Bench) -
     cutting = asyncio.create_task(bench.desk.press("cut", "ada"))
     await bench.called(2)
     bench.may_answer.set()
-    with pytest.raises(LinkError, match="a cut came after it"):
+    with pytest.raises(LinkError, match="a cut followed it"):
         await landing
     await cutting
     assert [action for action, *_ in bench.calls] == ["land", "cut"]

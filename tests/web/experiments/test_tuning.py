@@ -120,7 +120,7 @@ def test_a_test_that_is_ended_early_says_by_what(bench: Bench) -> None:
     bench.vehicle.ends_with, bench.vehicle.ends_after = "brake", 0.7
     status = bench.run(axis="z", amplitude=0.3, duration=1.0)
     assert "it ended early: 1 of 2 edges were flown" in status["text"]
-    assert "it was ended by brake" in status["text"]
+    assert "it was stopped by brake" in status["text"]
 
 
 def test_gains_changed_in_flight_are_marked(bench: Bench) -> None:

@@ -103,7 +103,7 @@ def test_the_phases_are_shown_and_brake_ends_the_flight(
     assert tab.is_disabled("#tab-tune select[aria-label=axis]")
     tune_site.station.requests.clear()
     tab.click(BRAKE)
-    seen.text(LINE, "Done: .*it was ended by brake")
+    seen.text(LINE, "Done: .*it was stopped by brake")
     names = [r.name for s, r in tune_site.station.requests if s == "start_behavior"]
     assert names == ["brake"]
 
