@@ -12,7 +12,7 @@ const CASES = [
   ["link", 5.0, {}, /landing now, for 2\.6 s/],
   ["flight", 5.0, {}, /microcontroller lands it alone after 0\.25 s/],
   ["page", 5.0, {}, /does not depend on this page/],
-  ["link", 5.0, { mode: "emergency_land" }, /landing goes on/],
+  ["link", 5.0, { mode: "emergency_land" }, /continues its landing/],
   ["link", 5.0, { airborne: false }, /motors keep turning/],
   ["link", 5.0, { airborne: false, armed: false }, /does nothing/],
 ];

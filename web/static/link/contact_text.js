@@ -45,7 +45,7 @@ export function byItself(cause, status, silent, safety) {
   const first = REACTIONS[safety("link_reaction")], then = REACTIONS[safety("link_land_reaction")];
   if (timeout === undefined || after === undefined || !first || !then) return "Its own reaction is not known here: its parameters have not been read.";
   const left = timeout + after - silent;
-  if (silent < timeout) return `By itself it ${first.does} ${span(timeout - silent)} from now, and ${then.does} ${span(after)} later.`;
-  if (left > 0) return `By itself it should be ${first.doing} now; it ${then.does} in ${span(left)}.`;
-  return `By itself it should be ${then.doing} now, for ${span(-left)}.`;
+  if (silent < timeout) return `On its own it ${first.does} ${span(timeout - silent)} from now, and ${then.does} ${span(after)} later.`;
+  if (left > 0) return `On its own it should be ${first.doing} now; it ${then.does} in ${span(left)}.`;
+  return `On its own it should be ${then.doing} now, for ${span(-left)}.`;
 }
