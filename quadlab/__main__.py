@@ -16,12 +16,12 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import NoReturn
 
-from quadlab.commands.table import COMMANDS, Command
+from quadlab.commands.table import COMMANDS, Command, overview
 from quadlab.up.supervise import follow_parent
 from quadrotor.errors import QuadlabError, UsageError
 
 OF_SEVERAL = ("log", "link")
-"""Commands that do nothing by themselves: without a further word they tell what there is."""
+"""Commands that do nothing on their own: without a further word they print their help."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -31,7 +31,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if words == ["--version"]:
         print(f"quadlab {version('quadlab')}")
         return 0
-    if words in ([], *([name] for name in OF_SEVERAL)):
+    if words in ([], ["--help"], ["-h"]):
+        print(overview(), end="")
+        return 0
+    if words in ([name] for name in OF_SEVERAL):
         words.append("--help")
     try:
         return parse(words).run()
@@ -76,8 +79,6 @@ def parse(words: Sequence[str]) -> Command:
                 dict(COMMANDS),
                 prog="quadlab",
                 config=(tyro.conf.FlagCreatePairsOff,),
-                description="Base station and experiment console of a quadrotor laboratory. "
-                "quadlab COMMAND --help tells a command's options, quadlab --version the version.",
                 args=_one_setting_each(words),
             )
     except SystemExit as stop:

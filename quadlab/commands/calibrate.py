@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Calibrate:
-    """Calibrate the vehicle of the running station, guided; without a name: what is in force."""
+    """Calibrate the vehicle of the running station; without a name, print what is in force."""
 
     calibration: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = None
     """gyroscope, accelerometer, motor_bench, mass, inertia, drag, vibration, tracker_delay,

@@ -18,7 +18,7 @@ EVERY_NS = 500_000_000
 
 @dataclass
 class Camera:
-    """Find a camera's intrinsics: move a ChArUco board (DICT_4X4_250) before it."""
+    """Calibrate a camera with a ChArUco board (DICT_4X4_250)."""
 
     out: Path
     """file for the intrinsics, camera_info YAML"""

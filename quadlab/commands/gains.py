@@ -10,7 +10,7 @@ from quadlab.settings import parse_settings
 
 @dataclass
 class Gains:
-    """Phase margins of the named gain sets, and of one made with --set."""
+    """Print the phase margins of the named gain sets, and of one made with --set."""
 
     set: Settings = ()
     """a gain or model parameter, as control.position.kp_xy=9, or control.preset=stiff"""

@@ -27,8 +27,7 @@ Action = (
 
 @dataclass
 class LogCommand:
-    """Look at a log, check it, mend it, fetch one from the vehicle, import a flight of another
-    system, or write it as tables or as a report."""
+    """Inspect, check, repair, fetch, import or export logs, and write reports."""
 
     action: tyro.conf.OmitArgPrefixes[tyro.conf.OmitSubcommandPrefixes[Action]]
     """what to do"""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Protocol
 
 from quadlab.commands.calibrate import Calibrate
@@ -20,24 +21,46 @@ from quadlab.replay.command import Replay
 
 class Command(Protocol):
     def run(self) -> int:
-        """Do it; the exit status. Raises QuadlabError for what the user can mend."""
+        """Do it; the exit status. Raises QuadlabError for what the user can correct."""
         ...
 
 
-COMMANDS: dict[str, type[Command]] = {
-    "up": Up,
-    "fly": Fly,
-    "calibrate": Calibrate,
-    "camera": Camera,
-    "log": LogCommand,
-    "link": LinkCommand,
-    "replay": Replay,
-    "gains": Gains,
-    "new": New,
-    "vehicle": Vehicle,
-    "simulator": Simulator,
-    "station": Station,
-    "web": Web,
-    "tracker": Tracker,
-    "user": User,
+GROUPS: dict[str, dict[str, type[Command]]] = {
+    "Fly": {"up": Up, "fly": Fly, "calibrate": Calibrate},
+    "Recorded flights": {"log": LogCommand, "replay": Replay},
+    "Set up": {"link": LinkCommand, "user": User, "camera": Camera, "gains": Gains, "new": New},
+    "Run one process (quadlab up starts what it needs)": {
+        "vehicle": Vehicle,
+        "simulator": Simulator,
+        "station": Station,
+        "tracker": Tracker,
+        "web": Web,
+    },
 }
+COMMANDS: dict[str, type[Command]] = {
+    name: command for group in GROUPS.values() for name, command in group.items()
+}
+OVERVIEW = """usage: quadlab COMMAND [OPTIONS]
+
+Base station and experiment console of a quadrotor laboratory.
+{commands}
+Examples:
+  quadlab up                              fly a simulated vehicle under the page
+  quadlab fly figure_eight --report       fly the paper's 8 in simulated time
+  quadlab log report LOG                  make a report of a recorded flight
+
+quadlab COMMAND --help lists the options of a command, quadlab --version prints the version.
+"""
+
+
+def overview() -> str:
+    """Return what `quadlab` alone prints: the commands by group, with one sentence each."""
+    lines = []
+    for group, commands in GROUPS.items():
+        lines += ["", f"{group}:"]
+        for name, command in commands.items():
+            words = " ".join((command.__doc__ or "").split("\n\n")[0].split())
+            lines.append(
+                textwrap.fill(words, 100, initial_indent=f"  {name:12}", subsequent_indent=" " * 14)
+            )
+    return OVERVIEW.format(commands="\n".join([*lines, ""]))

@@ -50,7 +50,7 @@ MCU_PORTS = ("mcu0", "mcu1")
 
 @dataclass
 class Up(PageOptions):
-    """Fly a simulated vehicle under the page: the main job."""
+    """Start a simulated vehicle, the station and the page, and print a sign-in link."""
 
     port: int = 8080
     """HTTP port of the page"""

@@ -29,7 +29,7 @@ _WITH_NAME = ("add", "remove", "role", "password")
 
 @dataclass
 class User:
-    """Accounts of people who use the page: add, list, remove, role NAME ROLE, password."""
+    """Manage the accounts for the page: add, list, remove, role NAME ROLE, password."""
 
     action: Annotated[Action, tyro.conf.Positional]
     """what to do"""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -61,10 +62,10 @@ def test_wrong_words_are_answered_in_one_line(
     assert said in complaint(capsys, words, 2)
 
 
-@pytest.mark.parametrize("command", ["", *COMMANDS])
+@pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_help(capsys: pytest.CaptureFixture[str], command: str) -> None:
     with pytest.raises(SystemExit) as stop:
-        main([command, "--help"] if command else ["--help"])
+        main([command, "--help"])
     assert stop.value.code in (0, None)
     assert "usage: quadlab" in capsys.readouterr().out
 
@@ -236,7 +237,16 @@ def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None
     assert capsys.readouterr().out == f"quadlab {version('quadlab')}\n"
 
 
-@pytest.mark.parametrize("words", [[], ["log"], ["link"]])
+@pytest.mark.parametrize("words", [[], ["--help"]])
+def test_the_overview_has_every_command_in_a_line_of_its_own(
+    capsys: pytest.CaptureFixture[str], words: list[str]
+) -> None:
+    assert main(words) == 0
+    listed = re.findall(r"^  (\w+) +[A-Z]", capsys.readouterr().out, re.MULTILINE)
+    assert sorted(listed) == sorted(COMMANDS)
+
+
+@pytest.mark.parametrize("words", [["log"], ["link"]])
 def test_a_command_without_a_word_helps(
     capsys: pytest.CaptureFixture[str], words: list[str]
 ) -> None:
