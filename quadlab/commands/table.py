@@ -7,6 +7,7 @@ from typing import Protocol
 
 from quadlab.commands.calibrate import Calibrate
 from quadlab.commands.camera import Camera
+from quadlab.commands.doctor import Doctor
 from quadlab.commands.fly import Fly
 from quadlab.commands.gains import Gains
 from quadlab.commands.link import LinkCommand
@@ -28,7 +29,14 @@ class Command(Protocol):
 GROUPS: dict[str, dict[str, type[Command]]] = {
     "Fly": {"up": Up, "fly": Fly, "calibrate": Calibrate},
     "Recorded flights": {"log": LogCommand, "replay": Replay},
-    "Set up": {"link": LinkCommand, "user": User, "camera": Camera, "gains": Gains, "new": New},
+    "Set up": {
+        "link": LinkCommand,
+        "user": User,
+        "camera": Camera,
+        "gains": Gains,
+        "new": New,
+        "doctor": Doctor,
+    },
     "Run one process (quadlab up starts what it needs)": {
         "vehicle": Vehicle,
         "simulator": Simulator,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import platform
 import re
 import socket
 import subprocess
@@ -68,6 +70,17 @@ def test_every_command_has_help(capsys: pytest.CaptureFixture[str], command: str
         main([command, "--help"])
     assert stop.value.code in (0, None)
     assert "usage: quadlab" in capsys.readouterr().out
+
+
+def test_the_doctor_reports_versions_computer_and_checks_and_makes_nothing(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert main(["doctor", "--data", str(tmp_path / "lab")]) == 0
+    told = dict(re.findall(r"^([a-z ]+?)  +(.+)$", capsys.readouterr().out, re.MULTILINE))
+    assert told["quadlab"].startswith(version("quadlab"))
+    assert json.loads(told["versions"])["python"] == platform.python_version()
+    assert told["data folder"].startswith("ok: ") or "free" in told["data folder"]
+    assert not (tmp_path / "lab").exists()
 
 
 def test_a_log_that_is_not_there_is_named(
