@@ -140,10 +140,10 @@ def test_without_quadlab_web_the_page_says_so_tries_again_and_gives_up(
     look = look_at(still)
     still.route("**/api/commands/emergency", lambda route: route.abort())
     still.click("#emergency-land")
-    look.text("#emergency-state", "server does not answer, trying again, pressed")
+    look.text("#emergency-state", "server does not answer, retrying, pressed")
     look.text("#emergency-state", "failed: this page's server does not answer.*Press again")
     still.click("#emergency-land")
-    look.text("#emergency-state", "trying again")
+    look.text("#emergency-state", "retrying")
     still.unroute("**/api/commands/emergency")
     look.text("#emergency-state", "accepted, not yet shown")
     assert actions(station) == ["land"]

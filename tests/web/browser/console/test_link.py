@@ -147,8 +147,8 @@ def test_the_link_tab_tells_figures_state_outages_and_the_loop_on_board(
     look.text("#tab-link .problem", "^⚠ Not commanded from here: this station's certificate")
     look.text(
         "#tab-link .way",
-        "^Dialled at 10.0.0.2:7447, let in as observer, telemetry by "
-        "datagrams beside the link, reopened 2 times",
+        "^Connected to 10.0.0.2:7447, admitted as observer, telemetry by "
+        "datagrams outside the link, reopened 2 times",
     )
     # The flight loop on board: only growth is marked.
     look.text("#tab-link .bin .count >> nth=0", "^91k$")

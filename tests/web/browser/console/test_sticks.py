@@ -253,7 +253,7 @@ def test_a_page_that_hangs_is_noticed_by_the_station_and_by_itself(
     )
     assert "silent for 0.2 s" in cockpit.reasons
     until(lambda: not cockpit.flies)
-    look_at(flown).text("#sticks .note", "this page stood still")
+    look_at(flown).text("#sticks .note", "this page froze")
     have = len(cockpit.joys)
     pad.seen()
     assert not any(joy.enabled for joy in cockpit.joys[have:])
@@ -471,7 +471,7 @@ def test_the_panel_says_what_the_sticks_do_and_starts_velocity(
         until(lambda: bool(site.station.requests))
         assert [(s, r.name) for s, r in site.station.requests] == [("start_behavior", "velocity")]
         flight.behavior = "velocity"
-        look.text("#sticks .note", "^On: centred, the vehicle stands")
+        look.text("#sticks .note", "^On: centred, the vehicle hovers")
         page.evaluate("window.wanted = [1, 0, 0, -0.7]")
         look.text("#sticks .note", r"^On: 0\.\d\d m/s forward, 57 °/s turning right\.$")
         look.text("#sticks .trip", "95 % below")

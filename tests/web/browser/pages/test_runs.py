@@ -159,7 +159,7 @@ def test_the_search_finds_words_tags_and_dates(runs: Catalogue, runs_page: Any, 
     sees.text("#count", f"^{hours + 1} runs$")
     runs_page.fill("#search", "nothing is like this")
     sees.text("#count", "^0 runs$")
-    sees.text("#list .empty", "No run is like that")
+    sees.text("#list .empty", "No runs match")
 
 
 def test_a_list_without_any_run_says_how_the_first_is_made(
@@ -242,7 +242,7 @@ def test_notes_save_themselves_and_tell_when_two_wrote(
     runs_page.keyboard.press("Tab")
     sees.text("#detail .notes .said", "It replaced what anna wrote at .*“calm”")
     assert runs.get(FIRST).notes == "gusty, new propellers"
-    runs_page.click("#detail .said button:has-text('Put that back')")
+    runs_page.click("#detail .said button:has-text('Restore that')")
     sees.value("#detail textarea", "calm")
     sees.text("#run-0 .notes", "^calm$")
     assert len(notes_history(runs, FIRST)) == 4

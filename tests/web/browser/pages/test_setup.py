@@ -139,15 +139,15 @@ def test_the_fly_tab_says_why_it_is_not_ready_and_so_does_the_arm_button(
     page.wait_for_selector("#tab-gains", state="visible")
     look.value("#search", "model.")
     page.click("[data-tab=fly]")
-    look.text("#preflight summary", "mend *Not ready: 2 reasons *battery: 13.2 V")
+    look.text("#preflight summary", "Fix *Not ready: 2 reasons *battery: 13.2 V")
     look.text("#preflight-note", "battery 13.2 V: charge it; sticks deflected by 40 %")
     assert page.get_attribute("#arm", "aria-describedby") == "preflight-note"
     page.wait_for_function("() => document.getElementById('arm').title.includes('battery 13.2 V')")
     page.press("#preflight summary", "Enter")
-    look.text("#preflight li >> nth=0", "mend *battery *13.2 V wanted: at least 14.0 V *charge it")
-    look.text("#preflight li >> nth=2", "ok *link *good")
+    look.text("#preflight li >> nth=0", "Fix *battery *13.2 V expected: at least 14.0 V *charge it")
+    look.text("#preflight li >> nth=2", "OK *link *good")
     ground.checks = [LINK]
-    look.text("#preflight summary", "ok *Ready to arm")
+    look.text("#preflight summary", "OK *Ready to arm")
     look.text("#preflight-note", "^$")
     ground.armed = True
     look.text("#preflight summary", "Armed")
@@ -208,13 +208,13 @@ def test_the_start_up_checks_stand_with_a_word_and_what_to_do(
 ) -> None:
     page = open_tab("/setup")
     look = look_at(page)
-    look.text("#checks-summary", "to fix")
-    look.text("#checks section[aria-label=Vehicle] li", "mend *real-time rights *refused")
+    look.text("#checks-summary", "Fix")
+    look.text("#checks section[aria-label=Vehicle] li", "Fix *real-time rights *refused")
     look.text("#checks section[aria-label=Vehicle] .advice", "^write it$")
-    look.text("#checks section[aria-label='This browser'] li >> nth=0", "ok *secure context *yes")
+    look.text("#checks section[aria-label='This browser'] li >> nth=0", "OK *secure context *yes")
     ground.found = [LINK, Check("real-time rights", "ok", "granted", place="vehicle")]
     page.click("text=Check again")
-    look.text("#checks section[aria-label=Vehicle] li", "ok *real-time rights *granted")
+    look.text("#checks section[aria-label=Vehicle] li", "OK *real-time rights *granted")
     assert ground.station.requests[-1][0] == "checks"
     assert ground.station.requests[-1][1].again
     ground.found = [LINK, RIGHTS]
