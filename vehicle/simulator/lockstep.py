@@ -214,6 +214,7 @@ class LockstepPace:
                 waited = (self._wall_ns() - began_ns) * 1e-9
                 self._sleep(min(max(LOOK_S, 0.2 * waited), LOOK_SELDOM_S))
                 self._lose(due_ns)
+                self._tell(due_ns)
             else:
                 one.is_there = True
         lines = []
@@ -247,6 +248,7 @@ class LockstepPace:
         published.append((wall_ns, now_ns))
         if len(published) > 1:
             elapsed_ns = wall_ns - published[0][0]
-            self._page[clock.FACTOR] = 1_000_000 * (now_ns - published[0][1]) // elapsed_ns
+            factor = 1_000_000 * (now_ns - published[0][1]) // elapsed_ns
+            self._page[clock.FACTOR] = max(factor, 1)  # 0 means that there is no simulation
         while wall_ns - published[0][0] > WINDOW_NS:
             published.popleft()

@@ -19,6 +19,9 @@ log = logging.getLogger(__name__)
 TIMEOUT = 1.0
 """s; a command is worth repeating under the same request id for 5 s, not waiting for longer."""
 
+NOBODY = 0.1
+"""s; a question that nobody gets ends sooner. One that ends later may have been carried out."""
+
 KINDS: dict[str, type[LinkError]] = {"no answer": NoAnswerError, "unreachable": UnreachableError}
 """Errors that stay of their kind on the way from a service to its client, by the schema of the
 error reply's encoding; all others become a LinkError."""
@@ -87,7 +90,8 @@ class ServiceClient:
 
         Raises:
             UnreachableError: no one is there to answer.
-            NoAnswerError: no answer came in time, here or where the service asked on.
+            NoAnswerError: no answer came in time, here or where the service asked on, or contact
+                broke meanwhile.
             LinkError: the service answered with another error.
         """
         started = time.monotonic()
@@ -112,8 +116,10 @@ class ServiceClient:
             if reply.err and text != "Timeout":  # Zenoh's own way of saying that time is up
                 kind = str(reply.err.encoding).partition(";")[2]
                 raise KINDS.get(kind, LinkError)(text)
-        if time.monotonic() - started < 0.5 * timeout:  # no one to wait for
-            log.debug("nobody serves %s", self._name)
-            raise UnreachableError(f"{peer_of(self._name)} is not reached; is it running?")
-        log.debug("%s did not answer within %g s", self._name, timeout)
-        raise NoAnswerError(f"{peer_of(self._name)} has not answered within {timeout:g} s")
+        waited, peer = time.monotonic() - started, peer_of(self._name)
+        log.debug("%s: no answer in %.3f s of %g s", self._name, waited, timeout)
+        if waited < NOBODY:
+            raise UnreachableError(f"{peer} is not reached; is it running?")
+        if waited < 0.9 * timeout:  # it was asked, and the link or itself has ended since
+            raise NoAnswerError(f"contact with {peer} broke before it answered")
+        raise NoAnswerError(f"{peer} has not answered within {timeout:g} s")

@@ -17,7 +17,7 @@ from typing import Any
 import msgspec
 from fastapi import WebSocket
 
-from vehicle_link.clock import wall_time
+from vehicle_link.clock import real_time_factor, wall_time
 from web.access.roles import Session
 from web.live.conversation import converse
 from web.live.latest import CHARTED, STALE, Live
@@ -143,7 +143,7 @@ def summarize(live: Live) -> Message:
     return {
         "age": {t: round(a, 2) if math.isfinite(a) else None for t, a in ages.items()},
         "status": _fields(live.newest("status")),
-        "station": _fields(live.newest("station_status")),
+        "station": _station(live.newest("station_status")),
         "link": _fields(live.newest("link_status")),
         "tracker": _fields(live.newest("tracker_status")),
         "battery": _battery(live.newest("battery")),
@@ -153,6 +153,14 @@ def summarize(live: Live) -> Message:
 
 def session_fields(session: Session) -> Message:
     return {"label": session.label, "role": session.role.value, "account": session.has_account}
+
+
+def _station(message: Any) -> Message | None:
+    """Return its fields; the real-time factor as this process knows it, while the station is
+    waited for.
+    """
+    fields, factor = _fields(message), real_time_factor()
+    return {**fields, "real_time_factor": factor} if fields and factor else fields
 
 
 def _battery(message: Any) -> Message | None:

@@ -230,6 +230,30 @@ def test_the_real_time_factor_is_that_of_the_last_seconds(bench: Bench) -> None:
     assert clock.real_time_factor() == pytest.approx(1.0, abs=0.01)
 
 
+def test_the_real_time_factor_falls_while_a_part_is_waited_for(bench: Bench) -> None:
+    bench.deliver(7)
+    bench.part.answered(0, 7)
+    for _ in range(1000):
+        bench.step()
+    bench.deliver(9)
+    seen: list[tuple[int, float]] = []
+    begun_ns = bench.wall_ns
+
+    def late() -> None:
+        seen.append((bench.wall_ns - begun_ns, clock.real_time_factor()))
+        if seen[-1][0] >= 4000 * MS:
+            bench.part.answered(0, 9)
+
+    bench.meanwhile = late
+    bench.step()
+    assert all(factor < 0.8 for waited_ns, factor in seen if waited_ns > 500 * MS)
+    assert 0.0 < seen[-1][1] < 0.01  # 0 would mean that there is no simulation
+    bench.meanwhile = lambda: None
+    for _ in range(4000):
+        bench.step()
+    assert clock.real_time_factor() == pytest.approx(1.0, abs=0.01)
+
+
 def test_the_simulator_goes_on_while_it_is_answered_and_without_who_left(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, page: memoryview
 ) -> None:

@@ -279,6 +279,33 @@ def test_a_service_that_is_slow_or_absent_is_a_link_error(link: Link) -> None:
         absent.call(new(REQUEST))
 
 
+def test_a_service_that_is_lost_while_it_works_may_have_carried_it_out(link: Link) -> None:
+    entered, proceed = threading.Event(), threading.Event()
+
+    def slow(request: Message) -> Message:
+        entered.set()
+        proceed.wait(WAIT)
+        return _ok(request)
+
+    session = loopback_session(link.loopback_port)
+    Node(session, "/quad1", "leaving").serve("leaving", SERVICES["arm"], slow)
+    client = link.web.client("leaving", SERVICES["arm"])
+    assert client.wait(WAIT)
+
+    def leave() -> None:
+        entered.wait(WAIT)
+        threading.Event().wait(0.2)  # the link breaks later than an absent service is known of
+        session.close()
+
+    leaving = threading.Thread(target=leave)
+    leaving.start()
+    with pytest.raises(NoAnswerError, match=r"^contact with the vehicle broke before") as found:
+        client.call(new(REQUEST), timeout=WAIT)
+    assert not isinstance(found.value, UnreachableError)
+    proceed.set()
+    leaving.join()
+
+
 def test_a_service_of_several_threads_answers_beside_a_request_that_is_held_up(link: Link) -> None:
     entered, proceed = threading.Event(), threading.Event()
 

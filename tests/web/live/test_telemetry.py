@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import struct
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -12,6 +13,8 @@ import numpy as np
 import pytest
 import websockets.exceptions
 
+from vehicle_link import clock
+from vehicle_link.lockstep import Page
 from vehicle_link.messages import decode, encode, new
 from web.live import events
 from web.live.latest import STALE, Live
@@ -172,6 +175,24 @@ def test_the_summary_tells_status_and_ages(site: Any, operator: httpx.Client, st
     assert summary["link"]["loss"] == pytest.approx(0.02)
     assert summary["battery"]["voltage"] == pytest.approx(15.6, abs=0.01)
     assert summary["age"]["state"] < 5.0
+
+
+def test_the_real_time_factor_is_told_while_the_station_is_waited_for(
+    site: Any, operator: httpx.Client, station: Any, tmp_path: Path
+) -> None:
+    page = Page(["quad1"], tmp_path)
+    clock.follow(page.path)
+    try:
+        station.fly()
+        operator.get("/api/summary")
+        words = clock.page()
+        assert words is not None
+        words[clock.LIMIT], words[clock.FACTOR] = clock.monotonic_ns(), 40_000
+        summary = operator.get("/api/summary").json()
+        assert summary["station"]["real_time_factor"] == pytest.approx(0.04)
+    finally:
+        clock.follow(None)
+        page.close()
 
 
 def test_a_new_page_gets_the_lines_before_it(site: Any, operator: httpx.Client) -> None:
