@@ -13,6 +13,7 @@ from typing import Any
 
 from quadrotor.errors import LinkError, UnknownParameterError
 from quadrotor.parameters import ParameterDescription, ParameterValue, coerce
+from vehicle_link.clock import wall_time
 from vehicle_link.parameters.messages import AppliedChange
 from vehicle_link.parameters.replica import ParameterReplica, Snapshot
 
@@ -71,6 +72,7 @@ class PageParameters(ParameterReplica):
                     "requester": requester,
                     "revision": revision,
                     "generation": self.generation,
+                    "stamp": wall_time(),
                 }
             )
 

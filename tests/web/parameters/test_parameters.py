@@ -189,7 +189,8 @@ def test_unknown_names_and_an_unknown_vehicle_are_said() -> None:
         replica.check({"gains.kq": 1.0})
 
 
-def test_pages_hear_only_news() -> None:
+def test_pages_hear_only_news_as_of_the_flights_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("web.parameters.replica.wall_time", lambda: 86_400.0)
     told: list[Any] = []
     replica = PageParameters(told.append)
     replica.load({"gains.kp": 4.0}, 3, descriptions=[description()])
@@ -203,6 +204,7 @@ def test_pages_hear_only_news() -> None:
         "requester": "operator 1",
         "revision": 4,
         "generation": replica.generation,
+        "stamp": 86_400.0,
     }
 
 

@@ -13,8 +13,8 @@ export class EventList {
       for (const line of lines) this.add(line);
     });
     events.on("event", (line) => this.add(line));
-    events.on("parameter", ({ name, value, requester }) => this.add({
-      level: "change", text: `${name} = ${exact(value)}${requester ? `, ${requester}` : ""}`, stamp: Date.now() / 1e3, key: name,
+    events.on("parameter", ({ name, value, requester, stamp }) => this.add({
+      level: "change", text: `${name} = ${exact(value)}${requester ? `, ${requester}` : ""}`, stamp, key: name,
     }));
   }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -125,6 +126,15 @@ def test_a_row_never_goes_back_to_an_older_revision(gains: Any) -> None:
         }"""
     )
     assert shown == ["1", "1", "3", "3", "5", "6"]
+
+
+def test_a_change_stands_among_the_events_at_the_flights_time(
+    gains: Any, look: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noon = datetime(2026, 1, 31, 12, 34, 56).timestamp()  # of no other event
+    monkeypatch.setattr("web.parameters.replica.wall_time", lambda: noon)
+    change(gains, {"gains.kp": 9.5})
+    look.text("#events li:first-child", r"12:34:56\s*gains\.kp = 9\.5")
 
 
 def test_a_change_touches_its_own_row_and_builds_nothing(gains: Any, look: Any) -> None:
