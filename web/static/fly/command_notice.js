@@ -1,6 +1,7 @@
 // What became of this page's last command. While its answer is late it is pending; then it is done,
 // refused, or not known, by its answer and by what the vehicle shows. A notice goes when it is no
-// longer true: with the next command, when the vehicle's state is another, or after a while.
+// longer true: with the next command, when the vehicle's state is another, when it is ready to arm
+// again, or after a while.
 
 import { element, setText } from "../core/dom.js";
 import { seconds, words } from "../core/format.js";
@@ -45,6 +46,7 @@ export class CommandNotice {
       if (isOpen(error) && asked.shows) asked.problem = error.message;
       else if (isOpen(error) && shows) this.unknown(label);
       else this.refuse(`${label ? `${label}: ` : ""}${error.message}`, error.status === NOBODY);
+      this.isArming = label === "arm";
       return false;
     }
     if (this.asked === asked) {
@@ -80,7 +82,7 @@ export class CommandNotice {
     this.began = performance.now();
     this.ends = this.began + stays;
     this.state = undefined;
-    this.isStation = false;
+    this.isStation = this.isArming = this.wasUnready = false;
     this.unheard = ""; // label of a command that is open while the vehicle is not heard
   }
 
@@ -95,9 +97,12 @@ export class CommandNotice {
 
   isOver() {
     const shown = performance.now() - this.began;
+    const isReady = this.events.summary.preflight?.ready;
+    this.wasUnready ||= isReady === false;
     if (performance.now() > this.ends) return true;
     if (this.tone !== "bad" || shown < READ) return false;
     if (this.isStation) return 1e3 * this.events.age("station_status") < shown - READ / 2; // heard again
+    if (this.isArming && this.wasUnready && isReady) return true;
     const now = this.stateKey();
     if (now && this.unheard) this.unknown(this.unheard); // now it is, and shows something
     return Boolean(this.state) && Boolean(now) && now !== this.state;

@@ -7,6 +7,8 @@ from typing import Any
 import pytest
 
 from quadrotor.errors import NoAnswerError
+from vehicle_link.checks import Check, to_messages
+from vehicle_link.messages import new
 
 FIGURE_8 = ".behavior:has-text('Figure 8') button"
 FLIES = {"behavior": "follow_trajectory"}
@@ -81,6 +83,29 @@ def test_a_refusal_goes_with_the_state_that_it_was_about(
     page.wait_for_selector("#gains", state="visible")
     assert page.is_visible("#answer")
     station.said = {"behavior": "take_off"}
+    is_gone(page)
+
+
+def test_a_refusal_to_arm_goes_when_the_vehicle_is_ready_again(
+    page: Any, look: Any, station: Any
+) -> None:
+    def prepare(ready: bool) -> None:
+        failing = [] if ready else [Check("link", "fail", "degraded", "good")]
+        message = new("quadlab_msgs/Preflight", ready=ready, checks=to_messages(failing))
+        station.put("preflight", message)
+
+    station.said = {"armed": False}
+    look.text("#arm", "^Arm$")
+    station.refusal = "not armed: link: degraded, wanted good"
+    prepare(True)  # the list is older than the refusal
+    page.press("#arm", "Enter", delay=900)
+    look.text("#answer", "^arm: not armed: link")
+    prepare(False)
+    look.text("#preflight", "Not ready")
+    page.evaluate(LATER, 5000)
+    page.wait_for_timeout(300)  # the notice is drawn anew
+    assert page.is_visible("#answer")
+    prepare(True)
     is_gone(page)
 
 
