@@ -58,10 +58,13 @@ class Series:
         found = self._topic.constants.get(name)
         return None if found is None else float(np.array(found, self._topic.dtype))
 
-    def values(self, name: str) -> Floats:
-        """Return a number, (N,), NaN where the log has none such; not to be written into."""
-        values = self._topic.values(name)
-        return values if self._order is None else values[self._order]
+    def values(self, name: str, first: int = 0, last: int | None = None) -> Floats:
+        """Return a number from `first` to before `last`, (N,), NaN where the log has none such; not
+        to be written into.
+        """
+        if self._order is None:
+            return self._topic.values(name, first, last)
+        return self._topic.values(name)[self._order[first:last]]
 
     def rows(self, names: Sequence[str]) -> Floats:
         """Return numbers, (N, len(names)), NaN where the log has none such."""
@@ -136,7 +139,11 @@ def read_run(log: Path, tell: Callable[[float], None] = lambda share: None) -> R
     """Read a run; `tell` as for `read_columns`. Raises as it does, LogFormatError also without
     messages, or with more than are held.
     """
-    columns = read_columns(log, tell)
+    return run_of(read_columns(log, tell))
+
+
+def run_of(columns: LogColumns) -> Run:
+    """Return the run of a log's columns. Raises LogFormatError as `read_run` does."""
     found = columns.topics
     if not found:
         unread = next(iter(columns.problems.items()), None)

@@ -81,14 +81,7 @@ def assemble(
     )
     links = SignedLinks(data / "web")
     shared = Shared(
-        base_url,
-        people,
-        catalogue,
-        links,
-        ViserExports(),
-        ReportMaking(),
-        ReplayStore(catalogue.folder),
-        tls,
+        base_url, people, catalogue, links, ViserExports(), ReportMaking(), ReplayStore(), tls
     )
     sides = [VehicleSide(name, shared, connect, hubs[name], new_view_server()) for name in vehicles]
     fleet = Fleet(sides)

@@ -33,7 +33,7 @@ def _page(log: Path, folder: Path) -> int:
     """Do what *Runs* does with a log: enter it, list it, make it ready for replay, read it."""
     from console.catalogue.catalogue import Catalogue
     from console.runs.adoption import tidy_runs
-    from web.replay.build import build
+    from web.replay.build import build_replay
     from web.replay.reader import Replay
     from web.runs.listing import lines
 
@@ -42,8 +42,8 @@ def _page(log: Path, folder: Path) -> int:
     try:
         tidy_runs(catalogue)
         assert len(lines(catalogue, catalogue.runs())) == 1
-        build(copy, folder / "cache", lambda share: None)
-        replay = Replay(folder / "cache")
+        build_replay(copy, lambda share: None)
+        replay = Replay(copy)
         described = replay.described()
         names = [one["name"] for one in described["signals"]][:8]
         if names:

@@ -40,8 +40,10 @@ read_columns(Path(sys.argv[1]))
 PAGE = """
 import sys
 from pathlib import Path
-from web.replay.build import build
-build(Path(sys.argv[1]), Path(sys.argv[2]), lambda share: None)
+from web.replay.build import build_replay
+from web.replay.reader import Replay
+build_replay(Path(sys.argv[1]), lambda share: None)
+Replay(Path(sys.argv[1])).window(["state.position.z", "state.yaw"], 0.0, 1e6, 1000)
 """
 TABLE = """
 import sys, time
@@ -71,9 +73,7 @@ def run(quick: bool = False) -> Report:
         os.environ["XDG_CACHE_HOME"] = str(Path(name) / "cache")
         taken = {PLAIN: _taken(sys.executable, "-c", READ, str(log))}
         taken[COLUMNS] = _taken(sys.executable, "-c", MAKE, str(log))
-        taken["replay page"] = _taken(
-            sys.executable, "-c", PAGE, str(log), str(Path(name) / "page")
-        )
+        taken["replay page"] = _taken(sys.executable, "-c", PAGE, str(log))
         for command in (*LIMITED, "log export --format csv", "log report"):
             words = command.split()
             if words[1] != "check":

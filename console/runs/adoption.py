@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +26,7 @@ def tidy_runs(catalogue: Catalogue, skip: Collection[str] = ()) -> list[str]:
     Raises StorageError when folder or catalogue cannot be used at all.
     """
     lines = finish_moves(catalogue)
+    shutil.rmtree(catalogue.folder / ".replay", ignore_errors=True)  # an older version's caches
     known = {entry.id: entry for entry in catalogue.runs(limit=1_000_000)}
     try:
         paths = runs_in(catalogue.folder)

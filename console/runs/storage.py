@@ -10,7 +10,7 @@ from console.catalogue.catalogue import Catalogue
 from console.catalogue.search import NOT_DELETED
 from console.catalogue.tables import RunRow, TrashRow
 from console.runs.disk import free_bytes
-from console.runs.replay_caches import replay_bytes
+from flight_log.columns import CACHES, folder_bytes
 
 RECENT = 10
 """Runs whose mean rate is taken while nothing is recorded."""
@@ -24,7 +24,7 @@ class Storage:
     run_bytes: int
     deleted: int
     deleted_bytes: int
-    replay_bytes: int  # of the caches
+    replay_bytes: int  # of the columns
     free: int
     rate: float  # bytes/s, mean of the newest runs; 0 without any
 
@@ -54,7 +54,7 @@ def storage(catalogue: Catalogue) -> Storage:
         run_bytes=int(run_bytes),
         deleted=int(trashed),
         deleted_bytes=int(trashed_bytes),
-        replay_bytes=replay_bytes(catalogue.folder),
+        replay_bytes=folder_bytes(catalogue.folder / CACHES),
         free=free_bytes(catalogue.folder),
         rate=sum(row.bytes for row in newest) / seconds if seconds else 0.0,
     )

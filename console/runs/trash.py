@@ -22,7 +22,7 @@ from sqlalchemy import delete, select
 from console.catalogue.catalogue import SUFFIX, Catalogue, runs_in
 from console.catalogue.search import NOT_DELETED
 from console.catalogue.tables import CompletenessRow, MarkRow, NoteRow, RunRow, TagRow, TrashRow
-from console.runs.replay_caches import remove_replay
+from flight_log.columns import place_of
 from flight_log.file import is_being_written
 from quadrotor.errors import RefusedError, StorageError
 
@@ -74,7 +74,7 @@ def delete_run(catalogue: Catalogue, run_id: str, requester: str) -> None:
         for path in list(log.parent.glob(f"{escape(log.stem)}.*")):
             if path.suffix in MADE_AGAIN:
                 path.unlink(missing_ok=True)
-    remove_replay(log)
+    shutil.rmtree(place_of(log), ignore_errors=True)
 
 
 def restore_run(catalogue: Catalogue, run_id: str) -> None:

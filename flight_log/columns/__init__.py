@@ -36,7 +36,6 @@ from flight_log.columns.writer import (
     digest,
     write_columns,
 )
-from flight_log.file import is_being_written
 from flight_log.payload_layout import HEADER_STAMP
 from flight_log.reader import decodable_name
 from flight_log.run_folder import log_of
@@ -46,6 +45,7 @@ CACHES = ".columns"
 """Folder of the runs' columns, beside the runs."""
 LARGEST = 4_000_000_000
 """Bytes of all columns in a cache folder; those looked at longest ago go first."""
+ON_ITS_WAY = ".new"
 MEMORY = Path("/dev/shm")
 """Where columns are made when no disk has room."""
 
@@ -109,8 +109,8 @@ class Topic:
         """Return its columns as they lie in the file, a pyarrow.Table."""
         return self._mapped[0]
 
-    def _column(self, name: str) -> npt.NDArray[Any]:
-        column = self.arrow[name]
+    def _column(self, name: str, first: int = 0, last: int | None = None) -> npt.NDArray[Any]:
+        column = self.arrow[name].slice(first, None if last is None else last - first)
         if column.num_chunks == 1:
             lying: npt.NDArray[Any] = column.chunk(0).to_numpy()
             return lying
@@ -145,15 +145,17 @@ class Topic:
         found: list[bytes] = self.arrow[PAYLOAD].to_pylist()
         return found
 
-    def values(self, name: str) -> Floats:
-        """Return a number, (N,), NaN where there is none; not to be written into."""
+    def values(self, name: str, first: int = 0, last: int | None = None) -> Floats:
+        """Return a number of the messages from `first` to before `last`, (N,), NaN where there is
+        none; not to be written into.
+        """
         if name in HEADER_STAMP and name in self:
-            seconds, rest = np.divmod(self.header_ns, 1_000_000_000)
+            seconds, rest = np.divmod(self.header_ns[first:last], 1_000_000_000)
             return (seconds if name == HEADER_STAMP[0] else rest).astype(self.dtype)
         if name not in self._known or name in self.constants:
             value = np.array(self.constants.get(name, np.nan), self.dtype)
-            return np.broadcast_to(value, len(self))
-        found = self._column(name)
+            return np.broadcast_to(value, len(self))[first:last]
+        found = self._column(name, first, last)
         if self.dtype == found.dtype:
             return found
         with np.errstate(over="ignore", invalid="ignore"):
@@ -185,10 +187,14 @@ class LogColumns:
         tear: why reading stopped early; empty: at the log's end.
         damaged_chunks, damaged_records: how many were passed over.
         problems: by topic, why it could not be read.
+        folder: where they lie.
+        identity: of the log that they were made of.
         note: why the columns are not kept; empty when they are.
     """
 
     path: Path
+    folder: Path
+    identity: list[int]
     topics: dict[str, Topic]
     attachments: dict[str, bytes]
     metadata: dict[str, dict[str, str]]
@@ -204,11 +210,11 @@ class _DamagedError(Exception):
 
 
 class _Folder:
-    """The columns of a log in their folder."""
+    """The columns of a log in their folder; without `tell` none are made."""
 
-    def __init__(self, log: Path, place: Path, tell: Callable[[float], None]) -> None:
+    def __init__(self, log: Path, place: Path, tell: Callable[[float], None] | None) -> None:
         self.log, self._tell = log, tell
-        self._identity = identity(log)
+        self._identity = identity(log) if tell else []
         self.note = ""
         self._temporary: tempfile.TemporaryDirectory[str] | None = None
         self.folder = place
@@ -224,26 +230,24 @@ class _Folder:
         if xxhash.xxh3_64_hexdigest(data).encode() != head:
             raise _DamagedError
         index: dict[str, Any] = json.loads(data)
-        if index["version"] != VERSION or index["identity"] != self._identity:
+        if index["version"] != VERSION or self._identity not in ([], index["identity"]):
             raise _DamagedError
         return index
 
     def _make(self, place: Path) -> None:
         """Make the columns in `place`, or where there is room for them."""
-        problems: list[str] = []
-        if is_being_written(self.log):
-            problems.append("it is being recorded")
-        else:
-            try:
-                self._write(place)
-                make_room(place.parent, place.name)
-                return
-            except OSError as error:
-                problems.append(f"{place.parent}: {error.strerror or error}")
+        if self._tell is None:
+            raise StorageError(f"the columns of {self.log.name} are not there, or damaged")
+        try:
+            self._write(place, self._tell)
+            make_room(place.parent, place.name)
+            return
+        except OSError as error:
+            problems = [f"{place.parent}: {error.strerror or error}"]
         for parent in (None, MEMORY):
             try:
                 own = tempfile.TemporaryDirectory(prefix="quadlab-columns-", dir=parent)
-                self._write(Path(own.name) / "columns")
+                self._write(Path(own.name) / "columns", self._tell)
                 self._temporary = own
                 self.note = f"the columns of {self.log.name} are not kept ({problems[0]})"
                 return
@@ -251,11 +255,11 @@ class _Folder:
                 problems.append(error.strerror or str(error))
         raise StorageError(f"no room for the columns of {self.log.name}: {'; '.join(problems)}")
 
-    def _write(self, place: Path) -> None:
-        new = place.with_name(f"{place.name}.{os.getpid()}.new")
+    def _write(self, place: Path, tell: Callable[[float], None]) -> None:
+        new = place.with_name(f"{place.name}.{os.getpid()}{ON_ITS_WAY}")
         shutil.rmtree(new, ignore_errors=True)
         try:
-            write_columns(self.log, new, self._identity, self._tell)
+            write_columns(self.log, new, self._identity, tell)
             shutil.rmtree(place, ignore_errors=True)
             with suppress(OSError):  # another process was faster: its columns are as good
                 new.rename(place)
@@ -306,16 +310,34 @@ def read_columns(
     Raises LogFormatError or StorageError.
     """
     log = log_of(log)
-    folder = _Folder(log, place or place_of(log), tell)
+    return _columns(_Folder(log, place or place_of(log), tell), dtype)
+
+
+def kept_columns(log: Path, dtype: npt.DTypeLike = np.float32) -> LogColumns:
+    """Return the columns that are kept of a log, also of an earlier state of it. Raises
+    StorageError when there are none.
+    """
+    log = log_of(log)
+    return _columns(_Folder(log, place_of(log), None), dtype)
+
+
+def _columns(folder: _Folder, dtype: npt.DTypeLike) -> LogColumns:
     index = folder.index
     topics = {
         name: Topic(facts, _opener(folder, name), dtype, index["schemas"].get(name))
         for name, facts in index["topics"].items()
     }
     attachments = {name: text.encode("latin-1") for name, text in index["attachments"].items()}
-    names = ("metadata", "tear", "damaged_chunks", "damaged_records", "problems")
+    names = ("identity", "metadata", "tear", "damaged_chunks", "damaged_records", "problems")
     facts: dict[str, Any] = {name: index[name] for name in names}
-    return LogColumns(path=log, topics=topics, attachments=attachments, note=folder.note, **facts)
+    return LogColumns(
+        path=folder.log,
+        folder=folder.folder,
+        topics=topics,
+        attachments=attachments,
+        note=folder.note,
+        **facts,
+    )
 
 
 def _opener(folder: _Folder, name: str) -> Callable[[], tuple[Any, mmap.mmap]]:
@@ -353,19 +375,41 @@ def place_of(log: Path) -> Path:
 
 
 def make_room(folder: Path, name: str) -> bool:
-    """Remove the columns looked at longest ago above LARGEST, but not those called `name`,
-    finished or on their way; return whether that was enough.
+    """Remove from a cache folder what killed processes have left, the columns of removed runs and,
+    above LARGEST, those looked at longest ago, but not those called `name`, finished or on their
+    way; return whether that was enough.
     """
+    others = []
+    for one in folder.glob("*"):
+        if one.suffix == ON_ITS_WAY and not _is_alive(one):
+            shutil.rmtree(one, ignore_errors=True)
+        elif one.name != name and one.suffix != ON_ITS_WAY:
+            others.append((_looked_at(one), one))
     excess = folder_bytes(folder) - LARGEST
-    if excess <= 0:
-        return True
-    kept = [one for one in folder.glob(f"*/{INDEX}") if not one.parent.name.startswith(name)]
-    for one in sorted(kept, key=lambda one: one.stat().st_mtime):
-        if excess <= 0:
+    for looked_at, one in sorted(others):
+        if looked_at and excess <= 0:
             break
-        excess -= folder_bytes(one.parent)
-        shutil.rmtree(one.parent, ignore_errors=True)
+        excess -= folder_bytes(one)
+        shutil.rmtree(one, ignore_errors=True)
     return excess <= 0
+
+
+def _is_alive(columns: Path) -> bool:
+    """Return whether the process that makes these columns runs."""
+    return Path("/proc", columns.stem.rpartition(".")[2]).exists()
+
+
+def _looked_at(columns: Path) -> float:
+    """Return when somebody last did, s; 0 for columns that are damaged or whose run is gone."""
+    runs = columns.parent.parent
+    run = runs / columns.name
+    if columns.parent.name == CACHES and not (
+        run.exists() or run.with_name(f"{run.name}.mcap").exists()
+    ):
+        return 0.0
+    with suppress(OSError):
+        return (columns / INDEX).stat().st_mtime
+    return 0.0
 
 
 def folder_bytes(folder: Path) -> int:

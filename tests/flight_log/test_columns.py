@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import resource
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import pytest
 from benchmarks.logs.recorded_run import MadeRun, write_run
 from flight_log import columns as module
 from flight_log import read_log
-from flight_log.columns import CACHES, place_of, read_columns
+from flight_log.columns import CACHES, kept_columns, place_of, read_columns
 from flight_log.file import LogFile
 from quadrotor.errors import StorageError
 from vehicle_link.messages import decode
@@ -104,14 +105,15 @@ def test_where_no_disk_has_room_that_is_said_and_nothing_is_left(log: Path) -> N
     assert heights(log).tolist() == decoded(log)
 
 
-def test_columns_of_a_log_that_grows_are_not_kept(log: Path, tmp_path: Path) -> None:
+def test_columns_of_a_log_that_grows_are_made_again_when_it_has_grown(log: Path) -> None:
     data = log.read_bytes()
     growing = LogFile(log.with_name("b.mcap"))
     growing.write(data[: len(data) // 2])
-    found = read_columns(growing.path)
-    assert "recorded" in found.note
-    assert found.tear
-    assert not place_of(growing.path).exists()
+    assert read_columns(growing.path).tear
+    before = heights(growing.path)
+    growing.write(data[len(data) // 2 : -5000])
+    assert kept_columns(growing.path).topics[STATE].values(HEIGHT).tolist() == pytest.approx(before)
+    assert len(heights(growing.path)) > len(before) > 100
     growing.close()
 
 
@@ -122,3 +124,14 @@ def test_old_columns_go_and_the_newest_stay(log: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(module, "LARGEST", 1000)
     heights(other)
     assert [one.name for one in place_of(log).parent.iterdir()] == ["other"]
+
+
+def test_what_a_killed_process_has_left_goes_and_columns_of_removed_runs(log: Path) -> None:
+    caches = place_of(log).parent
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    for name in (f"a.{ended.pid}.new", f"b.{ended.pid}.new", "gone", f"b.{os.getpid()}.new"):
+        (caches / name / "scratch").mkdir(parents=True)
+    (caches / "a").mkdir()  # of a run that is there, and damaged
+    heights(log)
+    assert sorted(one.name for one in caches.iterdir()) == ["a", f"b.{os.getpid()}.new"]

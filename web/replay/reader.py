@@ -1,14 +1,16 @@
-"""Windows and instants out of a replay's cache: only what is asked for is read from the disk.
+"""Windows and instants of a replay, out of the mapped columns of its log: only what is asked for is
+read from the disk.
 
-Thread-safe: reading is by place (pread), and nothing is changed after opening.
+Thread-safe: nothing is changed after opening.
 """
 
 from __future__ import annotations
 
 import json
-import os
+import mmap
 import struct
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -23,89 +25,64 @@ from console.evaluation.spectrum import (
     spectrogram,
     spectrum,
 )
+from flight_log.columns import kept_columns
+from flight_log.message_times import gaps
+from flight_log.run import run_of
 from quadrotor.errors import MeasurementError, OutOfBoundsError, StorageError
-from web.replay.cache_writer import COLUMNS, INDEX, TRACK, VERSION
-from web.replay.pyramid import FACTOR, coarser, level_sizes
+from web.replay.build import INDEX, TRACK, VERSION
+from web.replay.signals import derived, members_of
 
-STRIDE = 512
-"""Every so many times are kept in memory; between them, one read finds the place."""
 MOST_SAMPLES = 2_000_000
 """Of a signal, under one spectrum."""
 MOST_COLUMNS = 300
 """Of a spectrogram; of more, neighbours are averaged."""
 DETAIL = 2
 """Samples a point are drawn one by one."""
+BIN = 16
+"""Samples of which the least and the greatest are kept: a whole flight is drawn from these."""
+MOST_BINNED = 64
+"""Columns of which they are kept: 300 kB each of 20 min at 500 Hz."""
+PIECE = 1 << 16
+"""Samples that are made at once."""
 
-Times = npt.NDArray[np.float64]
-Floats = npt.NDArray[np.float32]
-
-
-class _Base:
-    """The times of one or several topics, s since the run's start, in order."""
-
-    def __init__(self, replay: Replay, fields: dict[str, Any]) -> None:
-        self.count: int = fields["count"]
-        self.edges: list[int] = fields["edges"]
-        self.gaps = np.array(fields["gaps"], np.int64)
-        self._replay = replay
-        self._place: int = fields["times"]
-        self._every = np.array(
-            [self.times(k, k + 1)[0] for k in range(0, self.count, STRIDE)], float
-        )
-
-    def times(self, first: int, last: int) -> Times:
-        return self._replay.read(self._place + 8 * first, last - first, np.float64)
-
-    def before(self, t: float) -> int:
-        """Return how many times are at or before t."""
-        block = int(np.searchsorted(self._every, t, side="right")) - 1
-        if block < 0:
-            return 0
-        first = block * STRIDE
-        times = self.times(first, min(first + STRIDE, self.count))
-        return first + int(np.searchsorted(times, t, side="right"))
+Array = npt.NDArray[np.float64]
+Extremes = tuple[Array, Array]
+Made = dict[tuple[str, int, int], Sequence[Array]]
+"""What one answer made of several columns: a source's signals, by the first one and the place."""
 
 
 class Replay:
-    """An opened cache. Raises StorageError when it is damaged or of another version."""
+    """An opened replay, of the log as it was when its columns were made. Raises StorageError when
+    these are not there, or without what the replay needs.
+    """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, log: Path) -> None:
+        columns = kept_columns(log, np.float64)
+        self.identity = columns.identity
         try:
-            self.index: dict[str, Any] = json.loads((folder / INDEX).read_text())
-            self._file = os.open(folder / COLUMNS, os.O_RDONLY | os.O_CLOEXEC)
+            self.index: dict[str, Any] = json.loads((columns.folder / INDEX).read_text())
+            with (columns.folder / TRACK).open("rb") as file:
+                self.track = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         except (OSError, ValueError) as error:
-            raise StorageError(f"the replay's cache {folder.name} cannot be read") from error
-        if self.index.get("version") != VERSION:
-            os.close(self._file)
-            raise StorageError(f"the replay's cache {folder.name} is of another version")
-        self._bases = [_Base(self, fields) for fields in self.index["bases"]]
+            raise StorageError(f"the replay of {log.stem} cannot be read") from error
+        if (self.index.get("version"), self.index.get("identity")) != (VERSION, self.identity):
+            raise StorageError(f"the replay of {log.stem} is of another version")
+        self._run = run_of(columns)
+        made = derived(self._run.topics, members_of(self._run.topics)).values()
+        self._made = {column: one for its in made for column, one in its.items()}
         self._signals = {row["name"]: row for row in self.index["signals"]}
-
-    def __del__(self) -> None:
-        if hasattr(self, "_file"):
-            os.close(self._file)
-
-    @property
-    def track(self) -> Path:
-        return self.folder / TRACK
+        self._gaps = lru_cache(lambda topic: gaps(self._run.topics[topic].time))
+        self._extremes = lru_cache(MOST_BINNED)(self._binned)
 
     def described(self) -> dict[str, Any]:
-        """Return the description for the page: everything but the places in the file."""
-        left_out = {"bases", "topics", "signals", "version"}
+        """Return the description for the page."""
+        left_out, inner = {"version", "identity"}, ("column", "factor")
         fields = {name: value for name, value in self.index.items() if name not in left_out}
-        inner = ("column", "factor")
-        return {
-            **fields,
-            "signals": [
-                {name: value for name, value in row.items() if name not in inner}
-                for row in self.index["signals"]
-            ],
-            "topics": {
-                name: {"type": topic["type"], "count": topic["count"]}
-                for name, topic in self.index["topics"].items()
-            },
-        }
+        fields["signals"] = [
+            {name: value for name, value in row.items() if name not in inner}
+            for row in self.index["signals"]
+        ]
+        return fields
 
     def window(self, names: Sequence[str], start: float, end: float, points: int) -> bytes:
         """Return signals from start to end (s), each drawn by about `points` places at most.
@@ -120,12 +97,14 @@ class Replay:
         groups: dict[int, list[dict[str, Any]]] = {}
         for name in dict.fromkeys(names):
             row = self._row(name)
-            groups.setdefault(self.index["topics"][row["topic"]]["base"], []).append(row)
+            groups.setdefault(id(self._times(row)), []).append(row)
         head, parts = [], []
-        for base, rows in groups.items():
-            times, columns = self._group(self._bases[base], rows, start, end, points)
+        for rows in groups.values():
+            times, columns = self._group(rows, start, end, points)
             head.append({"signals": [row["name"] for row in rows], "count": len(times)})
-            parts += [times.astype("<f8", copy=False), *columns]
+            parts += [times.astype("<f8", copy=False), *(one.astype("<f4") for one in columns)]
+        for topic in self._run.log.topics.values():
+            topic.release()
         text = json.dumps({"start": start, "end": end, "groups": head}).encode()
         return b"".join([struct.pack("<I", len(text)), text, bytes(-(4 + len(text)) % 8)]) + (
             b"".join(_padded(part) for part in parts)
@@ -182,55 +161,40 @@ class Replay:
         """Return newest value at t (s) and its age (s) of each signal; None before the first
         one.
         """
-        places: dict[int, tuple[int, float | None]] = {}
         found: dict[str, list[float | None]] = {}
         for name in names:
             row = self._row(name)
-            number = self.index["topics"][row["topic"]]["base"]
-            if number not in places:
-                base = self._bases[number]
-                index = base.before(t) - 1
-                age = t - float(base.times(index, index + 1)[0]) if index >= 0 else None
-                places[number] = (index, age)
-            index, age = places[number]
-            value = None
+            times = self._times(row)
+            index = _before(times, t) - 1
+            found[name] = [None, None]
             if index >= 0:
-                raw = float(self._values(row, index, index + 1)[0]) * row["factor"]
-                value = raw if np.isfinite(raw) else None
-            found[name] = [value, None if age is None else round(age, 4)]
+                value = float(self._samples(row, index, index + 1)[0])
+                age = t - float(times[index])
+                found[name] = [value if np.isfinite(value) else None, round(age, 4)]
         return found
 
-    def read(self, place: int, count: int, dtype: Any) -> npt.NDArray[Any]:
-        """Return `count` numbers of `columns.bin`. Raises StorageError when it is cut off."""
-        kind = np.dtype(dtype)
-        data = os.pread(self._file, count * kind.itemsize, place)
-        if len(data) != count * kind.itemsize:
-            raise StorageError(f"the replay's cache {self.folder.name} is cut off; open it again")
-        return np.frombuffer(data, kind)
-
-    def _even(self, name: str, start: float, end: float) -> tuple[float, float, Times]:
+    def _even(self, name: str, start: float, end: float) -> tuple[float, float, Array]:
         """Return the time of the first sample (s), the rate (Hz) and samples at it, (N, 1)."""
-        times, values = self._samples(self._row(name), start, end)
+        times, values = self._between(self._row(name), start, end)
         known = np.isfinite(values)
         rate, even = evenly(times[known], values[known, None])
         return float(times[known][0]), rate, even
 
-    def _rotors(self, start: float, end: float) -> list[tuple[Times, Times]]:
+    def _rotors(self, start: float, end: float) -> list[tuple[Array, Array]]:
         """Return times (s) and turns a second of each rotor whose thrust the log has."""
         rows = [self._signals.get(f"actuators/thrusts[{k}]") for k in range(4)]
-        thrusts = [self._samples(row, start, end) for row in rows if row is not None]
+        thrusts = [self._between(row, start, end) for row in rows if row is not None]
         return [(times, rotor_frequency(values)) for times, values in thrusts if len(values)]
 
-    def _samples(self, row: dict[str, Any], start: float, end: float) -> tuple[Times, Floats]:
-        base = self._bases[self.index["topics"][row["topic"]]["base"]]
-        first, last = base.before(start), base.before(end)
+    def _between(self, row: dict[str, Any], start: float, end: float) -> tuple[Array, Array]:
+        times = self._times(row)
+        first, last = _before(times, start), _before(times, end)
         if last - first > MOST_SAMPLES:
             raise MeasurementError(
                 f"{last - first} samples are too many for a spectrum, allowed are {MOST_SAMPLES}: "
                 "zoom in"
             )
-        values = self._values(row, first, last) * np.float32(row["factor"])
-        return base.times(first, last), values
+        return times[first:last], self._samples(row, first, last)
 
     def _row(self, name: str) -> dict[str, Any]:
         row: dict[str, Any] | None = self._signals.get(name)
@@ -238,78 +202,117 @@ class Replay:
             raise OutOfBoundsError(f"no signal {name!r:.80} in this run; its page lists them")
         return row
 
+    def _times(self, row: dict[str, Any]) -> Array:
+        return self._run.topics[row["topic"]].time
+
+    def _samples(
+        self, row: dict[str, Any], first: int, last: int, made: Made | None = None
+    ) -> Array:
+        """Return the samples of a signal from `first` to before `last`."""
+        column = row["column"]
+        if column in self._made:
+            return self._make(column, first, last, {} if made is None else made)[
+                self._made[column][2]
+            ]
+        series = self._run.topics[row["topic"]]
+        samples: Array = series.values(column, first, last) * row["factor"]
+        return samples
+
+    def _make(self, column: str, first: int, last: int, made: Made) -> Sequence[Array]:
+        """Return all signals of a derived one's source."""
+        source, names, _ = self._made[column]
+        assert source.function is not None
+        key = (source.signals[0].name, first, last)
+        if key not in made:
+            series = self._run.topics[source.topic]
+            columns = [series.values(name, first, last) for name in names]
+            inputs = [self._at(name, series.time, first, last, made) for name in source.inputs]
+            with np.errstate(invalid="ignore", divide="ignore"):
+                made[key] = source.function(np, *columns, *inputs)
+        return made[key]
+
+    def _at(self, name: str, times: Array, first: int, last: int, made: Made) -> Array:
+        """Return a signal at times[first:last], between its samples; NaN outside of them."""
+        row, wanted = self._row(name), times[first:last]
+        its = self._times(row)
+        if its is times or not len(wanted):
+            return self._samples(row, first, last, made)
+        begin = max(_before(its, wanted[0]) - 1, 0)
+        end = min(_before(its, wanted[-1]) + 1, len(its))
+        samples = self._samples(row, begin, end, made)
+        between: Array = np.interp(wanted, its[begin:end], samples, left=np.nan, right=np.nan)
+        return between
+
+    def _binned(self, topic: str, column: str) -> list[Extremes]:
+        """Return least and greatest of every BIN samples, of a column or of all signals of a
+        derived one's source.
+        """
+        series = self._run.topics[topic]
+        pieces: list[list[Extremes]] = []
+        for first in range(0, len(series), PIECE):
+            last = min(first + PIECE, len(series))
+            if column in self._made:
+                values = self._make(column, first, last, {})
+            else:
+                values = [series.values(column, first, last).astype(float, copy=False)]
+            pieces.append([coarser(one, one, BIN) for one in values])
+        return [
+            (np.concatenate([low for low, _ in its]), np.concatenate([high for _, high in its]))
+            for its in zip(*pieces, strict=True)
+        ]
+
     def _group(
-        self, base: _Base, rows: list[dict[str, Any]], start: float, end: float, points: int
-    ) -> tuple[Times, list[Floats]]:
+        self, rows: list[dict[str, Any]], start: float, end: float, points: int
+    ) -> tuple[Array, list[Array]]:
+        """Return the times of signals with the same ones, and a column each."""
+        made: Made = {}
+        times, its_gaps = self._times(rows[0]), self._gaps(rows[0]["topic"])
         # One sample more on each side, so that lines run on to the window's edges.
-        first = max(base.before(start) - 1, 0)
-        last = min(base.before(end) + 1, base.count)
+        first = max(_before(times, start) - 1, 0)
+        last = min(_before(times, end) + 1, len(times))
         count = max(last - first, 0)
         if count <= DETAIL * points:
-            keys = np.arange(first, last)
-            times = base.times(first, last)
-            columns = [self._values(row, first, last) * np.float32(row["factor"]) for row in rows]
-            return _parted(times, columns, keys, base.gaps)
-        level = 0
-        while level < len(base.edges) and count // FACTOR ** (level + 1) >= points:
-            level += 1
-        size = FACTOR**level
+            columns = [self._samples(row, first, last, made) for row in rows]
+            return _parted(times[first:last], columns, np.arange(first, last), its_gaps)
+        size = BIN if count // BIN >= points else 1
         low_bin, high_bin = first // size, -(-last // size)
         factor = -(-(high_bin - low_bin) // points)
-        begins, ends = self._edges(base, level, low_bin, high_bin)
-        picked = np.arange(0, high_bin - low_bin, factor)
-        closing = np.minimum(picked + factor, high_bin - low_bin) - 1
-        times = np.stack([begins[picked], ends[closing]], axis=1).ravel()
-        keys = np.stack(
-            [(low_bin + picked) * size, np.minimum((low_bin + closing + 1) * size, base.count) - 1],
-            axis=1,
-        ).ravel()
+        begins = np.arange(low_bin, high_bin, factor)
+        ends = np.minimum(np.minimum(begins + factor, high_bin) * size, len(times)) - 1
+        keys = np.stack([begins * size, ends], axis=1).ravel()
         columns = []
         for row in rows:
-            low, high = self._level(row, base, level, low_bin, high_bin)
-            both = np.stack(coarser(low, high, factor), axis=1).ravel()
-            columns.append(both * np.float32(row["factor"]))
-        return _parted(times, columns, keys, base.gaps)
+            if size == 1:
+                low = high = self._samples(row, first, last, made)
+            else:
+                low, high = self._bins(row, low_bin, high_bin)
+            columns.append(np.stack(coarser(low, high, factor), axis=1).ravel())
+        return _parted(times[keys], columns, keys, its_gaps)
 
-    def _edges(self, base: _Base, level: int, first: int, last: int) -> tuple[Times, Times]:
-        if level == 0:
-            times = base.times(first, last)
-            return times, times
-        place, bins = base.edges[level - 1], -(-base.count // FACTOR**level)
-        return (
-            self.read(place + 8 * first, last - first, np.float64),
-            self.read(place + 8 * (bins + first), last - first, np.float64),
-        )
+    def _bins(self, row: dict[str, Any], first: int, last: int) -> Extremes:
+        column, factor = row["column"], row["factor"]
+        source, _, place = self._made.get(column, (None, [], 0))
+        key = f"@{source.signals[0].name}" if source else column
+        low, high = (factor * bins[first:last] for bins in self._extremes(row["topic"], key)[place])
+        return (low, high) if factor >= 0.0 else (high, low)
 
-    def _level(
-        self, row: dict[str, Any], base: _Base, level: int, first: int, last: int
-    ) -> tuple[Floats, Floats]:
-        """Return least and greatest of the bins; with a negative factor they change places."""
-        if level == 0 or "constant" in self._column(row):
-            values = self._values(row, first, last)
-            return values, values
-        place = self._column(row)["levels"][level - 1]
-        bins = level_sizes(base.count)[level - 1]
-        return (
-            self.read(place + 4 * first, last - first, np.float32),
-            self.read(place + 4 * (bins + first), last - first, np.float32),
-        )
 
-    def _values(self, row: dict[str, Any], first: int, last: int) -> Floats:
-        column = self._column(row)
-        if "constant" in column:
-            value = np.nan if column["constant"] is None else column["constant"]
-            return np.full(last - first, value, np.float32)
-        return self.read(column["at"] + 4 * first, last - first, np.float32)
+def _before(times: Array, t: float) -> int:
+    """Return how many times are at or before t."""
+    return int(np.searchsorted(times, t, side="right"))
 
-    def _column(self, row: dict[str, Any]) -> dict[str, Any]:
-        column: dict[str, Any] = self.index["topics"][row["topic"]]["columns"][row["column"]]
-        return column
+
+def coarser(low: Array, high: Array, factor: int) -> tuple[Array, Array]:
+    """Return bins of `factor` values, the last one of what is left; NaN only where all are."""
+    if factor <= 1 or len(low) == 0:
+        return low, high
+    begins = np.arange(0, len(low), factor)
+    return np.fmin.reduceat(low, begins), np.fmax.reduceat(high, begins)
 
 
 def _parted(
-    times: Times, columns: list[Floats], keys: npt.NDArray[np.int64], gaps: npt.NDArray[np.int64]
-) -> tuple[Times, list[Floats]]:
+    times: Array, columns: list[Array], keys: npt.NDArray[np.int64], gaps: npt.NDArray[np.int64]
+) -> tuple[Array, list[Array]]:
     """Insert a NaN between the points on both sides of a gap; `keys`: samples' indices."""
     inside = gaps[(gaps >= keys[0]) & (gaps < keys[-1])] if len(keys) else gaps[:0]
     places = np.unique(np.searchsorted(keys, inside, side="right"))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import FastAPI, Query
-from fastapi.responses import FileResponse, HTMLResponse, Response
+from fastapi.responses import HTMLResponse, Response
 
 from console.catalogue.catalogue import SUFFIX, Catalogue
 from flight_log.file import is_being_written
@@ -86,9 +86,9 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
         }
 
     @app.get("/api/replay/{run_id}/track")
-    def track(run_id: str) -> FileResponse:
+    def track(run_id: str) -> Response:
         """Return rows of float32 for the 3D view, see web/replay/track.py."""
-        return FileResponse(store.opened(find(run_id)).track, media_type=BINARY)
+        return Response(bytes(store.opened(find(run_id)).track), media_type=BINARY)
 
     @app.get("/api/replay/{run_id}/window")
     def window(

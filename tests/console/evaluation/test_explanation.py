@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -24,8 +23,8 @@ from console.evaluation.explanation.finding import (
 from console.reports.report import write_report
 from flight_log.run import Series
 from quadlab.__main__ import main
-from web.replay.build import build
-from web.replay.cache_writer import INDEX
+from web.replay.build import build_replay
+from web.replay.reader import Replay
 
 END = 40.0
 TIMES = {rate: np.arange(0.0, END, 1.0 / rate) for rate in (2, 10, 50, 100, 500)}
@@ -64,8 +63,8 @@ class Made(Series):
         short._values = {name: values[:count] for name, values in self._values.items()}
         return short
 
-    def values(self, name: str) -> Any:
-        return self._values[name]
+    def values(self, name: str, first: int = 0, last: int | None = None) -> Any:
+        return self._values[name][first:last]
 
     def changes(self, path: str) -> list[tuple[float, str]]:
         return self._flags
@@ -258,8 +257,8 @@ def test_a_flight_with_a_weak_motor_explains_itself_in_report_and_replay(
     text = page.read_text()
     assert first.claim in text
     assert f'href="/replay/{log.stem}#t={first.start:.3f}&amp;w=10&amp;s=thrust.front' in text
-    build(log, tmp_path / "cache", lambda share: None)
-    [told, *_] = json.loads((tmp_path / "cache" / INDEX).read_text())["findings"]
+    build_replay(log, lambda share: None)
+    [told, *_] = Replay(log).described()["findings"]
     assert told == first.as_json()
     capsys.readouterr()
     main(["log", "info", "--explain", str(log)])

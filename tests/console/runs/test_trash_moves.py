@@ -15,12 +15,12 @@ from console.parameters.station import RecorderParameters
 from console.runs import trash as run_trash
 from console.runs.adoption import tidy_runs
 from console.runs.housekeeping import Housekeeping
-from console.runs.replay_caches import REPLAYS, replay_bytes
 from console.runs.report_folders import report_folder
 from console.runs.run import RecorderStatus
 from console.runs.storage import storage
 from console.runs.trash import TRASH, delete_run, deleted_runs, purge, restore_run
 from flight_log import LogWriter
+from flight_log.columns import CACHES
 
 LIMIT = 10.0
 
@@ -192,10 +192,10 @@ def test_an_undo_that_a_crash_cut_off_is_finished_at_the_start(catalogue: Catalo
 # ---------------------------------------------------------------------- prepared replays
 def test_the_gauge_counts_prepared_replays_and_they_go_with_their_run(catalogue: Catalogue) -> None:
     for name, size in (("r1", 300), ("r2", 50), ("r3.new/scratch", 7)):
-        place = catalogue.folder / REPLAYS / name
+        place = catalogue.folder / CACHES / name
         place.mkdir(parents=True)
         (place / "columns").write_bytes(bytes(size))
-    assert storage(catalogue).replay_bytes == replay_bytes(catalogue.folder) == 357
+    assert storage(catalogue).replay_bytes == 357
     delete_run(catalogue, "r1", "anna")
     assert storage(catalogue).replay_bytes == 57
-    assert not (catalogue.folder / REPLAYS / "r1").exists()
+    assert not (catalogue.folder / CACHES / "r1").exists()

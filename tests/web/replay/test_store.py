@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,14 +11,15 @@ import pytest
 from benchmarks.logs.recorded_run import MadeRun, write_run
 from console.catalogue.catalogue import Catalogue
 from console.runs.adoption import tidy_runs
-from console.runs.replay_caches import REPLAYS
 from console.runs.trash import delete_run, restore_run
+from flight_log import columns as columns_module
+from flight_log.columns import CACHES, place_of
 from flight_log.file import LogFile
 from quadrotor.errors import LogFormatError, RefusedError, StorageError
 from web.replay import store as store_module
-from web.replay.cache_writer import VERSION
+from web.replay.build import INDEX, VERSION
 from web.replay.reader import Replay
-from web.replay.store import LARGEST, Building, ReplayStore
+from web.replay.store import Building, ReplayStore
 
 Until = Callable[..., None]
 RUN = "20260131T093042Z_quad1"
@@ -35,7 +34,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 @pytest.fixture
 def log(tmp_path: Path, recorded: bytes) -> Path:
     path = tmp_path / "runs" / f"{RUN}.mcap"
-    path.parent.mkdir()
+    (path.parent / CACHES).mkdir(parents=True)
     path.write_bytes(recorded)
     return path
 
@@ -55,19 +54,19 @@ def ready(store: ReplayStore, log: Path, until: Until, newer: bool = False) -> R
 
 
 def test_a_cache_is_built_once_and_found_by_another_process(log: Path, until: Until) -> None:
-    store = ReplayStore(log.parent)
+    store = ReplayStore()
     with pytest.raises(StorageError, match="not ready"):
         store.opened(log)
     first = ready(store, log, until)
     assert ready(store, log, until) is first
     assert store.opened(log) is first
-    again = ReplayStore(log.parent).get(log)
+    again = ReplayStore().get(log)
     assert isinstance(again, Replay)
     assert again.described() == first.described()
 
 
 def test_a_log_that_has_changed_is_read_again(log: Path, until: Until) -> None:
-    store = ReplayStore(log.parent)
+    store = ReplayStore()
     before = ready(store, log, until)
     log.unlink()
     write_run(log, MadeRun(8.0))
@@ -84,7 +83,7 @@ def test_a_run_being_recorded_is_shown_and_what_comes_since_on_demand(
     path = tmp_path / "runs" / f"{RUN}.mcap"
     file = LogFile(path)
     file.write(recorded[: len(recorded) // 2])
-    store = ReplayStore(path.parent)
+    store = ReplayStore()
     before = ready(store, path, until)
     file.write(recorded[len(recorded) // 2 : -5000])
     assert store.get(path) is before
@@ -100,8 +99,9 @@ def test_what_is_no_log_says_so_in_one_line_and_leaves_nothing(
     tmp_path: Path, until: Until, content: bytes, why: str
 ) -> None:
     log = tmp_path / f"{RUN}.mcap"
+    (tmp_path / CACHES).mkdir()
     log.write_bytes(content)
-    store, told = ReplayStore(tmp_path), []
+    store, told = ReplayStore(), []
 
     def is_refused() -> bool:
         try:
@@ -113,50 +113,35 @@ def test_what_is_no_log_says_so_in_one_line_and_leaves_nothing(
     until(is_refused, 60.0)
     assert why in told[0]
     assert "\n" not in told[0]
-    assert list((tmp_path / REPLAYS).iterdir()) == []
+    assert list((tmp_path / CACHES).iterdir()) == []
 
 
-def kept(log: Path, /, **changed: Any) -> Path:
-    """A cache of the log that says what it must, and shows nothing."""
-    folder = log.parent / REPLAYS / log.stem
-    (folder / "scratch").mkdir(parents=True)
-    stamp = {"version": VERSION, "bytes": 1, "changed_ns": 1, "log": str(log), **changed}
-    (folder / "stamp.json").write_text(json.dumps(stamp))
-    return folder
-
-
-def test_old_caches_go_and_those_of_removed_logs(log: Path, until: Until) -> None:
-    others = [log.with_name(f"{name}.mcap") for name in ("oldest", "older", "gone")]
-    for number, other in enumerate(others):
-        if other.stem != "gone":
-            other.write_bytes(log.read_bytes())
-        os.utime(kept(other) / "stamp.json", (number, number))
-    with (log.parent / REPLAYS / "oldest" / "more").open("wb") as file:
-        file.truncate(LARGEST)  # takes no room: nothing is written
-    ready(ReplayStore(log.parent), log, until)
-    assert {one.name for one in (log.parent / REPLAYS).iterdir()} == {"older", RUN}
-
-
-def test_what_a_crash_has_damaged_or_left_half_built_goes(log: Path, until: Until) -> None:
-    caches = log.parent / REPLAYS
-    for content in ("", "[]", "{}", '{"log": 1}'):
-        (caches / f"damaged {content}").mkdir(parents=True)
-        (caches / f"damaged {content}" / "stamp.json").write_text(content)
-    (caches / f"{RUN}.new" / "scratch").mkdir(parents=True)
-    (caches / "no stamp").mkdir()
-    kept(log.with_name("other.mcap"), log=str(log)).rename(caches / "other.new")
-    of_before = log.with_name("before.mcap")
-    of_before.write_bytes(b"log")
-    kept(of_before, version=VERSION - 1)
-    ready(ReplayStore(log.parent), log, until)
-    assert [one.name for one in caches.iterdir()] == [RUN]
+@pytest.mark.parametrize("harm", ["gone", "cut", "older", "of another state"])
+def test_a_damaged_replay_is_built_again(log: Path, until: Until, harm: str) -> None:
+    described = ready(ReplayStore(), log, until).described()
+    index = place_of(log) / INDEX
+    text = index.read_text()
+    changed = {
+        "gone": None,
+        "cut": text[: len(text) // 2],
+        "older": text.replace(f'"version":{VERSION}', f'"version":{VERSION - 1}'),
+        "of another state": text.replace('"identity":[', '"identity":[1'),
+    }[harm]
+    if changed is None:
+        index.unlink()
+    else:
+        assert changed != text
+        index.write_text(changed)
+    store = ReplayStore()
+    assert isinstance(store.get(log), Building)
+    assert ready(store, log, until).described() == described
 
 
 def test_a_replay_larger_than_all_may_be_is_given_up_with_the_reason(
     log: Path, until: Until, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(store_module, "LARGEST", 1_000)
-    store, told = ReplayStore(log.parent), []
+    monkeypatch.setattr(columns_module, "LARGEST", 1_000)
+    store, told = ReplayStore(), []
 
     def is_refused() -> bool:
         try:
@@ -167,7 +152,7 @@ def test_a_replay_larger_than_all_may_be_is_given_up_with_the_reason(
 
     until(is_refused, 60.0)
     assert told[0].startswith(f"the replay of {RUN} would take more than")
-    assert list((log.parent / REPLAYS).iterdir()) == []
+    assert list((log.parent / CACHES).iterdir()) == []
 
 
 def test_a_run_and_a_log_of_the_vehicle_with_its_name_are_shown_each(
@@ -176,13 +161,12 @@ def test_a_run_and_a_log_of_the_vehicle_with_its_name_are_shown_each(
     onboard = log.parent.parent / "onboard" / log.name
     onboard.parent.mkdir()
     write_run(onboard, MadeRun(8.0))
-    store = ReplayStore(log.parent)
+    store = ReplayStore()
     first, second = ready(store, log, until), ready(store, onboard, until)
     durations = [one.index["duration"] for one in (first, second)]
     assert durations == pytest.approx([7.0, 8.0], abs=0.03)
     assert store.opened(log) is first
     assert store.opened(onboard) is second
-    assert {one.name for one in (log.parent / REPLAYS).iterdir()} == {RUN, f"onboard:{RUN}"}
 
 
 def test_a_deleted_runs_replay_goes_and_is_built_again_after_an_undo(
@@ -190,13 +174,14 @@ def test_a_deleted_runs_replay_goes_and_is_built_again_after_an_undo(
 ) -> None:
     catalogue = Catalogue(log.parent.parent)
     tidy_runs(catalogue)
-    store = ReplayStore(log.parent)
+    store = ReplayStore()
     ready(store, log, until)
     delete_run(catalogue, RUN, "anna")
-    assert list((log.parent / REPLAYS).iterdir()) == []
+    assert list((log.parent / CACHES).iterdir()) == []
     restore_run(catalogue, RUN)
+    store = ReplayStore()
     assert isinstance(store.get(log), Building)
-    assert ready(store, log, until).track.is_file()
+    assert len(ready(store, log, until).track) > 0
 
 
 def test_replays_that_wait_are_bounded(
@@ -205,7 +190,7 @@ def test_replays_that_wait_are_bounded(
     monkeypatch.setattr(store_module, "WAITING", 1)
     other = log.with_name("other.mcap")
     other.write_bytes(log.read_bytes())
-    store = ReplayStore(log.parent)
+    store = ReplayStore()
     store.get(log)
     with pytest.raises(RefusedError, match="1 replays wait"):
         store.get(other)

@@ -16,9 +16,8 @@ from flight_log import LogWriter, read_log
 from flight_log.message_times import common_stamps, gaps
 from quadrotor.errors import LogFormatError, OutOfBoundsError
 from vehicle_link.messages import decode, encode, header, new
-from web.replay.build import build
-from web.replay.pyramid import coarser, edges, level_sizes, pyramid
-from web.replay.reader import Replay
+from web.replay.build import build_replay
+from web.replay.reader import BIN, Replay, coarser
 from web.replay.track import PARTS, WIDTH
 from web.signals import NAMED_SOURCES, Source
 
@@ -38,20 +37,25 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_log_of_more_messages_than_are_held_is_refused(
-    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("flight_log.run.MOST_MESSAGES", 1000)
     with pytest.raises(LogFormatError, match="at most 1000 are shown"):
-        build(log, tmp_path / "cache", lambda share: None)
+        build_replay(log, lambda share: None)
 
 
 @pytest.fixture(scope="module")
 def replay(log: Path) -> Replay:
     told: list[float] = []
-    build(log, log.parent / "cache", told.append)
+    build_replay(log, told.append)
     assert told == sorted(told)
     assert told[-1] == 1.0
-    return Replay(log.parent / "cache")
+    return Replay(log)
+
+
+def shown(log: Path) -> Replay:
+    build_replay(log, lambda share: None)
+    return Replay(log)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +67,7 @@ def samples(log: Path) -> tuple[Any, Any]:
         found.append((message.publish_ns, height))
     stamps, heights = zip(*found, strict=True)
     times = (np.array(stamps) - stamps[0]) / 1e9
-    return times, np.array(heights, np.float32)
+    return times, np.array(heights)
 
 
 def unpacked(data: bytes) -> list[tuple[list[str], Any, list[Any]]]:
@@ -86,11 +90,11 @@ def unpacked(data: bytes) -> list[tuple[list[str], Any, list[Any]]]:
 # ---------------------------------------------------------------------- windows
 def test_near_by_a_window_holds_every_sample(replay: Replay, samples: tuple[Any, Any]) -> None:
     times, heights = samples
-    [(_, shown, [column])] = unpacked(replay.window(HEIGHT, 5.0, 6.0, 800))
+    [(_, drawn, [column])] = unpacked(replay.window(HEIGHT, 5.0, 6.0, 800))
     inside = (times >= 5.0 - 0.003) & (times <= 6.0 + 0.003)
-    assert np.isin(times[(times >= 5.0) & (times <= 6.0)], shown).all()
-    assert np.isin(shown, times[inside]).all()
-    assert np.array_equal(column, heights[np.searchsorted(times, shown)])
+    assert np.isin(times[(times >= 5.0) & (times <= 6.0)], drawn).all()
+    assert np.isin(drawn, times[inside]).all()
+    assert np.array_equal(column, heights[np.searchsorted(times, drawn)].astype(np.float32))
 
 
 @pytest.mark.parametrize("points", [20, 150, 700])
@@ -102,15 +106,15 @@ def test_from_afar_a_window_holds_the_least_and_the_greatest(
     for _ in range(20):
         start = random.uniform(0.0, 20.0)
         end = start + random.uniform(0.5, 24.0)
-        [(_, shown, [column])] = unpacked(replay.window(HEIGHT, start, end, points))
+        [(_, drawn, [column])] = unpacked(replay.window(HEIGHT, start, end, points))
         real = ~np.isnan(column)
         inside = (times >= start) & (times <= end)
         assert np.count_nonzero(real) <= max(2 * points + 4, 2 * 3)
-        assert np.nanmin(column) <= heights[inside].min()
-        assert np.nanmax(column) >= heights[inside].max()
-        assert (np.diff(shown) >= 0.0).all()
-        assert shown[0] <= max(start, times[0]) + 1e-9
-        assert shown[-1] >= min(end, times[-1]) - 1e-9
+        assert np.nanmin(column) <= heights[inside].min().astype(np.float32)
+        assert np.nanmax(column) >= heights[inside].max().astype(np.float32)
+        assert (np.diff(drawn) >= 0.0).all()
+        assert drawn[0] <= max(start, times[0]) + 1e-9
+        assert drawn[-1] >= min(end, times[-1]) - 1e-9
 
 
 @pytest.mark.parametrize(("start", "end", "points"), [(0.0, 24.0, 50), (10.9, 12.6, 2000)])
@@ -151,7 +155,7 @@ def test_an_instant_has_the_newest_values_and_their_ages(
     assert replay.at(HEIGHT, -1.0) == {"state.position.z": [None, None]}
 
 
-def test_a_number_that_never_changes_takes_no_room(replay: Replay) -> None:
+def test_a_number_that_never_changes_is_known_as_one(replay: Replay) -> None:
     row = next(row for row in replay.index["signals"] if row["name"] == "state/pose.covariance[7]")
     assert row["constant"] == 0.0
     [(_, _, [column])] = unpacked(replay.window([row["name"]], 5.0, 6.0, 100))
@@ -214,7 +218,7 @@ def test_a_signal_of_a_log_is_what_it_is_live_sample_by_sample(source: Source) -
 
 
 def test_the_track_holds_the_path_and_its_silence(replay: Replay) -> None:
-    rows = np.fromfile(replay.track, np.float32).reshape(-1, WIDTH)
+    rows = np.frombuffer(replay.track, np.float32).reshape(-1, WIDTH)
     rate = replay.index["track"]["rate"]
     assert rate == 50.0
     assert len(rows) == int(replay.index["duration"] * rate) + 1
@@ -280,8 +284,7 @@ def test_of_each_mark_the_newest_text_counts_at_the_marks_own_time(tmp_path: Pat
             )
             kind = "quadlab_msgs/Mark"
             writer.write("/quad1/marks", kind, encode(mark), SECOND + _ns(logged), stamp_ns)
-    build(log, tmp_path / "cache", lambda _: None)
-    assert Replay(tmp_path / "cache").described()["marks"] == [
+    assert shown(log).described()["marks"] == [
         {"t": t, "text": text, "who": "anna"}
         for t, text in ((2.0, ""), (3.0, "a door"), (4.0, "wind"))
     ]
@@ -295,8 +298,7 @@ def _ns(seconds: float) -> int:
 @pytest.mark.parametrize("clock", [0, -3_600 * 10**9, 45 * 10**9])
 def test_a_vehicle_with_a_clock_of_its_own_lies_on_the_stations(tmp_path: Path, clock: int) -> None:
     made = MadeRun(8.0, marks=[(5.0, "here")], clock_ns=clock)
-    build(write_run(tmp_path / "a.mcap", made), tmp_path / "cache", lambda _: None)
-    index = Replay(tmp_path / "cache").described()
+    index = shown(write_run(tmp_path / "a.mcap", made)).described()
     # The shortest delay seen is what stays unknown.
     assert index["marks"][0]["t"] == pytest.approx(5.0, abs=0.011)
     assert index["duration"] == pytest.approx(8.0, abs=0.03)
@@ -316,24 +318,24 @@ def test_gaps_are_longer_than_what_is_usual_of_the_topic() -> None:
     assert gaps(np.arange(50.0) * 0.5).tolist() == []
 
 
-# ---------------------------------------------------------------------- levels
-@pytest.mark.parametrize("count", [0, 1, 1024, 1025, 16_385, 300_001])
-def test_levels_hold_the_least_and_greatest_of_their_bins(count: int) -> None:
-    values = np.random.default_rng(count).standard_normal(count).astype(np.float32)
-    levels = pyramid(values)
-    assert [len(low) for low, _ in levels] == level_sizes(count)
-    for k, (low, high) in enumerate(levels, 1):
-        size = 16**k
-        for b in (0, len(low) // 2, len(low) - 1):
-            part = values[b * size : (b + 1) * size]
-            assert (low[b], high[b]) == (part.min(), part.max())
-        first, last = edges(0.1 * np.arange(float(count)), size)
-        assert last[-1] == pytest.approx((count - 1) * 0.1)
-        assert first[1] == pytest.approx(size * 0.1)
+# ---------------------------------------------------------------------- least and greatest
+@pytest.mark.parametrize("name", ["state.position.z", "state.yaw", "error.distance"])
+def test_a_whole_flight_is_drawn_from_the_least_and_greatest_of_its_samples(
+    replay: Replay, name: str
+) -> None:
+    """A signal that is a column, one made of columns, and one made of other signals."""
+    [(_, _, [every])] = unpacked(replay.window([name], 0.0, 30.0, 12_000))
+    [(_, _, [few])] = unpacked(replay.window([name], 0.0, 30.0, 200))
+    assert np.count_nonzero(~np.isnan(every)) > BIN * 200
+    every, few = (one[~np.isnan(one)] for one in (every, few))
+    size = BIN * math.ceil(math.ceil(len(every) / BIN) / 200)
+    begins = np.arange(0, len(every), size)
+    assert few[0::2].tolist() == np.minimum.reduceat(every, begins).tolist()
+    assert few[1::2].tolist() == np.maximum.reduceat(every, begins).tolist()
 
 
 def test_a_bin_is_nan_only_where_all_of_it_is() -> None:
-    values = np.array([np.nan, 1.0, np.nan, np.nan, 3.0], np.float32)
+    values = np.array([np.nan, 1.0, np.nan, np.nan, 3.0])
     low, high = coarser(values, values, 2)
     assert np.array_equal(low, [1.0, np.nan, 3.0], equal_nan=True)
     assert np.array_equal(high, low, equal_nan=True)
@@ -350,7 +352,7 @@ def test_a_log_without_messages_is_refused(tmp_path: Path, content: bytes | None
     else:
         log.write_bytes(content)
     with pytest.raises(LogFormatError, match=why) as caught:
-        build(log, tmp_path / "cache", lambda _: None)
+        build_replay(log, lambda _: None)
     assert "\n" not in str(caught.value)
 
 
@@ -358,7 +360,6 @@ def test_a_torn_log_is_shown_up_to_its_tear(tmp_path: Path) -> None:
     log = write_run(tmp_path / "a.mcap", MadeRun(10.0))
     data = log.read_bytes()
     log.write_bytes(data[: len(data) // 2])
-    build(log, tmp_path / "cache", lambda _: None)
-    index = Replay(tmp_path / "cache").described()
+    index = shown(log).described()
     assert 4.0 < index["duration"] < 7.0
     assert index["tear"].startswith("ends within a record")
