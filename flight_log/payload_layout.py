@@ -64,9 +64,6 @@ class SchemaLayouts:
     Args:
         stamps: whether HEADER_STAMP is wanted too.
 
-    Attributes:
-        grows: whether a message may have more numbers than another one.
-
     Raises LogFormatError when it is of a kind not read here.
     """
 
@@ -89,7 +86,7 @@ class SchemaLayouts:
         self._types: Mapping[str, Any] = {**typestore().fielddefs, **found}
         self._found = found
         try:
-            self.grows = self._grows(self._name)
+            self._check(self._name)
         except KeyError as error:
             raise LogFormatError(
                 f"{schema.name} is made of {error}, which the log does not describe"
@@ -107,19 +104,14 @@ class SchemaLayouts:
             if name in ours and list(fields) != list(ours[name][1])
         ]
 
-    def _grows(self, name: str) -> bool:
-        """Return whether a message may have more numbers than another one."""
-        return any(
-            (kind == Nodetype.SEQUENCE and details[0] != (Nodetype.BASE, ("string", 0)))
-            or (kind == Nodetype.NAME and self._grows(str(details)))
-            or (
-                kind == Nodetype.ARRAY
-                and details[0][0] == Nodetype.NAME
-                and self._grows(str(details[0][1]))
-            )
-            for key, (kind, details) in self._types[name][1]
-            if key not in HEADERS
-        )
+    def _check(self, name: str) -> None:
+        """Raise KeyError where a message is made of one that is not described, RecursionError where
+        it is made of itself.
+        """
+        for _, (kind, details) in self._types[name][1]:
+            inner = details[0] if kind == Nodetype.ARRAY else (kind, details)
+            if inner[0] == Nodetype.NAME:
+                self._check(str(inner[1]))
 
     def of(self, payload: bytes) -> PayloadLayout:
         """Return the layout of a payload. Raises LogFormatError when the bytes are no such
