@@ -69,7 +69,7 @@ class BearingEmulator:
 
     @property
     def beacons(self) -> Beacons:
-        """The set that `parameters.layout` describes; any thread may ask."""
+        """Return the set that `parameters.layout` describes; any thread may ask."""
         return self._present_layout().beacons
 
     def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:

@@ -51,7 +51,7 @@ class ComplementaryEstimator:
 
     @property
     def initialized(self) -> bool:
-        """A first pose was taken."""
+        """Return whether a first pose was taken."""
         return self._initialized
 
     @property
@@ -66,7 +66,7 @@ class ComplementaryEstimator:
 
     @property
     def stale(self) -> bool:
-        """The newest pose is older than `measurement_timeout`: the estimate is only predicted."""
+        """Return whether the newest pose is older than `measurement_timeout`."""
         return self.measurement_age > self._parameters.measurement_timeout
 
     @property
@@ -113,7 +113,7 @@ class ComplementaryEstimator:
 
     @property
     def memory(self) -> Record:
-        """The filter's memory, shape (1,), for logs and tests."""
+        """Return the filter's memory, shape (1,), for logs and tests."""
         return self._memory
 
     def reset(self) -> None:

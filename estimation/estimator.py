@@ -17,7 +17,7 @@ class Estimator(Protocol):
 
     @property
     def initialized(self) -> bool:
-        """A first measurement gave it a start."""
+        """Return whether a first measurement gave it a start."""
         ...
 
     @property
@@ -29,7 +29,7 @@ class Estimator(Protocol):
 
     @property
     def stale(self) -> bool:
-        """The newest measurement is older than the time-out: the estimate is only predicted."""
+        """Return whether the newest measurement is older than the time-out: it only predicts."""
         ...
 
     @property
@@ -39,7 +39,7 @@ class Estimator(Protocol):
 
     @property
     def convergence(self) -> Convergence:
-        """The same with its reason."""
+        """Return whether it is fit to be flown on, with the reason."""
         ...
 
     @property

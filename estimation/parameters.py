@@ -35,9 +35,7 @@ ESTIMATION_GAINS = np.dtype(
 
 
 class TrackerCalibration(TrackedBody):
-    """What is known of the tracker's poses; the experiments `tracker_delay` and `tracker_body` find
-    it.
-    """
+    """The calibration of the tracker's poses, by the experiments `tracker_delay` and `tracker_body`."""
 
     delay: float = parameter(
         0.0,

@@ -37,7 +37,7 @@ STOPPED = 1.0
 
 @compiled
 def derivative(x: Array, wrench: Array, force_w: Array, mass: float, J: Array, out: Array) -> None:
-    """Time derivative of x = (p_w, v_w, q_wb, omega_b), shape (13,), into out.
+    """Write the time derivative of x = (p_w, v_w, q_wb, omega_b), shape (13,), into out.
 
     Args:
         wrench: (4,) thrust (N) along z_B and torques (N m) about body axes.

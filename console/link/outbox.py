@@ -81,7 +81,7 @@ class Outbox:
 
     @property
     def heard(self) -> frozenset[str]:
-        """The topics of expanded telemetry that someone subscribes to, as of `LOOK` ago at most:
+        """Return the expanded telemetry topics that have subscribers, as of `LOOK` ago at most:
         most of the time, of most vehicles, no one does."""
         now = time.monotonic()
         if now >= self._look_due:

@@ -34,7 +34,7 @@ Places = Mapping[int, Sequence[float]]
 
 
 class Beacons(Protocol):
-    """Where beacons are, now."""
+    """A source of the beacons' current positions."""
 
     @property
     def places(self) -> Places: ...
@@ -43,7 +43,7 @@ class Beacons(Protocol):
 
 
 class StationsBeacons:
-    """Where the station's beacons are, as it tells it. Raises LinkError when it does not answer."""
+    """The beacons' positions, asked of the station. Raises LinkError when it does not answer."""
 
     def __init__(self, session: Any, vehicle: str) -> None:
         self._node = Node(session, f"/{vehicle}", "onboard_camera_beacons")

@@ -70,7 +70,7 @@ class Multistep:
 
     @property
     def swing(self) -> float:
-        """The largest jump at an edge (m or rad)."""
+        """Return the largest jump at an edge (m or rad)."""
         return max(abs(b - a) for (_, a), (_, b) in pairwise(self.edges))
 
     def ends(self) -> tuple[Point, Point]:

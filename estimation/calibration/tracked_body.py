@@ -71,7 +71,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class TrackedBody:
-    """Where the tracked body sits on the vehicle's body, and how late its poses are stamped.
+    """The place of the tracked body on the vehicle, and how late its poses are stamped.
 
     Each deviation is a standard deviation that allows for noise correlated within a segment.
     """

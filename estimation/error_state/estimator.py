@@ -106,7 +106,7 @@ class ErrorStateEstimator:
 
     @property
     def initialized(self) -> bool:
-        """A first pose was taken or found."""
+        """Return whether a first pose was taken or found."""
         return self._initialized
 
     @property
@@ -121,7 +121,7 @@ class ErrorStateEstimator:
 
     @property
     def stale(self) -> bool:
-        """The newest measurement applied is older than `measurement_timeout`."""
+        """Return whether the newest measurement applied is older than `measurement_timeout`."""
         return self.measurement_age > self._timeout
 
     @property
@@ -133,7 +133,7 @@ class ErrorStateEstimator:
 
     @property
     def memory(self) -> Record:
-        """The filter's memory, shape (1,), for logs and tests."""
+        """Return the filter's memory, shape (1,), for logs and tests."""
         return self._memory
 
     @property

@@ -179,7 +179,7 @@ class MassEstimator:
 
     @property
     def converged(self) -> bool:
-        """The estimate's deviation over the last variance time is below the threshold.
+        """Return whether the deviation over the last variance time is below the threshold.
 
         False until a flight has shown it: the variance only falls in the air.
         """

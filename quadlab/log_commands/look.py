@@ -121,7 +121,7 @@ def ticks_line(path: Path, filled: Mapping[str, str]) -> list[str]:
 
 @dataclass
 class Check:
-    """Whether a log is sound: whole, countable, readable, nothing missing in between."""
+    """Check that a log is complete, that it can be read, and that nothing is missing in between."""
 
     file: LogFile
     """the MCAP file"""

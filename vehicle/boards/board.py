@@ -19,7 +19,7 @@ from vehicle_link.serial.ids import MotorState
 
 
 class Takes(Enum):
-    """What a board can be commanded by."""
+    """The kind of command that a board accepts."""
 
     MOTORS = "motor references"
     RATES = "body rates and collective thrust"
@@ -51,7 +51,7 @@ class RawSample(msgspec.Struct, frozen=True, order=True):
 
 
 class Traits(msgspec.Struct, frozen=True):
-    """What the flight stack has to know about a kind of board."""
+    """The facts about a kind of board that the flight stack needs."""
 
     name: str
     takes: tuple[Takes, ...]

@@ -129,7 +129,7 @@ class BearingsWatch:
         )
 
     def age(self, age: float) -> None:
-        """Time (s) since the newest frame applied was true."""
+        """Return the time (s) since the newest frame applied was true."""
         if age > self.parameters.age_max:
             self._say(f"no frame of bearings applied for {age:.2f} s")
 

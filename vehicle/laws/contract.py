@@ -59,7 +59,7 @@ INPUT_TYPE, OUTPUT_TYPE = layout(INPUT), layout(OUTPUT)
 
 
 class Input(Protocol):
-    """What `Law.step` receives: numbers, and arrays of 3 or 4, as `INPUT` names them."""
+    """The argument of `Law.step`: numbers, and arrays of 3 or 4, as `INPUT` names them."""
 
     time: float
     dt: float

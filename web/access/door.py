@@ -58,7 +58,7 @@ class Door:
 
     @property
     def token(self) -> str:
-        """The newest unused token of an admin."""
+        """Return the newest unused token of an admin."""
         return self._admin_tokens()[-1]
 
     def mint(self, role: Role) -> str:

@@ -99,7 +99,7 @@ async def serve(socket: WebSocket, parts: Parts) -> None:
 
 
 class _Conversation:
-    """What a client asks for."""
+    """The requests of one client."""
 
     def __init__(self, client: FoxgloveClient, parts: Parts) -> None:
         self._client, self._parts = client, parts

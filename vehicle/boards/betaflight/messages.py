@@ -36,7 +36,7 @@ _FLAGS = struct.Struct("<BI")
 
 
 class Status(msgspec.Struct, frozen=True):
-    """What the board says of itself in MSP_STATUS_EX."""
+    """The status that the board reports in MSP_STATUS_EX."""
 
     cycle_us: int  # of its control loop
     boxes: int  # bit k: the k-th mode of BOX_IDS is on

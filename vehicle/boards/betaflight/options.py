@@ -6,7 +6,7 @@ from quadrotor.parameters import Parameters, parameter
 
 
 class BetaflightOptions(Parameters):
-    """How the board was set up; `quadlab vehicle --board betaflight --check` compares."""
+    """The configuration of the board; `quadlab vehicle --board betaflight --check` compares."""
 
     rate_max: float = parameter(
         400.0,
