@@ -35,7 +35,7 @@ ESTIMATION_GAINS = np.dtype(
 
 
 class TrackerCalibration(TrackedBody):
-    """The calibration of the tracker's poses, by the experiments `tracker_delay` and `tracker_body`."""
+    """The tracker's calibration, found by the experiments `tracker_delay` and `tracker_body`."""
 
     delay: float = parameter(
         0.0,
