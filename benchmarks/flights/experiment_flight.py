@@ -9,7 +9,7 @@ from pathlib import Path
 from console.experiments import watched
 from console.experiments.catalogue import find
 from console.experiments.client import Calibrating, Result
-from quadlab.simulated.experiment import with_experiment
+from quadlab.simulated.experiment import with_options
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight, TrueState
 from quadlab.simulated.flight_log import FlightLog
 from quadrotor.calibration_record import CalibrationRecord
@@ -44,7 +44,9 @@ def fly(
     Args: `settings` of vehicle, `simulator`, `tracker`, `experiment`. Raises QuadlabError.
     """
     experiment = find(name, VEHICLE)
-    parameters = with_experiment(FlightParameters().model_copy(deep=True), experiment)
+    parameters = with_options(
+        FlightParameters().model_copy(deep=True), {"experiment": experiment.parameters}
+    )
     parameters.seed(seed)
     ParameterStore(parameters).preset(settings or {})
     experiment.check()

@@ -33,6 +33,9 @@ class Fly:
     """folder for the log (default: flights in the data folder)"""
     seed: int = 1
     """of all noise; the same seed gives the same messages"""
+    board: str = "mikrokopter"
+    """the vehicle's board: mikrokopter; betaflight, whose real firmware flies (scripts/betaflight
+    builds it)"""
     set: Settings = ()
     """set a parameter; simulator.NAME, tracker.NAME and bearings.NAME for what is simulated,
     experiment.NAME for what is flown"""
@@ -60,6 +63,7 @@ class Fly:
             words=[*beacon_words(self.beacons), *self.set],
             out=self.out,
             plugins=self.plugins,
+            board=self.board,
             true_state=self.true_state,
             tell=not self.json,
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from console.experiments.readings import Progress
     from quadlab.simulated.flight import FlightParameters, SimulatedFlight
     from quadrotor.calibration_record import CalibrationRecord
+    from quadrotor.parameters import Parameters
 
 LARGEST_SEED = 2**31 - 1 - 2_000_003
 
@@ -47,6 +48,7 @@ def fly(
     words: Sequence[str] = (),
     out: Path | None = None,
     plugins: Path | None = None,
+    board: str = "mikrokopter",
     true_state: bool = False,
     tell: bool = False,
 ) -> Flown:
@@ -64,14 +66,21 @@ def fly(
     from quadlab.simulated.flight import FlightParameters, SimulatedFlight, TrueState
     from quadlab.simulated.flight_log import FlightLog
     from quadrotor.parameters import ParameterStore
+    from vehicle.boards.kind import find_kind
     from vehicle.flight.kernels import prepare
     from vehicle.processes.parent import PLUGINS
+    from vehicle.simulator.betaflight.firmware import firmware_of
     from vehicle.simulator.simulated_vehicle import SimulatedVehicle
     from vehicle_link.messages import typestore
 
     if not 0 <= seed <= LARGEST_SEED:
         raise UsageError(f"--seed {seed}: allowed 0 to {LARGEST_SEED}")
-    parameters = with_experiment(FlightParameters().model_copy(deep=True), experiment)
+    kind = find_kind(board)
+    parameters = with_options(
+        FlightParameters().model_copy(deep=True),
+        {"experiment": experiment.parameters, "board": kind.options and kind.options()},
+    )
+    ParameterStore(parameters).preset(kind.traits.parameters | {"simulator.imu_rate": kind.rate})
     parameters.seed(seed)
     values = parse_settings(parameters, words)
     if "beacons.layout" not in values:  # the vehicle is told where the beacons are
@@ -80,13 +89,15 @@ def fly(
         experiment.check()
     folder = out or open_data_folder(None) / "flights"
     path = _new_log(open_data_folder(folder, "--out"), f"{experiment.name}_seed{seed}")
-    simulated = SimulatedVehicle(parameters.simulator)
+    simulated = SimulatedVehicle(
+        parameters.simulator, firmware=firmware_of(board, getattr(parameters, "board", None))
+    )
     simulated.warm_up()
     log = FlightLog(
         path,
         "quad1",
         ParameterStore(parameters),
-        {"run_id": path.stem, "experiment": experiment.name, "seed": str(seed)},
+        {"run_id": path.stem, "experiment": experiment.name, "seed": str(seed), "board": board},
     )
     estimator = TrueState(simulated) if true_state else None
     # Everything that is loaded or compiled at its first use, so that the figures are of flying
@@ -94,7 +105,7 @@ def fly(
     _, later = prepare(lambda line: print(f"quadlab: {line}", file=sys.stderr, flush=True))
     typestore()
     plugins = plugins or open_data_folder(None) / PLUGINS
-    flight = SimulatedFlight(parameters, simulated, log, estimator, plugins)
+    flight = SimulatedFlight(parameters, simulated, log, estimator, plugins, kind)
     if tell:
         flight.on_tell = Teller(flight)
     began, processor = time.perf_counter(), time.process_time()
@@ -109,6 +120,7 @@ def fly(
         log.close()
         later.close()
         flight.stack.steering.close()
+        simulated.close()
     wall, processor = time.perf_counter() - began, time.process_time() - processor
     result, proposal = judged(experiment, path, aborted)
     return Flown(flight, path, result, proposal, aborted, wall, processor)
@@ -174,18 +186,22 @@ class Teller:
         print(f"  {self._flight.view().time:7.1f} s {step:>6}  {progress.instruction}", flush=True)
 
 
-def with_experiment(parameters: FlightParameters, experiment: Experiment) -> FlightParameters:
-    """Return the tree with what can be chosen about the experiment, as `experiment.NAME`."""
+def with_options(
+    parameters: FlightParameters, options: Mapping[str, Parameters | None]
+) -> FlightParameters:
+    """Return the tree with what can be chosen about the experiment and the board, by these
+    names.
+    """
     from pydantic import create_model
 
-    options = experiment.parameters
-    if options is None:
-        return parameters
+    there = {name: of for name, of in options.items() if of is not None}
     tree = create_model(
-        "ExperimentParameters", __base__=type(parameters), experiment=(type(options), options)
+        "ChosenParameters",
+        __base__=type(parameters),
+        **{name: (type(of), of) for name, of in there.items()},
     )
     # Not copied: the experiment reads the very same object.
-    return tree.model_construct(**dict(parameters), experiment=options)
+    return tree.model_construct(**dict(parameters), **there)
 
 
 def _new_log(folder: Path, stem: str) -> Path:

@@ -25,7 +25,8 @@ from quadlab.simulated.stage_clock import StageClock
 from quadrotor.errors import MeasurementError, RefusedError, UsageError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record, bearings_sample, has_attitude, pose_sample
-from vehicle.boards.mikrokopter.microcontroller import Microcontroller
+from vehicle.boards.kind import Kind
+from vehicle.boards.mikrokopter.microcontroller import KIND
 from vehicle.comms.bearing_pose import bearing_pose
 from vehicle.estimators.navigation import COMPLAIN_NS
 from vehicle.flight.microcontroller_commands import Orders
@@ -66,6 +67,7 @@ class SimulatedFlight(SimulatedGuide):
         log: where every message goes.
         estimator: a plugin in place of the vehicle's own.
         plugins: folder of control laws.
+        kind: of its board, whose options are `parameters.board` where it has any.
     """
 
     def __init__(
@@ -75,18 +77,26 @@ class SimulatedFlight(SimulatedGuide):
         log: FlightLog,
         estimator: Estimator | None = None,
         plugins: Path | None = None,
+        kind: Kind = KIND,
     ) -> None:
         super().__init__(parameters, simulated, log)
         self.parameters = parameters
-        self.stack = FlightStack(parameters, estimator=estimator, laws=Laws(plugins))
+        self.stack = FlightStack(
+            parameters, estimator=estimator, laws=Laws(plugins), board=kind.traits
+        )
         self.clock = StageClock()
-        self._mcu = Microcontroller(simulated.ports, epoch_ns=0, rate=parameters.simulator.imu_rate)
+        self._board = kind.connect(
+            simulated.ports,
+            getattr(parameters, "board", None),
+            parameters.simulator.imu_rate,
+            lambda: simulated.stamp_ns,
+        )
         self._tracker = SimulatedTracker(parameters.tracker)
         self._bearings: BearingEmulator | OnboardCamera = BearingEmulator(parameters.bearings)
         if parameters.camera.enabled:
             self._bearings = OnboardCamera(parameters.bearings, parameters.camera)
         self._beacons = KnownBeacons(parse_layout(parameters.beacons.layout))
-        self._orders = Orders(self.stack.modes, self._mcu)
+        self._orders = Orders(self.stack.modes, self._board)
         self._complained_ns = -COMPLAIN_NS
         self._next_heartbeat_ns = self._next_station_ns = self._next_truth_ns = 0
         # Views made once: they follow the plant.
@@ -159,12 +169,12 @@ class SimulatedFlight(SimulatedGuide):
     # ------------------------------------------------------------------ one IMU period
     def advance(self) -> None:
         """Advance everything by one IMU period, in the order of the real processes."""
-        stack, mcu, log = self.stack, self._mcu, self._log
+        stack, board, log = self.stack, self._board, self._log
         lap = self.clock.begin()
         self._simulated.step()
         self._after_step()
         lap("simulated robot")
-        samples = mcu.receive()
+        samples = board.receive()
         self._orders.keep(self._simulated.stamp_ns * 1e-9)
         lap("serial")
         for sample in samples:

@@ -20,7 +20,7 @@ from console.experiments.client import Calibrating, ExperimentEndedError, Vehicl
 from console.experiments.figure_eight import FigureEight
 from console.experiments.inertia import InertiaExperiment
 from flight_log import LogWriter
-from quadlab.simulated.experiment import with_experiment
+from quadlab.simulated.experiment import with_options
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
 from quadrotor.errors import LogFormatError, MeasurementError, RefusedError, UsageError
@@ -35,7 +35,9 @@ def laboratory(
     name: str, log: Path, **settings: Any
 ) -> Iterator[tuple[Any, SimulatedFlight]]:  # the experiment and what it flies on
     experiment = find(name)
-    parameters = with_experiment(FlightParameters().model_copy(deep=True), experiment)
+    parameters = with_options(
+        FlightParameters().model_copy(deep=True), {"experiment": experiment.parameters}
+    )
     ParameterStore(parameters).preset({k.replace("__", "."): v for k, v in settings.items()})
     robot = SimulatedVehicle(parameters.simulator)
     writer = FlightLog(log, "quad1", ParameterStore(parameters), {"run_id": name})

@@ -14,6 +14,7 @@ from typing import Protocol
 
 import msgspec
 
+from quadrotor.parameters import ParameterValue
 from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.ids import MotorState
 
@@ -55,6 +56,7 @@ class Traits(msgspec.Struct, frozen=True):
 
     name: str
     takes: tuple[Takes, ...]
+    parameters: dict[str, ParameterValue] = {}  # where it needs other values than the defaults
 
     @property
     def direct(self) -> Takes:

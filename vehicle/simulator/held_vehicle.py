@@ -25,7 +25,7 @@ from quadrotor.rotations import (
     rotate_inverse,
     yaw_of,
 )
-from quadrotor.vehicle_model import GRAVITY
+from quadrotor.vehicle_model import GRAVITY, Four
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.plant import discharge, follow_battery
 
@@ -67,9 +67,7 @@ def _level(plant: Record) -> npt.NDArray[np.float64]:
 
 
 @compiled
-def hold(
-    plant: Record, holder: Record, references: tuple[int, int, int, int], duration: float
-) -> None:
+def hold(plant: Record, holder: Record, references: Four, duration: float) -> None:
     """Advance as `plant.advance` does, for a vehicle that is held: a PLANT (1,) over `duration`
     (s).
     """

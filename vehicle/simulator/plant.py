@@ -163,7 +163,7 @@ def open_voltage(charge: float) -> float:
 
 
 @compiled
-def advance(plant: Record, references: tuple[int, int, int, int], duration: float) -> None:
+def advance(plant: Record, references: Four, duration: float) -> None:
     """Advance a PLANT record (1,) by `duration` (s) with held motor references (counts)."""
     p = plant[0]
     follow_battery(p)

@@ -7,18 +7,22 @@ standard atmosphere, battery in 0.1 V. Random numbers are drawn in blocks, from 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
+from quadrotor.vectors import Vector
 from quadrotor.vehicle_model import GRAVITY
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.vibration import lines
 from vehicle_link.serial.ids import PRESSURE_OFFSET, Id
 
 Array = npt.NDArray[np.float64]
+Item = Any
+"""One record `array[k]` inside compiled code."""
 Registers = npt.NDArray[np.int16]
 
 ACCELEROMETER_SCALE = 0.0039 * GRAVITY
@@ -130,15 +134,38 @@ def gyroscope_count(rate: float, bias: float, deviation: float, normal: float) -
     return _count(value / GYROSCOPE_SCALE + ZERO, 0, FULL_SCALE)
 
 
+@compiled(inner=True)
+def _shaking(p: Item, s: Item) -> tuple[Vector, float, float]:
+    """Return the rotors' lines of vibration, and the deviations of the rest: m/s^2, rad/s."""
+    if s.vibration > 0.0 or s.vibration_gyroscope > 0.0:
+        rotor, broadband = lines(p, s.hover_thrust)
+        return (
+            rotor,
+            math.hypot(s.accelerometer_noise, broadband * s.vibration),
+            math.hypot(s.gyroscope_noise, broadband * s.vibration_gyroscope),
+        )
+    return (0.0, 0.0, 0.0), s.accelerometer_noise, s.gyroscope_noise
+
+
+@compiled
+def sense(plant: Record, sensors: Record, noise: Array, row: int, sensed: Array) -> None:
+    """Write what finer sensors read of a PLANT (1,) into (2, 3): m/s^2 and rad/s, body axes."""
+    p, s = plant[0], sensors[0]
+    rotor, shaken, twisted = _shaking(p, s)
+    for i in range(3):
+        force = sensed_force(s.accelerometer_matrix, p.specific_force_b, i)
+        bias = s.accelerometer_bias[i] + s.warmth * s.accelerometer_warm_up
+        sensed[0, i] = force + s.vibration * rotor[i] + bias + shaken * noise[row, i]
+        drift = s.gyroscope_bias[i] + s.warmth * s.gyroscope_warm_up
+        rate = p.x[10 + i] + s.vibration_gyroscope * rotor[i]
+        sensed[1, i] = rate + drift + twisted * noise[row, 3 + i]
+
+
 @compiled
 def sample(plant: Record, sensors: Record, noise: Array, row: int, registers: Registers) -> None:
     """Write the counts of a PLANT (1,) into the registers (65,), with noise row `row`."""
     p, s = plant[0], sensors[0]
-    shaken, twisted, rotor = s.accelerometer_noise, s.gyroscope_noise, (0.0, 0.0, 0.0)
-    if s.vibration > 0.0 or s.vibration_gyroscope > 0.0:
-        rotor, broadband = lines(p, s.hover_thrust)
-        shaken = math.hypot(shaken, broadband * s.vibration)
-        twisted = math.hypot(twisted, broadband * s.vibration_gyroscope)
+    rotor, shaken, twisted = _shaking(p, s)
     for i in range(3):
         registers[_ACCELEROMETER + i] = accelerometer_count(
             sensed_force(s.accelerometer_matrix, p.specific_force_b, i) + s.vibration * rotor[i],

@@ -13,7 +13,9 @@ import numpy.typing as npt
 from quadrotor.compiled import compiled
 from quadrotor.errors import RefusedError
 from quadrotor.records import STATE, Record
+from quadrotor.vehicle_model import Four
 from vehicle.simulator.air import blow
+from vehicle.simulator.betaflight.firmware import BetaflightFirmware
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.firmware.native import NativeFirmware
 from vehicle.simulator.firmware.program import period
@@ -21,7 +23,7 @@ from vehicle.simulator.force_sensor import ForceReading, ForceSensor
 from vehicle.simulator.held_vehicle import BENCH, FREE, configure_holder, hold, new_holder
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.plant import advance, charge_battery, configure_plant, new_plant
-from vehicle.simulator.sensors import GUSTS, WARM_UP_TIME, Noise, new_sensors, sample
+from vehicle.simulator.sensors import GUSTS, WARM_UP_TIME, Noise, new_sensors, sample, sense
 from vehicle.simulator.serial_faults import Line, configure_wires, new_wires
 from vehicle_link.serial.ids import Id, MotorState
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
@@ -42,7 +44,7 @@ def _move(
     noise: npt.NDArray[np.float64],
     row: int,
     registers: npt.NDArray[np.int16],
-    references: tuple[int, int, int, int],
+    references: Four,
     holder: Record,
     dt: float,
 ) -> None:
@@ -82,6 +84,7 @@ class SimulatedVehicle:
     Args:
         parameters: the truth.
         ports: its own ends of the serial lines; None makes them in memory.
+        firmware: of another board than the paper's.
 
     Raises StorageError when the C firmware cannot be built.
 
@@ -92,15 +95,18 @@ class SimulatedVehicle:
     """
 
     def __init__(
-        self, parameters: SimulatorParameters, ports: Sequence[Line] | None = None
+        self,
+        parameters: SimulatorParameters,
+        ports: Sequence[Line] | None = None,
+        firmware: BetaflightFirmware | None = None,
     ) -> None:
         self.ports: tuple[MemoryPort, ...] = ()
         if ports is None:
-            pairs = [memory_port_pair() for _ in range(PORTS)]
+            pairs = [memory_port_pair() for _ in range(PORTS if firmware is None else 1)]
             self.ports = tuple(pair[0] for pair in pairs)
             ports = [pair[1] for pair in pairs]
         self.parameters = parameters
-        self.firmware: Firmware | NativeFirmware = (
+        self.firmware = firmware or (
             NativeFirmware(len(ports)) if parameters.firmware == "c" else Firmware(len(ports))
         )
         self.stamp_ns = 0
@@ -114,7 +120,8 @@ class SimulatedVehicle:
         self._fit_sensors(parameters)
         self._begun_ns = 0  # time of period 0
         self._count = 0  # periods begun, period 0 included
-        self.firmware.registers[Id.MIRROR_PERIOD] = round(1e6 / parameters.imu_rate)
+        if firmware is None:
+            self.firmware.registers[Id.MIRROR_PERIOD] = round(1e6 / parameters.imu_rate)
         self._pace()
         self._miss(parameters.missing_motor)
         self.truth: Record = self._plant["x"].view(STATE).reshape(1)
@@ -185,6 +192,8 @@ class SimulatedVehicle:
         row = noise.next_rows(periods)
         if first:
             sample(self._plant, self._sensors, noise.block, row, firmware.registers)
+            if isinstance(firmware, BetaflightFirmware):
+                firmware.sense(self._plant, self._sensors, noise.block, row)
             firmware.period(command)
         else:
             self._run(row, command, periods)
@@ -207,6 +216,8 @@ class SimulatedVehicle:
         for k in range(row, row + periods):
             a, b, c, d = firmware.references
             _move(*world, k, firmware.registers, (a, b, c, d), self._holder, self._period)
+            if isinstance(firmware, BetaflightFirmware):
+                firmware.sense(*world, k)
             firmware.period(command)
 
     def _acting(self) -> Command:
@@ -246,6 +257,9 @@ class SimulatedVehicle:
         firmware.period(still)
         _move(*world, registers, still, holder, self._period)
         _run(*world, program, registers, still, holder, 1, self._period)
+        if isinstance(self.firmware, BetaflightFirmware):
+            _move(*world, registers, (0.0, 0.0, 0.0, 0.0), holder, self._period)
+            sense(*world, np.zeros((2, 3)))
         for held in ("hand", "free", "bench"):
             configure_holder(holder, plant, SimulatorParameters(held=held))
         plant["rotor_speeds"] = 1.0
@@ -325,3 +339,8 @@ class SimulatedVehicle:
         self.truth["velocity_w"] = 0.0
         self.truth["quaternion_wb"] = quaternion_wb
         self.truth["angular_velocity_b"] = 0.0
+
+    def close(self) -> None:
+        """End the process of its board, where it has one."""
+        if isinstance(self.firmware, BetaflightFirmware):
+            self.firmware.close()

@@ -15,6 +15,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from quadrotor.errors import LinkError
+from quadrotor.parameters import Parameters
 from vehicle.boards.betaflight.arming import why_not_armed
 from vehicle.boards.betaflight.messages import (
     ARM_BOX,
@@ -26,8 +27,9 @@ from vehicle.boards.betaflight.messages import (
     decode_voltage,
 )
 from vehicle.boards.betaflight.options import BetaflightOptions
-from vehicle.boards.betaflight.sticks import Sticks
+from vehicle.boards.betaflight.sticks import TRAITS, Sticks
 from vehicle.boards.board import BodyRates, Command, RawSample
+from vehicle.boards.kind import Kind
 from vehicle_link import clock
 from vehicle_link.msp.crsf import encode_channels
 from vehicle_link.msp.frames import ERROR, Message, MessageDecoder, encode
@@ -196,11 +198,23 @@ class BetaflightBoard:
     def _send_sticks(self) -> None:
         starting = self._wanted is MotorState.ON and not self.obstacle
         arm = starting or (self._wanted is MotorState.EMERGENCY)
+        is_armed = self._state in (MotorState.ON, MotorState.EMERGENCY)
+        command = self._command if is_armed else _IDLE  # it does not arm at any other throttle
         channels = self._sticks.channels(
-            self._command, arm=arm, failsafe=self._wanted is MotorState.EMERGENCY
+            command, arm=arm, failsafe=self._wanted is MotorState.EMERGENCY
         )
         if self._crsf is not None:
             self._crsf.write(encode_channels(channels))
         else:
             payload = b"".join(channel.to_bytes(2, "little") for channel in channels)
             self._msp.write(encode(Function.SET_RC, payload))
+
+
+def _connect(
+    ports: Sequence[Port], options: Parameters | None, rate: int, now_ns: Callable[[], int] | None
+) -> BetaflightBoard:
+    assert isinstance(options, BetaflightOptions)
+    return BetaflightBoard(ports, options, rate=rate, now_ns=now_ns or clock.time_ns)
+
+
+KIND = Kind(TRAITS, _connect, BetaflightOptions, rate=250)

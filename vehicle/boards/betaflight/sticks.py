@@ -13,7 +13,16 @@ from vehicle.boards.betaflight.options import BetaflightOptions
 from vehicle.boards.board import BodyRates, Command, Takes, Traits
 from vehicle_link.serial.attitude_command import AttitudeCommand
 
-TRAITS = Traits("betaflight", (Takes.RATES, Takes.ANGLES))
+TRAITS = Traits(
+    "betaflight",
+    (Takes.RATES, Takes.ANGLES),
+    {
+        "imu.accelerometer_scale": 1.0 / 256.0,
+        "imu.accelerometer_zero": 0.0,
+        "imu.gyroscope_scale": 2000.0 / 32768.0,
+        "imu.gyroscope_zero": 0.0,
+    },
+)
 MIDDLE, HALF, LOW, HIGH = 1500.0, 500.0, 1000.0, 2000.0
 """µs."""
 RC_CHANNELS = 8
@@ -64,6 +73,8 @@ class Sticks:
     def _throttle_pulse(self, throttle: float) -> float:
         """Return the pulse that drives the motors at this share of their range, on average."""
         p = self._options
+        if throttle <= 0.0:
+            return LOW  # under `min_check`, or it does not arm
         idle = 0.01 * p.idle
         share = max(0.0, (throttle - idle) / (1.0 - idle))
         return p.min_check + share * (HIGH - p.min_check)

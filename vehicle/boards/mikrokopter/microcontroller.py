@@ -16,12 +16,14 @@ is not trusted.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import msgspec
 
 from quadrotor.errors import OutOfBoundsError
+from quadrotor.parameters import Parameters
 from vehicle.boards.board import Command, RawSample, Takes, Traits
+from vehicle.boards.kind import Kind
 from vehicle.boards.mikrokopter.clock import MicrocontrollerClock
 from vehicle.boards.mikrokopter.motor_bus import MotorBus
 from vehicle.boards.mikrokopter.ports import MicrocontrollerPorts
@@ -300,3 +302,12 @@ class Microcontroller:
         line = self._bus.take(key, answer)
         if line is not None:
             self.failures.append(line)
+
+
+def _connect(
+    ports: Sequence[Port], options: Parameters | None, rate: int, now_ns: Callable[[], int] | None
+) -> Microcontroller:
+    return Microcontroller(ports, None if now_ns is None else now_ns(), rate=rate)
+
+
+KIND = Kind(TRAITS, _connect)

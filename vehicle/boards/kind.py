@@ -1,0 +1,61 @@
+"""The kinds of boards there are: those here, and those of other packages (`quadlab.boards`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from importlib.metadata import entry_points
+from typing import Protocol
+
+import msgspec
+
+from quadrotor.errors import UsageError
+from quadrotor.parameters import Parameters
+from vehicle.boards.board import Board, Traits
+from vehicle_link.serial.port import Port
+
+MIKROKOPTER, BETAFLIGHT = "mikrokopter", "betaflight"
+GROUP = "quadlab.boards"
+_HERE = {
+    MIKROKOPTER: "vehicle.boards.mikrokopter.microcontroller",
+    BETAFLIGHT: "vehicle.boards.betaflight.board",
+}
+
+
+class Connect(Protocol):
+    """Makes a board of its ports and options; `rate` in Hz, of its samples.
+
+    `now_ns` is the clock of simulated time; None: the host's clock.
+    """
+
+    def __call__(
+        self,
+        ports: Sequence[Port],
+        options: Parameters | None,
+        rate: int,
+        now_ns: Callable[[], int] | None,
+    ) -> Board: ...
+
+
+class Kind(msgspec.Struct, frozen=True):
+    """One kind of board: the entry point of a package names such an object."""
+
+    traits: Traits
+    connect: Connect
+    options: type[Parameters] | None = None
+    rate: int = 500  # Hz, of its samples unless said
+
+
+def find_kind(name: str) -> Kind:
+    """Return a kind of board. Raises UsageError when there is none of this name."""
+    if name in _HERE:
+        here: Kind = import_module(_HERE[name]).KIND
+        return here
+    packaged = entry_points(group=GROUP)
+    if name not in packaged.names:
+        there_are = ", ".join([*_HERE, *sorted(packaged.names)])
+        raise UsageError(f"--board {name!r} is not known; there are {there_are}")
+    kind = packaged[name].load()
+    if not isinstance(kind, Kind):
+        raise UsageError(f"--board {name}: {packaged[name].value} is no vehicle.boards.kind.Kind")
+    return kind

@@ -1,0 +1,122 @@
+"""The real Betaflight behind the interface of the simulated microcontroller."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.errors import UsageError
+from quadrotor.parameters import Parameters
+from quadrotor.records import Record
+from quadrotor.vehicle_model import Four
+from vehicle.boards.betaflight.configuration import mode_lines, required
+from vehicle.boards.betaflight.messages import Function
+from vehicle.boards.betaflight.options import BetaflightOptions
+from vehicle.boards.kind import BETAFLIGHT, MIKROKOPTER
+from vehicle.boards.reference_rounding import REFERENCE_MAX
+from vehicle.simulator.betaflight.process import BetaflightProcess
+from vehicle.simulator.firmware.firmware import REGISTERS
+from vehicle.simulator.sensors import sense
+from vehicle_link.msp.frames import REPLY, encode
+from vehicle_link.serial.ids import Id, MotorState
+
+PERIOD_US = 1000
+"""Between two states that it is shown, and two motor values; bytes are moved as often."""
+_ANALOG = encode(Function.ANALOG, bytes(9), REPLY)[:8]
+_VOLTAGE_AT = 7
+FRAME = (
+    "mixer QUADP",
+    *(f"set {name}_roll = {value}" for name, value in (("p", 18), ("i", 0), ("d", 0), ("f", 0))),
+    *(f"set {name}_pitch = {value}" for name, value in (("p", 18), ("i", 0), ("d", 0), ("f", 0))),
+    *(f"set {name}_yaw = {value}" for name, value in (("p", 90), ("i", 0), ("f", 0))),
+)
+"""What a person sets for this frame: its mixer, and gains that are about `control.attitude.kw`."""
+
+
+class BetaflightFirmware:
+    """One board; as `vehicle.simulator.firmware.firmware.Firmware`, with finer sensors.
+
+    Attributes:
+        registers: (65,) int16, of which it uses only the period.
+        references: counts of motor reference, motors front, left, rear, right.
+    """
+
+    command = (0, 0, 0, 0)
+
+    def __init__(self, options: BetaflightOptions) -> None:
+        settings = required(options).items()
+        lines = [f"set {name} = {value}" for name, value in settings]
+        self._process = BetaflightProcess([*lines, *mode_lines(), *FRAME, "save"])
+        self.registers: npt.NDArray[np.int16] = np.zeros(REGISTERS, np.int16)
+        self.registers[Id.MIRROR_PERIOD] = PERIOD_US
+        self.references: Four = (0.0, 0.0, 0.0, 0.0)
+        self._sensed = np.zeros((2, 3))
+        self._plant: Record | None = None
+        self._missing = 0
+
+    @property
+    def motor_state(self) -> MotorState:
+        return MotorState.ON if any(self.references) else MotorState.OFF
+
+    def sense(
+        self, plant: Record, sensors: Record, noise: npt.NDArray[np.float64], row: int
+    ) -> None:
+        """Take the readings of a PLANT (1,) for the next period."""
+        self._plant = plant
+        sense(plant, sensors, noise, row, self._sensed)
+
+    def period(self, command: tuple[int, int, int, int]) -> None:
+        """Run it for one period on the readings taken."""
+        assert self._plant is not None
+        force, rates = self._sensed.tolist()
+        quaternion = self._plant["x"][0, 6:10].tolist()
+        motors = self._process.step(1000 * PERIOD_US, rates, force, quaternion)
+        self.references = tuple(
+            0.0 if self._missing >> k & 1 else REFERENCE_MAX * max(0.0, motor)
+            for k, motor in enumerate(motors)
+        )
+
+    def receive(self, port: int, data: bytes) -> bytes:
+        """Pass bytes on; the answers come with `next_data`."""
+        self._process.port.write(data)
+        return b""
+
+    def next_data(self) -> tuple[int, bytes]:
+        """Return (port, the bytes it has sent)."""
+        data = self._process.port.read()
+        return 0, self._with_battery(data) if _ANALOG in data else data
+
+    def _with_battery(self, data: bytes) -> bytes:
+        """Return the bytes with the plant's voltage: this target of the firmware has no meter."""
+        before, after = data.split(_ANALOG, 1)
+        assert self._plant is not None
+        voltage = round(100.0 * float(self._plant["voltage"][0]))
+        payload = after[:_VOLTAGE_AT] + voltage.to_bytes(2, "little")
+        return before + encode(Function.ANALOG, payload, REPLY) + after[len(payload) + 1 :]
+
+    def set_missing(self, motors: int) -> None:
+        """Set the bits of the motors that do not turn."""
+        self._missing = motors
+
+    def advance(self, elapsed_ms: int) -> None: ...
+
+    def steps(self, ms: int, count: int, step_ms: int) -> None: ...
+
+    def set_period(self, sixteenths: int) -> None: ...
+
+    def close(self) -> None:
+        self._process.close()
+
+
+def firmware_of(board: str, options: Parameters | None) -> BetaflightFirmware | None:
+    """Return what a simulated vehicle with this board runs; None: the simulator's own firmware.
+
+    Raises UsageError for a board that is not simulated, and as `BetaflightProcess`.
+    """
+    if board == MIKROKOPTER:
+        return None
+    if board == BETAFLIGHT and isinstance(options, BetaflightOptions):
+        return BetaflightFirmware(options)
+    raise UsageError(
+        f"board {board} is not simulated: fly {MIKROKOPTER} or {BETAFLIGHT}, or the vehicle itself"
+    )

