@@ -201,7 +201,8 @@ def with_options(
         **{name: (type(of), of) for name, of in there.items()},
     )
     # Not copied: the experiment reads the very same object.
-    return tree.model_construct(**dict(parameters), **there)
+    chosen: FlightParameters = tree.model_construct(**dict(parameters), **there)
+    return chosen
 
 
 def _new_log(folder: Path, stem: str) -> Path:

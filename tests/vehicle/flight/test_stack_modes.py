@@ -275,7 +275,8 @@ def test_without_a_pose_only_what_needs_none_may_follow_near_hovering() -> None:
 
 def test_the_supervisor_lands_when_a_serial_port_is_gone() -> None:
     lab = FailingLab().hovering()
-    lab._mcu._ports.lost = 1
+    assert isinstance(lab._board, Microcontroller)
+    lab._board._ports.lost = 1
     lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=1.0)
     assert "a serial port is lost" in lab.said
     lab.landed()

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from quadrotor.errors import LinkError
+from quadrotor.errors import LinkError, OutOfBoundsError
 from quadrotor.parameters import Parameters
 from vehicle.boards.betaflight.arming import why_not_armed
 from vehicle.boards.betaflight.messages import (
@@ -28,11 +28,12 @@ from vehicle.boards.betaflight.messages import (
 )
 from vehicle.boards.betaflight.options import BetaflightOptions
 from vehicle.boards.betaflight.sticks import TRAITS, Sticks
-from vehicle.boards.board import BodyRates, Command, RawSample
+from vehicle.boards.board import BodyRates, Command, RawSample, Takes
 from vehicle.boards.kind import Kind
 from vehicle_link import clock
 from vehicle_link.msp.crsf import encode_channels
 from vehicle_link.msp.frames import ERROR, Message, MessageDecoder, encode
+from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import Port
 
@@ -84,7 +85,7 @@ class BetaflightBoard:
         self._voltage = 0.0
         self._state = MotorState.INIT
         self._wanted = MotorState.OFF
-        self._command: Command = _IDLE
+        self._command: BodyRates | AttitudeCommand = _IDLE
         self._sticks_due_s = self._imu_due_s = -math.inf
 
     # ------------------------------------------------------------------ what it tells
@@ -161,6 +162,8 @@ class BetaflightBoard:
     # ------------------------------------------------------------------ what it takes
     def command(self, command: Command) -> None:
         """Send a command with the next `service`. Raises OutOfBoundsError, LinkError."""
+        if isinstance(command, tuple):
+            raise OutOfBoundsError(TRAITS.missing(Takes.MOTORS))
         self._command = command
         self._send_sticks()
 

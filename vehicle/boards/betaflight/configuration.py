@@ -39,6 +39,8 @@ def required(options: BetaflightOptions) -> dict[str, str]:
         "motor_idle": str(round(options.idle * 100.0)),
         "serial_update_rate_hz": "2000",
         "failsafe_delay": str(round(options.failsafe_delay * 10.0)),
+        "failsafe_throttle": str(options.landing_throttle),
+        "failsafe_landing_time": str(options.landing_time),
         "failsafe_procedure": "AUTO-LAND",
         "failsafe_switch_mode": "STAGE2",
         "runaway_takeoff_prevention": "OFF",

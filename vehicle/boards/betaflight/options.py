@@ -30,6 +30,16 @@ class BetaflightOptions(Parameters):
     min_check: int = parameter(
         1010, unit="µs", ge=1000, le=1200, description="pulse of the lowest throttle"
     )
+    landing_throttle: int = parameter(
+        1470,
+        unit="µs",
+        ge=1000,
+        le=2000,
+        description="throttle of its own landing, a little under hover's: no sensor helps it",
+    )
+    landing_time: int = parameter(
+        10, unit="s", ge=1, le=250, description="its own landing ends after this, motors off"
+    )
     failsafe_delay: float = parameter(
         0.2,
         unit="s",

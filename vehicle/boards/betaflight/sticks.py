@@ -10,7 +10,7 @@ import math
 
 from quadrotor.errors import OutOfBoundsError
 from vehicle.boards.betaflight.options import BetaflightOptions
-from vehicle.boards.board import BodyRates, Command, Takes, Traits
+from vehicle.boards.board import BodyRates, Takes, Traits
 from vehicle_link.serial.attitude_command import AttitudeCommand
 
 TRAITS = Traits(
@@ -41,7 +41,9 @@ class Sticks:
         self._options = options
         self._carry = [0.0] * 4
 
-    def channels(self, command: Command, *, arm: bool, failsafe: bool = False) -> list[int]:
+    def channels(
+        self, command: BodyRates | AttitudeCommand, *, arm: bool, failsafe: bool = False
+    ) -> list[int]:
         """Return the channels, whole µs. Raises OutOfBoundsError for what it cannot carry out."""
         is_angle = isinstance(command, AttitudeCommand)
         wanted = self._wanted(command)
@@ -51,18 +53,16 @@ class Sticks:
         switches = (HIGH if on else LOW for on in (arm, is_angle, failsafe))
         return [*pulses, *map(int, switches), int(LOW)]
 
-    def _wanted(self, command: Command) -> Four:
+    def _wanted(self, command: BodyRates | AttitudeCommand) -> Four:
         p = self._options
         if isinstance(command, BodyRates):
             full = math.radians(p.rate_max)
             roll, pitch, yaw = (rate / full for rate in command.rates_b)
             throttle = command.throttle
-        elif isinstance(command, AttitudeCommand):
+        else:
             full = math.radians(p.angle_max)
             roll, pitch = command.roll / full, command.pitch / full
             yaw, throttle = command.yaw_rate / math.radians(p.rate_max), command.throttle
-        else:
-            raise OutOfBoundsError(TRAITS.missing(Takes.MOTORS))
         return (
             MIDDLE + HALF * roll,
             MIDDLE + HALF * pitch,

@@ -147,8 +147,9 @@ class BetaflightProcess:
         Args: rad/s and m/s² as its sensors have them, body axes; Pa. Raises LinkError.
         """
         self._now_ns += length_ns
-        (p, q, r), (x, y, z) = omega_b, specific_force_b
-        seen = (p, -q, -r, -x, -y, -z, *quaternion_wb, *(0.0,) * 6, pressure)
+        (p, q, r), (x, y, z), (w, i, j, k) = omega_b, specific_force_b, quaternion_wb
+        # Axes forward, right, down, and the force with the other sign (sitl.c: updateState).
+        seen = (p, -q, -r, -x, -y, -z, w, i, -j, -k, *(0.0,) * 6, pressure)
         with contextlib.suppress(OSError):  # it has ended, which shows below
             self._world.sendto(_STATE.pack(1e-9 * self._now_ns, *seen), str(self._path / STATE))
         deadline_s = time.monotonic() + PATIENCE_S

@@ -106,21 +106,42 @@ def test_it_arms_when_nothing_blocks_and_reports_it() -> None:
     assert (bench.firmware.sticks[4], bench.firmware.sticks[6]) == (1000, 1000)
 
 
-def test_rates_and_angles_become_sticks() -> None:
+def armed_bench() -> Bench:
     bench = Bench()
-    bench.go(10)
+    bench.firmware.boxes = 1
+    bench.board.set_motor_state(MotorState.ON)
+    bench.go(60)
+    return bench
+
+
+def test_until_it_is_armed_the_throttle_stays_at_its_lowest() -> None:
+    bench = Bench()
+    bench.go(60)
+    bench.board.set_motor_state(MotorState.ON)
+    bench.board.command(HOVER)
+    bench.firmware.step()
+    assert bench.firmware.sticks[2:5] == [1000, 1500, 2000]
+    bench.firmware.boxes = 1
+    bench.go(60)
+    bench.board.command(HOVER)
+    bench.firmware.step()
+    # 1010 + 990 (0.4 - 0.055) / 0.945 = 1371.4, and what is left of the one before
+    assert bench.firmware.sticks[2] in (1371, 1372)
+
+
+def test_rates_and_angles_become_sticks() -> None:
+    bench = armed_bench()
     full = BodyRates((6.981317, -3.490659, 3.490659), 1.0)  # 400, -200, 200 deg/s
     bench.board.command(full)
     bench.firmware.step()
-    assert bench.firmware.sticks == [2000, 1250, 2000, 1250, 1000, 1000, 1000, 1000]
+    assert bench.firmware.sticks == [2000, 1250, 2000, 1250, 2000, 1000, 1000, 1000]
     bench.board.command(AttitudeCommand(0.0, 0.3054326, 0.0, 1.0, 12.8, 0.055))  # 17.5 deg
     bench.firmware.step()
-    assert bench.firmware.sticks == [1500, 1750, 1010, 1500, 1000, 2000, 1000, 1000]
+    assert bench.firmware.sticks == [1500, 1750, 1010, 1500, 2000, 2000, 1000, 1000]
 
 
 def test_the_mean_of_the_sticks_is_what_was_wanted() -> None:
-    bench = Bench()
-    bench.go(10)
+    bench = armed_bench()
     pulses = []
     for _ in range(200):
         bench.board.command(BodyRates((0.02, 0.0, 0.0), 0.4))

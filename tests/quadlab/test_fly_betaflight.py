@@ -1,0 +1,109 @@
+"""Flights on the real Betaflight in simulated time, and what it does when it is left alone."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flight_log import read_log, read_metadata
+from quadlab.__main__ import main
+from quadlab.simulated.experiment import with_options
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight_log import FlightLog
+from quadrotor.parameters import ParameterStore
+from vehicle.boards.betaflight.board import KIND
+from vehicle.boards.betaflight.options import BetaflightOptions
+from vehicle.processes import mailbox
+from vehicle.simulator.betaflight.firmware import BetaflightFirmware
+from vehicle.simulator.betaflight.process import FIRMWARE
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+
+pytestmark = pytest.mark.skipif(
+    not FIRMWARE.exists(), reason="no Betaflight: scripts/betaflight builds it"
+)
+LANDING_SPEED = 0.8
+"""m/s, at touch-down."""
+
+
+def test_the_eight_stays_within_its_errors(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["fly", "figure_eight", "--board", "betaflight", "--out", str(tmp_path), "--json"]
+    assert main(words) == 0
+    report: dict[str, Any] = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
+    assert report["verdict"] == "passed"
+    assert report["metrics"]["position_rms_m"] <= 0.025
+    assert report["metrics"]["samples"] > 1500
+    log = Path(report["log"])
+    assert read_metadata(log)["quadlab.run"]["board"] == "betaflight"
+    topics = {message.topic.rpartition("/")[2] for message in read_log(log)}
+    assert topics >= {"state", "reference", "imu", "actuators", "status", "battery", "truth"}
+
+
+def test_a_board_that_is_not_known_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["fly", "hover", "--board", "naze"]) == 2
+    said = capsys.readouterr().err
+    assert "--board 'naze' is not known; there are mikrokopter, betaflight" in said
+
+
+class Hovering:
+    """A vehicle in the air at 1 m."""
+
+    def __init__(self, folder: Path) -> None:
+        options = BetaflightOptions()
+        parameters = with_options(FlightParameters().model_copy(deep=True), {"board": options})
+        store = ParameterStore(parameters)
+        store.preset(KIND.traits.parameters | {"simulator.imu_rate": KIND.rate})
+        self.vehicle = SimulatedVehicle(parameters.simulator, firmware=BetaflightFirmware(options))
+        self.log = FlightLog(folder / "hover.mcap", "quad1", store, {})
+        self.flight = flight = SimulatedFlight(parameters, self.vehicle, self.log, kind=KIND)
+        flight.wait_until(lambda v: v.mode == "ready", what="ready", timeout=20)
+        flight.wait(0.5)
+        flight.arm()
+        flight.wait(1.0)
+        flight.start("take_off", height=1.0)
+        flight.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
+
+    @property
+    def height(self) -> float:
+        return float(self.vehicle.truth["position_w"][0, 2])
+
+    def left_alone(self, seconds: float) -> float:
+        """Let board and plant go on without the flight stack; return the fastest sinking in m/s."""
+        fastest = 0.0
+        for _ in range(round(1000 * seconds)):
+            self.vehicle.step()
+            fastest = max(fastest, -float(self.vehicle.truth["velocity_w"][0, 2]))
+        return fastest
+
+
+@pytest.fixture
+def hovering(tmp_path: Path) -> Iterator[Hovering]:
+    made = Hovering(tmp_path)
+    yield made
+    made.log.close()
+    made.vehicle.close()
+
+
+def test_it_lands_by_itself_when_the_flight_process_is_gone(hovering: Hovering) -> None:
+    assert hovering.height == pytest.approx(1.0, abs=0.05)
+    assert hovering.left_alone(14.0) <= LANDING_SPEED
+    assert abs(hovering.height) < 0.02
+    assert not any(hovering.vehicle.firmware.references)
+
+
+def test_an_emergency_landing_is_the_boards_own(hovering: Hovering) -> None:
+    flight, sinking = hovering.flight, []
+    reply = flight.stack.handle(mailbox.Emergency("1", "test", "land"))
+    assert reply.accepted
+    for _ in range(14_000):
+        flight.advance()
+        sinking.append(-hovering.vehicle.truth["velocity_w"][0, 2])
+    assert np.max(sinking) <= LANDING_SPEED
+    assert abs(hovering.height) < 0.02
+    assert not any(hovering.vehicle.firmware.references)
