@@ -104,7 +104,7 @@ def flown(seed: int, count: int) -> Iterator[Step]:
                 else b""
             )
         elif 6 <= second < 7 and k % 1000 < 100:
-            references = simulated.firmware.references
+            references = [int(reference) for reference in simulated.firmware.references]
             data = c.encode_set(references, Id.FLIGHT_CONTROL_MODE, FlightControlMode.DIRECT)
         elif second == 6 and k % 1000 == 100:
             data = c.encode_set(command, Id.FLIGHT_CONTROL_MODE, FlightControlMode.NEAR_HOVERING)

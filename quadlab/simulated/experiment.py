@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from quadlab.data_folder import open_data_folder
 from quadlab.settings import parse_settings
@@ -78,7 +78,7 @@ def fly(
     kind = find_kind(board)
     parameters = with_options(
         FlightParameters().model_copy(deep=True),
-        {"experiment": experiment.parameters, "board": kind.options and kind.options()},
+        {"experiment": experiment.parameters, "board": kind.options() if kind.options else None},
     )
     ParameterStore(parameters).preset(kind.traits.parameters | {"simulator.imu_rate": kind.rate})
     parameters.seed(seed)
@@ -195,11 +195,8 @@ def with_options(
     from pydantic import create_model
 
     there = {name: of for name, of in options.items() if of is not None}
-    tree = create_model(
-        "ChosenParameters",
-        __base__=type(parameters),
-        **{name: (type(of), of) for name, of in there.items()},
-    )
+    fields: dict[str, Any] = {name: (type(of), of) for name, of in there.items()}
+    tree = create_model("ChosenParameters", __base__=type(parameters), **fields)
     # Not copied: the experiment reads the very same object.
     chosen: FlightParameters = tree.model_construct(**dict(parameters), **there)
     return chosen

@@ -15,6 +15,7 @@ from quadlab.__main__ import main
 from quadlab.simulated.experiment import with_options
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
+from quadrotor.errors import LinkError
 from quadrotor.parameters import ParameterStore
 from vehicle.boards.betaflight.board import KIND
 from vehicle.boards.betaflight.options import BetaflightOptions
@@ -95,6 +96,37 @@ def test_it_lands_by_itself_when_the_flight_process_is_gone(hovering: Hovering) 
     assert hovering.left_alone(14.0) <= LANDING_SPEED
     assert abs(hovering.height) < 0.02
     assert not any(hovering.vehicle.firmware.references)
+
+
+def test_it_lands_by_itself_when_its_port_is_pulled(hovering: Hovering) -> None:
+    hovering.flight.change({"simulator.unplugged_port": "first"})
+    with pytest.raises(LinkError):
+        hovering.flight.wait(1.0)
+    assert hovering.left_alone(14.0) <= LANDING_SPEED
+    assert abs(hovering.height) < 0.02
+
+
+def test_a_silent_link_lands_it_under_control(hovering: Hovering) -> None:
+    flight, sinking = hovering.flight, 0.0
+    flight._next_heartbeat_ns = 10**18  # the station is not heard any more
+    for _ in range(30_000):
+        flight.advance()
+        sinking = max(sinking, -float(hovering.vehicle.truth["velocity_w"][0, 2]))
+    assert flight.view().mode == "ready"
+    assert sinking <= LANDING_SPEED
+    assert abs(hovering.height) < 0.02
+
+
+def test_a_board_that_fails_turns_no_motor_and_tells_nothing_more(hovering: Hovering) -> None:
+    firmware = hovering.vehicle.firmware
+    assert isinstance(firmware, BetaflightFirmware)
+    firmware.fail()
+    newest_ns = hovering.flight.stack.stamp_ns
+    for _ in range(1000):
+        hovering.flight.advance()
+    assert not any(firmware.references)
+    assert abs(hovering.height) < 0.05
+    assert hovering.flight.stack.stamp_ns - newest_ns < 10_000_000
 
 
 def test_an_emergency_landing_is_the_boards_own(hovering: Hovering) -> None:

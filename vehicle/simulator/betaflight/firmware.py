@@ -71,10 +71,11 @@ class BetaflightFirmware:
         force, rates = self._sensed.tolist()
         quaternion = self._plant["x"][0, 6:10].tolist()
         motors = self._process.step(1000 * PERIOD_US, rates, force, quaternion)
-        self.references = tuple(
+        front, left, rear, right = (
             0.0 if self._missing >> k & 1 else REFERENCE_MAX * max(0.0, motor)
             for k, motor in enumerate(motors)
         )
+        self.references = front, left, rear, right
 
     def receive(self, port: int, data: bytes) -> bytes:
         """Pass bytes on; the answers come with `next_data`."""
@@ -103,6 +104,10 @@ class BetaflightFirmware:
     def steps(self, ms: int, count: int, step_ms: int) -> None: ...
 
     def set_period(self, sixteenths: int) -> None: ...
+
+    def fail(self) -> None:
+        """Let the board fail for good."""
+        self._process.kill()
 
     def close(self) -> None:
         self._process.close()
