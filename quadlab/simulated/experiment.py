@@ -198,7 +198,8 @@ def with_options(
     fields: dict[str, Any] = {name: (type(of), of) for name, of in there.items()}
     tree = create_model("ChosenParameters", __base__=type(parameters), **fields)
     # Not copied: the experiment reads the very same object.
-    chosen: FlightParameters = tree.model_construct(**dict(parameters), **there)
+    values: dict[str, Any] = dict(parameters) | there
+    chosen: FlightParameters = tree.model_construct(**values)
     return chosen
 
 
