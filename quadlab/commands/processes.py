@@ -20,6 +20,7 @@ from quadlab.up import serial_ports
 from quadlab.up.page_options import PageOptions, say_authority
 from quadlab.up.supervise import Child
 from quadrotor.errors import QuadlabError, UsageError
+from vehicle.boards.kind import MIKROKOPTER
 from vehicle_link.serial.identity import THE_ONE, Identity
 
 Settings = Annotated[
@@ -88,8 +89,8 @@ class Vehicle:
     """the microcontroller's serial ports, one or two; auto looks for them behind all devices"""
     check: bool = False
     """only test the connection and print what was found"""
-    board: str = "mikrokopter"
-    """the board that turns the motors: mikrokopter; betaflight for --check (docs/boards)"""
+    board: str = MIKROKOPTER
+    """the board that turns the motors: mikrokopter, betaflight, or of a package (docs/boards)"""
     find: bool = False
     """only look at all serial devices and print what is there"""
     robot_id: Annotated[int, tyro.conf.arg(metavar="ID")] = THE_ONE.robot_id
@@ -120,15 +121,18 @@ class Vehicle:
         identity.check()
         if self.find and self.check:
             raise UsageError("--find searches all devices, --check tests two: give one of them")
-        if self.board != "mikrokopter":
-            return serial_ports.check_other_board(self.board, self.serial, check=self.check)
+        if self.board != MIKROKOPTER and self.check:
+            return serial_ports.check_other_board(self.board, self.serial)
         if self.find:
             return serial_ports.find(self.serial, identity)
         if self.check:
             return serial_ports.check(self.serial, identity)
-        ports, rate = serial_ports.ports_at_rate(
-            self.serial, self.rate, in_process=self.in_process, identity=identity
-        )
+        if self.board == MIKROKOPTER:
+            ports, rate = serial_ports.ports_at_rate(
+                self.serial, self.rate, in_process=self.in_process, identity=identity
+            )
+        else:
+            ports, rate = serial_ports.ports_of_board(self.board, self.serial, self.rate)
         from vehicle.processes.parent import run_vehicle
 
         settings = {}
@@ -147,6 +151,7 @@ class Vehicle:
             rate=rate,
             identity=identity,
             packets=self.telemetry,
+            board=self.board,
         )
 
 
@@ -182,6 +187,9 @@ class Simulator:
     """serve poses as these tracking systems do, on loopback: vrpn, natnet, qtm"""
     firmware: Literal["python", "c"] = "python"
     """what the simulated microcontroller runs; gcc and make build the C one (firmware/) first"""
+    board: str = MIKROKOPTER
+    """the simulated board: mikrokopter; betaflight, its real firmware (scripts/betaflight builds
+    it)"""
     set: Settings = ()
     """start with this parameter value; tracker.NAME=VALUE sets how served poses are measured"""
 
@@ -201,7 +209,14 @@ class Simulator:
             tracker, systems = TrackerParameters(), parse_systems(self.serve)
             parse_settings(tracker, [word.removeprefix(prefix) for word in of_tracker], prefix)
             served = ServedSystems(systems, names, tracker, parameters.served)
-        run(parameters, self.folder, self.loopback_port, vehicles=names, served=served)
+        run(
+            parameters,
+            self.folder,
+            self.loopback_port,
+            vehicles=names,
+            served=served,
+            board=self.board,
+        )
         return 0
 
 

@@ -35,6 +35,7 @@ from quadlab.up.landing import land_before_stopping
 from quadlab.up.page_options import PageOptions
 from quadlab.up.supervise import Child
 from quadrotor.errors import UsageError
+from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle_link import clock
 from vehicle_link.lockstep import Page
 from vehicle_link.serial.capacity import check_rate
@@ -76,6 +77,9 @@ class Up(PageOptions):
     tracker's, without such a process)"""
     firmware: Literal["python", "c"] = "python"
     """what the simulated microcontroller runs; gcc and make build the C one (firmware/) first"""
+    board: str = MIKROKOPTER
+    """the simulated vehicles' board: mikrokopter; betaflight, its real firmware
+    (scripts/betaflight builds it)"""
     set: Settings = ()
     """start with this vehicle parameter, or simulator.NAME=VALUE"""
 
@@ -111,7 +115,12 @@ class Up(PageOptions):
             return self._watch(groups, fleet)
 
     def _rate(self, fleet: SimulatedFleet) -> int:
-        return fleet.rates.ticks if self.rate is None else self.rate
+        usual = min(fleet.rates.ticks, find_kind(self.board).rate)
+        return usual if self.rate is None else self.rate
+
+    @property
+    def _ports(self) -> Sequence[str]:
+        return MCU_PORTS if self.board == MIKROKOPTER else MCU_PORTS[:1]
 
     def _check_ports(self, fleet: SimulatedFleet) -> None:
         for port in (self.port, *fleet.ports.values()):
@@ -171,8 +180,7 @@ class Up(PageOptions):
         if not any(word.startswith("imu_rate=") for word in simulator):
             simulator = ["--set", f"imu_rate={self._rate(fleet)}", *simulator]
         robot = ["simulator", "--folder", str(run_folder), *loopback, *names, *simulator]
-        if self.firmware == "c":
-            robot += ["--firmware", self.firmware]
+        robot += ["--firmware", self.firmware, "--board", self.board]
         base = ["station", *common, *dialled, *loopback, *fleet.station_words]
         if self.tracker:
             base += ["--tracker", self._tracker_words(fleet)]
@@ -213,8 +221,10 @@ class Up(PageOptions):
             folder = run_folder if fleet.count == 1 else run_folder / name
             found[name] = [
                 "vehicle",
+                "--board",
+                self.board,
                 "--serial",
-                *(str(folder / mcu) for mcu in MCU_PORTS),
+                *(str(folder / mcu) for mcu in self._ports),
                 "--rate",
                 str(self._rate(fleet)),
                 "--data",

@@ -7,6 +7,7 @@ import stat
 from collections.abc import Sequence
 
 from quadrotor.errors import LinkError, UsageError
+from vehicle.boards.kind import BETAFLIGHT, find_kind
 from vehicle.processes.terminal import say
 from vehicle_link.serial.capacity import DEFAULT_RATE, check_rate, default_rate, samples_a_second
 from vehicle_link.serial.identity import THE_ONE, Identity
@@ -92,18 +93,31 @@ def check(words: Sequence[str], identity: Identity = THE_ONE) -> int:
     )
 
 
-def check_other_board(board: str, words: Sequence[str], *, check: bool) -> int:
+def ports_of_board(board: str, words: Sequence[str], rate: int | None) -> tuple[list[str], int]:
+    """Return the ports to fly another board with, and Hz.
+
+    Raises UsageError for a board that is not known, and for more ports than it has.
+    """
+    kind, named = find_kind(board), split_ports(words)
+    if not 1 <= len(named) <= len(kind.bauds):
+        raise UsageError(
+            f"--serial has {len(named)} ports; --board {board} has 1 to {len(kind.bauds)}, like "
+            "--serial /dev/ttyS0,/dev/ttyS1"
+        )
+    if rate is not None:
+        check_rate(rate, None)
+    return [os.path.abspath(port) for port in named], rate or kind.rate
+
+
+def check_other_board(board: str, words: Sequence[str]) -> int:
     """Run `--board NAME --check`: return exit status 0 when the board fits, else 1.
 
-    Raises UsageError for a board that is not known, and for a flight, which only the MikroKopter
-    board can do so far; LinkError when the port cannot be opened or does not answer.
+    Raises UsageError for a board that cannot be checked; LinkError when the port cannot be opened
+    or does not answer.
     """
-    if board != "betaflight":
-        raise UsageError(f"--board {board!r} is not known; there are mikrokopter and betaflight")
-    if not check:
-        raise UsageError(
-            "--board betaflight has only --check so far; `quadlab vehicle` flies the mikrokopter"
-        )
+    find_kind(board)
+    if board != BETAFLIGHT:
+        raise UsageError(f"--board {board} has no --check")
     named = split_ports(words)
     if len(named) != 1:
         raise UsageError(

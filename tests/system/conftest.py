@@ -59,7 +59,7 @@ def until(what: str, look: Callable[[], T | bool | None], patience: float = PATI
 class Laboratory:
     """One `quadlab up` and a signed-in browser without a screen."""
 
-    def __init__(self, data: Path) -> None:
+    def __init__(self, data: Path, *words: str) -> None:
         self.data = data
         self.port, self.link_port = free_ports(2)
         self.lines: list[str] = []
@@ -78,6 +78,7 @@ class Laboratory:
                 str(self.port),
                 "--link-port",
                 str(self.link_port),
+                *words,
             ],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

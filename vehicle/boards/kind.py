@@ -12,7 +12,7 @@ import msgspec
 from quadrotor.errors import UsageError
 from quadrotor.parameters import Parameters
 from vehicle.boards.board import Board, Traits
-from vehicle_link.serial.port import Port
+from vehicle_link.serial.port import BAUD_RATE, Port
 
 MIKROKOPTER, BETAFLIGHT = "mikrokopter", "betaflight"
 GROUP = "quadlab.boards"
@@ -44,6 +44,8 @@ class Kind(msgspec.Struct, frozen=True):
     connect: Connect
     options: type[Parameters] | None = None
     rate: int = 500  # Hz, of its samples unless said
+    bauds: tuple[int, ...] = (BAUD_RATE, BAUD_RATE)  # of its ports, the most it has
+    poll_ms: int = 50  # how often it is to be served at least; a board that is asked needs more
 
 
 def find_kind(name: str) -> Kind:

@@ -74,7 +74,7 @@ class Pacer(Protocol):
 
 
 class Ports(Protocol):
-    """The part of vehicle.boards.mikrokopter.microcontroller.Microcontroller that is read here."""
+    """The part of vehicle.boards.board.Board that is read here."""
 
     @property
     def lost_ports(self) -> int: ...
@@ -83,9 +83,10 @@ class Ports(Protocol):
 
 
 class PortPacer:
-    """Waits for bytes of the microcontroller's ports."""
+    """Waits for bytes of the board's ports, `poll_ms` at most."""
 
-    def __init__(self, ports: Ports, period_ns: int) -> None:
+    def __init__(self, ports: Ports, period_ns: int, poll_ms: int = POLL_MS) -> None:
+        self._poll_ms = poll_ms
         self.deadlines = Deadlines(period_ns)
         self._ports = ports
         self._listen()
@@ -93,7 +94,7 @@ class PortPacer:
     def wait(self) -> None:
         if self._ports.lost_ports != self._lost_ports:
             self._listen()
-        timeout_ms, overdue_ns = POLL_MS, self.deadlines.overdue_ns
+        timeout_ms, overdue_ns = self._poll_ms, self.deadlines.overdue_ns
         if overdue_ns is not None:
             left_ns = overdue_ns - clock.monotonic_ns()
             timeout_ms = max(0, min(timeout_ms, -(-left_ns // 1_000_000)))

@@ -17,6 +17,8 @@ import msgspec
 
 from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterStore
+from vehicle.boards.board import Board
+from vehicle.boards.kind import MIKROKOPTER, Kind, find_kind
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.flight.loop import FlightLoop
 from vehicle.flight.pacing import MemoryPacer, Pacer, PortPacer
@@ -27,7 +29,7 @@ from vehicle.processes.terminal import say, speak_for
 from vehicle_link.jobs import die_with_parent
 from vehicle_link.lockstep import FLIGHT_PROCESS, Part
 from vehicle_link.serial.capacity import sample_period_us
-from vehicle_link.serial.port import PortError, PortProblem, SerialPort
+from vehicle_link.serial.port import BAUD_RATE, PortError, PortProblem, SerialPort
 
 if TYPE_CHECKING:
     from vehicle.flight.stack import FlightStack
@@ -53,12 +55,14 @@ def fly(config: FlightConfig) -> None:
     from vehicle.parameters import new_parameters
 
     rings = open_rings(config.rings)
-    ports = open_ports(config.ports)
+    kind = find_kind(config.board)
+    ports = open_ports(config.ports, bauds=kind.bauds)
     parameters = new_parameters()
-    ParameterStore(parameters).preset(config.parameters)
+    ParameterStore(parameters).preset(kind.traits.parameters | config.parameters)
     part = Part(config.name)
     plugins = Path(config.plugins) if config.plugins else None
-    stack = FlightStack(parameters, laws=Laws(plugins, waits=part.in_lockstep))
+    laws = Laws(plugins, waits=part.in_lockstep)
+    stack = FlightStack(parameters, laws=laws, board=kind.traits)
     if config.trajectories:
         load_trajectories(stack, Path(config.trajectories))
     for refusal in refusals:
@@ -75,7 +79,7 @@ def fly(config: FlightConfig) -> None:
     for port in ports:
         while port.read():  # samples from before are old
             pass
-    mcu, pacer = _connect(ports, robot, config)
+    mcu, pacer = _connect(ports, robot, config, kind)
     loop = FlightLoop(
         stack,
         mcu,
@@ -104,11 +108,14 @@ def _in_process(rate: int, stack: FlightStack) -> InProcessRobot:
 
 
 def _connect(
-    ports: Sequence[SerialPort], robot: InProcessRobot | None, config: FlightConfig
-) -> tuple[Microcontroller, Pacer]:
-    """Return the microcontroller (on serial ports or in memory) and the pacer of its samples."""
+    ports: Sequence[SerialPort], robot: InProcessRobot | None, config: FlightConfig, kind: Kind
+) -> tuple[Board, Pacer]:
+    """Return the board (on serial ports or in memory) and the pacer of its samples."""
     rate = config.rate
     period_ns = 1000 * sample_period_us(rate)
+    if config.board != MIKROKOPTER:
+        board = kind.connect(ports, kind.options() if kind.options else None, rate, None)
+        return board, PortPacer(board, period_ns, kind.poll_ms)
     if robot is None:
         mcu = Microcontroller(ports, rate=rate, identity=config.identity)
         return mcu, PortPacer(mcu, period_ns)
@@ -133,7 +140,11 @@ def load_trajectories(stack: FlightStack, folder: Path) -> None:
         say(f"trajectories loaded: {', '.join(trajectories)}")
 
 
-def open_ports(paths: Sequence[str], patience_s: float = PORT_PATIENCE_S) -> list[SerialPort]:
+def open_ports(
+    paths: Sequence[str],
+    patience_s: float = PORT_PATIENCE_S,
+    bauds: Sequence[int] = (BAUD_RATE, BAUD_RATE),
+) -> list[SerialPort]:
     """Open the serial ports, which may not exist yet or be held by another program.
 
     Raises PortError when they cannot be opened for `patience_s`.
@@ -141,10 +152,10 @@ def open_ports(paths: Sequence[str], patience_s: float = PORT_PATIENCE_S) -> lis
     deadline = time.monotonic() + patience_s
     ports: list[SerialPort] = []
     reported: set[str] = set()
-    for path in paths:
+    for path, baud in zip(paths, bauds, strict=False):
         while True:
             try:
-                ports.append(SerialPort(path))
+                ports.append(SerialPort(path, baud))
                 break
             except PortError as error:
                 if error.problem is PortProblem.NOT_SERIAL or time.monotonic() >= deadline:

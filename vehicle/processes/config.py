@@ -10,6 +10,7 @@ import msgspec
 
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import BEARINGS_SAMPLE, POSE_SAMPLE, TICK
+from vehicle.boards.kind import MIKROKOPTER
 from vehicle.processes.rings import ByteRing, RecordRing, create
 from vehicle_link.serial.capacity import DEFAULT_RATE
 from vehicle_link.serial.identity import THE_ONE, Identity
@@ -46,6 +47,7 @@ class FlightConfig(msgspec.Struct, frozen=True):
     plugins: str = ""  # folder of control laws, may be missing
     identity: Identity = THE_ONE
     name: str = "quad1"
+    board: str = MIKROKOPTER
 
 
 PACKETS_A_SECOND, FEWEST_PACKETS = 100, 12

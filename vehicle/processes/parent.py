@@ -22,6 +22,7 @@ import msgspec
 from quadrotor.checkout import ROOT
 from quadrotor.errors import StorageError
 from quadrotor.parameters import ParameterValue
+from vehicle.boards.kind import MIKROKOPTER
 from vehicle.calibration.store import FOLDER, CalibrationStore
 from vehicle.processes import mailbox
 from vehicle.processes.config import (
@@ -127,6 +128,7 @@ def run_vehicle(
     rate: int = DEFAULT_RATE,
     identity: Identity = THE_ONE,
     packets: int = PACKETS_A_SECOND,
+    board: str = MIKROKOPTER,
 ) -> int:
     """Run until SIGTERM or SIGINT (0), or until the flight process ends by itself (1).
 
@@ -141,6 +143,7 @@ def run_vehicle(
         rate: ticks a second, which the ports must carry.
         identity: of the microcontroller; motors do not start with another.
         packets: of telemetry a second, FEWEST_PACKETS to PACKETS_A_SECOND.
+        board: its kind.
     """
     speak_for(name)
     rings = create_rings()
@@ -164,6 +167,7 @@ def run_vehicle(
                 str(folder / PLUGINS),
                 identity,
                 name,
+                board,
             ),
             CommsConfig(
                 parent,

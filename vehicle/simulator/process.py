@@ -22,7 +22,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.simulator.attendant import Attendant
+from vehicle.simulator.betaflight.firmware import firmware_of
 from vehicle.simulator.live_parameters import LiveParameters
 from vehicle.simulator.lockstep import LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters
@@ -68,6 +70,7 @@ def run(
     vehicles: Sequence[str] = ("quad1",),
     stop: threading.Event | None = None,
     served: ServedSystems | None = None,
+    board: str = MIKROKOPTER,
 ) -> RunStatistics:
     """Fly until `stop` is set, or without one until SIGTERM or SIGINT.
 
@@ -77,6 +80,7 @@ def run(
             vehicles in a folder of their name.
         loopback_port: of the station's router; None publishes no truth.
         served: tracking systems that are given the truth; closed at the end.
+        board: its kind.
 
     Raises StorageError when the links cannot be made.
     """
@@ -92,7 +96,7 @@ def run(
         for truth, name in zip(side_by_side(parameters, len(vehicles)), vehicles, strict=True):
             place = folder if len(vehicles) == 1 else folder / name
             place.mkdir(exist_ok=True)
-            robots.append(_Robot(name, truth, place, session, pace, lockstep, served))
+            robots.append(_Robot(name, truth, place, session, pace, lockstep, served, board))
         where = f"microcontroller at {robots[0].place}"
         if len(robots) > 1:
             where = f"microcontrollers of {', '.join(vehicles)} in {folder}"
@@ -168,6 +172,7 @@ class _Robot:
         pace: Pace,
         lockstep: LockstepPace | None = None,
         served: ServedSystems | None = None,
+        board: str = MIKROKOPTER,
     ) -> None:
         self._pace, self._served = pace, served
         self._name = name
@@ -175,17 +180,21 @@ class _Robot:
         self._terminals: list[PseudoTerminal] = []
         self._lines: list[Uart] = []
         self._epoch_ns = self._start_ns = self._truth_due_ns = 0
+        options = find_kind(board).options
+        self._firmware = firmware = firmware_of(board, options() if options else None)
         try:
-            for index in (0, 1):
+            for index in (0, 1) if firmware is None else (0,):
                 self._terminals.append(PseudoTerminal(folder / f"mcu{index}"))
-                self._lines.append(Uart(self._terminals[-1]))
+                if firmware is None:  # another board's bytes go without the delay of a line
+                    self._lines.append(Uart(self._terminals[-1]))
         except BaseException:
             self.close()
             raise
-        if lockstep is not None:
+        if lockstep is not None and firmware is None:
             for line, awaited in zip(self._lines, lockstep.lines[name], strict=True):
                 line.delivered = awaited.delivered
-        self._simulated = SimulatedVehicle(parameters, self._lines)
+        self._simulated = SimulatedVehicle(parameters, self._lines or self._terminals, firmware)
+        self._simulated.warm_up()
         self._live = LiveParameters(parameters)
         self._attendant = Attendant()
         if session is not None:
@@ -240,7 +249,7 @@ class _Robot:
                 self._served.offer(self._name, stamp_ns, *pose)
 
     def add_to(self, statistics: RunStatistics) -> None:
-        statistics.dropped_bytes += sum(line.terminal.dropped for line in self._lines)
+        statistics.dropped_bytes += sum(terminal.dropped for terminal in self._terminals)
         statistics.overruns += sum(line.overruns for line in self._lines)
         if self._publisher is not None:
             statistics.dropped_truth += self._publisher.dropped
@@ -248,6 +257,8 @@ class _Robot:
     def close(self) -> None:
         if self._publisher is not None:
             self._publisher.close()
+        if self._firmware is not None:
+            self._firmware.close()
         for terminal in self._terminals:
             terminal.close()
 

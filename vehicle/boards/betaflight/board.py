@@ -35,7 +35,7 @@ from vehicle_link.msp.crsf import encode_channels
 from vehicle_link.msp.frames import ERROR, Message, MessageDecoder, encode
 from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.ids import MotorState
-from vehicle_link.serial.port import Port
+from vehicle_link.serial.port import BAUD_RATE, Port
 
 ASKED_AGAIN_S = 0.02
 """An answer that is not there by then is lost; the IMU is asked again."""
@@ -43,6 +43,7 @@ STICKS_S = 0.02
 """Sticks are sent at least this often, or the board's failsafe begins."""
 SLOW_S = 0.1
 """Between two questions for status, and between two for the battery."""
+CRSF_BAUD_RATE = 420_000
 PRESSURE = 101_325.0
 """Pa: MSP tells no pressure, only a height."""
 MILLISECONDS = 60_000
@@ -220,4 +221,6 @@ def _connect(
     return BetaflightBoard(ports, options, rate=rate, now_ns=now_ns or clock.time_ns)
 
 
-KIND = Kind(TRAITS, _connect, BetaflightOptions, rate=250)
+KIND = Kind(
+    TRAITS, _connect, BetaflightOptions, rate=250, bauds=(BAUD_RATE, CRSF_BAUD_RATE), poll_ms=1
+)
