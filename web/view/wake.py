@@ -9,6 +9,7 @@ after each write.
 from __future__ import annotations
 
 import asyncio
+from typing import Any
 
 from viser.infra import _infra
 from viser.infra._async_message_buffer import AsyncMessageBuffer
@@ -16,7 +17,8 @@ from viser.infra._async_message_buffer import AsyncMessageBuffer
 
 def make_writes_safe() -> None:
     """Give every viser server that is made in this process from now on such buffers."""
-    _infra.AsyncMessageBuffer = SafeBuffer  # type: ignore[misc]
+    module: Any = _infra
+    module.AsyncMessageBuffer = SafeBuffer
 
 
 class SafeBuffer(AsyncMessageBuffer):

@@ -1,4 +1,4 @@
-"""What is written to the 3D view from the web process's own thread disturbs viser's loop in nothing."""
+"""Writes to the 3D view from the web process's own thread leave viser's loop alone."""
 
 from __future__ import annotations
 
