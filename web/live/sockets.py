@@ -41,11 +41,13 @@ class LiveWebSocket(WebSocketsSansIOProtocol):
             below.set_write_buffer_limits(high=UNSENT)
 
     async def send(self, message: ASGISendEvent) -> None:
-        frames: Sequence[bytes] | None = message.get("frames")  # type: ignore[assignment]
-        if frames is not None:  # binary messages in one write: each alone costs ten times as much
+        if message["type"] == "websocket.send":
             await self.writable.wait()
+            # Closed by uvicorn itself, too, when a page did not answer its pings.
             if self.disconnected or self.close_sent:
                 raise ClientDisconnected
+        frames: Sequence[bytes] | None = message.get("frames")  # type: ignore[assignment]
+        if frames is not None:  # binary messages in one write: each alone costs ten times as much
             for frame in frames:
                 self.conn.send_binary(frame)
             self.transport.write(b"".join(self.conn.data_to_send()))
