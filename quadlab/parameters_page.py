@@ -16,7 +16,7 @@ def page() -> str:
     from bearing_sim.emulator import BearingParameters
     from bearing_sim.tracker import TrackerParameters
     from console.parameters.station import StationParameters
-    from quadlab.simulated.onboard_camera import CameraParameters
+    from quadlab.simulated.parameters import CameraParameters
     from vehicle.parameters import new_parameters
     from vehicle.simulator.parameters import SimulatorParameters
 

@@ -19,8 +19,9 @@ import numpy as np
 
 from benchmarks.harness import Report, Row, Target
 from console.experiments.bearings import BearingsExperiment
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LogFormatError, RefusedError
 from quadrotor.parameters import ParameterStore, ParameterValue
 from vehicle.processes import mailbox

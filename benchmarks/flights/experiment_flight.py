@@ -10,8 +10,9 @@ from console.experiments import watched
 from console.experiments.catalogue import find
 from console.experiments.client import Calibrating, Result
 from quadlab.simulated.experiment import with_options
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight, TrueState
+from quadlab.simulated.flight import SimulatedFlight, TrueState
 from quadlab.simulated.flight_log import FlightLog
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.parameters import ParameterStore, ParameterValue
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle

@@ -17,8 +17,9 @@ from pathlib import Path
 from benchmarks.harness import Report, Row, Target
 from console.evaluation.explanation.explain import explain_log
 from console.evaluation.explanation.finding import Finding
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterStore, ParameterValue
 from vehicle.simulator.presets import ROUGH

@@ -11,7 +11,8 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight, TrueState
+from quadlab.simulated.flight import SimulatedFlight, TrueState
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.parameters import ParameterStore, ParameterValue
 from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle

@@ -39,7 +39,7 @@ def new_defaults() -> dict[str, ParameterValue]:
     with `station.`.
     """
     from console.parameters.station import StationTree
-    from quadlab.simulated.flight import FlightParameters
+    from quadlab.simulated.parameters import FlightParameters
     from quadrotor.parameters import ParameterStore
 
     trees = (FlightParameters(), StationTree())

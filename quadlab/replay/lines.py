@@ -11,7 +11,7 @@ from estimation import registry
 from quadlab.replay.flown import CHOICES, ESTIMATOR, SHADOWS, SOURCE, flown_choices
 from quadlab.replay.log import Recording
 from quadlab.settings import parse_settings
-from quadlab.simulated.flight import FlightParameters
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LogFormatError, ParameterError, UsageError
 
 On = Literal["bearings", "recorded-bearings", "poses", "both", "sweeps"]

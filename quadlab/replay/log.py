@@ -18,7 +18,7 @@ from flight_log.attached import json_value, logged_value
 from flight_log.columns import LogColumns, Topic, read_columns
 from flight_log.index import NO_END, is_closed
 from flight_log.payload_layout import HEADER_STAMP
-from quadlab.simulated.flight import FlightParameters
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LogFormatError, MeasurementError, ParameterError
 from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.plain_rotations import rotate

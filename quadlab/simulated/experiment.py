@@ -16,7 +16,8 @@ from quadrotor.errors import QuadlabError, UsageError
 if TYPE_CHECKING:
     from console.experiments.client import Experiment, Result
     from console.experiments.readings import Progress
-    from quadlab.simulated.flight import FlightParameters, SimulatedFlight
+    from quadlab.simulated.flight import SimulatedFlight
+    from quadlab.simulated.parameters import FlightParameters
     from quadrotor.calibration_record import CalibrationRecord
     from quadrotor.parameters import Parameters
 
@@ -63,8 +64,9 @@ def fly(
     """
     from console.experiments import watched
     from console.experiments.user_file import mistakes_told
-    from quadlab.simulated.flight import FlightParameters, SimulatedFlight, TrueState
+    from quadlab.simulated.flight import SimulatedFlight, TrueState
     from quadlab.simulated.flight_log import FlightLog
+    from quadlab.simulated.parameters import FlightParameters
     from quadrotor.parameters import ParameterStore
     from vehicle.boards.kind import find_kind
     from vehicle.flight.kernels import prepare

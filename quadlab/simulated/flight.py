@@ -12,15 +12,16 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from bearing_sim.beacons import parse_layout
-from bearing_sim.emulator import BearingEmulator, BearingParameters
+from bearing_sim.emulator import BearingEmulator
 from bearing_sim.known_beacons import KnownBeacons
-from bearing_sim.tracker import SimulatedTracker, TrackerParameters
+from bearing_sim.tracker import SimulatedTracker
 from console.experiments.client import VehicleView
 from estimation.convergence import Convergence
 from estimation.estimator import Estimator
 from quadlab.simulated.flight_log import FlightLog
 from quadlab.simulated.guide import REQUESTER, SimulatedGuide
-from quadlab.simulated.onboard_camera import CameraParameters, OnboardCamera
+from quadlab.simulated.onboard_camera import OnboardCamera
+from quadlab.simulated.parameters import FlightParameters
 from quadlab.simulated.stage_clock import StageClock
 from quadrotor.errors import MeasurementError, RefusedError, UsageError
 from quadrotor.parameters import ParameterValue
@@ -33,29 +34,12 @@ from vehicle.flight.microcontroller_commands import Orders
 from vehicle.flight.modes import MOTORS_ON
 from vehicle.flight.stack import FlightStack
 from vehicle.laws.laws import Laws
-from vehicle.parameters import VehicleParameters
 from vehicle.processes import mailbox
-from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.topics import TOPICS, encode_joy
 
 HEARTBEAT_NS = 50_000_000
 TRUTH_NS = 10_000_000
-
-
-class FlightParameters(VehicleParameters):
-    """The vehicle's tree and, beside it, what only a simulated flight has."""
-
-    simulator: SimulatorParameters = SimulatorParameters()
-    tracker: TrackerParameters = TrackerParameters()
-    bearings: BearingParameters = BearingParameters()
-    camera: CameraParameters = CameraParameters()
-
-    def seed(self, seed: int) -> None:
-        """Give every source of noise a stream of its own."""
-        self.simulator.seed = seed
-        self.tracker.seed = seed + 1_000_003
-        self.bearings.seed = seed + 2_000_003
 
 
 class SimulatedFlight(SimulatedGuide):

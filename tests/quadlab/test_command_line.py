@@ -19,7 +19,7 @@ from control.presets import PRESETS, preset
 from quadlab.__main__ import main, parse
 from quadlab.commands.table import COMMANDS
 from quadlab.settings import parse_settings
-from quadlab.simulated.flight import FlightParameters
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import UsageError
 from vehicle.parameters import new_parameters
 from vehicle.simulator.parameters import SimulatorParameters

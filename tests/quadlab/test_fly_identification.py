@@ -21,8 +21,9 @@ from console.experiments.figure_eight import FigureEight
 from console.experiments.inertia import InertiaExperiment
 from flight_log import LogWriter
 from quadlab.simulated.experiment import with_options
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LogFormatError, MeasurementError, RefusedError, UsageError
 from quadrotor.parameters import ParameterStore
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from bearing_sim import BearingParameters
-from quadlab.simulated.onboard_camera import CameraParameters, OnboardCamera
+from quadlab.simulated.onboard_camera import OnboardCamera
+from quadlab.simulated.parameters import CameraParameters
 from quadrotor.rotations import quaternion_from_matrix, rotation_exp
 
 VELOCITY, TURNING = np.array([0.8, 0.5, -0.3]), np.array([0.3, -0.4, 0.5])

@@ -24,8 +24,9 @@ from quadlab.replay.lines import plan_runs
 from quadlab.replay.log import Recording, read_recording
 from quadlab.replay.measurements import MeasurementStore, emulated_bearings, emulated_poses
 from quadlab.replay.run import replay
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterStore
 from quadrotor.plain_rotations import rotate

@@ -12,7 +12,8 @@ from console.tuning.collection import Gap, Samples
 from console.tuning.evaluation import COLUMNS, Plan, drawn, evaluate
 from console.tuning.kept_runs import KeptRun, KeptRuns
 from flight_log.tick_columns import layouts_of, parse_column
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import SimulatedFlight
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import RefusedError, StorageError
 from quadrotor.records import TICK, Record
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle

@@ -14,7 +14,7 @@ from quadlab.replay.lines import Run, plan_runs
 from quadlab.replay.log import Arrival, Recording
 from quadlab.replay.run import replay
 from quadlab.replay.survey import survey_stations
-from quadlab.simulated.flight import FlightParameters
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import MeasurementError
 from quadrotor.records import IMU_SAMPLE, STATE
 from tests.support.sweeps import sweeps_of

@@ -9,7 +9,8 @@ from typing import Self
 import numpy as np
 import pytest
 
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import SimulatedFlight
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
 from tests.support.kept_log import KeptLog

@@ -22,7 +22,8 @@ from console.trackers.onboard_camera import (
 from console.trackers.source import Frame
 from quadlab.commands.processes import check_tracker
 from quadlab.commands.tracker import Tracker
-from quadlab.simulated.onboard_camera import CameraParameters, OnboardCamera
+from quadlab.simulated.onboard_camera import OnboardCamera
+from quadlab.simulated.parameters import CameraParameters
 from quadrotor.errors import MeasurementError, UsageError
 from quadrotor.records import beacon_ids_of
 from tests.console.trackers.test_tracker_process import AHEAD_NS, Bench

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from quadlab.simulated.flight import FlightParameters
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import RefusedError
 from quadrotor.records import Record
 from tests.support.lab import Lab

@@ -11,7 +11,7 @@ import pytest
 
 from console.catalogue.catalogue import Catalogue
 from console.parameters.history import ParameterChange, ParameterHistory
-from quadlab.simulated.flight import FlightParameters
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle.parameters import new_parameters
 from web.parameters.built_in_presets import built_in

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import SimulatedFlight
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.constants import MOTORS
 from quadrotor.errors import RefusedError
 from vehicle.boards.mikrokopter.motor_bus import NO_ANSWER, PERIOD_S, REFERENCES, MotorBus
