@@ -17,6 +17,7 @@ def page() -> str:
     from bearing_sim.tracker import TrackerParameters
     from console.parameters.station import StationParameters
     from quadlab.simulated.parameters import CameraParameters
+    from vehicle.boards.betaflight.options import BetaflightOptions
     from vehicle.parameters import new_parameters
     from vehicle.simulator.parameters import SimulatorParameters
 
@@ -26,6 +27,7 @@ def page() -> str:
         ("Tracker", "tracker.", TrackerParameters()),
         ("Bearings", "bearings.", BearingParameters()),
         ("Camera on board, of quadlab fly", "camera.", CameraParameters()),
+        ("Board betaflight, of quadlab fly", "board.", BetaflightOptions()),
         ("Station", "station.", StationParameters()),
     ]
     parts = [

@@ -35,7 +35,7 @@ from quadlab.up.landing import land_before_stopping
 from quadlab.up.page_options import PageOptions
 from quadlab.up.supervise import Child
 from quadrotor.errors import UsageError
-from vehicle.boards.kind import MIKROKOPTER, find_kind
+from vehicle.boards.kind import BETAFLIGHT, MIKROKOPTER, find_kind
 from vehicle_link import clock
 from vehicle_link.lockstep import Page
 from vehicle_link.serial.capacity import check_rate
@@ -93,6 +93,10 @@ class Up(PageOptions):
             from vehicle.simulator.firmware.native import library
 
             library()  # built before anything starts
+        if self.board == BETAFLIGHT:
+            from vehicle.simulator.betaflight.process import check_built
+
+            check_built()
         if self.tracker:
             check_tracker(self._tracker_words(fleet))
         vehicle_words, simulator_words, values = self._check_settings()

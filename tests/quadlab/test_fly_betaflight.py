@@ -13,8 +13,9 @@ import pytest
 from flight_log import read_log, read_metadata
 from quadlab.__main__ import main
 from quadlab.simulated.experiment import with_options
-from quadlab.simulated.flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LinkError
 from quadrotor.parameters import ParameterStore
 from vehicle.boards.betaflight.board import KIND

