@@ -46,7 +46,7 @@ class Status(msgspec.Struct, frozen=True):
 
 
 def decode_imu(payload: bytes) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
-    """Return (accelerometer, in counts; gyroscope, in deg/s), body axes. Raises LinkError."""
+    """Return (accelerometer, in counts; gyroscope, in counts), body axes. Raises LinkError."""
     x, y, z, p, q, r = _unpack(_IMU, payload, Function.RAW_IMU)
     return (x, y, z), (p, q, r)
 
