@@ -162,7 +162,7 @@ def test_a_change_touches_its_own_row_and_builds_nothing(gains: Any, look: Any) 
 def test_a_search_looks_in_unit_and_meaning_and_open_branches_are_remembered(
     gains: Any, look: Any
 ) -> None:
-    gains.fill("#search", "WHOLE laps")
+    gains.fill("#search", "NUMBER of laps")
     look.text(".gain:visible .label", "laps")
     gains.fill("#search", "1/s²")
     look.text(".gain:visible .label", "kp")
