@@ -24,7 +24,7 @@ export class ReplayScene {
     const reset = element("button", { title: "the view as at the beginning", onclick: () => { this.camera.reset(); this.draw(); } }, "Reset view");
     const key = (name, words) => element("span", { className: `key ${name}` }, words);
     this.truthKey = key("truth", "truth");
-    place.append(this.canvas, element("div", { className: "overlay bottom" }, this.follow, reset, key("flown", "flown"), key("wanted", "desired"), this.truthKey));
+    place.append(this.canvas, element("div", { className: "overlay bottom" }, this.follow, reset, key("flown", "flown"), key("wanted", "reference"), this.truthKey));
     // By the processor: few lines, and an emulated GPU is slow.
     this.pen = /** @type {CanvasRenderingContext2D} */ (this.canvas.getContext("2d", { willReadFrequently: true }));
     const style = getComputedStyle(document.documentElement);
