@@ -89,6 +89,8 @@ class Up(PageOptions):
         fleet.check()
         check_rate(self._rate(fleet), len(MCU_PORTS))
         self._check_ports(fleet)
+        if self.firmware == "c" and self.board != MIKROKOPTER:
+            raise UsageError(f"--firmware c is for --board {MIKROKOPTER}, not {self.board}")
         if self.firmware == "c":
             from vehicle.simulator.firmware.native import library
 

@@ -48,6 +48,7 @@ def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int)
         (["fly", "hover", "--set", "model.mass=nan"], "finite"),
         (["fly", "hover", "--set", "model.mass=heavy"], "a number"),
         (["fly", "hover", "--set", "model.mass"], "name=value"),
+        (["up", "--board", "betaflight", "--firmware", "c"], "for --board mikrokopter"),
         (["up", "--port", "99999"], "is out of range (1 to 65535)"),
         (["up", "--port", "http"], "--port"),
         (["up", "--name", "a b/../c"], "allowed are up to 32 lower-case letters"),
