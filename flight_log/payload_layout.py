@@ -23,9 +23,9 @@ from quadrotor.errors import LogFormatError, UsageError
 from vehicle_link.messages import stored_name, typestore
 
 MOST_ITEMS = 64
-"""Of an array that become signals; of longer ones (pictures, point clouds) none do."""
+"""Longest array whose items become signals; of longer ones (pictures, point clouds) none do."""
 MOST_MESSAGES = 1000
-"""Of a sequence of messages that are walked."""
+"""Largest number of messages of a sequence that are read."""
 MOST_PARTS = 20_000
 """Messages and texts of one payload that are walked: a type of nothing may hold any number."""
 MOST_NUMBERS = 4000

@@ -16,7 +16,7 @@ from flight_log.topic_columns import text_fields
 from quadrotor.errors import LogFormatError
 
 MOST_MESSAGES = 12_000_000
-"""Of a run: their times and order are held."""
+"""Largest number of messages of a run: their times and order are held."""
 
 Floats = npt.NDArray[np.float32]
 Times = npt.NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""What happened in the flight, each claim with its evidence drawn and a link to the replay."""
+"""The findings of a flight, each claim with its evidence drawn and a link to the replay."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ FAR_OFF = 3.0
 """Pixels rms by which beacons may leave their places."""
 
 Places = Mapping[int, Sequence[float]]
-"""Of beacons by id, (3,) m, world axes."""
+"""Positions of beacons by id, (3,) m, world axes."""
 
 
 class Beacons(Protocol):

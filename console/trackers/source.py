@@ -1,4 +1,4 @@
-"""What every tracking system gives: frames of named bodies with the system's own stamps."""
+"""The output of every tracking system: frames of named bodies with the system's own stamps."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class Frame(NamedTuple):
     """When the frame arrived, on the host's steady clock."""
     bodies: tuple[Body, ...] = ()
     beacons: Sighting | None = None
-    """Of a camera on the vehicle."""
+    """Bearings of a camera on the vehicle."""
     doubt: str = ""
-    """What may be wrong with it, though it is passed on."""
+    """A warning about it, though it is passed on."""
 
 
 class Source(Protocol):

@@ -47,7 +47,7 @@ LARGEST = 4_000_000_000
 """Bytes of all columns in a cache folder; those looked at longest ago go first."""
 ON_ITS_WAY = ".new"
 MEMORY = Path("/dev/shm")
-"""Where columns are made when no disk has room."""
+"""Folder in which columns are made when no disk has room."""
 
 NOTHING: dict[str, Any] = {"type": "", "count": 0, "numbers": [], "constants": {}, "texts": {}}
 

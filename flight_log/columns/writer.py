@@ -21,7 +21,7 @@ from flight_log.payload_layout import HEADER_STAMP
 from flight_log.topic_columns import ColumnReader, Columns
 
 VERSION = 1
-"""Of the files; columns of another one are made again."""
+"""Version of the files; columns of another version are made again."""
 INDEX = "log.json"
 WHOLE = (
     *("/events", "/marks", "/parameter_changes"),

@@ -28,7 +28,7 @@ class Source(Protocol):
     epoch_ns: int | None
     """When its stamps were 0, ns; None: unknown."""
     torn: str
-    """Where it is cut off; empty: it is whole."""
+    """Description of where it is cut off; empty: it is complete."""
     events: list[tuple[float, int, str]]
     """Time as in its tables (s), level and text."""
 

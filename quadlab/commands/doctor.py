@@ -8,7 +8,7 @@ from importlib.metadata import version
 from quadlab.commands.processes import Folder
 
 PRIORITY = 50
-"""Of the flight loop, as `quadlab vehicle` asks for it."""
+"""Real-time priority that the flight loop of `quadlab vehicle` asks for."""
 
 
 @dataclass

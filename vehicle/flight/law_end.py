@@ -1,4 +1,4 @@
-"""Where the control law ends: the command made of its wrench, at the level that the board takes."""
+"""The end of the control law: its wrench becomes a command at the level that the board takes."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ MEMORY = 1 << 30
 """Bytes of data that a law may hold."""
 NAME, FMU = "law", ".fmu"
 GROUP = "quadlab.laws"
-"""Of the entry points by which installed packages offer laws."""
+"""Group of the entry points by which installed packages offer laws."""
 
 
 def serve(descriptor: int, source: str) -> None:

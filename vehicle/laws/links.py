@@ -1,4 +1,4 @@
-"""How an external law is reached: a process of its own, or a program that answers over UDP."""
+"""Links to an external law: a process of its own, or a program that answers over UDP."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a client is offered: channels for the topics, services for the commands."""
+"""The offer to a client: channels for the topics, services for the commands."""
 
 from __future__ import annotations
 

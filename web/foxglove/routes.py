@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 AT_ONCE = 8  # calls of one client under way
 LAYOUT = Path(__file__).with_name("layout.json")
 INSTANCE = uuid.uuid4().hex
-"""Of this process, so that a client knows a restart."""
+"""Identity of this process, so that a client recognises a restart."""
 
 
 def add_foxglove(app: FastAPI, parts: Parts) -> None:

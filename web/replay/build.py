@@ -23,7 +23,7 @@ from web.replay.signals import derived, members_of, signals_of
 from web.replay.track import PARTS, WIDTH, Source, track
 
 VERSION = 5
-"""Of the files; others are made again."""
+"""Version of the files; those of another version are made again."""
 MOST_SIGNALS = 4000
 INDEX, TRACK = "replay.json", "track.bin"
 READING = 0.9  # of the progress

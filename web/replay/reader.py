@@ -33,9 +33,9 @@ from web.replay.build import INDEX, TRACK, VERSION
 from web.replay.signals import derived, members_of
 
 MOST_SAMPLES = 2_000_000
-"""Of a signal, under one spectrum."""
+"""Largest number of samples under one spectrum."""
 MOST_COLUMNS = 300
-"""Of a spectrogram; of more, neighbours are averaged."""
+"""Columns of a spectrogram; of more, neighbours are averaged."""
 DETAIL = 2
 """Samples a point are drawn one by one."""
 BIN = 16
@@ -48,7 +48,7 @@ PIECE = 1 << 16
 Array = npt.NDArray[np.float64]
 Extremes = tuple[Array, Array]
 Made = dict[tuple[str, int, int], Sequence[Array]]
-"""What one answer made of several columns: a source's signals, by the first one and the place."""
+"""The signals that one answer has computed, by their source's first one and the place."""
 
 
 class Replay:

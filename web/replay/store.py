@@ -24,7 +24,7 @@ MOST_OPEN = 6
 WAITING = 20
 """Replays that may wait for their turn: each has a thread."""
 LOOK = 0.01
-"""Of the progress, between two looks at how large the columns have become."""
+"""Share of the progress between two looks at the size of the columns."""
 NICENESS = 10
 """Below everything that flies; somebody waits for it all the same."""
 

@@ -1,1 +1,1 @@
-"""What happened in a flight, in order of weight: each claim with its figure and its evidence."""
+"""The events of a flight, in order of weight: each claim with its figure and its evidence."""

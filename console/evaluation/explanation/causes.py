@@ -1,4 +1,4 @@
-"""What can cause something else: a weak motor, vibration, the tracker, the link, the battery."""
+"""Findings that can cause others: a weak motor, vibration, the tracker, the link, the battery."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can follow from something else: off the reference, saturated, inconsistent, tilted."""
+"""Findings that can follow from others: off the reference, saturated, inconsistent, tilted."""
 
 from __future__ import annotations
 

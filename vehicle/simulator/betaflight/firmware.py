@@ -30,7 +30,7 @@ FRAME = (
     *(f"set {name}_pitch = {value}" for name, value in (("p", 18), ("i", 0), ("d", 0), ("f", 0))),
     *(f"set {name}_yaw = {value}" for name, value in (("p", 90), ("i", 0), ("f", 0))),
 )
-"""What a person sets for this frame: its mixer, and gains that are about `control.attitude.kw`."""
+"""Lines that a person enters for this frame: its mixer, and gains near `control.attitude.kw`."""
 
 
 class BetaflightFirmware:

@@ -1,4 +1,4 @@
-"""What every simulated tracking system sends, what may be wrong with it, and what all share."""
+"""The frame that every simulated tracking system sends, its faults, and what all share."""
 
 from __future__ import annotations
 
