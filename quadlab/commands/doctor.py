@@ -7,9 +7,6 @@ from importlib.metadata import version
 
 from quadlab.commands.processes import Folder
 
-PRIORITY = 50
-"""Real-time priority that the flight loop of `quadlab vehicle` asks for."""
-
 
 @dataclass
 class Doctor:
@@ -26,6 +23,7 @@ class Doctor:
 
         from flight_log.provenance import provenance
         from quadlab.data_folder import FREE_SPACE_FLOOR
+        from vehicle.flight.realtime import PRIORITY
         from vehicle_link import machine_checks as machine
         from vehicle_link.serial.devices import candidates
 
