@@ -17,7 +17,7 @@ from estimation.attitude_filter import attitude_gains, attitude_innovation, to_w
 from estimation.history import amend, recall, remember
 from estimation.outcome import AHEAD_NS, NORM_TOLERANCE, Outcome
 from estimation.pose_gate import chord2, move_to, passes, refuse, rotation_vector
-from estimation.rate_filter import low_pass
+from estimation.rate_filter import filter_rate
 from estimation.translation_observer import acceleration_of, move_pose, translation_gains
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
@@ -49,7 +49,7 @@ def predict_one(m: Any, sample: Any, g: Any, dt: float, out: Any) -> None:
         for i in range(3):
             last[i], last_force[i] = rate[i], force[i]
             filtered[i] = rate[i] - bias[i]
-    low_pass(filtered, rate, bias, g.rate_low_pass, dt)
+    filter_rate(m, rate, bias, g, dt)
     if m.initialized:
         x = 0.5 * (rate[0] + last[0]) - bias[0]
         y = 0.5 * (rate[1] + last[1]) - bias[1]

@@ -46,6 +46,8 @@ ESTIMATOR_MEMORY = np.dtype(
         ("past", "f8", 7),  # the estimate when the newest measured pose was true
         ("velocity_w", "f8", 3),  # m/s
         ("filtered_rate_b", "f8", 3),  # rad/s
+        ("notch_hz", "f8"),  # of the notch that `notch_b` belongs to; 0: none
+        ("notch_b", "f8", (3, 2)),  # rad/s, its memory
         ("accelerometer_bias_b", "f8", 3),  # m/s^2
         ("gyroscope_bias_b", "f8", 3),  # rad/s
         ("specific_force_b", "f8", 3),  # m/s^2, the last sample, bias included

@@ -23,6 +23,8 @@ ESTIMATION_GAINS = np.dtype(
         ("attitude_bandwidth", "f8"),  # rad/s
         ("gyroscope_bias_bandwidth", "f8"),  # rad/s
         ("rate_low_pass", "f8"),  # Hz
+        ("rate_notch", "f8"),  # Hz
+        ("rate_notch_width", "f8"),  # Hz
         ("norm_penalty", "f8"),  # 1/s
         ("accelerometer_bias_limit", "f8"),  # m/s^2
         ("gyroscope_bias_limit", "f8"),  # rad/s
@@ -128,6 +130,22 @@ class EstimationParameters(Parameters):
         le=1000.0,
         step=1.0,
         description="cut-off of the angular velocity's low-pass",
+    )
+    rate_notch: float = parameter(
+        0.0,
+        unit="Hz",
+        ge=0.0,
+        le=400.0,
+        step=1.0,
+        description="frequency taken out of the angular velocity, as the rotors'; 0: none",
+    )
+    rate_notch_width: float = parameter(
+        20.0,
+        unit="Hz",
+        ge=2.0,
+        le=100.0,
+        step=1.0,
+        description="width of that notch at half power; it delays by width/(2π notch²)",
     )
     norm_penalty: float = parameter(
         10.0,

@@ -4,7 +4,8 @@
 
 struct EstimationGains {
     double position_bandwidth, accelerometer_bias_bandwidth, attitude_bandwidth;
-    double gyroscope_bias_bandwidth, rate_low_pass, norm_penalty;
+    double gyroscope_bias_bandwidth, rate_low_pass, rate_notch, rate_notch_width;
+    double norm_penalty;
     double accelerometer_bias_limit, gyroscope_bias_limit;
     double pose_gate, pose_position_noise, pose_attitude_noise;
 };
@@ -53,7 +54,7 @@ struct EstimatorMemory {
     double position_scale, attitude_scale, distance, last_offset_w[3], last_turn;
     int64_t jumped, run_count, run_start_ns, run_ns;
     double run_first_w[3], run_offset_w[3], run_turn[4];
-    double pose[7], past[7], velocity_w[3], filtered_rate_b[3];
+    double pose[7], past[7], velocity_w[3], filtered_rate_b[3], notch_hz, notch_b[3][2];
     double accelerometer_bias_b[3], gyroscope_bias_b[3], specific_force_b[3], rate_b[3];
     int64_t ring_next, ring_count, ring_stamp_ns[kHistory];
     double ring_pose[kHistory][7];

@@ -20,6 +20,7 @@ from console.evaluation.spectrum import Line, evenly, lines_of, rotor_frequency,
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
+from quadrotor.parameters import ParameterValue
 
 Array = npt.NDArray[np.float64]
 
@@ -48,6 +49,11 @@ MOVED = {"accelerometer": 0.15, "gyroscope": math.radians(0.5)}
 UNCERTAIN_MAX = 0.1
 """Share of a density that may be its standard deviation."""
 PARAMETER = "estimation.error_state."
+NOTCH = "estimation.rate_notch"
+NOTCH_SHARE = 0.1
+"""Share of the gyroscope's vibration, as a variance, that a rotor's line has to be for a notch."""
+NOTCH_LOWEST = 40.0
+"""Hz, below which a notch would delay the rate loop by more than 2 ms."""
 BOUNDS = {
     "accelerometer_noise": (1e-5, 1.0),
     "gyroscope_noise": (1e-5, 5.0),
@@ -97,6 +103,19 @@ class Vibration:
     rotors: Array
     parameters: FlownParameters
 
+    @property
+    def notch(self) -> float:
+        """Return the frequency (Hz) of the strongest line in the gyroscope's spectrum where a notch
+        is worth its delay; 0 where none is.
+        """
+        one = self.sensors["gyroscope"]
+        worth = [
+            line
+            for line in one.lines
+            if line.frequency >= NOTCH_LOWEST and line.rms**2 >= NOTCH_SHARE * one.vibration**2
+        ]
+        return worth[0].frequency if worth else 0.0
+
     def metrics(self) -> dict[str, float]:
         """Return the figures by name; angular ones in degrees."""
         found = {"rest_s": self.rest, "hover_s": self.hover, "rotor_Hz": float(self.rotors.mean())}
@@ -145,9 +164,14 @@ class Vibration:
                     f"{name.replace('_', ' ')} {value:.3g} is outside what the estimator "
                     f"accepts: {low:g} to {high:g}; find what is loose, then fly again"
                 )
+        proposed: dict[str, ParameterValue] = {
+            f"{PARAMETER}{name}": float(f"{value:.3g}") for name, value in values.items()
+        }
+        if self.notch:
+            proposed[NOTCH] = float(round(self.notch))
         return CalibrationRecord(
             name="vibration",
-            values={f"{PARAMETER}{name}": float(f"{v:.3g}") for name, v in values.items()},
+            values=proposed,
             figures=tuple(figures),
             quality=tuple(
                 Quality(name=f"{name} uncertain", value=one.uncertain, limit=UNCERTAIN_MAX)

@@ -99,9 +99,7 @@ class ErrorStateEstimator:
         """Take new noise levels; state and covariance are kept."""
         p = parameters
         self._timeout = p.measurement_timeout
-        self._noise = noise_record(
-            p.error_state, p.rate_low_pass, p.accelerometer_bias_limit, p.gyroscope_bias_limit
-        )
+        self._noise = noise_record(p.error_state, p)
         self._marker_b = np.array([self._noise[f"marker_{axis}"][0] for axis in "xyz"])
 
     @property

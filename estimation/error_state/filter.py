@@ -29,7 +29,7 @@ from estimation.error_state.motion import move
 from estimation.error_state.timeline import apply_one
 from estimation.error_state.update import LOST_REFUSALS
 from estimation.outcome import NORM_TOLERANCE, Agreement, Outcome
-from estimation.rate_filter import low_pass
+from estimation.rate_filter import filter_rate
 from quadrotor.compiled import compiled
 from quadrotor.records import MAX_BEACONS, MAX_SENSORS, Record
 from quadrotor.vectors import add, axes_of, scale, to_body, vector
@@ -62,7 +62,7 @@ def predict_one(m: Any, sample: Any, g: Any, dt: float, out: Any) -> None:
     m.stamp_ns = m.sample_ns[m.sample_next] = sample.stamp_ns
     m.sample_next = (m.sample_next + 1) & _MASK
     m.sample_count = min(m.sample_count + 1, SAMPLES)
-    low_pass(m.filtered_rate_b, new, x[10:], g.rate_low_pass, dt)
+    filter_rate(m, new, x[10:], g, dt)
     if m.initialized and step > 0.0:
         rate = scale(0.5, add(vector(old), vector(new)))
         move(x, vector(old[3:]), vector(new[3:]), rate, step)

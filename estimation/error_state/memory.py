@@ -45,6 +45,8 @@ ERROR_STATE_MEMORY = np.dtype(
         ("measurement_ns", "i8"),  # of the newest measurement within the gate
         ("now", "f8", NOMINAL),  # nominal state at stamp_ns
         ("filtered_rate_b", "f8", 3),  # rad/s
+        ("notch_hz", "f8"),  # of the notch that `notch_b` belongs to; 0: none
+        ("notch_b", "f8", (3, 2)),  # rad/s, its memory
         # The filter proper, as of the newest event.
         ("base_ns", "i8"),
         ("base", "f8", NOMINAL),

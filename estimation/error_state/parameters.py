@@ -24,6 +24,8 @@ ERROR_STATE_NOISE = np.dtype(
         ("marker_y", "f8"),  # m
         ("marker_z", "f8"),  # m
         ("rate_low_pass", "f8"),  # Hz
+        ("rate_notch", "f8"),  # Hz
+        ("rate_notch_width", "f8"),  # Hz
         ("accelerometer_bias_limit", "f8"),  # m/s^2
         ("gyroscope_bias_limit", "f8"),  # rad/s
     ],
@@ -141,22 +143,26 @@ DEGREES = (
 """Parameters given in degrees; the record holds radians."""
 
 
-def noise_record(
-    parameters: ErrorStateParameters,
-    rate_low_pass: float = 150.0,
-    accelerometer_bias_limit: float = 1.0,
-    gyroscope_bias_limit: float = 0.05,
-) -> Record:
+SHARED = {
+    "rate_low_pass": 150.0,
+    "rate_notch": 0.0,
+    "rate_notch_width": 20.0,
+    "accelerometer_bias_limit": 1.0,
+    "gyroscope_bias_limit": 0.05,
+}
+"""Fields of the record that all estimators share, with their defaults."""
+
+
+def noise_record(parameters: ErrorStateParameters, shared: Parameters | None = None) -> Record:
     """Return one ERROR_STATE_NOISE record, shape (1,), in SI units.
 
     Args:
-        rate_low_pass: Hz. accelerometer_bias_limit: m/s^2. gyroscope_bias_limit: rad/s.
+        shared: has the fields of SHARED, instead of their defaults.
     """
     out = np.zeros(1, ERROR_STATE_NOISE)
     for name in ErrorStateParameters.model_fields:
         unit = math.radians(1.0) if name in DEGREES else 1.0
         out[name] = unit * getattr(parameters, name)
-    out["rate_low_pass"] = rate_low_pass
-    out["accelerometer_bias_limit"] = accelerometer_bias_limit
-    out["gyroscope_bias_limit"] = gyroscope_bias_limit
+    for name, default in SHARED.items():
+        out[name] = default if shared is None else getattr(shared, name)
     return out

@@ -46,6 +46,7 @@ def test_the_noise_proposed_is_the_true_one_within_what_it_is_uncertain_by(seed:
     assert record.values == {
         "estimation.error_state.accelerometer_noise": pytest.approx(0.012, rel=0.03),
         "estimation.error_state.gyroscope_noise": pytest.approx(0.03, rel=0.03),
+        "estimation.rate_notch": 86.0,
     }
     for one, density in zip(found.sensors.values(), (0.012, 0.03), strict=True):
         assert one.noise == pytest.approx(density, rel=3.0 * max(one.uncertain, 0.005))
@@ -82,6 +83,17 @@ def test_a_line_is_named_after_rotor_or_blades_and_else_unknown() -> None:
     assert [line.frequency for line in found] == pytest.approx(list(lines), abs=0.5)
     level = lines_of(frequency, density[:, 0], np.full(4, 95.0), 15.0)
     assert level[1].source == "blades"  # of rotors that turn alike it may be anyone's
+
+
+@pytest.mark.parametrize(("hertz", "amplitude"), [(30.0, 0.5), (86.0, 0.1)])
+def test_no_notch_is_proposed_for_a_slow_or_a_weak_line(hertz: float, amplitude: float) -> None:
+    time, values = noise(5, DENSITY)
+    values += amplitude * np.sin(2 * np.pi * hertz * time)[:, None] * (DENSITY / DENSITY[0])
+    found = estimated(noise(105, 0.2 * DENSITY), (time, values))
+    strongest = found.sensors["gyroscope"].lines[0]
+    assert strongest.frequency == pytest.approx(hertz, abs=0.5)
+    assert found.notch == 0.0
+    assert "estimation.rate_notch" not in found.record().values
 
 
 def test_rotors_turn_as_their_thrust_asks_for() -> None:
