@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
+from quadrotor.vectors import Vector, vector
 
 Array = npt.NDArray[np.float64]
 
@@ -33,20 +34,37 @@ def filter_rate(m: Any, measured: Array, bias: Array, g: Any, dt: float) -> None
         dt: s since the last sample.
     """
     share = -math.expm1(-2.0 * math.pi * g.rate_low_pass * dt)
-    on = 0.0 < g.rate_notch * dt < HIGHEST
-    k = math.tan(math.pi * g.rate_notch * dt) if on else 0.0  # bilinear, exact at the frequency
-    damping = k * g.rate_notch_width / g.rate_notch if on else 0.0
-    through = (1.0 + k * k) / (1.0 + k * k + damping)
-    back = 2.0 * (k * k - 1.0) / (1.0 + k * k + damping)
-    last = (1.0 + k * k - damping) / (1.0 + k * k + damping)
+    rate = vector(measured)
+    if 0.0 < g.rate_notch * dt < HIGHEST:
+        rate = notch(m, rate, g.rate_notch, g.rate_notch_width, dt)
+    else:
+        m.notch_hz = 0.0
     for i in range(3):
-        value = measured[i]
-        if on:
-            memory = m.notch_b[i]
-            if m.notch_hz != g.rate_notch:  # as if it had always measured this
-                memory[0], memory[1] = (1.0 - through) * value, (through - last) * value
-            value = through * measured[i] + memory[0]
-            memory[0] = back * (measured[i] - value) + memory[1]
-            memory[1] = through * measured[i] - last * value
-        m.filtered_rate_b[i] += share * (value - bias[i] - m.filtered_rate_b[i])
-    m.notch_hz = g.rate_notch if on else 0.0
+        m.filtered_rate_b[i] += share * (rate[i] - bias[i] - m.filtered_rate_b[i])
+
+
+@compiled(inner=True)
+def notch(m: Any, rate: Vector, hertz: float, width: float, dt: float) -> Vector:
+    """Return a body rate without what it has around a frequency (Hz); switched on or moved to
+    another one, it begins as if it had always measured this rate.
+    """
+    k = math.tan(math.pi * hertz * dt)  # bilinear transform that is exact at the frequency
+    damping = k * width / hertz
+    whole = 1.0 + k * k + damping
+    through = (1.0 + k * k) / whole
+    back, last = 2.0 * (k * k - 1.0) / whole, (1.0 + k * k - damping) / whole
+    if m.notch_hz != hertz:
+        m.notch_hz = hertz
+        for i in range(3):
+            m.notch_b[i, 0], m.notch_b[i, 1] = (1.0 - through) * rate[i], (through - last) * rate[i]
+    x = _notched(m.notch_b[0], rate[0], through, back, last)
+    y = _notched(m.notch_b[1], rate[1], through, back, last)
+    return x, y, _notched(m.notch_b[2], rate[2], through, back, last)
+
+
+@compiled(inner=True)
+def _notched(memory: Array, value: float, through: float, back: float, last: float) -> float:
+    out: float = through * value + memory[0]
+    memory[0] = back * (value - out) + memory[1]
+    memory[1] = through * value - last * out
+    return out
