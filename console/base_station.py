@@ -30,6 +30,7 @@ from console.link.identification import Introduction
 from console.link.monitor import LinkMonitor
 from console.link.outbox import Outbox
 from console.link.polling import SlowQuestions
+from console.link.recent_telemetry import RecentTelemetry
 from console.link.status_sender import StatusSender
 from console.link.subscriptions import Subscriptions
 from console.link.telemetry import TelemetryIn
@@ -243,6 +244,7 @@ class BaseStation:
             self._comparison,
             self.checks.observed,
             self.experiments,
+            RecentTelemetry(self._node),
             self._part.vehicle_heard,
         )
         reception = Reception(

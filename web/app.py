@@ -40,6 +40,7 @@ from web.fleet.fleet import Fleet
 from web.fleet.routes import add_fleet
 from web.foxglove.routes import add_foxglove
 from web.live import events
+from web.live.spectra import add_spectra
 from web.live.summary import Summary
 from web.parameters.routes import add_parameters
 from web.replay.routes import add_replay
@@ -97,6 +98,7 @@ def create_app(
     add_reports(app, parts)
     add_beacons(app, parts)
     add_tuning(app, parts)
+    add_spectra(app, parts)
     add_fleet(app, fleet)
     add_foxglove(app, parts)
     return app

@@ -77,6 +77,19 @@ def spectrum(rate: float, values: Array, segment: float = SEGMENT) -> tuple[Arra
     return frequency, density
 
 
+def density_of(rate: float, values: Array) -> dict[str, list[float]]:
+    """Return `frequency` (M,) in Hz and `density` (M,) of values (N, 1), in their unit/√Hz as an
+    estimator's white noise has it (two-sided). Short ones are cut into shorter segments.
+    """
+    segment = min(SEGMENT, len(values) / rate / SEGMENTS_MIN)
+    frequency, density = spectrum(rate, values, segment)
+    root = np.sqrt(0.5 * density[:, 0])
+    return {
+        "frequency": frequency.round(4).tolist(),
+        "density": [float(f"{one:.4g}") for one in root],
+    }
+
+
 def spectrogram(rate: float, values: Array) -> tuple[Array, Array, Array]:
     """Return times (T,) in s since the first sample, frequencies (M,) in Hz and density (M, K, T)
     under windows of half a second.

@@ -9,6 +9,7 @@ from console.comparison.feed import ComparisonFeed
 from console.experiment_running.runner import ExperimentRunner
 from console.link.monitor import LinkMonitor
 from console.link.outbox import Outbox
+from console.link.recent_telemetry import RecentTelemetry
 from console.link.telemetry_topics import ENCODERS, expanded, messages_of
 from console.runs.recorder import Recorder
 from quadrotor.records import Record
@@ -33,12 +34,13 @@ class TelemetryIn:
         comparison: ComparisonFeed,
         observed: Observed,
         experiments: ExperimentRunner,
+        recent: RecentTelemetry,
         heard: Callable[[int], None],
     ) -> None:
         self._vehicle = vehicle
         self._link, self._outbox, self._recorder = link, outbox, recorder
         self._comparison, self._observed = comparison, observed
-        self._experiments, self._newest = experiments, heard
+        self._experiments, self._recent, self._newest = experiments, recent, heard
         self._scene = SceneMessages(vehicle)
 
     def received(self, received: Received) -> None:
@@ -47,6 +49,7 @@ class TelemetryIn:
         stamp_ns = int(ticks["imu"]["stamp_ns"][-1])
         shown = self._link.telemetry(sequence, stamp_ns, received.received_ns, time_ns())
         self._comparison.telemetry(received.payload)
+        self._recent.received(received.payload)
         self._experiments.readings.telemetry(sequence, ticks)
         if shown:
             self._observed.telemetry(ticks[-1])

@@ -227,11 +227,13 @@ SERVICES: dict[str, str] = {
     "onboard_files": "quadlab_msgs/srv/OnboardFiles",
     "onboard_part": "quadlab_msgs/srv/OnboardPart",
     "transfer": "quadlab_msgs/srv/Transfer",
+    "recent_telemetry": "quadlab_msgs/srv/RecentTelemetry",
     "checks": "quadlab_msgs/srv/Checks",
     "control": "quadlab_msgs/srv/Control",
     "calibrate": "quadlab_msgs/srv/Calibrate",
 }
 """Type of each service by name: the vehicle's `/quad1/<name>`, the station's
 `/quad1/station/<name>`. Of those that are no command the station alone has `mark`, `experiment`,
-`control` and `transfer`, and hands `onboard_files` and `onboard_log` on to the vehicle; the vehicle
-alone has `time_sync`, `whoami`, `lane`, `calibrate` and the rest about the files of its log."""
+`control`, `transfer` and `recent_telemetry`, and hands `onboard_files` and `onboard_log` on to the
+vehicle; the vehicle alone has `time_sync`, `whoami`, `lane`, `calibrate` and the rest about the
+files of its log."""

@@ -17,14 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from console.evaluation.spectrum import (
-    SEGMENT,
-    SEGMENTS_MIN,
-    evenly,
-    rotor_frequency,
-    spectrogram,
-    spectrum,
-)
+from console.evaluation.spectrum import density_of, evenly, rotor_frequency, spectrogram
 from flight_log.columns import kept_columns
 from flight_log.message_times import gaps
 from flight_log.run import run_of
@@ -121,16 +114,7 @@ class Replay:
         found = []
         for name in dict.fromkeys(names):
             _, rate, even = self._even(name, start, end)
-            segment = min(SEGMENT, len(even) / rate / SEGMENTS_MIN)
-            frequency, density = spectrum(rate, even, segment)
-            root = np.sqrt(0.5 * density[:, 0])
-            found.append(
-                {
-                    "signal": name,
-                    "frequency": frequency.round(4).tolist(),
-                    "density": [float(f"{one:.4g}") for one in root],
-                }
-            )
+            found.append({"signal": name} | density_of(rate, even))
         rotors = [float(turns.mean()) for _, turns in self._rotors(start, end)]
         return {"spectra": found, "rotors": rotors}
 

@@ -1,0 +1,89 @@
+"""Live spectra are made of every tick of the last seconds, as telemetry brings them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from quadrotor.constants import THRUST_PER_TURN
+from quadrotor.errors import MeasurementError, OutOfBoundsError
+from quadrotor.records import TICK, Record
+from vehicle_link.telemetry import SAMPLES_A_PACKET, pack
+from web.live.spectra import spectra
+
+RATE, TURNS, DENSITY = 500.0, 76.0, 0.03
+
+
+def flown(seconds: float) -> Record:
+    """Noise of a known density on the gyroscope's x, a rotor's line on its y, rolling slowly."""
+    count = int(RATE * seconds)
+    ticks, random = np.zeros(count, TICK), np.random.default_rng(4)
+    time = np.arange(count) / RATE
+    ticks["imu"]["stamp_ns"] = 10**18 + np.round(1e9 * time).astype(np.int64)
+    rates = ticks["imu"]["angular_velocity_b"]
+    rates[:, 0] = DENSITY * math.sqrt(RATE) * random.standard_normal(count)
+    rates[:, 1] = 0.2 * np.sin(2.0 * math.pi * TURNS * time)
+    half = 0.05 * np.sin(2.0 * math.pi * 5.0 * time)  # rad
+    ticks["state"]["quaternion_wb"][:, 0] = np.cos(half)
+    ticks["state"]["quaternion_wb"][:, 1] = np.sin(half)
+    ticks["actuators"]["thrusts"] = THRUST_PER_TURN * TURNS**2
+    return ticks
+
+
+def sent(ticks: Record) -> tuple[bytes, list[int]]:
+    starts = range(0, len(ticks), SAMPLES_A_PACKET)
+    packets = [pack(ticks[k : k + SAMPLES_A_PACKET], k) for k in starts]
+    return b"".join(packets), [len(packet) for packet in packets]
+
+
+def test_spectra_have_the_density_of_the_noise_and_the_line_at_the_rotors_frequency() -> None:
+    names = ["imu.angular_velocity.x", "imu.angular_velocity.y"]
+    found = spectra(*sent(flown(5.0)), "quad1", names)
+    assert [one["signal"] for one in found["spectra"]] == names
+    noise, line = (np.array(one["density"]) for one in found["spectra"])
+    frequency = np.array(found["spectra"][0]["frequency"])
+    assert frequency[-1] == RATE / 2.0
+    assert np.sqrt(np.mean(noise[5:-5] ** 2)) == pytest.approx(DENSITY, rel=0.06)
+    assert frequency[line.argmax()] == pytest.approx(TURNS, abs=1.0)
+    power = 2.0 * float(np.sum(line**2)) * frequency[1]
+    assert power == pytest.approx(0.5 * 0.2**2, rel=0.02)
+    assert found["rotors"] == pytest.approx([TURNS] * 4, abs=0.05)
+
+
+def test_a_signal_made_of_several_numbers_is_in_its_own_unit() -> None:
+    found = spectra(*sent(flown(5.0)), "quad1", ["state.roll"])
+    [roll] = found["spectra"]
+    power = 2.0 * float(np.sum(np.square(roll["density"]))) * roll["frequency"][1]
+    assert power == pytest.approx(0.5 * math.degrees(0.1) ** 2, rel=0.03)
+
+
+def test_lost_and_repeated_packets_are_borne_and_too_many_lost_are_told() -> None:
+    ticks = flown(5.0)
+    packets, lengths = sent(ticks)
+    size = lengths[0]
+    once_more = packets[: 20 * size] + packets[10 * size : 13 * size] + packets[25 * size :]
+    some = [size] * (len(lengths) - 2)
+    found = spectra(once_more, some, "quad1", ["imu.angular_velocity.y"])
+    line = found["spectra"][0]
+    assert line["frequency"][int(np.argmax(line["density"]))] == pytest.approx(TURNS, abs=1.0)
+    with pytest.raises(MeasurementError, match="samples are there"):
+        spectra(
+            packets[: 100 * size] + packets[200 * size :],
+            [size] * (len(lengths) - 100),
+            "quad1",
+            ["imu.angular_velocity.y"],
+        )
+
+
+def test_what_has_no_live_spectrum_says_why() -> None:
+    with pytest.raises(MeasurementError, match=r"0\.0 s of telemetry so far"):
+        spectra(b"", [], "quad1", ["state.roll"])
+    with pytest.raises(MeasurementError, match=r"1\.0 s of telemetry so far"):
+        spectra(*sent(flown(1.0)), "quad1", ["state.roll"])
+    packets = sent(flown(3.0))
+    with pytest.raises(OutOfBoundsError, match="not sampled at the flight rate"):
+        spectra(*packets, "quad1", ["battery.voltage"])
+    with pytest.raises(OutOfBoundsError, match="not known"):
+        spectra(*packets, "quad1", ["nonsense"])
