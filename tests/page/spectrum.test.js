@@ -3,7 +3,7 @@ import { test } from "node:test";
 
 import "./browser.js";
 import { Spectrogram, colorOf } from "../../web/static/replay/spectrogram.js";
-import { FrequencyAxis, Spectra } from "../../web/static/replay/spectrum.js";
+import { FrequencyAxis, Spectra } from "../../web/static/charts/spectrum.js";
 
 const FOUND = { frequency: [0, 1, 2, 3, 4], density: [0, 2, 8, 4, 1] };
 

@@ -4,6 +4,7 @@ import { Chart } from "./chart.js";
 import { LiveSignals } from "./live_signals.js";
 import { pointingByKeys } from "./pointer.js";
 import { ChartMenu } from "./signal_menu.js";
+import { LiveSpectra, SpectrumChart } from "./spectrum.js";
 import { LayoutMenu } from "./layout_menu.js";
 import { BUILT_IN, Layouts, MOST_CHARTS } from "./layouts.js";
 import { TimeAxis } from "./time_axis.js";
@@ -13,6 +14,7 @@ import { History } from "./history.js";
 import { onKey } from "../core/keys.js";
 
 const WINDOWS = [5, 10, 30, 60, 120, 300, 600]; // s
+const RENEW = 1000; // ms between two spectra
 const LOOK = 66; // ms; each chart knows when it is due
 
 export class Charts {
@@ -37,6 +39,7 @@ export class Charts {
     onKey(" ", "pause the charts, or let them go on", () => this.axis.toggle());
     setInterval(() => this.draw(), LOOK);
     setInterval(() => this.drawBar(), 500);
+    setInterval(() => this.renew(), RENEW);
     new ResizeObserver(() => this.cover()).observe($("view"));
     place.addEventListener("keydown", (event) => { if (event.key === "Escape") this.expand(null); });
     // One column: nothing to cover.
@@ -102,19 +105,51 @@ export class Charts {
     if (this.charts.length >= MOST_CHARTS) return;
     const place = element("section", { className: "chart", id: `chart-${this.charts.length}` });
     this.row.append(place);
+    this.put(this.overTime(place, signals, scales), this.charts.length);
+    this.number();
+  }
+
+  overTime(place, names, scales) {
     const source = new LiveSignals(this.axis, this.signals, `chart ${this.counter++}`);
-    const chart = new Chart(place, { axis: this.axis, source, names: signals, scales });
+    return new Chart(place, { axis: this.axis, source, names, scales });
+  }
+
+  overFrequency(place, names, scales) {
+    const source = new LiveSpectra(this.signals), chart = new SpectrumChart(place, { axis: source.axis, source, names, scales });
+    const problem = element("output", { className: "state" });
+    chart.tools.append(problem);
+    source.addEventListener("window", () => chart.refresh());
+    source.addEventListener("problem", ({ detail }) => setText(problem, detail));
+    source.renew();
+    return chart;
+  }
+
+  toggleSpectrum(chart) {
+    if (this.menu.isOpen) this.menu.close();
+    const at = this.charts.indexOf(chart), { place, names, scales, source } = chart;
+    chart.close();
+    place.replaceChildren();
+    const made = source instanceof LiveSpectra ? this.overTime(place, names, scales) : this.overFrequency(place, names, scales);
+    this.charts.splice(at, 1);
+    this.put(made, at);
+    this.number();
+  }
+
+  // With its buttons, among the others.
+  put(chart, at) {
+    const { place } = chart, isSpectrum = chart.source instanceof LiveSpectra;
     pointingByKeys(chart);
+    const kind = element("button", { title: "density over frequency of the last 5 s, from every sample of the flight loop, with the rotors' frequencies; and back",
+      ariaPressed: String(isSpectrum), onclick: () => this.toggleSpectrum(chart) }, "Spectrum");
     const choose = element("button", { title: "choose signals, set scales", ariaExpanded: "false",
       onclick: () => this.menu.toggle(chart, choose, () => this.changed()) }, "Signals");
     chart.grow = element("button", { className: "icon", title: "over the 3D view, and back (Escape)",
-      ariaLabel: "expand", ariaPressed: "false",
+      ariaLabel: "expand", ariaPressed: String(place.classList.contains("expanded")),
       onclick: () => this.expand(place.classList.contains("expanded") ? null : chart) }, "⤢");
     chart.less = element("button", { className: "icon", title: "take this chart away", ariaLabel: "remove chart",
       onclick: () => { this.removeChart(chart); this.changed(); } }, "×");
-    chart.tools.append(choose, chart.grow, chart.less);
-    this.charts.push(chart);
-    this.number();
+    chart.tools.append(kind, choose, chart.grow, chart.less);
+    this.charts.splice(at, 0, chart);
   }
 
   removeChart(chart) {
@@ -150,6 +185,11 @@ export class Charts {
     this.row.style.setProperty("--count", String(Math.max(1, this.charts.length - (place ? 1 : 0))));
     if (place) Object.assign(place.style, { left: `${left}px`, top: `${top + 40}px`, width: `${width}px`,
       height: `${height - 40}px` });
+  }
+
+  renew() {
+    if (document.hidden || this.axis.paused) return;
+    for (const { source, isSeen } of this.charts) if (isSeen && source instanceof LiveSpectra) source.renew();
   }
 
   draw() {

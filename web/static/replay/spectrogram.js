@@ -3,7 +3,7 @@
 
 import { Chart } from "../charts/chart.js";
 import { element, setText } from "../core/dom.js";
-import { Asked, densityOf, rotorsOf } from "./spectrum.js";
+import { Asked, densityOf, rotorsOf } from "../charts/spectrum.js";
 
 const COLORS = [[18, 23, 28], [38, 56, 112], [31, 130, 139], [120, 190, 90], [253, 231, 76]]; // from low to high
 const DEPTH = 1e-3; // of the greatest density, which is the darkest

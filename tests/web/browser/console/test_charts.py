@@ -8,8 +8,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from quadrotor.records import TICK
+from vehicle_link.telemetry import pack
 from web.live.latest import STALE
 from web.live.telemetry import RATE
 from web.signals import SIGNALS
@@ -135,6 +138,38 @@ def test_a_chart_keeps_what_it_had_when_its_signals_change(modules: Any) -> None
     assert after[first] == whole
     assert after[second] == [k + 1 for k in steps] + 100 * [None] + [k + 201 for k in steps]
     assert after[third] == 100 * [None] + [k + 101 for k in steps] + [k + 202 for k in steps]
+
+
+def test_a_chart_shows_the_spectrum_of_the_last_seconds_and_says_why_it_cannot(
+    page: Any, site: Any, flying: Any
+) -> None:
+    count = 2500
+    ticks = np.zeros(count, TICK)
+    ticks["imu"]["stamp_ns"] = 10**18 + 2_000_000 * np.arange(count)
+    ticks["state"]["position_w"][:, 0] = np.sin(2.0 * np.pi * 40.0 * 0.002 * np.arange(count))
+    ticks["state"]["quaternion_wb"][:, 0] = 1.0
+    packets = [pack(ticks[k : k + 5], k) for k in range(0, count, 5)]
+    page.click("#chart-0 >> text=Spectrum")
+    page.wait_for_function(
+        "() => document.querySelector('#chart-0 output.state').textContent.includes('needs 2 s')"
+    )
+    site.station.answers["recent_telemetry"] = {
+        "packets": np.frombuffer(b"".join(packets), np.uint8),
+        "lengths": [len(one) for one in packets],
+    }
+    page.wait_for_selector("#chart-0 .plot[aria-label$='over frequency'] canvas")
+    page.wait_for_function(
+        "() => document.querySelector('#chart-0 output.state').textContent === ''"
+    )
+    box = page.locator("#chart-0 .u-over").bounding_box()
+    page.mouse.move(box["x"] + 40.0 / 250.0 * box["width"], box["y"] + 0.5 * box["height"])
+    page.wait_for_function(
+        "() => [...document.querySelectorAll('#chart-0 .legend output')]"
+        ".some((one) => Number(one.textContent) > 0.3)"
+    )
+    page.click("#chart-0 >> text=Spectrum")
+    page.wait_for_selector("#chart-0 .plot[aria-label$='over time'] canvas")
+    assert chart_signals(page, 0)[0] == "state.position.x"
 
 
 # ---------------------------------------------------------------------- pause, zoom, cursor

@@ -1,8 +1,9 @@
-// The spectra of what a replay's charts show: an axis of frequencies, a source that asks the server for
-// them, and a chart that draws them by the logarithm, with the rotors' frequencies as lines.
+// The spectra of what a chart shows, live or of a replay: an axis of frequencies, a source that asks the
+// server for them, and a chart that draws them by the logarithm, with the rotors' frequencies as lines.
 
-import { Chart } from "../charts/chart.js";
-import { Axis, ticksOf } from "../charts/time_axis.js";
+import { Chart } from "./chart.js";
+import { Axis, ticksOf } from "./time_axis.js";
+import { get } from "../core/api.js";
 import { setText } from "../core/dom.js";
 
 const ROTOR = "#c9b06b", MOTORS = ["front", "left", "rear", "right"];
@@ -110,6 +111,20 @@ export class Spectra extends Asked {
   }
 
   forget() { this.found = new Map(); }
+}
+
+// Of the last seconds, asked for again with each `renew`.
+export class LiveSpectra extends Spectra {
+  constructor(signals) {
+    super({ span: [0, 0] });
+    this.runs = [{ signals, shift: 0, spectrum: (names) => get(`/api/spectrum?${names.map((name) => `signal=${encodeURIComponent(name)}`).join("&")}`) }];
+  }
+
+  renew() {
+    const next = this.range.span[1] + 1;
+    this.range.span = [next, next];
+    return this.fetch();
+  }
 }
 
 export class SpectrumChart extends Chart {
