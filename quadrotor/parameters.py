@@ -76,6 +76,10 @@ class ParameterDescription:
     flight_step: float | None = None  # largest change in flight
 
 
+FEW_MEMBERS = 8
+"""Largest number of members of a group that an error message lists."""
+
+
 class ParameterStore:
     """Flat names (`position.kp_xy`) over a tree of `Parameters`; the single writer's side.
 
@@ -160,13 +164,20 @@ class ParameterStore:
 
     def _require(self, name: str) -> None:
         if name not in self._places:
-            near = difflib.get_close_matches(name, self._places, n=3, cutoff=0.5)
-            hint = (
-                f"did you mean {' or '.join(near)}?"
-                if near
-                else "docs/parameters.md lists them all"
-            )
-            raise UnknownParameterError(f"unknown parameter {name!r}: {hint}")
+            raise UnknownParameterError(f"unknown parameter {name!r}: {self._hint(name)}")
+
+    def _hint(self, name: str) -> str:
+        """Return what to try instead of a name that is none, of its own group if there is one."""
+        group = name.rpartition(".")[0]
+        members = [one for one in self._places if one.rpartition(".")[0] == group]
+        few = group and 0 < len(members) <= FEW_MEMBERS
+        cutoff = 0.8 if few else 0.5
+        near = difflib.get_close_matches(name, members or self._places, n=3, cutoff=cutoff)
+        if near:
+            return f"did you mean {' or '.join(near)}?"
+        if few:
+            return f"{group} has {', '.join(one.rpartition('.')[2] for one in members)}"
+        return "docs/parameters.md lists them all"
 
 
 def coerce(description: ParameterDescription, value: object) -> ParameterValue:

@@ -105,6 +105,7 @@ def test_one_bad_value_changes_nothing_at_all(
         ("motor.kind", 3, WrongTypeError, "must be text"),
         ("motor.port", "/dev/null", ReadOnlyError, "set it at the start with --set motor.port="),
         ("motor.gian", 1.0, UnknownParameterError, "did you mean motor.gain"),
+        ("motor.duration", 1.0, UnknownParameterError, "motor has "),
         ("zzz", 1.0, UnknownParameterError, "lists them all"),
     ],
 )
