@@ -22,6 +22,7 @@ from starlette.responses import FileResponse, HTMLResponse, Response
 from starlette.types import Scope
 
 from web.joined_files import join_modules, join_styles
+from web.theme import html_tag
 
 STATIC = Path(__file__).parent / "static"
 PLACE = "/static/"
@@ -64,6 +65,7 @@ class KeptFiles(StaticFiles):
         if found := _SCRIPT.search(text):
             self._join(f"{JOINED}{found[1]}", self._version)
             text = text.replace(f'src="{PLACE}{found[1]}"', f'src="{PLACE}{JOINED}{found[1]}"')
+        text = text.replace('<html lang="en">', html_tag(), 1)
         return HTMLResponse(text.replace(f'"{PLACE}', f'"{PLACE}v-{self._version}/'))
 
     def _read(self, name: str) -> str:

@@ -6,6 +6,7 @@ const kept = new Map();
 const given = {
   document: Object.assign(new EventTarget(), { hidden: false }),
   window: globalThis,
+  matchMedia: () => new EventTarget(),
   location: { protocol: "http:", host: "station:8080", pathname: "/", hash: "", search: "" },
   localStorage: {
     getItem: (key) => kept.get(key) ?? null,

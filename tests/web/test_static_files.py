@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextvars
 import os
 import re
 from pathlib import Path
@@ -10,9 +11,10 @@ from pathlib import Path
 import httpx
 import pytest
 from starlette.applications import Starlette
+from starlette.requests import HTTPConnection
 from starlette.routing import Mount
 
-from web import static_files
+from web import static_files, theme
 from web.static_files import KeptFiles
 
 
@@ -106,3 +108,13 @@ def test_a_document_names_its_files_by_version_and_those_are_fetched_once(script
     assert "immutable" in new.headers["cache-control"]
     assert ask(second.replace("a.js", "none.js")).status_code == 404
     assert ask(second.replace("a.js", "%2e%2e/secret")).status_code == 404
+
+
+@pytest.mark.parametrize(("cookie", "tag"), [("light", ' data-theme="light"'), ("<b>", "")])
+def test_a_document_has_the_theme_that_its_browser_remembers(cookie: str, tag: str) -> None:
+    def made() -> bytes:
+        header = (b"cookie", f"quadlab_theme={cookie}".encode())
+        theme.follow_choice(HTTPConnection({"type": "http", "headers": [header]}))
+        return bytes(static_files.FILES.document("emergency/kill.html").body)
+
+    assert f'<html lang="en"{tag}>'.encode() in contextvars.copy_context().run(made)

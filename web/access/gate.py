@@ -19,6 +19,7 @@ from web.access.people import People
 from web.access.roles import Session
 from web.access.sign_in import Refusal, address_of, read_form
 from web.access.signed_links import SignedLinks
+from web.theme import follow_choice
 
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 PAGE_POLICY = (
@@ -66,6 +67,7 @@ class Gate:
     async def _application(self, scope: Scope, receive: Receive) -> ASGIApp:
         """Return what answers: the application, its session in the scope, or our own answer."""
         came = HTTPConnection(scope)
+        follow_choice(came)
         if refusal := self._foreign(came):
             return _error(403, refusal)
         if self._links.opens(scope):

@@ -6,23 +6,25 @@ from html import escape
 
 from starlette.responses import HTMLResponse
 
+from web.theme import TOKENS, html_tag
+
 POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; form-action 'self'; "
     "frame-ancestors 'none'; base-uri 'none'"
 )
 _STYLE = """
-html{color-scheme:dark}body{margin:0;min-height:100vh;display:grid;place-items:center;
-background:#0d1115;color:#d5dbe1;font:15px/1.55 system-ui,sans-serif}
-main{max-width:30rem;padding:2rem}h1{font-size:1.2rem;font-weight:600;margin:0 0 1.2rem}
-p{margin:.6rem 0;color:#84909b;font-size:.92em}code{color:#d5dbe1;font-size:.95em}
+body{margin:0;min-height:100vh;display:grid;place-items:center;
+background:var(--ground);color:var(--text);font:var(--body)/1.55 var(--sans)}
+main{max-width:30rem;padding:2rem}h1{font-size:var(--lead);font-weight:600;margin:0 0 1.2rem}
+p{margin:.6rem 0;color:var(--dim)}code{color:var(--text);font:var(--note) var(--mono)}
 form{display:flex;gap:.5rem;margin:0 0 .4rem}
-.people{flex-direction:column;border-bottom:1px solid #222b33;padding-bottom:1.4rem;
+.people{flex-direction:column;border-bottom:1px solid var(--line);padding-bottom:1.4rem;
 margin-bottom:1.1rem}.people button{align-self:flex-start;margin-top:.3rem}
-label{display:flex;flex-direction:column;gap:.15rem;color:#84909b;font-size:.87em}
-input,button{font:inherit;font-size:15px;padding:.42rem .7rem;border:1px solid #34404a;
-border-radius:6px;background:#1a2127;color:#d5dbe1}input{background:#12171c;flex:1;min-width:0}
-button{cursor:pointer}button:hover{border-color:#55636f}
-:focus-visible{outline:2px solid #6f8496;outline-offset:1px}
+label{display:flex;flex-direction:column;gap:.15rem;color:var(--dim);font-size:var(--note)}
+input,button{font:inherit;font-size:var(--body);padding:.42rem .7rem;border:1px solid var(--strong);
+border-radius:var(--radius);background:var(--raised);color:var(--text)}input{background:var(--panel);flex:1;min-width:0}
+button{cursor:pointer}button:hover{border-color:var(--edge)}
+:focus-visible{outline:2px solid var(--accent);outline-offset:1px}
 """
 
 _PASSWORD_FORM = """<form class="people" method="post" action="/login">
@@ -84,7 +86,7 @@ def page_response(
 def small_page(title: str, body: str) -> str:
     """Return a page of its own, without scripts; `body` is HTML."""
     return (
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>'
+        f'<!doctype html>{html_tag()}<meta charset="utf-8"><title>{title}</title>'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
-        f"<style>{_STYLE}</style><main>{body}</main></html>"
+        f"<style>{TOKENS}{_STYLE}</style><main>{body}</main></html>"
     )

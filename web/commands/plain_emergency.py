@@ -37,8 +37,9 @@ _CUT = '<button name="action" value="cut" class="cut">Cut motors</button>'
 _SURE = '<input type="hidden" name="sure" value="yes">'
 _BACK = '<p><a href="./">Back to the page</a></p>'
 _STYLE = """<style>form{margin:1rem 0}button{font-weight:600;padding:.7rem 1.1rem}
-.caution{color:#e3b24d;border-color:#6d5a2c}.cut{background:#d63b3b;border-color:#d63b3b;color:#fff}
-.cut:hover{border-color:#fff}a{color:inherit}</style>"""
+.caution{color:var(--amber);border-color:var(--amber-line)}
+.cut{background:var(--red);border-color:var(--red);color:var(--on-red)}
+.cut:hover{border-color:var(--text)}a{color:inherit}</style>"""
 
 
 def add_plain_emergency(app: FastAPI, parts: Parts, fleet: Fleet) -> None:

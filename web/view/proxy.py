@@ -29,6 +29,7 @@ from websockets.exceptions import ConnectionClosed, WebSocketException
 from web.access.roles import Role, Session
 from web.beacons.drag import drag_of
 from web.beacons.shapes import Point
+from web.theme import TOKENS
 from web.view.server import SECRET_HEADER, VIEW_HEADER, ViewServer
 
 CAMERA = "ViewerCameraMessage"
@@ -46,8 +47,11 @@ CLIENT_POLICY = (
 )
 """viser's client is one file with inline scripts, workers and WebAssembly; it may reach only us."""
 
-_INJECTION = """<script>document.hasFocus=()=>true</script>
-<style>html,body{background:#0d1115!important}[data-floating-window]{display:none!important}</style>
+_INJECTION = f"""<script>document.hasFocus=()=>true</script>
+<style>{TOKENS}:root[data-theme=light]{{color-scheme:light!important}}:root[data-theme=dark]{{color-scheme:dark!important}}
+html,body,canvas[data-engine]{{background:var(--ground)!important}}
+[data-floating-window],.mantine-Paper-root[style*="position: fixed"]{{display:none!important}}
+.mantine-Notifications-root{{inset:auto auto 44px 12px!important}}</style>
 """
 """viser's client reconnects only while its document has the focus, which an iframe has not; its
 control panel (server address, scene tree) has no business on our page."""

@@ -24,8 +24,7 @@ from web.view.trails import Trail, line_color
 RATE, UNWATCHED = 30.0, 5.0  # Hz
 GREEN, ORANGE = (64, 192, 120), (255, 146, 43)
 AXES = ((229, 115, 107), (100, 186, 132), (106, 156, 232))  # x, y, z: as on the page
-EDGES, DROP = (84, 100, 116), (120, 134, 148)
-FLOOR = (13, 17, 21)
+EDGES, DROP = (104, 120, 136), (120, 134, 148)
 Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
@@ -39,7 +38,6 @@ class Scene:
         self._turning = False
         api = server.viser.scene
         api.set_up_direction("+z")
-        api.set_background_image(np.full((1, 1, 3), FLOOR, np.uint8))
         _add_room(api)
         self._volume_box: Box | None = None
         self._vehicle = Airframe(api, "/vehicle")
@@ -150,8 +148,8 @@ def _add_room(api: Any) -> None:
         height=12.0,
         cell_size=0.5,
         section_size=1.0,
-        cell_color=(38, 46, 54),
-        section_color=(60, 71, 82),
+        cell_color=(72, 82, 92),  # as EDGES: to be seen on a dark and on a light ground
+        section_color=(104, 116, 128),
         cell_thickness=0.8,
         section_thickness=1.0,
         plane_color=(17, 22, 27),

@@ -28,7 +28,7 @@ WITH_WEBGL = [*PLAIN, "--enable-unsafe-swiftshader"]
 """The card is emulated for the 3D view alone; the page around it is put together without."""
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
 BOUND = 20_000  # ms, for a broken page only
-SCENE = "<!doctype html><html lang=en><title>3D view</title><body style='background:#0d1115'>"
+SCENE = "<!doctype html><html lang=en><title>3D view</title><body>"
 
 
 class Look:
@@ -204,6 +204,20 @@ def axe() -> Callable[[Any], list[str]]:
             if one["impact"] in ("serious", "critical")
             for node in one["nodes"]
         ]
+
+    return violations
+
+
+@pytest.fixture(scope="module")
+def axe_in_both_themes(axe: Callable[[Any], list[str]]) -> Callable[[Any], list[str]]:
+    """`axe` in the light and the dark theme; the page is left in the dark one."""
+
+    def violations(page: Any) -> list[str]:
+        found = []
+        for scheme in ("light", "dark"):
+            page.emulate_media(color_scheme=scheme)
+            found += [f"{scheme}: {line}" for line in axe(page)]
+        return found
 
     return violations
 

@@ -1,16 +1,16 @@
 // Names of estimates as people read them, and the colour each has in table and chart.
 
 const COLORS = {
-  vehicle: "#ff922b",
-  error_state: "#6fc3c6",
-  complementary: "#b08fd8",
-  "complementary:resolved": "#b08fd8",
-  "complementary:bearings": "#d08fae",
-  "complementary:paper": "#c9b06b",
+  vehicle: "var(--flown)",
+  error_state: "var(--teal)",
+  complementary: "var(--violet)",
+  "complementary:resolved": "var(--violet)",
+  "complementary:bearings": "var(--rose)",
+  "complementary:paper": "var(--gold)",
 };
-const OTHER = "#9aa8b4";
+const OTHER = "var(--dim)";
 
-export const BOUND = "#d5dbe1";
+export const BOUND = "var(--text)";
 export const OFFERED = ["error_state", "complementary:resolved", "complementary:bearings", "complementary:paper"];
 
 export const colorOf = (name) => COLORS[name] ?? OTHER;

@@ -1,9 +1,9 @@
 // The motor law of a bench: force over reference, steps as points, f = (slope (ref + offset))² as a line.
 
 import { element } from "../core/dom.js";
+import { axisLook, onTheme, paint } from "../core/theme.js";
 
 const HEIGHT = 170;
-const FONT = "11px system-ui, sans-serif";
 const STEPS = 120; // points of the line
 const STEP = /^step ([\d.]+), count/; // the residual of one
 
@@ -27,15 +27,16 @@ export function motorFit({ values, residuals }) {
     if (uplot) uplot.setSize({ width, height: HEIGHT });
     else uplot = new uPlot(options(width), data, canvas);
   }).observe(canvas);
+  onTheme(place, () => uplot?.redraw(false));
   return place;
 }
 
 function options(width) {
-  const line = { stroke: "#8b97a2", font: FONT, labelFont: FONT, labelSize: 15, labelGap: 0, ticks: { show: false }, grid: { stroke: "#1d252c", width: 1 } };
+  const line = { ...axisLook(), labelSize: 15, labelGap: 0 };
   return {
     width, height: HEIGHT, legend: { show: false }, cursor: { show: false }, padding: [6, 10, 0, 0],
     scales: { x: { time: false }, y: { range: (_, __, high) => [0, 1.06 * (high || 1)] } },
     axes: [{ ...line, size: 20, gap: 3, label: "counts" }, { ...line, size: 34, gap: 5, label: "N" }],
-    series: [{}, { stroke: "#76c495", width: 1.4, spanGaps: true, pxAlign: 0, points: { show: false } }, { stroke: "#d5dbe1", width: 0, points: { show: true, size: 6, width: 1.4, fill: "#12171c" } }],
+    series: [{}, { stroke: () => paint("var(--y)"), width: 1.4, spanGaps: true, pxAlign: 0, points: { show: false } }, { stroke: () => paint("var(--text)"), width: 0, points: { show: true, size: 6, width: 1.4, fill: () => paint("var(--panel)") } }],
   };
 }

@@ -3,13 +3,13 @@
 
 import { labelAndUnit } from "./labels.js";
 import { element } from "../core/dom.js";
+import { axisLook, faint, onTheme, paint } from "../core/theme.js";
 
 const MOST = 4000; // samples: at 5 Hz a quarter of an hour
 const PLOTS = 3;
 const HEIGHTS = [170, 120, 96]; // px, of one, two or three
-const COLORS = ["#d5dbe1", "#e3c275", "#6fc3c6", "#b79be0"];
-const AXES = { x: "#e5827c", y: "#76c495", z: "#79a9ea" };
-const FONT = "11px system-ui, sans-serif";
+const COLORS = ["var(--text)", "var(--gold)", "var(--teal)", "var(--violet)"];
+const AXES = { x: "var(--x)", y: "var(--y)", z: "var(--z)" };
 const BAND = / deviation$/; // as in experiments/guide.js
 
 export class LivePlots {
@@ -18,6 +18,7 @@ export class LivePlots {
   constructor() {
     this.place = element("div", { className: "live-plots" });
     this.clear();
+    onTheme(this.place, () => { for (const { uplot } of this.plots) uplot.redraw(false); });
     new ResizeObserver(() => this.resize()).observe(this.place);
   }
 
@@ -67,8 +68,8 @@ export class LivePlots {
       series.push({ stroke, width: 1.4, values: column });
       if (!this.columns.has(spread)) return;
       const edge = (sign) => () => column().map((value, k) => (value === null || this.columns.get(spread)[k] === null ? null : value + sign * this.columns.get(spread)[k]));
-      bands.push({ series: [series.length + 1, series.length + 2], fill: `${stroke}2e` });
-      series.push({ stroke: `${stroke}55`, width: 0.6, values: edge(1) }, { stroke: `${stroke}55`, width: 0.6, values: edge(-1) });
+      bands.push({ series: [series.length + 1, series.length + 2], fill: () => paint(faint(stroke, 18)) });
+      series.push({ stroke: faint(stroke, 33), width: 0.6, values: edge(1) }, { stroke: faint(stroke, 33), width: 0.6, values: edge(-1) });
     });
     const text = `${names.join(", ")}${unit ? `, ${unit}` : ""}`, canvas = element("div", { className: "plot", role: "img", ariaLabel: `${text} over the time of the calibration` });
     const legend = element("p", { className: "legend" }, ...names.map((name, i) => {
@@ -76,12 +77,12 @@ export class LivePlots {
       entry.style.setProperty("--c", colorOf(name, i));
       return entry;
     }), unit ? `in ${unit}` : "", bands.length ? ", with its standard deviation" : "");
-    const line = { stroke: "#8b97a2", font: FONT, ticks: { show: false }, grid: { stroke: "#1d252c", width: 1 } };
+    const line = axisLook();
     const uplot = new uPlot({
       width: Math.max(80, this.place.clientWidth), height: height + (isLast ? 16 : 0), legend: { show: false }, cursor: { show: false }, padding: [6, 6, 0, 0],
       scales: { x: { time: false }, y: { range: (_, low, high) => room(low, high) } },
       axes: [{ ...line, size: isLast ? 20 : 4, gap: 3, values: (_, ticks) => ticks.map((tick) => (isLast ? `${tick} s` : "")) }, { ...line, size: 50, gap: 5, space: 26 }],
-      series: [{}, ...series.map(({ stroke, width }) => ({ stroke, width, points: { show: false } }))], bands,
+      series: [{}, ...series.map(({ stroke, width }) => ({ stroke: () => paint(stroke), width, points: { show: false } }))], bands,
     }, [this.times, ...series.map(({ values }) => values())], canvas);
     return { uplot, series, place: element("figure", {}, legend, canvas) };
   }

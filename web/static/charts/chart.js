@@ -9,10 +9,10 @@ import { extent, isReference, spread, stylesOf, trace } from "./lines.js";
 import { pointing } from "./pointer.js";
 import { element } from "../core/dom.js";
 import { fixed } from "../core/format.js";
+import { axisLook, font, paint, theme } from "../core/theme.js";
 
 const PERIOD = 66; // ms between two drawings at most
 const READ = 125; // ms between two readings of the newest values
-const FONT = "11px system-ui, sans-serif";
 const EMPTY = [[0, 1], [0, 0]]; // uPlot wants some data; the lines take theirs from the source
 
 export class Chart {
@@ -34,6 +34,7 @@ export class Chart {
     this.select(names);
     pointing(this);
     axis.addEventListener("point", () => { this.moveLines(); this.readOut(); }, { signal: this.shown.signal });
+    theme.addEventListener("change", () => { this.uplot?.redraw(false); this.refresh(); }, { signal: this.shown.signal });
     this.sizes = new ResizeObserver(() => this.resize());
     this.sizes.observe(this.plot);
   }
@@ -115,7 +116,7 @@ export class Chart {
     });
     if (this.names.some((name) => this.isMerged(name))) {
       const title = "the reference, in the same colours";
-      entries.push(this.entry({ name: "", label: "reference", title, stroke: "#84909b", dash: [5, 4] }));
+      entries.push(this.entry({ name: "", label: "reference", title, stroke: "var(--dim)", dash: [5, 4] }));
     }
     return entries;
   }
@@ -134,7 +135,7 @@ export class Chart {
   }
 
   options() {
-    const line = { stroke: "#8b97a2", font: FONT, ticks: { show: false } }, grid = { stroke: "#1d252c", width: 1 };
+    const line = axisLook();
     const units = this.units.length ? this.units : [""], { axis } = this;
     const most = (u) => Math.max(2, u.bbox.width / devicePixelRatio / 70);
     return {
@@ -143,17 +144,17 @@ export class Chart {
       scales: { x: { time: false }, ...Object.fromEntries(units.map((unit, i) => [`y${i}`, this.scale(unit)])) },
       axes: [
         {
-          ...line, grid, size: 20, gap: 3,
+          ...line, size: 20, gap: 3,
           splits: (u, _, min, max) => axis.ticks(min, max, most(u)),
           values: (_, ticks) => ticks.map((tick) => axis.label(tick)),
         },
         ...units.map((unit, i) => ({
-          ...line, grid: i ? { show: false } : grid, scale: `y${i}`, side: i ? 1 : 3, size: 48, gap: 5,
-          label: unit || undefined, labelSize: 15, labelGap: 0, labelFont: FONT,
+          ...line, ...(i ? { grid: { show: false } } : {}), scale: `y${i}`, side: i ? 1 : 3, size: 48, gap: 5,
+          label: unit || undefined, labelSize: 15, labelGap: 0,
         })),
       ],
       series: [{}, ...this.lines.map(({ unit, stroke, dash, width = 1.4 }) => ({
-        scale: `y${units.indexOf(unit)}`, auto: false, stroke, dash, width,
+        scale: `y${units.indexOf(unit)}`, auto: false, stroke: () => paint(stroke), dash, width,
         points: { show: false }, paths: (u, index) => this.path(u, index - 1),
       }))],
       hooks: { draw: [(u) => { this.drawEnds(u); this.moveLines(); }] },
@@ -198,17 +199,17 @@ export class Chart {
     let above = bbox.top + bbox.height + least / 2;
     for (const one of ends.reverse()) above = one.y = Math.min(one.y, above - least);
     ctx.save();
-    ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+    ctx.font = font(ratio);
     ctx.textBaseline = "middle";
     ctx.textAlign = "left";
     for (const { label, end, y, color } of ends) {
       const text = label.length > 18 ? `${label.slice(0, 17)}…` : label, wide = ctx.measureText(text).width;
       const x = Math.min(end[0] + 5 * ratio, right - wide - 2 * ratio);
       if (x < end[0]) {
-        ctx.fillStyle = "rgb(18 23 28 / .8)";
+        ctx.fillStyle = paint("var(--veil)");
         ctx.fillRect(x - 2 * ratio, y - least / 2, wide + 4 * ratio, least);
       }
-      ctx.fillStyle = color;
+      ctx.fillStyle = paint(color);
       ctx.fillText(text, x, y);
     }
     ctx.restore();

@@ -1,8 +1,8 @@
 // How lines look, and their way through samples: gaps stay gaps, many samples a pixel become one stroke.
 
 /** @type {Record<string, string>} */
-const AXIS = { x: "#e5827c", y: "#76c495", z: "#79a9ea", roll: "#e5827c", pitch: "#76c495", yaw: "#79a9ea" };
-const OTHERS = ["#c9b06b", "#6fc3c6", "#b08fd8", "#d08fae", "#9aa8b4", "#e0a36a", "#8fbf73", "#d5dbe1"];
+const AXIS = { x: "var(--x)", y: "var(--y)", z: "var(--z)", roll: "var(--x)", pitch: "var(--y)", yaw: "var(--z)" };
+const OTHERS = ["gold", "teal", "violet", "rose", "accent", "amber", "y", "text"].map((name) => `var(--${name})`);
 const DASHES = [[], [9, 3], [2, 3], [9, 3, 2, 3]];
 const REFERENCE = [5, 4], TRUTH = [1.5, 3];
 const BREAK = 0.3; // s between samples above which nothing is known of the time between

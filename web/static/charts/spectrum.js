@@ -6,7 +6,7 @@ import { Axis, ticksOf } from "./time_axis.js";
 import { get } from "../core/api.js";
 import { setText } from "../core/dom.js";
 
-const ROTOR = "#c9b06b", MOTORS = ["front", "left", "rear", "right"];
+const ROTOR = "var(--gold)", MOTORS = ["front", "left", "rear", "right"];
 export const rotorsOf = (name) => MOTORS.map((motor, rotor) => ({ name, motor, rotor, second: true, stroke: ROTOR, dash: [3, 3], width: 1 }));
 export const densityOf = (unit) => `${unit || "1"}/√Hz`;
 const LEAST = 1; // Hz, of a zoom

@@ -4,6 +4,7 @@ import { request } from "../core/api.js";
 import { $, element } from "../core/dom.js";
 import { seconds, words } from "../core/format.js";
 import { listenInside } from "../core/keys.js";
+import { themeFrame } from "../core/theme.js";
 import { here } from "../core/vehicle_path.js";
 import { isAlone, landing } from "../core/control_authority.js";
 
@@ -16,8 +17,9 @@ export class View {
     this.name = crypto.randomUUID?.() ?? String(Math.random());
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = `${scheme}://${location.host}${here("/viser")}?view=${this.name}`;
-    $("scene").src = `${here("/viser/")}?darkMode&websocket=${encodeURIComponent(socket)}${new URLSearchParams(location.search).has("fixedDpr") ? "&fixedDpr=0.5" : ""}`;
+    $("scene").src = `${here("/viser/")}?websocket=${encodeURIComponent(socket)}${new URLSearchParams(location.search).has("fixedDpr") ? "&fixedDpr=0.5" : ""}`;
     listenInside($("scene"));
+    themeFrame($("scene"));
     $("follow").addEventListener("click", () => this.follow($("follow").getAttribute("aria-pressed") !== "true"));
     events.addEventListener("open", () => this.follow($("follow").getAttribute("aria-pressed") === "true"));
     events.on("summary", ({ age }) => {

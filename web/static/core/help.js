@@ -3,6 +3,7 @@
 
 import { $, element } from "./dom.js";
 import { keys, onKey } from "./keys.js";
+import { themeChoice } from "./theme.js";
 
 const SEEN = "quadlab.help.seen";
 const STEPS = [
@@ -39,7 +40,7 @@ export class Help {
     const steps = this.isOperator ? STEPS : [STEPS[0], ["Watch", "You are a viewer: everything is shown, and Emergency land is yours too. An operator's invitation lets you command."]];
     const item = ({ key, meaning, hold }) => element("div", {}, element("dt", {}, element("kbd", {}, NAMES[key] ?? key), hold ? " held" : ""), element("dd", {}, meaning));
     const close = element("button", { className: "small", onclick: () => this.dialog.close() }, "Close");
-    const title = (text, ...more) => element("header", {}, element("h1", {}, text), ...more);
+    const title = (text, ...more) => element("header", {}, element("h1", {}, text), themeChoice(), ...more);
     const list = element("dl", {}, ...keys().map(item));
     if (this.guides) {
       this.dialog.replaceChildren(

@@ -2,6 +2,7 @@
 
 import { element, setIfChanged } from "../core/dom.js";
 import { fixed } from "../core/format.js";
+import { font, onTheme, paint } from "../core/theme.js";
 
 const LEAST = 4; // m, the shortest side that is shown
 const MARGIN = 34; // px, for names and the scale
@@ -17,6 +18,7 @@ export class FleetPlot {
     this.canvas = element("canvas", { role: "img", ariaLabel: "the vehicles from above" });
     place.append(element("h2", {}, "From above"), this.canvas, element("p", { className: "hint" }, "Lab frame: x to the right, y up. The tick is the nose; the number is the height in m; the line is the last 30 s."));
     this.half = LEAST / 2;
+    onTheme(this.canvas, () => this.draw());
     new ResizeObserver(() => this.draw()).observe(this.canvas);
   }
 
@@ -48,8 +50,8 @@ export class FleetPlot {
     if (!width || !height) return;
     setIfChanged(this.canvas, "width", Math.round(width * dots));
     setIfChanged(this.canvas, "height", Math.round(height * dots));
-    const pen = /** @type {CanvasRenderingContext2D} */ (this.canvas.getContext("2d")), style = getComputedStyle(document.documentElement);
-    const color = (name) => style.getPropertyValue(name);
+    const pen = /** @type {CanvasRenderingContext2D} */ (this.canvas.getContext("2d"));
+    const color = (name) => paint(`var(${name})`);
     pen.setTransform(dots, 0, 0, dots, 0, 0);
     pen.clearRect(0, 0, width, height);
     const half = this.fit(), scale = (Math.min(width, height) / 2 - MARGIN) / half;
@@ -73,7 +75,7 @@ export class FleetPlot {
       pen.lineWidth = 2;
       pen.beginPath(); pen.moveTo(ox, oy); pen.lineTo(...tip); pen.stroke();
       pen.fillStyle = color(name);
-      pen.font = "11px system-ui, sans-serif";
+      pen.font = font();
       pen.fillText(name.at(-1), tip[0] + 4, tip[1] + (name === "--x" ? 4 : 0));
     }
     pen.strokeStyle = pen.fillStyle = color("--dim");
@@ -102,11 +104,11 @@ export class FleetPlot {
     pen.beginPath(); pen.arc(x, y, isMarked ? 6 : 4.5, 0, 2 * Math.PI); pen.fill();
     pen.lineWidth = 2;
     pen.beginPath(); pen.moveTo(x, y); pen.lineTo(x + 11 * Math.cos(yaw), y - 11 * Math.sin(yaw)); pen.stroke();
-    pen.font = "600 12px system-ui, sans-serif";
+    pen.font = font(1, "600");
     pen.fillText(name, x + 9, y - 9);
     const wide = pen.measureText(name).width;
     pen.fillStyle = color("--dim");
-    pen.font = "11px ui-monospace, monospace";
+    pen.font = font();
     pen.fillText(fixed(z, 2), x + 15 + wide, y - 9);
   }
 }

@@ -1,11 +1,11 @@
 // One figure of a link over the last five minutes: a name, its value, and a small plot.
 
 import { element, setIfChanged, setText } from "../core/dom.js";
+import { font, paint } from "../core/theme.js";
 
 const CAPACITY = 1500; // five minutes at 5 Hz
 const LENGTH = 300; // s
 const BREAK = 1.5; // s without a sample: a gap
-const LINE = "#79a9ea", MARK = "#e3b24d", TEXT = "#8b97a2";
 
 export class LinkStrip {
   // format(value): text with its unit; least: height of the plot when nothing is larger;
@@ -64,18 +64,18 @@ export class LinkStrip {
     const x = (time) => width * (1 - (now - time) / LENGTH), y = (value) => height - 1 - (value - bottom) / (top - bottom) * (height - 2);
     context.lineWidth = ratio;
     if (limit > bottom && limit < top) {
-      context.strokeStyle = MARK;
+      context.strokeStyle = paint("var(--amber)");
       context.setLineDash([3 * ratio, 3 * ratio]);
       context.beginPath();
       context.moveTo(0, y(limit));
       context.lineTo(width, y(limit));
       context.stroke();
       context.setLineDash([]);
-      context.fillStyle = TEXT;
-      context.font = `${10 * ratio}px system-ui, sans-serif`;
+      context.fillStyle = paint("var(--dim)");
+      context.font = font(ratio);
       context.fillText(this.deadline.text, 2 * ratio, y(limit) - 3 * ratio);
     }
-    context.strokeStyle = LINE;
+    context.strokeStyle = paint("var(--z)");
     context.beginPath();
     let before = -Infinity;
     this.each(now, (time, value) => {

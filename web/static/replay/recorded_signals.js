@@ -3,6 +3,7 @@
 
 import { between } from "../charts/history.js";
 import { setText } from "../core/dom.js";
+import { faint } from "../core/theme.js";
 
 const AHEAD = 1; // widths fetched on either side of what is shown
 const COARSE = 3.5; // times the width at which a window is too coarse
@@ -31,7 +32,7 @@ export class RecordedSignals extends EventTarget {
     this.clear();
     return this.runs.flatMap((run, k) => run.known(names).map((name) => {
       const style = styles[names.indexOf(name)];
-      return k ? { name, run, second: true, stroke: `${style.stroke}99`, dash: [2, 3], width: 1.2 }
+      return k ? { name, run, second: true, stroke: faint(style.stroke, 60), dash: [2, 3], width: 1.2 }
         : { name, run, ...style };
     }));
   }

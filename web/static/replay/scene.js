@@ -2,6 +2,7 @@
 // nothing of the server once the tracks are here; the live page's scene is another.
 
 import { element } from "../core/dom.js";
+import { font, onTheme, paint } from "../core/theme.js";
 import { Camera, handle } from "./camera.js";
 
 const ARM = 0.25, ROTOR = 0.125, AXIS = 0.18; // m
@@ -11,6 +12,8 @@ const ROTORS = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 const ROUND = Array.from({ length: 17 }, (_, k) => [Math.cos((k * Math.PI) / 8), Math.sin((k * Math.PI) / 8)]);
 const UNIT = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
 const FULL = { lead: { dash: [], alpha: 1 }, other: { dash: [6, 5], alpha: 0.55 } };
+
+const colors = () => Object.fromEntries(["x", "y", "z", "flown", "wanted", "truth", "text", "dim", "line", "strong", "stale", "ground", "amber"].map((name) => [name, paint(`var(--${name})`)]));
 
 export class ReplayScene {
   constructor(place, clock) {
@@ -27,8 +30,8 @@ export class ReplayScene {
     place.append(this.canvas, element("div", { className: "overlay bottom" }, this.follow, reset, key("flown", "flown"), key("wanted", "reference"), this.truthKey));
     // By the processor: few lines, and an emulated GPU is slow.
     this.pen = /** @type {CanvasRenderingContext2D} */ (this.canvas.getContext("2d", { willReadFrequently: true }));
-    const style = getComputedStyle(document.documentElement);
-    this.color = Object.fromEntries(["x", "y", "z", "flown", "wanted", "truth", "text", "dim", "line", "strong", "stale", "ground", "amber"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+    this.color = colors();
+    onTheme(place, () => { this.color = colors(); this.draw(); });
     handle(this.canvas, this.camera, () => this.draw());
     new ResizeObserver(() => this.resize()).observe(place);
     this.place = place;
@@ -135,7 +138,7 @@ export class ReplayScene {
   }
 
   beacons(rows) {
-    this.pen.font = "11px system-ui";
+    this.pen.font = font();
     this.pen.textAlign = "center";
     for (const [id, x, y, z] of rows) {
       this.line([[x, y, 0], [x, y, z]], this.color.dim, 1);

@@ -17,7 +17,7 @@ export class Spectrogram extends Asked {
 
   lines(names) {
     this.names = names.slice(0, 1);
-    return this.names.length ? [{ name: names[0], stroke: "transparent", dash: [] }, ...rotorsOf(names[0]).map((line) => ({ ...line, stroke: "#fff" }))] : [];
+    return this.names.length ? [{ name: names[0], stroke: "transparent", dash: [] }, ...rotorsOf(names[0]).map((line) => ({ ...line, stroke: "var(--on-red)" }))] : [];
   }
 
   samples({ rotor }) {

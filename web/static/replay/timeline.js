@@ -6,7 +6,7 @@ import { element } from "../core/dom.js";
 import { words } from "../core/format.js";
 import { stamp } from "./play_head.js";
 
-const TINTS = ["#24404a", "#3a3150", "#2f4434", "#4a3d24", "#462f3d", "#2b3a52"];
+const TINTS = ["teal", "violet", "y", "amber", "rose", "z"].map((name) => `color-mix(in srgb, var(--${name}) 25%, var(--panel))`);
 const MOST = 400; // stretches or ticks of a kind
 const GROUND = new Set(["ground", "idle", "ready", "disarmed"]);
 
@@ -57,7 +57,7 @@ export class TimeLine extends EventTarget {
 
   stretch(run, { from, to, text }, kind) {
     const left = this.share(from - run.shift), width = this.share(to - run.shift) - left, label = words(text);
-    if (!this.tints.has(text)) this.tints.set(text, GROUND.has(text) ? "#1d242b" : TINTS[this.tints.size % TINTS.length]);
+    if (!this.tints.has(text)) this.tints.set(text, GROUND.has(text) ? "var(--raised)" : TINTS[this.tints.size % TINTS.length]);
     const made = element("span", { title: `${kind} ${label}, ${stamp(from, 1)} to ${stamp(to, 1)}` }, label);
     made.style.cssText = `left:${left}%;width:${width}%;background:${this.tints.get(text)}`;
     return made;

@@ -1,11 +1,12 @@
 // Set-points (dashed) and actual values (solid) of step tests, aligned at the first edge.
 
 import { element } from "../core/dom.js";
+import { axisLook, font, onTheme, paint } from "../core/theme.js";
 import { DEGREES } from "./units.js";
 
-const AXIS = { x: "#e5827c", y: "#76c495", z: "#79a9ea", yaw: "#79a9ea" };
-const OTHERS = ["#e3c275", "#6fc3c6", "#b79be0", "#d5dbe1"];
-const SETPOINT = "#93a0ab";
+const AXIS = { x: "var(--x)", y: "var(--y)", z: "var(--z)", yaw: "var(--z)" };
+const OTHERS = ["var(--gold)", "var(--teal)", "var(--violet)", "var(--text)"];
+const SETPOINT = "var(--dim)";
 
 // The first one has its axis' colour; a letter at the end of each line says which it is, too.
 export function colorsOf(runs) {
@@ -19,6 +20,7 @@ export class TunePlot {
     this.plot = element("div", { className: "plot", role: "img" });
     place.append(this.note, this.plot);
     this.plot.hidden = true;
+    onTheme(this.plot, () => this.uplot?.redraw(false));
     new ResizeObserver(() => this.resize()).observe(this.plot);
   }
 
@@ -44,7 +46,7 @@ export class TunePlot {
   }
 
   options(series, unit) {
-    const line = { stroke: "#8c98a3", font: "11px system-ui", grid: { stroke: "#1d252c", width: 1 }, ticks: { show: false } };
+    const line = axisLook();
     return {
       width: Math.max(50, this.plot.clientWidth), height: Math.max(50, this.plot.clientHeight),
       legend: { show: false }, cursor: { drag: { x: true, y: false }, points: { show: false } }, padding: [6, 18, 0, 0],
@@ -53,7 +55,7 @@ export class TunePlot {
         { ...line, size: 20, gap: 3, values: (_, ticks) => ticks.map((tick) => `${Number(tick.toFixed(3))} s`) },
         { ...line, size: 46, gap: 5, label: unit, labelSize: 14, labelGap: 0, labelFont: "11px system-ui" },
       ],
-      series: [{}, ...series.map(({ stroke, dash, width }) => ({ stroke, dash, width, points: { show: false }, spanGaps: false }))],
+      series: [{}, ...series.map(({ stroke, dash, width }) => ({ stroke: () => paint(stroke), dash, width, points: { show: false }, spanGaps: false }))],
       hooks: { draw: [(plot) => label(plot, series)] },
     };
   }
@@ -67,7 +69,7 @@ export class TunePlot {
 function label(plot, series) {
   const { ctx, data } = plot, { min, max } = plot.scales.x, taken = [];
   ctx.save();
-  ctx.font = `${11 * devicePixelRatio}px system-ui`;
+  ctx.font = font(devicePixelRatio);
   ctx.textBaseline = "middle";
   series.forEach(({ letter, stroke }, i) => {
     if (!letter) return;
@@ -79,7 +81,7 @@ function label(plot, series) {
     const height = 12 * devicePixelRatio;
     while (taken.some((other) => Math.abs(other - y) < height)) y -= height;
     taken.push(y);
-    ctx.fillStyle = stroke;
+    ctx.fillStyle = paint(stroke);
     ctx.fillText(letter, plot.valToPos(data[0][at], "x", true) + 4 * devicePixelRatio, y);
   });
   ctx.restore();

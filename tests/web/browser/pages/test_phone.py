@@ -44,13 +44,13 @@ def console(phone: Any) -> Any:
 
 @pytest.mark.parametrize("tab", ["fly", "gains", "tune", "beacons", "link", "charts"])
 def test_every_tab_is_accessible_and_within_the_width(
-    console: Any, axe: Any, crooked: Any, keep_picture: Any, tab: str
+    console: Any, axe_in_both_themes: Any, crooked: Any, keep_picture: Any, tab: str
 ) -> None:
     console.click(f"#open-{tab}")
     if IMAGES and tab == "fly":
         console.wait_for_timeout(3000)
         keep_picture(console, Path(IMAGES) / "phone.png")
-    assert axe(console) + crooked(console) == []
+    assert axe_in_both_themes(console) + crooked(console) == []
 
 
 def test_the_charts_are_a_tab_that_is_reached_by_keyboard_and_draws(
@@ -98,9 +98,15 @@ def test_in_a_wider_window_the_charts_are_in_sight_and_no_tab(console: Any) -> N
     ],
 )
 def test_every_other_page_is_accessible_and_within_the_width(
-    phone: Any, flying_lab: Any, lab_of_pages: Any, axe: Any, crooked: Any, path: str, ready: str
+    phone: Any,
+    flying_lab: Any,
+    lab_of_pages: Any,
+    axe_in_both_themes: Any,
+    crooked: Any,
+    path: str,
+    ready: str,
 ) -> None:
     phone.set_viewport_size({"width": WIDTH, "height": HEIGHT})
     phone.goto(f"{flying_lab.base}{path.format(run=lab_of_pages.RUN)}")
     phone.wait_for_selector(ready)
-    assert axe(phone) + crooked(phone) == []
+    assert axe_in_both_themes(phone) + crooked(phone) == []

@@ -1,5 +1,5 @@
-"""Every page in its main states: what axe-core says of it, and that it fits from 1024 x 700 to
-2560 x 1440. With QUADLAB_IMAGES=folder the documentation's pictures are taken too.
+"""Every page in its main states: what axe-core says of it in both themes, and that it fits from
+1024 x 700 to 2560 x 1440. With QUADLAB_IMAGES=folder the documentation's pictures are taken too.
 """
 
 from __future__ import annotations
@@ -74,11 +74,11 @@ def room(flying_lab: Any, chromium: Any, helper: Any, lab_of_pages: Any) -> Iter
 
 @pytest.mark.parametrize("state", STATES)
 def test_a_state_is_accessible_and_nothing_is_crooked(
-    room: Any, axe: Any, crooked: Any, keep_picture: Any, state: str
+    room: Any, axe_in_both_themes: Any, crooked: Any, keep_picture: Any, state: str
 ) -> None:
     page = room.page
     getattr(room, state)()
-    found = axe(page)
+    found = axe_in_both_themes(page)
     for width, height in SIZES:
         page.set_viewport_size({"width": width, "height": height})
         page.evaluate("() => new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
