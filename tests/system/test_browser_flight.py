@@ -75,15 +75,16 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
         expect(page.locator(selector)).to_have_text(re.compile(pattern), timeout=BOUND)
 
     # The vehicle is there.
-    shows("#mode", "^ready$")
+    shows("#doing", "^(NOT )?READY$")
     shows("#preflight summary", "Ready to arm")
 
     # Hold Arm, take off, fly the 8.
     arm = page.locator("#arm")
     arm.dispatch_event("pointerdown", {"button": 0})
-    shows("#mode", "^armed$")
+    shows("#doing", "^ARMED$")
     arm.dispatch_event("pointerup", {"button": 0})
     until("motors on", lambda: "motors" not in page.locator("#answer").inner_text(), 5)
+    page.wait_for_selector("#primary:not([data-new])")
     page.locator("#take-off").click()
     shows("#behavior", "^hover$")
     row = page.locator(".behavior", has_text="Figure 8")
@@ -126,7 +127,7 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
     # Land and disarm.
     page.locator("[data-tab=fly]").click()
     page.locator("#land").click()
-    shows("#mode", "^ready$")
+    shows("#doing", "^(NOT )?READY$")
 
     # Take the log home.
     until("the end of the recording", lambda: not lab.summary()["station"]["recording"], 20)

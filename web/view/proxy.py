@@ -51,7 +51,8 @@ _INJECTION = f"""<script>document.hasFocus=()=>true</script>
 <style>{TOKENS}:root[data-theme=light]{{color-scheme:light!important}}:root[data-theme=dark]{{color-scheme:dark!important}}
 html,body,canvas[data-engine]{{background:var(--ground)!important}}
 [data-floating-window],.mantine-Paper-root[style*="position: fixed"]{{display:none!important}}
-.mantine-Notifications-root{{inset:auto auto 44px 12px!important}}</style>
+.mantine-Notifications-root{{inset:auto auto 44px 12px!important}}
+@media(max-width:700px){{.mantine-Notification-description{{display:none}}}}</style>
 """
 """viser's client reconnects only while its document has the focus, which an iframe has not; its
 control panel (server address, scene tree) has no business on our page."""

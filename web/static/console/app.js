@@ -44,11 +44,11 @@ async function start() {
   new Preflight($("preflight"), $("arm"), events);
   const ages = new Ages(events, telemetry, description.stale);
   const timeout = new TelemetryTimeout(telemetry);
-  new StatusBar(events, fly, isOperator, { ages, timeout });
   new EventList($("events"), events);
   new Marks($("recorder"), document.querySelector("#view .overlay.bottom"), events, isOperator);
   new ExperimentSection($("experiment"), events, fly, isOperator, ages);
   const gains = new Gains(events, isOperator);
+  new StatusBar(events, fly, isOperator, { ages, timeout, telemetry, gains, vehicle: session.vehicle });
   new View(events, timeout);
   addSticks($("sticks"), { events, isOperator, fly, emergency, gains, label: session.label });
   new StateTable($("table"), telemetry, description, ages);

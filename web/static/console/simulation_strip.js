@@ -1,8 +1,9 @@
-// Beside the notices, where the vehicle is simulated: that it is, and what a person would else do at
-// the vehicle with the motors off: a full battery put in, the vehicle put back at its start.
+// Beside the notices, where the vehicle is simulated: a badge that it is, and behind it what a person would
+// else do at the vehicle with the motors off (a full battery put in, the vehicle put back at its start), and
+// the way to the simulator's parameters: wind, sensors, faults.
 
 import { command } from "../core/api.js";
-import { element, setIfChanged } from "../core/dom.js";
+import { $, element, setIfChanged } from "../core/dom.js";
 import { onHold } from "../core/hold_button.js";
 
 const SIGN = "simulator.battery_charge"; // a real vehicle has no parameters of a simulator
@@ -16,8 +17,18 @@ export class Simulation {
     this.swap = element("button", { id: "swap-battery", onclick: () => ask("swap_battery", "swap battery") }, "Swap battery");
     this.reset = element("button", { id: "reset-vehicle", className: "hold" }, "Reset vehicle");
     onHold(this.reset, HOLD, () => ask("reset", "reset vehicle"));
-    place.append(element("span", { className: "badge", title: "this vehicle is simulated: nothing real moves" }, "simulated"), this.swap, this.reset);
+    const faults = element("button", { title: "the simulator's parameters on the Gains tab", onclick: () => this.showParameters() }, "Wind and faults");
+    place.append(element("summary", { className: "badge", title: "this vehicle is simulated: nothing real moves" }, "SIMULATION"),
+      element("div", {}, this.swap, this.reset, faults));
+    document.addEventListener("click", ({ target }) => { if (!place.contains(target)) place.open = false; });
     setInterval(() => this.draw(), 200);
+  }
+
+  showParameters() {
+    this.place.open = false;
+    $("open-gains").click();
+    $("search").value = "simulator.";
+    $("search").dispatchEvent(new Event("input"));
   }
 
   draw() {

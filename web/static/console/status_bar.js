@@ -8,8 +8,11 @@ import { onHold } from "../core/hold_button.js";
 import { armNote } from "../fly/preflight.js";
 import { controlOf, isAlone } from "../core/control_authority.js";
 import { consistencyOf } from "./consistency.js";
+import { Primary } from "./primary.js";
+import { flownOn, lineOf, pillOf } from "./vehicle_words.js";
 
 const SHOWN = { arm: ({ armed }) => armed, disarm: ({ armed, mode }) => !armed && mode?.toLowerCase() !== "cut" };
+const isCut = (status) => status?.mode?.toLowerCase() === "cut";
 const SLOW = 0.98; // of real time
 const percent = (share) => (share === null || share === undefined ? NONE : `${fixed(100 * share, share < 0.0995 ? 1 : 0)} %`);
 
@@ -18,32 +21,43 @@ const recorded = (station) =>
   `● ${duration(station.recording_duration)} ${bytes(station.recording_bytes).replace(" ", "\u00a0")}`;
 
 export class StatusBar {
-  constructor(events, fly, isOperator, { ages, timeout }) {
+  height; error; // m, of the newest sample
+
+  constructor(events, fly, isOperator, { ages, timeout, telemetry, gains, vehicle }) {
     this.events = events;
     this.ages = ages; // greys what is old, too
     this.timeout = timeout;
-    this.controls = ["arm", "take-off", "land"].map($);
+    this.gains = gains;
+    this.kept = `quadlab.airborne.${vehicle}`; // since when, for a page that is loaded again
+    this.controls = ["disarm", "arm", "take-off", "land"].map($);
+    this.primary = new Primary($("primary"), $("disarm"));
     this.isOperator = isOperator;
     // What the label said at the press, whatever has been heard since.
-    onHold($("arm"), 800, (wanted) => fly.attempt(() => command(wanted), wanted, SHOWN[wanted]), () => this.nextArm);
+    const ask = (wanted) => fly.attempt(() => command(wanted), wanted, SHOWN[wanted]);
+    onHold($("arm"), 800, ask, () => this.nextArm);
+    onHold($("disarm"), 800, () => ask("disarm"));
     flightButton($("take-off")).addEventListener("click", () => fly.start("take_off"));
     flightButton($("land")).addEventListener("click", () => fly.start("land"));
     if (!isOperator) for (const button of this.controls) { button.disabled = true; button.title = "viewers cannot do this; ask an operator for an invitation to command"; }
     setInterval(() => this.draw(), 200);
     events.on("summary", ({ link }) => { if (link && link.state !== this.linkDrawn) this.draw(); });
     timeout.addEventListener("change", () => this.draw());
+    telemetry.addEventListener("frame", ({ detail: { value } }) => {
+      this.height = value["state.position.z"];
+      this.error = Math.hypot(...["x", "y", "z"].map((axis) => value[`error.position.${axis}`]));
+    });
   }
 
-  // Disarming also acknowledges a cut.
+  // Disarming also acknowledges a cut, and ends a bench test.
   get nextArm() {
     const { status } = this.events.summary;
-    return status && (status.armed || status.mode?.toLowerCase() === "cut") ? "disarm" : "arm";
+    return status?.armed || isCut(status) ? "disarm" : "arm";
   }
   fresh(topic) { return !this.ages.isOld(topic); }
 
   draw() {
     const { status, link, battery, station } = this.events.summary;
-    this.set("mode", status && words(status.mode), /cut|emergency/i.test(status?.mode));
+    this.drawState(status);
     this.drawControl(status);
     this.set("behavior", status && (isAlone(status) ? "lands alone" : words(status.behavior)));
     this.linkDrawn = link?.state;
@@ -58,15 +72,50 @@ export class StatusBar {
     this.drawPace(station?.real_time_factor);
     const disarms = this.nextArm === "disarm";
     $("arm").textContent = disarms ? "Disarm" : "Arm";
-    if (this.isOperator) $("arm").disabled = !this.fresh("status"); // not by what was true once
-    if (this.isOperator) $("arm").title = disarms ? "hold for 0.8 s to stop the motors on the ground, or to acknowledge a cut" : armNote(this.events.summary.preflight) || "hold for 0.8 s to start the motors";
+    if (this.isOperator) $("arm").disabled = $("disarm").disabled = !this.fresh("status"); // not by what was true once
+    if (this.isOperator) $("arm").title = disarms ? "hold for 0.8 s to acknowledge the cut, or to stop the motors on the ground" : armNote(this.events.summary.preflight) || "hold for 0.8 s to start the motors";
+  }
+
+  // The pill, the line in words, and the button of the moment.
+  drawState(status) {
+    const { preflight } = this.events.summary, isHeard = Boolean(status) && this.fresh("status");
+    const seen = { status, isHeard, preflight: this.events.age("preflight") < 2 ? preflight : null, airborne: this.airborneFor(status, isHeard),
+      source: this.gains.value("estimation.source"), height: this.height, error: this.error, problems: this.problems(status) };
+    const { word, tone } = pillOf(seen);
+    setText($("doing"), word);
+    for (const id of ["pill", "bar"]) setIfChanged($(id).dataset, "tone", tone);
+    setIfChanged($("pill"), "title", status ? `${words(status.mode)}, ${words(status.behavior)}, ${words(status.control_mode)}` : "");
+    setText($("flown-on"), isHeard && status.airborne ? flownOn(seen) : "");
+    setText($("in-words"), lineOf(seen));
+    this.primary.show(status);
+  }
+
+  // s in the air; null of a flight that was under way when this page came.
+  airborneFor(status, isHeard) {
+    if (!isHeard) return null;
+    if (!status.airborne) { sessionStorage.removeItem(this.kept); this.sawGround = true; return null; }
+    if (this.sawGround && !sessionStorage.getItem(this.kept)) sessionStorage.setItem(this.kept, String(Date.now()));
+    const since = Number(sessionStorage.getItem(this.kept));
+    return since ? (Date.now() - since) / 1e3 : null;
+  }
+
+  // What is not well beside the vehicle's flags.
+  problems(status) {
+    const { link, station, estimate } = this.events.summary, { word } = consistencyOf(status?.flags ?? [], estimate);
+    return [
+      ...(link && link.state !== "good" ? [`link ${link.state}`] : []),
+      ...(word === "inconsistent" ? ["estimate inconsistent"] : []),
+      ...(status?.missed_share > 0.01 ? [`${percent(status.missed_share)} of the ticks missed`] : []),
+      ...(this.fresh("station_status") ? station?.alarms ?? [] : []),
+    ];
   }
 
   drawControl(status) {
     const control = controlOf(status), output = $("control-mode"), title = control?.title ?? "";
     this.set("control-mode", control ? `${control.tone === "alarm" ? "⚠ " : ""}${control.text}` : words(status?.control_mode), control?.tone === "warn");
     output.classList.toggle("alarm", control?.tone === "alarm" && this.fresh("status"));
-    setIfChanged(output.parentElement, "title", title);
+    setIfChanged(output, "title", title);
+    setIfChanged(output, "hidden", !control?.tone); // direct is what is expected
   }
 
   // One calm word on whether estimate and measurements agree; the numbers are in its tip.

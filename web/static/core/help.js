@@ -7,8 +7,8 @@ import { themeChoice } from "./theme.js";
 
 const SEEN = "quadlab.help.seen";
 const STEPS = [
-  ["Look", "The bar shows mode, link and battery. A grey value with an age is out of date."],
-  ["Arm", "Hold Arm until it is full. What is not ready is listed in the Fly tab, with what to do."],
+  ["Look", "The bar shows what the vehicle is doing, the line below how it is, and the large button what comes next. A grey value with an age is out of date."],
+  ["Arm", "Hold Arm until it is full. What is not ready is listed in the Fly tab, with what to do. Disarm stands beside it while the vehicle is on the ground."],
   ["Take off", "It climbs to 1 m and hovers. Fly to, Figure 8, sticks and experiments are in the Fly tab."],
   ["Land", "Land comes down where it is. Emergency land comes down now, whatever runs, and need not stay in place; anybody may press it."],
   ["Cut motors", "Only when a fall is better than flight: hold it for half a second."],
@@ -39,7 +39,7 @@ export class Help {
   open() {
     const steps = this.isOperator ? STEPS : [STEPS[0], ["Watch", "You are a viewer: everything is shown, and Emergency land is yours too. An operator's invitation lets you command."]];
     const item = ({ key, meaning, hold }) => element("div", {}, element("dt", {}, element("kbd", {}, NAMES[key] ?? key), hold ? " held" : ""), element("dd", {}, meaning));
-    const close = element("button", { className: "small", onclick: () => this.dialog.close() }, "Close");
+    const close = element("button", { className: "small", autofocus: true, onclick: () => this.dialog.close() }, "Close");
     const title = (text, ...more) => element("header", {}, element("h1", {}, text), themeChoice(), ...more);
     const list = element("dl", {}, ...keys().map(item));
     if (this.guides) {

@@ -11,6 +11,7 @@ from vehicle_link.checks import Check, to_messages
 from vehicle_link.messages import new
 
 FIGURE_8 = ".behavior:has-text('Figure 8') button"
+TAKE_OFF = "#behaviors button:text-is('Take off')"
 FLIES = {"behavior": "follow_trajectory"}
 LATER = """(milliseconds) => { const now = performance.now.bind(performance);
   performance.now = () => now() + milliseconds; }"""
@@ -77,7 +78,7 @@ def test_a_refusal_goes_with_the_state_that_it_was_about(
     page: Any, look: Any, station: Any
 ) -> None:
     station.refusal = "the motors are off; arm the vehicle first"
-    page.click("#take-off")
+    page.click(TAKE_OFF)
     look.text("#answer", "arm the vehicle first")
     page.click("[data-tab=gains]")  # it is seen from all tabs, and takes nobody to another
     page.wait_for_selector("#gains", state="visible")
@@ -94,8 +95,9 @@ def test_a_refusal_to_arm_goes_when_the_vehicle_is_ready_again(
         message = new("quadlab_msgs/Preflight", ready=ready, checks=to_messages(failing))
         station.put("preflight", message)
 
-    station.said = {"armed": False}
-    look.text("#arm", "^Arm$")
+    station.said = {"mode": "ready", "armed": False, "airborne": False}
+    page.wait_for_selector("#arm", state="visible")
+    page.wait_for_selector("#primary:not([data-new])")
     station.refusal = "not armed: link: degraded, wanted good"
     prepare(True)  # the list is older than the refusal
     page.press("#arm", "Enter", delay=900)
@@ -113,7 +115,7 @@ def test_an_absent_station_is_said_until_it_is_heard_again(
     page: Any, look: Any, station: Any
 ) -> None:
     station.away = True
-    page.click("#take-off")
+    page.click(TAKE_OFF)
     look.text("#answer", f"^Take off: {station.silence}")
     station.away = False
     is_gone(page)

@@ -14,6 +14,9 @@ HELD = (
 )
 
 
+STANDS = {"mode": "ready", "armed": False, "airborne": False, "behavior": "ground"}
+
+
 def asked(station: Any) -> list[str]:
     return [getattr(request, "name", service) for service, request in station.requests]
 
@@ -38,7 +41,9 @@ def test_what_must_be_held_says_so(console: Any) -> None:
 def test_a_short_press_says_to_keep_holding_and_does_nothing(
     console: Any, station: Any, look: Any, press: str
 ) -> None:
+    station.said = STANDS
     console.wait_for_selector("#arm:enabled")
+    console.wait_for_selector("#primary:not([data-new])")
     if press == "pointer":
         console.click("#arm")
     else:
@@ -69,7 +74,9 @@ def test_space_pauses_the_charts_and_does_not_start_the_focused_behaviour_again(
 
 @pytest.mark.parametrize("button", ["#take-off", "#land", "#emergency-land", "#sticks > button"])
 def test_the_space_bar_starts_no_flight(console: Any, station: Any, look: Any, button: str) -> None:
+    station.said = STANDS | {"mode": "armed", "armed": True} if button == "#take-off" else {}
     console.wait_for_selector(f"{button}:enabled")
+    console.wait_for_selector("#primary:not([data-new])")
     console.focus(button)
     console.keyboard.press(" ")
     look.text("#charts .bar button >> nth=0", "^Resume$")

@@ -9,6 +9,10 @@ import pytest
 
 from console.catalogue.catalogue import Catalogue
 
+TAKE_OFF = "#behaviors button:text-is('Take off')"
+STANDS = {"airborne": False, "behavior": "ground"}
+"""Armed, on the ground."""
+
 
 def test_a_link_signs_in_once(context: Any, site: Any, page: Any) -> None:
     assert page.url == f"{site.base}/"
@@ -21,7 +25,7 @@ def test_a_link_signs_in_once(context: Any, site: Any, page: Any) -> None:
 
 
 def test_the_bar_shows_what_the_vehicle_says(page: Any, look: Any) -> None:
-    look.text("#mode", "^armed$")
+    look.text("#doing", "^FLYING")
     look.text("#behavior", "^hover$")
     look.text("#link", "ms · 2.0 %")
     look.text("#battery", "^15.6 V$")
@@ -50,14 +54,14 @@ def test_poses_that_the_vehicle_refuses_show_where_the_tracker_does(
 def test_a_simulation_that_is_slowed_says_so_and_moves_nothing(
     page: Any, look: Any, station: Any
 ) -> None:
-    look.text("#mode", "^armed$")
+    look.text("#doing", "^FLYING")
     page.wait_for_selector("#pace", state="hidden")  # a real vehicle
     station.real_time_factor = 0.99
     look.text("#factor", "^99 %$")
     assert page.is_hidden("#pace")
 
     def places() -> list[Any]:
-        ids = ("recording", "tracker", "battery", "arm", "mode")
+        ids = ("recording", "tracker", "battery", "primary", "pill")
         return [page.locator(f"#{name}").bounding_box()["x"] for name in ids]
 
     before = places()
@@ -97,18 +101,19 @@ def test_who_flies_is_said_in_words_and_only_the_microcontroller_alone_in_red(
 
 def test_what_is_old_is_grey_and_keeps_its_last_value(page: Any, look: Any, flying: Any) -> None:
     x = "#table tbody tr >> nth=0 >> td >> nth=1"
-    look.text("#mode", "^armed$")
+    look.text("#doing", "^FLYING")
     look.text(x, r"^1\.000$")
     flying(False)
-    look.has_class("#mode", "stale")
-    look.text("#mode", "^armed$")
+    look.has_class("#behavior", "stale")
+    look.text("#behavior", "^hover$")
+    look.text("#doing", "^NO CONTACT$")
     look.has_class("#table tbody tr >> nth=0", "stale")
     look.text(x, r"^1\.000$")
     page.wait_for_selector("#contact:not([hidden])")
     look.text("#flags", "^$")
     flying(True)
     page.wait_for_selector("#contact", state="hidden")
-    look.has_no_class("#mode", "stale")
+    look.has_no_class("#behavior", "stale")
 
 
 def test_the_state_table_shows_numbers_and_ages(page: Any, look: Any) -> None:
@@ -119,27 +124,73 @@ def test_the_state_table_shows_numbers_and_ages(page: Any, look: Any) -> None:
 
 def test_a_refusal_is_shown_with_its_reason(page: Any, look: Any, station: Any) -> None:
     station.refusal = "take_off refused: the motors are off; arm the vehicle first"
-    page.click("#take-off")
+    page.click(TAKE_OFF)
     look.text("#answer", "the motors are off; arm the vehicle first")
     page.fill("#behaviors input >> nth=0", "99")
-    page.click("#take-off")
+    page.click(TAKE_OFF)
     look.text("#answer", "height = 99; allowed 0.2 to 20 m")
 
 
 def test_arming_needs_a_hold_and_a_click_does_nothing(
     page: Any, look: Any, station: Any, until: Any
 ) -> None:
-    look.text("#arm", "^Disarm$")
-    station.requests.clear()
+    station.said = {**STANDS, "mode": "ready", "armed": False}
+    page.wait_for_selector("#arm:enabled")
+    assert page.is_hidden("#disarm")
     page.click("#arm")
     page.click("#emergency-land")
     until(lambda: bool(station.requests))
     assert [name for name, _ in station.requests] == ["emergency"]
-    page.hover("#arm")
-    page.mouse.down()
-    until(lambda: (page.wait_for_timeout(20), len(station.requests) == 2)[1])
-    page.mouse.up()
-    assert station.requests[-1][0] == "disarm"
+    station.said = STANDS
+    for button in ("#arm", "#disarm"):
+        station.said = STANDS if button == "#disarm" else {**STANDS, "mode": "cut", "armed": False}
+        page.wait_for_selector(f"{button}:enabled")
+        page.wait_for_selector("#primary:not([data-new])")
+        count = len(station.requests)
+        page.hover(button)
+        page.mouse.down()
+        until(lambda count=count: (page.wait_for_timeout(20), len(station.requests) > count)[1])
+        page.mouse.up()
+        assert station.requests[-1][0] == "disarm"
+
+
+def test_the_button_of_the_moment_leads_from_arming_to_landing_in_one_place(
+    page: Any, look: Any, station: Any, until: Any
+) -> None:
+    page.keyboard.press("Escape")  # the help of a first visit
+    shown = """[...document.querySelectorAll('#primary > button')]
+      .filter((one) => getComputedStyle(one).visibility === 'visible').map(({ id }) => id).join()"""
+    boxes = set()
+    for said, pill, button in (
+        ({**STANDS, "mode": "ready", "armed": False}, "^MOTORS OFF$", "arm"),
+        (STANDS, "^ARMED$", "take-off"),
+        ({"behavior": "take_off"}, r"^FLYING 00:0\d$", "land"),
+        ({"behavior": "land"}, "^LANDING$", "land"),
+    ):
+        station.said = said
+        look.text("#doing", pill)
+        assert page.evaluate(shown) == button
+        boxes.add(tuple(page.locator(f"#{button}").bounding_box().values()))
+    assert len(boxes) == 1
+    look.text("#in-words", r"^Landing at 1\.00 m.* mm error, not real time|^Landing at 1\.\d\d m")
+
+
+def test_a_second_click_does_not_hit_the_button_that_came_instead(
+    page: Any, look: Any, station: Any, until: Any
+) -> None:
+    page.keyboard.press("Escape")
+    station.said = STANDS
+    page.wait_for_selector("#take-off", state="visible")
+    page.wait_for_selector("#primary:not([data-new])")
+    page.evaluate("document.getElementById('take-off').focus()")
+    station.said = {"behavior": "take_off"}
+    page.wait_for_selector("#land", state="visible")
+    assert page.evaluate("document.activeElement.id") == "land"
+    page.evaluate("document.getElementById('land').click()")
+    assert station.requests == []
+    page.wait_for_selector("#primary:not([data-new])")
+    page.click("#land")
+    until(lambda: [request.name for _, request in station.requests] == ["land"])
 
 
 def test_land_and_cut_are_two_emergencies(page: Any, station: Any, until: Any) -> None:
@@ -176,7 +227,7 @@ def test_the_page_comes_back_by_itself_after_a_restart_of_web(
     with serve(tmp_path, catalogue, port=port) as again:
         page.wait_for_selector("#contact:not([data-cause=page])", state="attached")
         again.station.fly()
-        look.text("#mode", "^armed$")
+        look.text("#doing", "^FLYING")
         page.close()
     catalogue.close()
 

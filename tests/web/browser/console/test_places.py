@@ -19,7 +19,7 @@ from vehicle_link.messages import header, new
 
 PLACES = """() => { scrollTo(0, 0); document.querySelector('#tab-fly').scrollTop = 0;
   return Object.fromEntries([...document.querySelectorAll(
-  '#arm, #take-off, #land, #emergency-land, #cut, #behaviors button, #record, #sticks button')]
+  '.controls button, #behaviors button, #record, #sticks button')]
   .filter((one) => one.checkVisibility()).map((one) => {
     const { x, y, width, height } = one.getBoundingClientRect();
     return [`${one.closest('[id]').id} ${one.id || one.textContent}`,
@@ -142,14 +142,14 @@ def test_no_flight_control_moves_from_arming_to_a_lost_contact(
             page.keyboard.press("Escape")  # the help of a first visit
             page.set_viewport_size({"width": width, "height": height})
             pages.append(page)
-        text("#mode", "^ready$")
+        text("#doing", "^NOT READY$")
         text("#preflight summary", "Not ready: 3 reasons")
         record("not ready")
         flown.reasons = 0
         text("#preflight summary", "Ready to arm")
         record("ready")
         station.said = {**STANDS, "mode": "armed", "armed": True}
-        text("#arm", "^Disarm$")
+        text("#doing", "^ARMED$")
         record("armed")
         station.said = FLIES
         text("#behavior", "^hover$")
@@ -158,7 +158,7 @@ def test_no_flight_control_moves_from_arming_to_a_lost_contact(
         text("#behavior", "^follow trajectory$")
         record("near-hovering")
         station.refusal = LONG
-        click("#take-off")
+        click("#behaviors button:text-is('Take off')")
         text("#answer", "13.2 V")
         record("refused")
         station.refusal = ""

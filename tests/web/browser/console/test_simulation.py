@@ -35,7 +35,8 @@ def test_a_battery_is_swapped_by_a_press_and_the_vehicle_reset_by_a_hold(
     simulated: Any, page: Any, look: Any, until: Any
 ) -> None:
     page.keyboard.press("Escape")  # the help of a first visit
-    look.text("#simulation .badge", "^simulated$")
+    look.text("#simulation .badge", "^SIMULATION$")
+    page.click("#simulation summary")
     page.click("#swap-battery")
     look.text("#answer", "^swap battery: accepted")
     page.click("#reset-vehicle")  # not held: nothing
@@ -45,14 +46,14 @@ def test_a_battery_is_swapped_by_a_press_and_the_vehicle_reset_by_a_hold(
     page.mouse.up()
     assert asked(simulated) == ["swap_battery", "reset"]
     simulated.said = {}
-    look.text("#mode", "^armed$")
+    look.text("#doing", "^FLYING")
     page.wait_for_selector("#swap-battery:disabled")
     assert page.is_disabled("#reset-vehicle")
     assert "motors off" in page.get_attribute("#swap-battery", "title")
 
 
 def test_a_real_vehicle_has_no_such_buttons(page: Any, look: Any) -> None:
-    look.text("#mode", "^armed$")
+    look.text("#doing", "^FLYING")
     page.wait_for_selector("#gains details", state="attached")
     # The page learns of another vehicle only after it has been looked for twice.
     page.wait_for_selector("#simulation", state="hidden")

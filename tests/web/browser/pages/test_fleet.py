@@ -57,7 +57,7 @@ def test_the_switch_keeps_the_tab_and_takes_all_of_the_page_along(
     look.text("#vehicle", "^quad2$")
     assert page.evaluate("location.pathname") == "/v/quad2/"
     look.text("[role=tab][aria-selected=true]", "Gains")
-    look.text("#mode", "ready")
+    look.text("#doing", "^MOTORS OFF$")
     with page.expect_response("**/v/quad2/api/commands/emergency"):
         page.locator("#emergency-land").click()
     asked = [[service for service, _ in one.requests] for one in fleet_site.stations]

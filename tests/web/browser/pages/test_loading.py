@@ -44,7 +44,7 @@ def test_the_main_page_is_ready_after_few_requests(
 ) -> None:
     context.add_cookies(site.cookies_of(admin))
     page, asked = counted(site.base)
-    page.wait_for_selector("#arm:enabled")
+    page.wait_for_selector("#land:enabled")
     look_at(page).text("#chart-0 .legend output >> nth=0", r"\d")
     look_at(page).text("#link", "ms")
     page.wait_for_selector("#gains details", state="attached")
