@@ -149,6 +149,7 @@ def test_a_chart_shows_the_spectrum_of_the_last_seconds_and_says_why_it_cannot(
     ticks["state"]["position_w"][:, 0] = np.sin(2.0 * np.pi * 40.0 * 0.002 * np.arange(count))
     ticks["state"]["quaternion_wb"][:, 0] = 1.0
     packets = [pack(ticks[k : k + 5], k) for k in range(0, count, 5)]
+    site.station.answers.pop("recent_telemetry", None)
     page.click("#chart-0 >> text=Spectrum")
     page.wait_for_function(
         "() => document.querySelector('#chart-0 output.state').textContent.includes('needs 2 s')"
