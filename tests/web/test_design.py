@@ -15,8 +15,11 @@ COLOUR = re.compile(
     r"#(?:[0-9a-f]{8}|[0-9a-f]{6}|[0-9a-f]{3,4})\b(?!-)|\b(?:rgba?|hsla?|oklch|lab)\(\s*[\d.]", re.I
 )
 SIZE = re.compile(r"\bfont(?:-size)?\s*[:=][^;}]*?(?<![\w/.-])[\d.]+(?:px|pt|r?em)\b", re.I)
+SCHEME = re.compile(r"(?<!prefers-)color-scheme\s*:")
 RADIUS = re.compile(r"border-radius:[^;}]*[1-9][\d.]*(?:px|r?em)")
 MOTION = re.compile(r"(?:transition|animation)[\w-]*:[^;}]*[\d.]m?s\b")
+
+RULES = (COLOUR, SIZE, RADIUS, MOTION, SCHEME)
 
 
 def _rules(text: str) -> str:
@@ -44,7 +47,7 @@ SMALL_PAGES = [
 )
 def test_no_colour_and_no_type_size_stands_outside_the_tokens(path: Path) -> None:
     text = _own(path)
-    found = [one[0] for rule in (COLOUR, SIZE, RADIUS, MOTION) for one in rule.finditer(text)]
+    found = [one[0] for rule in RULES for one in rule.finditer(text)]
     assert found == []
 
 
@@ -55,6 +58,7 @@ def test_no_colour_and_no_type_size_stands_outside_the_tokens(path: Path) -> Non
         ("a { background: rgb(1 2 3 / .5) }", True),
         ("a { font: 600 12px/1.2 var(--mono); }", True),
         ("a { font-size: .9em }", True),
+        (":root { color-scheme: dark }", True),
         ("a { border-radius: 0 6px }", True),
         ("a { transition: width .2s }", True),
         ("#bed { width: 12px; font: var(--note)/20px var(--mono); border-radius: 0; }", False),
@@ -62,7 +66,7 @@ def test_no_colour_and_no_type_size_stands_outside_the_tokens(path: Path) -> Non
 )
 def test_the_search_finds_what_it_should(text: str, is_found: bool) -> None:
     rules = _rules(text)
-    assert any(rule.search(rules) for rule in (COLOUR, SIZE, RADIUS, MOTION)) is is_found
+    assert any(rule.search(rules) for rule in RULES) is is_found
 
 
 def test_there_are_five_type_sizes_and_thirteen_base_colours() -> None:

@@ -48,8 +48,7 @@ CLIENT_POLICY = (
 """viser's client is one file with inline scripts, workers and WebAssembly; it may reach only us."""
 
 _INJECTION = f"""<script>document.hasFocus=()=>true</script>
-<style>{TOKENS}:root[data-theme=light]{{color-scheme:light!important}}:root[data-theme=dark]{{color-scheme:dark!important}}
-html,body,canvas[data-engine]{{background:var(--ground)!important}}
+<style>{TOKENS}html,body,canvas[data-engine]{{background:var(--ground)!important}}
 [data-floating-window],.mantine-Paper-root[style*="position: fixed"]{{display:none!important}}
 .mantine-Notifications-root{{inset:auto auto 44px 12px!important}}
 @media(max-width:700px){{.mantine-Notification-description{{display:none}}}}</style>

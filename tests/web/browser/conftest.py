@@ -28,7 +28,10 @@ WITH_WEBGL = [*PLAIN, "--enable-unsafe-swiftshader"]
 """The card is emulated for the 3D view alone; the page around it is put together without."""
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
 BOUND = 20_000  # ms, for a broken page only
-SCENE = "<!doctype html><html lang=en><title>3D view</title><body>"
+SCENE = (
+    "<!doctype html><html lang=en><meta name=color-scheme content='light dark'>"
+    "<title>3D view</title><body>"
+)
 
 
 class Look:

@@ -8,7 +8,7 @@ import { axisLook, faint, onTheme, paint } from "../core/theme.js";
 const MOST = 4000; // samples: at 5 Hz a quarter of an hour
 const PLOTS = 3;
 const HEIGHTS = [170, 120, 96]; // px, of one, two or three
-const COLORS = ["var(--text)", "var(--gold)", "var(--teal)", "var(--violet)"];
+const COLORS = ["var(--text)", "var(--teal)", "var(--violet)", "var(--gold)"];
 const AXES = { x: "var(--x)", y: "var(--y)", z: "var(--z)" };
 const BAND = / deviation$/; // as in experiments/guide.js
 

@@ -2,7 +2,7 @@
 
 /** @type {Record<string, string>} */
 const AXIS = { x: "var(--x)", y: "var(--y)", z: "var(--z)", roll: "var(--x)", pitch: "var(--y)", yaw: "var(--z)" };
-const OTHERS = ["gold", "teal", "violet", "rose", "accent", "amber", "y", "text"].map((name) => `var(--${name})`);
+const OTHERS = ["teal", "violet", "gold", "rose", "accent", "amber", "y", "text"].map((name) => `var(--${name})`);
 const DASHES = [[], [9, 3], [2, 3], [9, 3, 2, 3]];
 const REFERENCE = [5, 4], TRUTH = [1.5, 3];
 const BREAK = 0.3; // s between samples above which nothing is known of the time between

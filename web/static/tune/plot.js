@@ -5,7 +5,7 @@ import { axisLook, font, onTheme, paint } from "../core/theme.js";
 import { DEGREES } from "./units.js";
 
 const AXIS = { x: "var(--x)", y: "var(--y)", z: "var(--z)", yaw: "var(--z)" };
-const OTHERS = ["var(--gold)", "var(--teal)", "var(--violet)", "var(--text)"];
+const OTHERS = ["var(--teal)", "var(--violet)", "var(--gold)", "var(--text)"];
 const SETPOINT = "var(--dim)";
 
 // The first one has its axis' colour; a letter at the end of each line says which it is, too.

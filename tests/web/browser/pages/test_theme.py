@@ -39,7 +39,13 @@ def test_the_page_follows_the_system_until_a_theme_is_chosen(console: Any) -> No
 
 
 def test_the_choice_is_kept_and_counts_on_pages_without_scripts(console: Any, site: Any) -> None:
+    console.emulate_media(color_scheme="light")
+    console.goto(f"{site.base}/kill")
+    assert shade(console) == "light"
     console.emulate_media(color_scheme="dark")
+    console.goto(f"{site.base}/")
+    console.wait_for_selector("#behaviors button")
+    console.keyboard.press("Escape")
     choose(console, "light")
     console.reload()
     assert console.evaluate("document.documentElement.dataset.theme") == "light"
