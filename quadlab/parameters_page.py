@@ -27,7 +27,7 @@ def page() -> str:
         ("Tracker", "tracker.", TrackerParameters()),
         ("Bearings", "bearings.", BearingParameters()),
         ("Camera on board, of quadlab fly", "camera.", CameraParameters()),
-        ("Board betaflight, of quadlab fly", "board.", BetaflightOptions()),
+        ("Board betaflight", "board.", BetaflightOptions()),
         ("Station", "station.", StationParameters()),
     ]
     parts = [

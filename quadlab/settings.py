@@ -40,6 +40,8 @@ def _simulator_preset(name: str) -> dict[str, ParameterValue]:
     return {f"simulator.{k}": v for k, v in preset_values(name).items()}
 
 
+BOARD = "board."
+"""What the names of a board's options begin with."""
 SETS = {
     "control.preset": _control_preset,
     "estimation.preset": _estimation_preset,
@@ -61,6 +63,23 @@ def check_laws(values: Mapping[str, ParameterValue], data: Path) -> None:
 
     law, shadow = values.get(LAW, GEOMETRIC), values.get(SHADOW_LAW, NONE)
     Laws(data / PLUGINS).check(str(law), str(shadow))
+
+
+def parse_board_options(
+    board: str, words: Sequence[str]
+) -> tuple[list[str], dict[str, ParameterValue]]:
+    """Return (the words that are not `board.NAME=VALUE`, the values of those that are).
+
+    Raises UsageError for what the options of this kind of board do not allow.
+    """
+    from vehicle.boards.kind import find_kind
+
+    ours = [word.removeprefix(BOARD) for word in words if word.startswith(BOARD)]
+    others = [word for word in words if not word.startswith(BOARD)]
+    options = find_kind(board).configured({})
+    if ours and options is None:
+        raise UsageError(f"--set {BOARD}{ours[0]}: board {board} has no options")
+    return others, parse_settings(options, ours, BOARD) if ours and options else {}
 
 
 def parse_settings(

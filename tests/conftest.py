@@ -14,6 +14,8 @@ from typing import Any
 import hypothesis
 import pytest
 
+from vehicle.simulator.betaflight.process import BUILT
+
 hypothesis.settings.register_profile("quadlab", deadline=None)  # how long one takes is no claim
 hypothesis.settings.load_profile("quadlab")
 
@@ -53,9 +55,13 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Generator[None]:
-    """Keep the columns of the tests' logs out of the user's cache folder."""
+    """Keep the columns of the tests' logs out of the user's cache folder, in which only the built
+    Betaflight is to be found."""
+    cache = tmp_path_factory.mktemp("cache")
+    (cache / "quadlab").mkdir()
+    (cache / BUILT.relative_to(BUILT.parents[1])).symlink_to(BUILT)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("XDG_CACHE_HOME", str(cache))
         yield
 
 

@@ -20,12 +20,13 @@ from vehicle_link import clock
 LINES = 2
 ANSWERED, TRUTH, STATION, VEHICLE = 0, LINES, LINES + 1, LINES + 2
 FLIGHT_PROCESS, COMMS_PROCESS, STATION_PROCESS = LINES + 3, LINES + 4, LINES + 5
+SERVED = LINES + 6
 """Index in a vehicle's words. ANSWERED, one a serial line: the microcontroller's time (ms) in the
 newest sample that flight has ticked on. TRUTH: the newest truth that the station has made poses of.
 STATION: when the station sent the newest heartbeat that comms heard after all poses before it.
-VEHICLE: the newest sample that the station has heard of. The last three in ns of
-`clock.monotonic_ns`. …_PROCESS: ids."""
-WORDS, NAME = 8, 32
+VEHICLE: the newest sample that the station has heard of. SERVED: when flight began to look at what
+it then has dealt with. These four in ns of `clock.monotonic_ns`. …_PROCESS: ids."""
+WORDS, NAME = 9, 32
 """Words of each vehicle, and bytes of its name behind the words of all."""
 SHARED_MEMORY = Path("/dev/shm")
 
@@ -87,6 +88,12 @@ class Part:
         line.
         """
         self._words[ANSWERED + line] = milliseconds
+
+    def served(self, began_ns: int) -> None:
+        """Note that flight has taken all that had come at this time of the steady clock, and has
+        asked for what was due.
+        """
+        self._words[SERVED] = began_ns
 
     def truth(self, stamp_ns: int) -> None:
         """Note that the station has sent what follows from the truth of this stamp (epoch)."""

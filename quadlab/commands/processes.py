@@ -15,7 +15,7 @@ from typing import Annotated, Literal
 import tyro
 
 from quadlab.data_folder import open_data_folder
-from quadlab.settings import check_laws, parse_settings
+from quadlab.settings import check_laws, parse_board_options, parse_settings
 from quadlab.up import serial_ports
 from quadlab.up.page_options import PageOptions, say_authority
 from quadlab.up.supervise import Child
@@ -111,7 +111,8 @@ class Vehicle:
     name: str = "quad1"
     """namespace of the vehicle's topics"""
     set: Settings = ()
-    """start with this parameter value"""
+    """start with this parameter value; board.NAME=VALUE is an option of the board, for --check,
+    too"""
 
     def run(self) -> int:
         check_name(self.name)
@@ -121,8 +122,9 @@ class Vehicle:
         identity.check()
         if self.find and self.check:
             raise UsageError("--find searches all devices, --check tests two: give one of them")
+        words, options = parse_board_options(self.board, self.set)
         if self.board != MIKROKOPTER and self.check:
-            return serial_ports.check_other_board(self.board, self.serial)
+            return serial_ports.check_other_board(self.board, self.serial, options)
         if self.find:
             return serial_ports.find(self.serial, identity)
         if self.check:
@@ -136,10 +138,10 @@ class Vehicle:
         from vehicle.processes.parent import run_vehicle
 
         settings = {}
-        if self.set:
+        if words:
             from vehicle.parameters import new_parameters
 
-            settings = parse_settings(new_parameters(), self.set)
+            settings = parse_settings(new_parameters(), words)
         data = open_data_folder(self.data)
         check_laws(settings, data)
         return run_vehicle(
@@ -152,6 +154,7 @@ class Vehicle:
             identity=identity,
             packets=self.telemetry,
             board=self.board,
+            board_options=options,
         )
 
 
@@ -191,7 +194,8 @@ class Simulator:
     """the simulated board: mikrokopter; betaflight, its real firmware (scripts/betaflight builds
     it)"""
     set: Settings = ()
-    """start with this parameter value; tracker.NAME=VALUE sets how served poses are measured"""
+    """start with this parameter value; tracker.NAME=VALUE sets how served poses are measured,
+    board.NAME=VALUE is an option of the board"""
 
     def run(self) -> int:
         names = parse_names(self.name)
@@ -200,8 +204,9 @@ class Simulator:
 
         parameters = SimulatorParameters(firmware=self.firmware)
         served, prefix = None, "tracker."
-        of_tracker = [word for word in self.set if word.startswith(prefix) and self.serve]
-        parse_settings(parameters, [word for word in self.set if word not in of_tracker])
+        words, options = parse_board_options(self.board, self.set)
+        of_tracker = [word for word in words if word.startswith(prefix) and self.serve]
+        parse_settings(parameters, [word for word in words if word not in of_tracker])
         if self.serve:
             from bearing_sim import TrackerParameters
             from vehicle.simulator.tracking_systems.served import ServedSystems, parse_systems
@@ -216,6 +221,7 @@ class Simulator:
             vehicles=names,
             served=served,
             board=self.board,
+            board_options=options,
         )
         return 0
 

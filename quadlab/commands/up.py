@@ -29,7 +29,7 @@ from quadlab.commands.processes import (
     check_tracker,
 )
 from quadlab.data_folder import open_data_folder, owned
-from quadlab.settings import check_laws, parse_settings
+from quadlab.settings import check_laws, parse_board_options, parse_settings
 from quadlab.simulated.fleet import SimulatedFleet
 from quadlab.up.landing import land_before_stopping
 from quadlab.up.page_options import PageOptions
@@ -81,7 +81,8 @@ class Up(PageOptions):
     """the simulated vehicles' board: mikrokopter; betaflight, its real firmware
     (scripts/betaflight builds it)"""
     set: Settings = ()
-    """start with this vehicle parameter, or simulator.NAME=VALUE"""
+    """start with this vehicle parameter, simulator.NAME=VALUE, or board.NAME=VALUE, which both the
+    vehicle and its simulated board get"""
 
     def run(self) -> int:
         check_name(self.name)
@@ -96,9 +97,9 @@ class Up(PageOptions):
 
             library()  # built before anything starts
         if self.board == BETAFLIGHT:
-            from vehicle.simulator.betaflight.process import check_built
+            from vehicle.simulator.betaflight.process import lockstep_library
 
-            check_built()
+            lockstep_library()  # compiled before anything starts
         if self.tracker:
             check_tracker(self._tracker_words(fleet))
         vehicle_words, simulator_words, values = self._check_settings()
@@ -138,18 +139,20 @@ class Up(PageOptions):
             _require_free("radio link", port, socket.SOCK_DGRAM, "--link-port")
 
     def _check_settings(self) -> tuple[list[str], list[str], dict[str, ParameterValue]]:
-        if not self.set:
-            return [], [], {}
+        words, _ = parse_board_options(self.board, self.set)
+        of_board = _set_words([word for word in self.set if word not in words])
+        if not words:
+            return of_board, of_board, {}
         # Imported for their names and bounds alone: 100 MB that a plain start need not carry.
         from vehicle.parameters import new_parameters
         from vehicle.simulator.parameters import SimulatorParameters
 
         prefix = "simulator."
-        vehicle = [word for word in self.set if not word.startswith(prefix)]
-        simulator = [word.removeprefix(prefix) for word in self.set if word.startswith(prefix)]
+        vehicle = [word for word in words if not word.startswith(prefix)]
+        simulator = [word.removeprefix(prefix) for word in words if word.startswith(prefix)]
         values = parse_settings(new_parameters(), vehicle)
         parse_settings(SimulatorParameters(), simulator, prefix)
-        return _set_words(vehicle), _set_words(simulator), values
+        return of_board + _set_words(vehicle), of_board + _set_words(simulator), values
 
     def _children(
         self,

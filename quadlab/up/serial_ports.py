@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from quadrotor.errors import LinkError, UsageError
-from vehicle.boards.kind import BETAFLIGHT, find_kind
+from quadrotor.parameters import ParameterValue
+from vehicle.boards.kind import find_kind
 from vehicle.processes.terminal import say
 from vehicle_link.serial.capacity import DEFAULT_RATE, check_rate, default_rate, samples_a_second
 from vehicle_link.serial.identity import THE_ONE, Identity
@@ -109,28 +110,30 @@ def ports_of_board(board: str, words: Sequence[str], rate: int | None) -> tuple[
     return [os.path.abspath(port) for port in named], rate or kind.rate
 
 
-def check_other_board(board: str, words: Sequence[str]) -> int:
+def check_other_board(
+    board: str, words: Sequence[str], values: Mapping[str, ParameterValue]
+) -> int:
     """Run `--board NAME --check`: return exit status 0 when the board fits, else 1.
+
+    Args: `values`, of its options.
 
     Raises UsageError for a board that cannot be checked; LinkError when the port cannot be opened
     or does not answer.
     """
-    find_kind(board)
-    if board != BETAFLIGHT:
+    kind = find_kind(board)
+    if kind.check is None:
         raise UsageError(f"--board {board} has no --check")
     named = split_ports(words)
     if len(named) != 1:
         raise UsageError(
-            f"--serial has {len(named)} ports; --board betaflight --check reads one, the board's "
-            "USB or a UART with MSP, like --serial /dev/ttyACM0"
+            f"--serial has {len(named)} ports; --board {board} --check reads one, like "
+            "--serial /dev/ttyACM0"
         )
-    from vehicle.boards.betaflight.check import check_board
-    from vehicle.boards.betaflight.options import BetaflightOptions
     from vehicle_link.serial.port import SerialPort
 
-    port = SerialPort(named[0])
+    port = SerialPort(named[0], kind.bauds[0])
     try:
-        return 0 if check_board(port, BetaflightOptions(), _print) else 1
+        return 1 if kind.check(port, kind.configured(values), _print) else 0
     finally:
         port.close()
 

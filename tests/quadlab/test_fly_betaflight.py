@@ -56,11 +56,16 @@ def test_a_board_that_is_not_known_is_refused(capsys: pytest.CaptureFixture[str]
 class Hovering:
     """A vehicle in the air at 1 m."""
 
+    ALONE = 22.0
+    """s, in which the board has landed and stopped its motors."""
+
     def __init__(self, folder: Path) -> None:
         options = BetaflightOptions()
         parameters = with_options(FlightParameters().model_copy(deep=True), {"board": options})
         store = ParameterStore(parameters)
-        store.preset(KIND.traits.parameters | {"simulator.imu_rate": KIND.rate})
+        store.preset(
+            KIND.traits.parameters | {"simulator.imu_rate": KIND.rate, "behavior.volume_z_max": 3.5}
+        )
         self.vehicle = SimulatedVehicle(parameters.simulator, firmware=BetaflightFirmware(options))
         self.log = FlightLog(folder / "hover.mcap", "quad1", store, {})
         self.flight = flight = SimulatedFlight(parameters, self.vehicle, self.log, kind=KIND)
@@ -75,10 +80,15 @@ class Hovering:
     def height(self) -> float:
         return float(self.vehicle.truth["position_w"][0, 2])
 
-    def left_alone(self, seconds: float) -> float:
+    def fly_to(self, height: float) -> None:
+        self.flight.start("fly_to", x=0.0, y=0.0, z=height, yaw=0.0)
+        self.flight.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=30)
+        self.flight.wait(1.0)
+
+    def left_alone(self) -> float:
         """Let board and plant go on without the flight stack; return the fastest sinking in m/s."""
         fastest = 0.0
-        for _ in range(round(1000 * seconds)):
+        for _ in range(round(1000 * self.ALONE)):
             self.vehicle.step()
             fastest = max(fastest, -float(self.vehicle.truth["velocity_w"][0, 2]))
         return fastest
@@ -92,9 +102,14 @@ def hovering(tmp_path: Path) -> Iterator[Hovering]:
     made.vehicle.close()
 
 
-def test_it_lands_by_itself_when_the_flight_process_is_gone(hovering: Hovering) -> None:
-    assert hovering.height == pytest.approx(1.0, abs=0.05)
-    assert hovering.left_alone(14.0) <= LANDING_SPEED
+@pytest.mark.parametrize("height", [1.0, 2.0, 3.0])
+def test_it_lands_by_itself_when_the_flight_process_is_gone(
+    hovering: Hovering, height: float
+) -> None:
+    if height > hovering.height + 0.5:
+        hovering.fly_to(height)
+    assert hovering.height == pytest.approx(height, abs=0.05)
+    assert hovering.left_alone() <= LANDING_SPEED
     assert abs(hovering.height) < 0.02
     assert not any(hovering.vehicle.firmware.references)
 
@@ -103,7 +118,7 @@ def test_it_lands_by_itself_when_its_port_is_pulled(hovering: Hovering) -> None:
     hovering.flight.change({"simulator.unplugged_port": "first"})
     with pytest.raises(LinkError):
         hovering.flight.wait(1.0)
-    assert hovering.left_alone(14.0) <= LANDING_SPEED
+    assert hovering.left_alone() <= LANDING_SPEED
     assert abs(hovering.height) < 0.02
 
 
@@ -134,7 +149,7 @@ def test_an_emergency_landing_is_the_boards_own(hovering: Hovering) -> None:
     flight, sinking = hovering.flight, []
     reply = flight.stack.handle(mailbox.Emergency("1", "test", "land"))
     assert reply.accepted
-    for _ in range(14_000):
+    for _ in range(round(1000 * hovering.ALONE)):
         flight.advance()
         sinking.append(-hovering.vehicle.truth["velocity_w"][0, 2])
     assert np.max(sinking) <= LANDING_SPEED

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Protocol
@@ -10,7 +10,7 @@ from typing import Protocol
 import msgspec
 
 from quadrotor.errors import UsageError
-from quadrotor.parameters import Parameters
+from quadrotor.parameters import Parameters, ParameterStore, ParameterValue
 from vehicle.boards.board import Board, Traits
 from vehicle_link.serial.port import BAUD_RATE, Port
 
@@ -25,7 +25,8 @@ _HERE = {
 class Connect(Protocol):
     """Makes a board of its ports and options; `rate` in Hz, of its samples.
 
-    `now_ns` is the clock of simulated time; None: the host's clock.
+    `now_ns` is the clock of simulated time; None: the host's clock. `unfit` says why its motors
+    must not start, "" when the board fits its options.
     """
 
     def __call__(
@@ -34,7 +35,20 @@ class Connect(Protocol):
         options: Parameters | None,
         rate: int,
         now_ns: Callable[[], int] | None,
+        unfit: str = "",
     ) -> Board: ...
+
+
+class Check(Protocol):
+    """Compares a board with its options before the flight; `say` takes a line for the operator.
+
+    Returns the lines that a person has to enter on the board, none when it fits; a board that
+    cannot be flown at all is told as one such line. Raises LinkError when it does not answer.
+    """
+
+    def __call__(
+        self, port: Port, options: Parameters | None, say: Callable[[str], None]
+    ) -> list[str]: ...
 
 
 class Kind(msgspec.Struct, frozen=True):
@@ -46,6 +60,20 @@ class Kind(msgspec.Struct, frozen=True):
     rate: int = 500  # Hz, of its samples unless said
     bauds: tuple[int, ...] = (BAUD_RATE, BAUD_RATE)  # of its ports, the most it has
     poll_ms: int = 50  # how often it is to be served at least; a board that is asked needs more
+    check: Check | None = None  # None: nothing about it can be set wrong
+
+    @property
+    def is_asked(self) -> bool:
+        """Return whether it gives samples only when it is asked for them."""
+        return self.poll_ms * self.rate < 1000
+
+    def configured(self, values: Mapping[str, ParameterValue]) -> Parameters | None:
+        """Return its options with these values, None where it has none. Raises ParameterError."""
+        if self.options is None:
+            return None
+        options = self.options()
+        ParameterStore(options).preset(values)
+        return options
 
 
 def find_kind(name: str) -> Kind:

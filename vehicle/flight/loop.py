@@ -111,7 +111,7 @@ class FlightLoop:
     def once(self) -> None:
         """Wait for bytes, or until a sample is overdue; tick on every sample they complete."""
         self._pacer.wait()
-        now_ns = monotonic_ns()
+        began_ns = now_ns = monotonic_ns()
         samples = self._mcu.receive()
         for sample in samples:
             now_ns = self._tick(sample, now_ns)
@@ -131,6 +131,7 @@ class FlightLoop:
         if self._part is not None:
             for line, milliseconds in enumerate(self._mcu.newest_ms):
                 self._part.answered(line, milliseconds)
+            self._part.served(began_ns)
 
     def _tick(self, sample: RawSample, began_ns: int) -> int:
         """Run the tick that began when the loop woke for its sample. Returns when it ended."""

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from quadrotor.errors import QuadlabError
-from quadrotor.parameters import ParameterStore
+from quadrotor.errors import LinkError, QuadlabError
+from quadrotor.parameters import Parameters, ParameterStore
 from vehicle.boards.board import Board
-from vehicle.boards.kind import MIKROKOPTER, Kind, find_kind
+from vehicle.boards.kind import MIKROKOPTER, Check, Kind, find_kind
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.flight.loop import FlightLoop
 from vehicle.flight.pacing import MemoryPacer, Pacer, PortPacer
@@ -29,7 +29,7 @@ from vehicle.processes.terminal import say, speak_for
 from vehicle_link.jobs import die_with_parent
 from vehicle_link.lockstep import FLIGHT_PROCESS, Part
 from vehicle_link.serial.capacity import sample_period_us
-from vehicle_link.serial.port import BAUD_RATE, PortError, PortProblem, SerialPort
+from vehicle_link.serial.port import BAUD_RATE, Port, PortError, PortProblem, SerialPort
 
 if TYPE_CHECKING:
     from vehicle.flight.stack import FlightStack
@@ -39,6 +39,9 @@ PORT_PATIENCE_S = 10.0
 TOLD_AT_ONCE = frozenset({PortProblem.BUSY, PortProblem.FORBIDDEN})
 TOLD_AFTER_S = 2.0
 """Delay before a missing port is reported: a simulator usually makes it soon."""
+CHECK_AGAIN_S = 0.5
+SHOWN = 3
+"""Settings of a board that are named in one line; the terminal has all of them."""
 SOON_NS = 20_000_000
 """Delay before the first sample in memory."""
 
@@ -57,6 +60,12 @@ def fly(config: FlightConfig) -> None:
     rings = open_rings(config.rings)
     kind = find_kind(config.board)
     ports = open_ports(config.ports, bauds=kind.bauds)
+    options, unfit = kind.configured(config.board_options), ""
+    if ports and kind.check is not None:
+        unfit = why_unfit(ports[0], options, kind.check)
+        for port in ports:
+            port.close()
+        ports = open_ports(config.ports, bauds=kind.bauds)  # the board restarted: USB is another
     parameters = new_parameters()
     ParameterStore(parameters).preset(kind.traits.parameters | config.parameters)
     part = Part(config.name)
@@ -79,7 +88,7 @@ def fly(config: FlightConfig) -> None:
     for port in ports:
         while port.read():  # samples from before are old
             pass
-    mcu, pacer = _connect(ports, robot, config, kind)
+    mcu, pacer = _connect(ports, robot, config, kind, options, unfit)
     loop = FlightLoop(
         stack,
         mcu,
@@ -107,14 +116,46 @@ def _in_process(rate: int, stack: FlightStack) -> InProcessRobot:
     return InProcessRobot(rate, stack.measure)
 
 
+def why_unfit(port: Port, options: Parameters | None, check: Check) -> str:
+    """Return why the board must not be armed, "" when it fits its options.
+
+    Waits for a board that is silent or still lands by itself, to which nothing is sent meanwhile:
+    sticks would end its landing.
+    """
+    told = ""
+    while True:
+        try:
+            lines = check(port, options, say)
+            break
+        except PortError:
+            raise
+        except LinkError as error:
+            if str(error) != told:
+                told = str(error)
+                say(f"waiting for the board: {told}")
+        time.sleep(CHECK_AGAIN_S)
+    if not lines:
+        return ""
+    more = f"; and {len(lines) - SHOWN} more" if len(lines) > SHOWN else ""
+    return (
+        f"the board's settings do not fit: {'; '.join(lines[:SHOWN])}{more}. Enter what "
+        "`quadlab vehicle --check` prints with the same --board and --set, then start it again"
+    )
+
+
 def _connect(
-    ports: Sequence[SerialPort], robot: InProcessRobot | None, config: FlightConfig, kind: Kind
+    ports: Sequence[SerialPort],
+    robot: InProcessRobot | None,
+    config: FlightConfig,
+    kind: Kind,
+    options: Parameters | None,
+    unfit: str,
 ) -> tuple[Board, Pacer]:
     """Return the board (on serial ports or in memory) and the pacer of its samples."""
     rate = config.rate
     period_ns = 1000 * sample_period_us(rate)
     if config.board != MIKROKOPTER:
-        board = kind.connect(ports, kind.options() if kind.options else None, rate, None)
+        board = kind.connect(ports, options, rate, None, unfit)
         return board, PortPacer(board, period_ns, kind.poll_ms)
     if robot is None:
         mcu = Microcontroller(ports, rate=rate, identity=config.identity)

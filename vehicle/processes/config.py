@@ -48,6 +48,7 @@ class FlightConfig(msgspec.Struct, frozen=True):
     identity: Identity = THE_ONE
     name: str = "quad1"
     board: str = MIKROKOPTER
+    board_options: dict[str, ParameterValue] = {}  # of its kind, set before the start
 
 
 PACKETS_A_SECOND, FEWEST_PACKETS = 100, 12

@@ -129,6 +129,7 @@ def run_vehicle(
     identity: Identity = THE_ONE,
     packets: int = PACKETS_A_SECOND,
     board: str = MIKROKOPTER,
+    board_options: Mapping[str, ParameterValue] | None = None,
 ) -> int:
     """Run until SIGTERM or SIGINT (0), or until the flight process ends by itself (1).
 
@@ -144,6 +145,7 @@ def run_vehicle(
         identity: of the microcontroller; motors do not start with another.
         packets: of telemetry a second, FEWEST_PACKETS to PACKETS_A_SECOND.
         board: its kind.
+        board_options: values of the options of its kind.
     """
     speak_for(name)
     rings = create_rings()
@@ -168,6 +170,7 @@ def run_vehicle(
                 identity,
                 name,
                 board,
+                dict(board_options or {}),
             ),
             CommsConfig(
                 parent,

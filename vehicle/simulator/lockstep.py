@@ -24,6 +24,7 @@ from vehicle_link.lockstep import (
     COMMS_PROCESS,
     FLIGHT_PROCESS,
     LINES,
+    SERVED,
     STATION,
     STATION_PROCESS,
     TRUTH,
@@ -39,6 +40,8 @@ LOOK_S, LOOK_SELDOM_S = 0.0002, 0.002
 """s between two checks of who is behind, at first and later, as checking takes time, too."""
 MADE_UP_NS = 20_000_000
 """A lateness up to this is made up for, which no part notices; a longer one is lost."""
+SERVED_BEHIND_NS = 2_000_000
+"""Allowed age of the bytes that flight has dealt with, of a board that is asked for samples."""
 TRUTH_BEHIND_NS, STATION_BEHIND_NS, VEHICLE_BEHIND_NS = 15_000_000, 30_000_000, 150_000_000
 """Allowed ages: of the truth handled by the station and of the station's data received by comms
 (beyond the truth's period), and of the vehicle's data received by the station."""
@@ -136,6 +139,7 @@ class LockstepPace:
     Args:
         vehicles: by name, as in the page.
         truth_period_ns: the longest between two truths.
+        is_asked: whether the board gives samples when it is asked for them.
         say: takes a line about a part that is no longer waited for.
         wall_ns, sleep: the computer's clock and sleep.
     """
@@ -148,6 +152,7 @@ class LockstepPace:
         say: Say,
         wall_ns: Callable[[], int] = time.monotonic_ns,
         sleep: Callable[[float], None] = time.sleep,
+        is_asked: bool = False,
     ) -> None:
         self._page, self._say = page, say
         self._wall_ns, self._sleep = wall_ns, sleep
@@ -167,8 +172,9 @@ class LockstepPace:
             station_heard = Age(words, STATION, truth_period_ns + STATION_BEHIND_NS)
             vehicle_heard = Age(words, VEHICLE, VEHICLE_BEHIND_NS)
             self._processes += [flight, comms, station]
+            of_board = [Age(words, SERVED, SERVED_BEHIND_NS)] if is_asked else lines
             self._awaited += [
-                *(Awaited(flight.name, line, flight) for line in lines),
+                *(Awaited(flight.name, part, flight) for part in of_board),
                 Awaited(f"the station's tracker{of}", tracker, station),
                 Awaited(f"the station's data on board{of}", station_heard, station, comms),
                 Awaited(f"telemetry at the station{of}", vehicle_heard, flight, comms, station),

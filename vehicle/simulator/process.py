@@ -16,15 +16,16 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from quadrotor.parameters import ParameterValue
 from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.simulator.attendant import Attendant
-from vehicle.simulator.betaflight.firmware import firmware_of
+from vehicle.simulator.betaflight.firmware import BetaflightFirmware, firmware_of
 from vehicle.simulator.live_parameters import LiveParameters
 from vehicle.simulator.lockstep import LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters
@@ -71,6 +72,7 @@ def run(
     stop: threading.Event | None = None,
     served: ServedSystems | None = None,
     board: str = MIKROKOPTER,
+    board_options: Mapping[str, ParameterValue] | None = None,
 ) -> RunStatistics:
     """Fly until `stop` is set, or without one until SIGTERM or SIGINT.
 
@@ -81,6 +83,7 @@ def run(
         loopback_port: of the station's router; None publishes no truth.
         served: tracking systems that are given the truth; closed at the end.
         board: its kind.
+        board_options: values of the options of its kind.
 
     Raises StorageError when the links cannot be made.
     """
@@ -89,14 +92,16 @@ def run(
     # Before the devices exist: a device means that the microcontroller is switched on.
     SimulatedVehicle(parameters).warm_up()
     pace = pace_of(len(vehicles))
-    lockstep = _lockstep(vehicles, pace)
+    kind = find_kind(board)
+    lockstep = _lockstep(vehicles, pace, kind.is_asked)
     session = None if loopback_port is None else SharedSession(partial(_open, loopback_port))
     robots: list[_Robot] = []
     try:
         for truth, name in zip(side_by_side(parameters, len(vehicles)), vehicles, strict=True):
             place = folder if len(vehicles) == 1 else folder / name
             place.mkdir(exist_ok=True)
-            robots.append(_Robot(name, truth, place, session, pace, lockstep, served, board))
+            firmware = firmware_of(board, kind.configured(board_options or {}))
+            robots.append(_Robot(name, truth, place, session, pace, lockstep, served, firmware))
         where = f"microcontroller at {robots[0].place}"
         if len(robots) > 1:
             where = f"microcontrollers of {', '.join(vehicles)} in {folder}"
@@ -145,14 +150,14 @@ FEW = 3
 """Largest number of vehicles that step at the pace `SOME`."""
 
 
-def _lockstep(vehicles: Sequence[str], pace: Pace) -> LockstepPace | None:
+def _lockstep(vehicles: Sequence[str], pace: Pace, is_asked: bool) -> LockstepPace | None:
     """Return the lockstep if `quadlab up` made a page of the clock, else None for real time."""
     page = clock.page()
     if page is None:
         return None
     step_ns = 1000 * PERIOD_MAX_US * pace.periods
     steps = 1 + -(-SECOND_NS // (pace.truth_rate * step_ns))
-    return LockstepPace(page, vehicles, steps * step_ns, _say)
+    return LockstepPace(page, vehicles, steps * step_ns, _say, is_asked=is_asked)
 
 
 def pace_of(count: int) -> Pace:
@@ -172,7 +177,7 @@ class _Robot:
         pace: Pace,
         lockstep: LockstepPace | None = None,
         served: ServedSystems | None = None,
-        board: str = MIKROKOPTER,
+        firmware: BetaflightFirmware | None = None,
     ) -> None:
         self._pace, self._served = pace, served
         self._name = name
@@ -180,8 +185,7 @@ class _Robot:
         self._terminals: list[PseudoTerminal] = []
         self._lines: list[Uart] = []
         self._epoch_ns = self._start_ns = self._truth_due_ns = 0
-        options = find_kind(board).options
-        self._firmware = firmware = firmware_of(board, options() if options else None)
+        self._firmware = firmware
         try:
             for index in (0, 1) if firmware is None else (0,):
                 self._terminals.append(PseudoTerminal(folder / f"mcu{index}"))

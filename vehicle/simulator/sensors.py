@@ -147,9 +147,20 @@ def _shaking(p: Item, s: Item) -> tuple[Vector, float, float]:
     return (0.0, 0.0, 0.0), s.accelerometer_noise, s.gyroscope_noise
 
 
+@compiled(inner=True)
+def sensed_pressure(p: Item, s: Item, noise: Array, row: int) -> float:
+    """Return the barometer's reading, Pa, of one record of PLANT and SENSORS each."""
+    mean: float = s.ground_pressure - PRESSURE_LAPSE * p.x[2]
+    pressure: float = mean + s.pressure_noise * noise[row, 6]
+    return pressure
+
+
 @compiled
-def sense(plant: Record, sensors: Record, noise: Array, row: int, sensed: Array) -> None:
-    """Write what finer sensors read of a PLANT (1,) into (2, 3): m/s^2 and rad/s, body axes."""
+def sense(plant: Record, sensors: Record, noise: Array, row: int, sensed: Array) -> float:
+    """Write what finer sensors read of a PLANT (1,) into (2, 3): m/s^2 and rad/s, body axes.
+
+    Returns the barometer's reading, Pa.
+    """
     p, s = plant[0], sensors[0]
     rotor, shaken, twisted = _shaking(p, s)
     for i in range(3):
@@ -159,6 +170,8 @@ def sense(plant: Record, sensors: Record, noise: Array, row: int, sensed: Array)
         drift = s.gyroscope_bias[i] + s.warmth * s.gyroscope_warm_up
         rate = p.x[10 + i] + s.vibration_gyroscope * rotor[i]
         sensed[1, i] = rate + drift + twisted * noise[row, 3 + i]
+    pressure: float = sensed_pressure(p, s, noise, row)
+    return pressure
 
 
 @compiled
@@ -179,7 +192,7 @@ def sample(plant: Record, sensors: Record, noise: Array, row: int, registers: Re
             twisted,
             noise[row, 3 + i],
         )
-    pressure = s.ground_pressure - PRESSURE_LAPSE * p.x[2] + s.pressure_noise * noise[row, 6]
+    pressure = sensed_pressure(p, s, noise, row)
     registers[_PRESSURE] = _count(pressure - PRESSURE_OFFSET, -32768, 32767)
     voltage = p.voltage + _VOLTAGE_NOISE * noise[row, 7]
     registers[_BATTERY] = _count(10.0 * voltage, 0, 32767)

@@ -23,6 +23,7 @@ from vehicle.flight.pacing import Deadlines, PortPacer
 from vehicle.flight.process import open_ports
 from vehicle.processes import mailbox
 from vehicle.processes.config import Rings, create_rings, open_rings
+from vehicle_link import clock
 from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import SerialPort
 
@@ -233,14 +234,21 @@ def test_a_sample_counts_as_dealt_with_when_its_command_is_written() -> None:
         def answered(self, line: int, milliseconds: int) -> None:
             told.append((line, milliseconds, len(mcu.commands)))
 
+        def served(self, began_ns: int) -> None:
+            served.append((began_ns, len(mcu.commands)))
+
+    served: list[tuple[int, int]] = []
     rings = open_rings(create_rings())
     part: Any = Part()
     loop = FlightLoop(stack, mcu, rings, NoWaiting(), real_time=True, part=part)
     loop.once()
+    began_ns = clock.monotonic_ns()
     taken = RawSample(2_000_000, (512,) * 3, (512,) * 3, 16.0, 1e5, MotorState.OFF)
     mcu.given, mcu.newest_ms = [taken], [2, -1]
     loop.once()
     assert told == [(0, -1, 0), (1, -1, 0), (0, 2, 1), (1, -1, 1)]
+    assert [commands for _, commands in served] == [0, 1]
+    assert served[0][0] <= began_ns <= served[1][0]
     mcu.close()
 
 

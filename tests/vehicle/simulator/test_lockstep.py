@@ -39,13 +39,19 @@ class Bench:
         meanwhile: called at each sleep.
     """
 
-    def __init__(self, page: memoryview) -> None:
+    def __init__(self, page: memoryview, is_asked: bool = False) -> None:
         self.page = page
         self.wall_ns = clock.monotonic_ns()
         self.said: list[str] = []
         self.meanwhile: Callable[[], None] = lambda: None
         self.pace = LockstepPace(
-            page, [NAME], 10 * MS, self.said.append, lambda: self.wall_ns, self._sleep
+            page,
+            [NAME],
+            10 * MS,
+            self.said.append,
+            lambda: self.wall_ns,
+            self._sleep,
+            is_asked=is_asked,
         )
         self.part = Part(NAME)
         self.now_ns = self.pace.begin()
@@ -112,6 +118,22 @@ def test_it_waits_for_the_tick_on_a_sample(bench: Bench) -> None:
     assert bench.step() == pytest.approx(3000 * MS, abs=3 * MS)
     assert bench.said == []
     assert sum(bench.step() for _ in range(100)) >= 100 * MS - MADE_UP_NS
+
+
+def test_of_a_board_that_is_asked_it_waits_until_flight_has_looked(page: memoryview) -> None:
+    bench = Bench(page, is_asked=True)
+    bench.deliver(7)  # which flight need not name
+    bench.part.served(bench.now_ns)
+    assert [bench.step() for _ in range(2)] == [MS] * 2
+    begun_ns = bench.wall_ns
+
+    def late() -> None:
+        if bench.wall_ns >= begun_ns + 3000 * MS:
+            bench.part.served(bench.now_ns)
+
+    bench.meanwhile = late
+    assert bench.step() >= 3000 * MS
+    assert bench.said == []
 
 
 def test_a_damaged_sample_is_not_waited_for(bench: Bench) -> None:

@@ -36,6 +36,8 @@ REASONS: tuple[tuple[str, str], ...] = (
 )
 """(name in its command line's `status`, what is wrong and what to do), by bit."""
 
+JUST_SWITCHED_ON = 1 << [name for name, _ in REASONS].index("BOOTGRACE")
+
 
 def why_not_armed(flags: int, count: int = len(REASONS)) -> str:
     """Return what blocks arming, "" for 0.

@@ -16,11 +16,13 @@ from collections.abc import Callable, Sequence
 
 from quadrotor.errors import LinkError, OutOfBoundsError
 from quadrotor.parameters import Parameters
-from vehicle.boards.betaflight.arming import why_not_armed
+from vehicle.boards.betaflight.arming import JUST_SWITCHED_ON, why_not_armed
+from vehicle.boards.betaflight.check import check_board
 from vehicle.boards.betaflight.messages import (
     ARM_BOX,
     FAILSAFE_BOX,
     Function,
+    Status,
     check_firmware,
     decode_imu,
     decode_status,
@@ -47,6 +49,10 @@ CRSF_BAUD_RATE = 420_000
 PRESSURE = 101_325.0
 """Pa: MSP tells no pressure, only a height."""
 MILLISECONDS = 60_000
+RESTARTED = (
+    "the board was switched on again, perhaps with other settings: start quadlab vehicle again, "
+    "which checks them"
+)
 _START = (Function.VARIANT, Function.VERSION, Function.BOX_IDS)
 _IDLE = BodyRates((0.0, 0.0, 0.0), 0.0)
 
@@ -58,6 +64,7 @@ class BetaflightBoard:
         ports: of MSP, and of CRSF where there is a second.
         rate: IMU samples a second to ask for.
         now_ns: the vehicle's clock, from which samples get their stamps.
+        unfit: why it must not be armed, "" when its settings fit the options.
     """
 
     def __init__(
@@ -67,6 +74,7 @@ class BetaflightBoard:
         *,
         rate: int,
         now_ns: Callable[[], int] = clock.time_ns,
+        unfit: str = "",
     ) -> None:
         if not 1 <= len(ports) <= 2:
             raise LinkError(f"{len(ports)} ports given; a board with Betaflight has one or two")
@@ -82,7 +90,8 @@ class BetaflightBoard:
         self._asked: dict[int, float] = {}  # when each function was asked for last
         self._imu_asked_ns = 0
         self._told: dict[int, bytes] = {}
-        self._unfit, self._blocks, self._block_count = "", -1, 0
+        self._unfit, self._misfit, self._was_ready = "", unfit, False
+        self._blocks, self._block_count = -1, 0
         self._voltage = 0.0
         self._state = MotorState.INIT
         self._wanted = MotorState.OFF
@@ -96,12 +105,12 @@ class BetaflightBoard:
 
     @property
     def obstacle(self) -> str:
-        if self._unfit:
-            return self._unfit
+        if self._state is MotorState.ON:
+            return ""  # whatever it is, it does not stop motors in the air
+        if self._unfit or self._misfit:
+            return self._unfit or self._misfit
         if any(function not in self._told for function in _START) or self._blocks < 0:
             return "the board is not recognised: it has not answered by MSP yet"
-        if self._state is MotorState.ON:
-            return ""
         return why_not_armed(self._blocks, self._block_count)
 
     def filenos(self) -> Sequence[int]:
@@ -140,13 +149,22 @@ class BetaflightBoard:
     def _take_status(self, payload: bytes) -> None:
         status, ids = decode_status(payload), self._told.get(Function.BOX_IDS)
         self._blocks, self._block_count = status.arming_blocks, status.block_count
+        self._note_restart(status)
         if ids is None:
             return
-        on = {box for k, box in enumerate(ids[:32]) if status.boxes >> k & 1}
+        on = status.modes(ids)
         if ARM_BOX not in on:
             self._state = MotorState.OFF
         else:
             self._state = MotorState.EMERGENCY if FAILSAFE_BOX in on else MotorState.ON
+
+    def _note_restart(self, status: Status) -> None:
+        """Trust its settings no longer when it was switched on again: they may be others now."""
+        is_new = bool(status.arming_blocks & JUST_SWITCHED_ON)
+        if is_new and self._was_ready and not self._misfit:
+            self._misfit = RESTARTED
+            self.failures.append(RESTARTED)
+        self._was_ready = not is_new
 
     def _sample(self, accelerometer: tuple[int, int, int], gyroscope: tuple[int, int, int]) -> None:
         now_ns = self._now_ns()
@@ -215,12 +233,22 @@ class BetaflightBoard:
 
 
 def _connect(
-    ports: Sequence[Port], options: Parameters | None, rate: int, now_ns: Callable[[], int] | None
+    ports: Sequence[Port],
+    options: Parameters | None,
+    rate: int,
+    now_ns: Callable[[], int] | None,
+    unfit: str = "",
 ) -> BetaflightBoard:
     assert isinstance(options, BetaflightOptions)
-    return BetaflightBoard(ports, options, rate=rate, now_ns=now_ns or clock.time_ns)
+    return BetaflightBoard(ports, options, rate=rate, now_ns=now_ns or clock.time_ns, unfit=unfit)
 
 
 KIND = Kind(
-    TRAITS, _connect, BetaflightOptions, rate=250, bauds=(BAUD_RATE, CRSF_BAUD_RATE), poll_ms=1
+    TRAITS,
+    _connect,
+    BetaflightOptions,
+    rate=250,
+    bauds=(BAUD_RATE, CRSF_BAUD_RATE),
+    poll_ms=1,
+    check=check_board,
 )

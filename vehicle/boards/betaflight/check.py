@@ -10,15 +10,22 @@ import time
 from collections.abc import Callable
 
 from quadrotor.errors import LinkError
+from quadrotor.parameters import Parameters
 from vehicle.boards.betaflight.arming import why_not_armed
 from vehicle.boards.betaflight.configuration import lines_to_enter
-from vehicle.boards.betaflight.messages import Function, check_firmware, decode_status
+from vehicle.boards.betaflight.messages import ARM_BOX, Function, check_firmware, decode_status
 from vehicle.boards.betaflight.options import BetaflightOptions
+from vehicle_link import clock
 from vehicle_link.msp.frames import MessageDecoder, encode
-from vehicle_link.serial.port import Port
+from vehicle_link.serial.port import Port, PortError
 
 ANSWER_S = 2.0
 """An answer has to come within this time."""
+RESTART_S = 15.0
+BY_THROTTLE = (
+    "no barometer, or a firmware without altitude hold (`ap_hover_throttle`): its own landing is "
+    "by `failsafe_throttle` alone, and the faster the higher it begins"
+)
 ENTER = "not good: enter these lines in its command line, then check again:"
 PROMPT = b"\r\n# "
 DUMP_S = 20.0
@@ -28,39 +35,80 @@ POLL_S, QUIET_S = 0.005, 0.3
 Say = Callable[[str], None]
 
 
-def check_board(port: Port, options: BetaflightOptions, say: Say) -> bool:
-    """Report the firmware, what blocks arming, and the lines to enter; return whether it fits.
+def check_board(port: Port, options: Parameters | None, say: Say) -> list[str]:
+    """Report the firmware, what blocks arming, and the lines to enter; return these lines, or
+    what is wrong with the firmware.
 
-    Raises LinkError when the board does not answer.
+    The board has restarted when this returns, and is checked in no other state than disarmed.
+    Raises LinkError when it does not answer.
     """
-    variant, version = _ask(port, Function.VARIANT), _ask(port, Function.VERSION)
+    assert isinstance(options, BetaflightOptions)
+    variant = _variant(port)
+    version = _ask(port, Function.VERSION)
     if why := check_firmware(variant, version):
         say(f"not good: {why}")
-        return False
+        return [why]
+    ids, status = _ask(port, Function.BOX_IDS), decode_status(_ask(port, Function.STATUS))
+    if ARM_BOX in status.modes(ids):
+        raise LinkError("it is armed, and is checked once it has landed and disarmed")
     say(f"Betaflight {'.'.join(str(part) for part in version[:3])}")
-    status = decode_status(_ask(port, Function.STATUS))
     if blocks := why_not_armed(status.arming_blocks, status.block_count):
         say(f"it would not arm now: {blocks}")
     port.write(b"#")  # alone: it counts only when nothing follows
     _prompt(port, ANSWER_S, "its command line did not open")
     port.write(b"dump\n")
-    dump = _prompt(port, DUMP_S, "its command line did not finish `dump`")
+    dump = _prompt(port, DUMP_S, "its command line did not finish `dump`").decode(
+        "ascii", "replace"
+    )
     port.write(b"exit\n")
-    lines = lines_to_enter(dump.decode("ascii", "replace"), options)
+    lines = lines_to_enter(dump, options)
+    if not (status.has_barometer and "ap_hover_throttle" in dump):
+        say(BY_THROTTLE)
     if lines:
         say(ENTER)
     for line in lines:
         say(line)
+    _await_restart(port)
     if not lines:
         say("good")
-    return not lines
+    return lines
+
+
+def _variant(port: Port) -> bytes:
+    """Return its answer, if need be after a restart from a command line that was left open."""
+    try:
+        return _ask(port, Function.VARIANT)
+    except PortError:
+        raise
+    except LinkError:
+        port.write(b"\nexit\n")
+        _await_restart(port)
+        return _ask(port, Function.VARIANT)
+
+
+def _await_restart(port: Port) -> None:
+    """Return when the board answers again, or its USB device has gone, which is to be opened
+    anew.
+
+    Raises LinkError.
+    """
+    deadline_s = clock.monotonic() + RESTART_S
+    while True:
+        try:
+            _ask(port, Function.VARIANT)
+            return
+        except PortError:
+            return
+        except LinkError as error:
+            if clock.monotonic() > deadline_s:
+                raise error from None
 
 
 def _ask(port: Port, function: Function) -> bytes:
     decoder = MessageDecoder()
     port.write(encode(function))
-    deadline_s = time.monotonic() + ANSWER_S
-    while time.monotonic() < deadline_s:
+    deadline_s = clock.monotonic() + ANSWER_S
+    while clock.monotonic() < deadline_s:
         for message in decoder.feed(port.read()):
             if message.function == function:
                 return message.payload
@@ -74,9 +122,9 @@ def _ask(port: Port, function: Function) -> bytes:
 def _prompt(port: Port, patience_s: float, what: str) -> bytes:
     """Return what was written up to a prompt that nothing follows: comments begin like one."""
     written = b""
-    newest_s = time.monotonic()
+    newest_s = clock.monotonic()
     deadline_s = newest_s + patience_s
-    while (now_s := time.monotonic()) < deadline_s:
+    while (now_s := clock.monotonic()) < deadline_s:
         if data := port.read():
             written, newest_s = written + data, now_s
         elif written.endswith(PROMPT) and now_s - newest_s > QUIET_S:

@@ -1,7 +1,8 @@
 """The settings that a board with Betaflight needs to fly here, and how they are compared.
 
 Settings are read over the command line of the firmware, which answers on the MSP port after `#`.
-What differs is told as the lines that a person enters there.
+What differs is told as the lines that a person enters there, each with what was found behind a
+`#`, which the firmware skips.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from collections.abc import Mapping, Sequence
 from vehicle.boards.betaflight.messages import ANGLE_BOX, ARM_BOX, FAILSAFE_BOX
 from vehicle.boards.betaflight.options import BetaflightOptions
 
+MAY_LACK = ("throttle_boost", "vbat_sag_compensation", "ap_hover_throttle", "alt_hold_climb_rate")
+"""Settings that a build of the firmware may lack; what they set does not exist then."""
 SWITCHES = (ARM_BOX, ANGLE_BOX, FAILSAFE_BOX)
 """Modes by auxiliary channel: AUX1 arms, AUX2 holds angles, AUX3 lands at once."""
 _SETTING = re.compile(r"^(?:set )?(\w+) = (.*?)\s*$", re.MULTILINE)
@@ -42,6 +45,8 @@ def required(options: BetaflightOptions) -> dict[str, str]:
         "failsafe_throttle": str(options.landing_throttle),
         "failsafe_landing_time": str(options.landing_time),
         "failsafe_procedure": "AUTO-LAND",
+        "ap_hover_throttle": str(options.hover_throttle),
+        "alt_hold_climb_rate": str(round(options.landing_speed * 10.0)),
         "failsafe_switch_mode": "STAGE2",
         "runaway_takeoff_prevention": "OFF",
     }
@@ -59,9 +64,9 @@ def lines_to_enter(answer: str, options: BetaflightOptions) -> list[str]:
     """
     found = dict(_SETTING.findall(answer))
     lines = [
-        f"set {name} = {value}"
+        f"set {name} = {value}  # {_was(found.get(name))}"
         for name, value in required(options).items()
-        if found.get(name, value if _is_optional(name, found) else "").upper() != value
+        if found.get(name, value if found and name in MAY_LACK else "").upper() != value
     ]
     ranges = {
         (int(box), int(aux)): (int(low), int(high))
@@ -74,9 +79,8 @@ def lines_to_enter(answer: str, options: BetaflightOptions) -> list[str]:
     return [*lines, "save"] if lines else []
 
 
-def _is_optional(name: str, found: Mapping[str, str]) -> bool:
-    """Return whether a build of the firmware may lack a setting, which then has no effect."""
-    return bool(found) and name in ("throttle_boost", "vbat_sag_compensation")
+def _was(value: str | None) -> str:
+    return "it was not there" if value is None else f"it was {value}"
 
 
 def _on_another_switch(

@@ -39,10 +39,19 @@ class Status(msgspec.Struct, frozen=True):
     """The status that the board reports in MSP_STATUS_EX."""
 
     cycle_us: int  # of its control loop
+    sensors: int  # bit 1: a barometer
     boxes: int  # bit k: the k-th mode of BOX_IDS is on
     load: int  # % of its processor
     arming_blocks: int  # bits of vehicle.boards.betaflight.arming
     block_count: int  # of these bits, which differs between versions
+
+    @property
+    def has_barometer(self) -> bool:
+        return bool(self.sensors >> 1 & 1)
+
+    def modes(self, ids: bytes) -> set[int]:
+        """Return the permanent ids of the modes that are on; `ids` as BOX_IDS tells them."""
+        return {box for k, box in enumerate(ids[:32]) if self.boxes >> k & 1}
 
 
 def decode_imu(payload: bytes) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
@@ -53,10 +62,10 @@ def decode_imu(payload: bytes) -> tuple[tuple[int, int, int], tuple[int, int, in
 
 def decode_status(payload: bytes) -> Status:
     """Return the status. Raises LinkError."""
-    cycle_us, _, _, boxes, _, load, _, _ = _unpack(_STATUS, payload, Function.STATUS)
+    cycle_us, _, sensors, boxes, _, load, _, _ = _unpack(_STATUS, payload, Function.STATUS)
     more = _STATUS.size + 1 + (payload[_STATUS.size] & 15 if len(payload) > _STATUS.size else 0)
     count, blocks = _unpack(_FLAGS, payload[more:], Function.STATUS)
-    return Status(cycle_us, boxes, load, blocks, count)
+    return Status(cycle_us, sensors, boxes, load, blocks, count)
 
 
 def decode_voltage(payload: bytes) -> float:

@@ -35,16 +35,31 @@ class BetaflightOptions(Parameters):
         unit="µs",
         ge=1000,
         le=2000,
-        description="throttle of its own landing, a little under hover's: no sensor helps it",
+        description="throttle of its own landing without a barometer, a little under hover's",
+    )
+    hover_throttle: int = parameter(
+        1475,
+        unit="µs",
+        ge=1100,
+        le=1700,
+        description="throttle in hover, from which it lands by its barometer",
+    )
+    landing_speed: float = parameter(
+        0.5,
+        unit="m/s",
+        ge=0.1,
+        le=2.0,
+        step=0.1,
+        description="speed of its own landing by its barometer",
     )
     landing_time: int = parameter(
-        10, unit="s", ge=1, le=250, description="its own landing ends after this, motors off"
+        20, unit="s", ge=1, le=250, description="its own landing ends after this, motors off"
     )
     failsafe_delay: float = parameter(
         0.2,
         unit="s",
         ge=0.1,
-        le=2.0,
+        le=0.2,
         step=0.1,
-        description="time without commands after which it lands on its own",
+        description="time without commands until it lands; after 0.3 s it would cut its throttle",
     )

@@ -305,7 +305,11 @@ class Microcontroller:
 
 
 def _connect(
-    ports: Sequence[Port], options: Parameters | None, rate: int, now_ns: Callable[[], int] | None
+    ports: Sequence[Port],
+    options: Parameters | None,
+    rate: int,
+    now_ns: Callable[[], int] | None,
+    unfit: str = "",
 ) -> Microcontroller:
     return Microcontroller(ports, None if now_ns is None else now_ns(), rate=rate)
 

@@ -22,15 +22,19 @@ from vehicle_link.serial.ids import Id, MotorState
 
 PERIOD_US = 1000
 """Between two states that it is shown, and two motor values; bytes are moved as often."""
+BYTES = 64
+"""The most that are sent at once: a reader that is late loses none of a long answer."""
 _ANALOG = encode(Function.ANALOG, bytes(9), REPLY)[:8]
 _VOLTAGE_AT = 7
 FRAME = (
     "mixer QUADP",
+    "set ap_altitude_d = 40",
     *(f"set {name}_roll = {value}" for name, value in (("p", 18), ("i", 0), ("d", 0), ("f", 0))),
     *(f"set {name}_pitch = {value}" for name, value in (("p", 18), ("i", 0), ("d", 0), ("f", 0))),
     *(f"set {name}_yaw = {value}" for name, value in (("p", 90), ("i", 0), ("f", 0))),
 )
-"""Lines that a person enters for this frame: its mixer, and gains near `control.attitude.kw`."""
+"""Lines that a person enters for this vehicle: its mixer, the damping of its own
+landing, and gains near `control.attitude.kw`."""
 
 
 class BetaflightFirmware:
@@ -52,7 +56,9 @@ class BetaflightFirmware:
         self.references: Four = (0.0, 0.0, 0.0, 0.0)
         self._sensed = np.zeros((2, 3))
         self._plant: Record | None = None
+        self._pressure = 0.0
         self._missing = 0
+        self._unsent = b""
 
     @property
     def motor_state(self) -> MotorState:
@@ -63,14 +69,14 @@ class BetaflightFirmware:
     ) -> None:
         """Take the readings of a PLANT (1,) for the next period."""
         self._plant = plant
-        sense(plant, sensors, noise, row, self._sensed)
+        self._pressure = sense(plant, sensors, noise, row, self._sensed)
 
     def period(self, command: tuple[int, int, int, int]) -> None:
         """Run it for one period on the readings taken."""
         assert self._plant is not None
         force, rates = self._sensed.tolist()
         quaternion = self._plant["x"][0, 6:10].tolist()
-        motors = self._process.step(1000 * PERIOD_US, rates, force, quaternion)
+        motors = self._process.step(1000 * PERIOD_US, rates, force, quaternion, self._pressure)
         front, left, rear, right = (
             0.0 if self._missing >> k & 1 else REFERENCE_MAX * max(0.0, motor)
             for k, motor in enumerate(motors)
@@ -85,7 +91,9 @@ class BetaflightFirmware:
     def next_data(self) -> tuple[int, bytes]:
         """Return (port, the bytes it has sent)."""
         data = self._process.port.read()
-        return 0, self._with_battery(data) if _ANALOG in data else data
+        self._unsent += self._with_battery(data) if _ANALOG in data else data
+        sent, self._unsent = self._unsent[:BYTES], self._unsent[BYTES:]
+        return 0, sent
 
     def _with_battery(self, data: bytes) -> bytes:
         """Return the bytes with the plant's voltage: this target of the firmware has no meter."""

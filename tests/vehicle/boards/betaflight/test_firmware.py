@@ -10,11 +10,13 @@ import pytest
 
 from quadrotor.errors import LinkError
 from quadrotor.vehicle_model import Four
-from vehicle.boards.betaflight.board import BetaflightBoard
-from vehicle.boards.betaflight.check import ENTER, check_board
+from vehicle.boards.betaflight.board import RESTARTED, BetaflightBoard
+from vehicle.boards.betaflight.check import BY_THROTTLE, ENTER, check_board
+from vehicle.boards.betaflight.configuration import mode_lines, required
 from vehicle.boards.betaflight.options import BetaflightOptions
 from vehicle.boards.board import RawSample
 from vehicle.simulator.betaflight.process import FIRMWARE, REST, BetaflightProcess
+from vehicle_link.serial.ids import MotorState
 
 pytestmark = pytest.mark.skipif(
     not FIRMWARE.exists(), reason="no Betaflight: scripts/betaflight builds it"
@@ -46,15 +48,70 @@ class SteppedPort:
 def test_the_lines_of_the_check_make_the_real_firmware_fit() -> None:
     said: list[str] = []
     board = BetaflightProcess()
-    assert not check_board(SteppedPort(board), BetaflightOptions(), said.append)
+    lines = check_board(SteppedPort(board), BetaflightOptions(), said.append)
     board.close()
     assert said[0] == "Betaflight 4.6.0"
-    lines = said[said.index(ENTER) + 1 :]
-    assert "set roll_rc_rate = 40" in lines
+    assert BY_THROTTLE not in said
+    assert said[said.index(ENTER) + 1 :] == lines
+    assert "set roll_rc_rate = 40  # it was 7" in lines
     board = BetaflightProcess(lines)
-    assert check_board(SteppedPort(board), BetaflightOptions(), said.append)
-    board.close()
+    assert check_board(SteppedPort(board), BetaflightOptions(), said.append) == []
     assert said[-1] == "good"
+    # The check has restarted it; with other options the same board does not fit.
+    other = BetaflightOptions(failsafe_delay=0.1, landing_throttle=1400)
+    assert check_board(SteppedPort(board), other, said.append) == [
+        "set failsafe_delay = 1  # it was 2",
+        "set failsafe_throttle = 1400  # it was 1470",
+        "save",
+    ]
+    board.close()
+
+
+class WithoutAltitudeHold(SteppedPort):
+    """Of a board whose firmware was built for less memory."""
+
+    def read(self) -> bytes:
+        return super().read().replace(b"ap_hover_throttle", b"ap_hover_roll")
+
+
+def test_a_board_that_lands_by_throttle_alone_is_told() -> None:
+    said: list[str] = []
+    settings = [f"set {name} = {value}" for name, value in required(BetaflightOptions()).items()]
+    board = BetaflightProcess([*settings, *mode_lines(), "save"])
+    assert check_board(WithoutAltitudeHold(board), BetaflightOptions(), said.append) == []
+    board.close()
+    assert BY_THROTTLE in said
+
+
+def test_a_board_that_restarts_is_not_armed_until_it_is_checked_again() -> None:
+    settings = [f"set {name} = {value}" for name, value in required(BetaflightOptions()).items()]
+    board = BetaflightProcess([*settings, *mode_lines(), "save"])
+    now_ns = 0
+    stack = BetaflightBoard([board.port], BetaflightOptions(), rate=250, now_ns=lambda: now_ns)
+    stack.set_motor_state(MotorState.OFF)
+
+    def go(steps: int) -> None:
+        nonlocal now_ns
+        for _ in range(steps):
+            board.step(STEP_NS, *REST)
+            now_ns += STEP_NS
+            stack.receive()
+            stack.service(1e-9 * now_ns)
+
+    go(2000)
+    assert stack.obstacle == ""
+    for line in ("#", "exit\n"):
+        board.port.write(line.encode())
+        for _ in range(200):
+            board.step(STEP_NS, *REST)
+    go(1000)
+    assert stack.failures == [RESTARTED]
+    go(9000)  # it could be armed by now
+    stack.set_motor_state(MotorState.ON)
+    go(1000)
+    assert stack.obstacle == RESTARTED
+    assert not any(board.step(STEP_NS, *REST)), "its motors turn"
+    board.close()
 
 
 def test_a_line_that_the_firmware_refuses_is_told() -> None:
