@@ -2,7 +2,8 @@
 
 One flight a seed goes from hover at 1, 2 and 3 m over the figure 8 to the lap from rest to rest
 that leans furthest. At a moment of its own in each it forks once for each failure: the copy flies
-that failure to its end, the flight itself goes on.
+that failure to its end, the flight itself goes on. A board that is a process beside it (Betaflight)
+cannot be forked: there each failure has a flight of its own, hover or figure 8.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from vehicle_link.serial.ids import MotorState
 STARTS = ("hover 1 m", "hover 2 m", "hover 3 m", "figure 8", "lap")
 SILENT = "flight killed or frozen"
 CORRUPTED = "5 % of the bytes"
-FAILURES = ("station", "comms", SILENT, "port 0", "port 1", "both ports", CORRUPTED)
+FAILURES = ("station", "comms", SILENT, "port 0", "port 1", "both ports", CORRUPTED, "tracker")
 SETTINGS: dict[str, ParameterValue] = {
     "behavior.trajectory_acceleration_max": 8.0,
     "behavior.trajectory_tilt_max": 45.0,
@@ -69,11 +70,37 @@ class FailingFlight(WatchedFlight):
         if self.heard:
             super()._station(now_ns)
 
+    def lose_tracker(self) -> None:
+        """Let no pose be measured any more."""
+        self._next_truth_ns = 10**18
+
     def advance(self) -> None:
         try:
             super().advance()
         except LinkError:  # the last port is gone: the flight process ends
             self.frozen = True
+
+
+def fly_alone(seed: int, failure: str, start: str, board: str) -> Outcome:
+    """Fly one failure from one start under the conditions of a seed."""
+    settings = {f"simulator.{name}": value for name, value in conditions(seed).items()} | SETTINGS
+    outcome = Outcome(failure, start, seed, real=False)
+    flight = FailingFlight(seed, settings, board=board)
+    try:
+        _bring_to(flight, STARTS[0])
+        if start != STARTS[0]:
+            _bring_to(flight, start)
+        if start.startswith("hover"):
+            flight.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=60)
+        chance = np.random.default_rng((seed, 13, STARTS.index(start), FAILURES.index(failure)))
+        flight.wait(float(chance.uniform(0.0, 8.0 if start == "figure 8" else 2.0)))
+        outcome.broken = True
+        watch_failure(flight, failure, outcome)
+    except QuadlabError as error:
+        outcome.why = str(error)
+    finally:
+        flight.robot.close()
+    return outcome
 
 
 def fly_seed(seed: int, failures: tuple[str, ...], starts: tuple[str, ...]) -> list[Outcome]:
@@ -186,11 +213,32 @@ def break_it(flight: FailingFlight, failure: str) -> None:
         flight.heard = False
     elif failure == SILENT:
         flight.frozen = True
+    elif failure == "tracker":
+        flight.lose_tracker()
     elif failure == CORRUPTED:
         flight.disturb(corrupted_bytes=0.05)
     else:
         unplugged = {"port 0": "first", "port 1": "second", "both ports": "both"}[failure]
         flight.disturb(unplugged_port=unplugged)
+
+
+def fly_all_alone(
+    seeds: int, failures: tuple[str, ...], starts: tuple[str, ...], board: str
+) -> list[Outcome]:
+    """Fly seeds 1 to `seeds`, each failure and start in a flight of its own, on all cores."""
+    found: list[Outcome] = []
+    with ProcessPoolExecutor(mp_context=multiprocessing.get_context("fork")) as pool:
+        flights = [
+            pool.submit(fly_alone, seed, failure, start, board)
+            for seed in range(1, seeds + 1)
+            for failure in failures
+            for start in starts
+        ]
+        for one in as_completed(flights):
+            found.append(outcome := one.result())
+            line = f"{len(found)} of {len(flights)}: {outcome.failure}, {outcome.start}, seed "
+            print(f"{line}{outcome.seed}: {outcome.verdict}", file=sys.stderr, flush=True)
+    return sorted(found, key=lambda o: (failures.index(o.failure), starts.index(o.start), o.seed))
 
 
 def fly_all(seeds: int, failures: tuple[str, ...], starts: tuple[str, ...]) -> list[Outcome]:

@@ -2,6 +2,7 @@
 
     python -m benchmarks failures [--quick]
     python -m benchmarks.flights.failures [--seeds 20] [--real 2] [--only web,station] [--json FILE]
+    python -m benchmarks.flights.failures --board betaflight [--seeds 3]
 
 Seeds differ in the truth's noise, wind, motors and battery, and in the moment of the failure. In
 simulated time the firmware, the plant and the flight stack run in one process, the bytes between
@@ -24,8 +25,12 @@ from pathlib import Path
 from benchmarks.flights import failing_flights
 from benchmarks.flights.touch_down import IMPACT_MAX, UPRIGHT, Outcome
 from benchmarks.harness import Report, Row, Target
+from vehicle.boards.kind import BETAFLIGHT, MIKROKOPTER
 
 SEEDS, REAL_SEEDS = 20, 2
+OF_BETAFLIGHT = (failing_flights.SILENT, "port 0", "station", "tracker")
+BETAFLIGHT_STARTS = ("hover 1 m", "hover 2 m", "hover 3 m", "figure 8")
+"""In simulated time alone; the firmware is a process that no failure shares with another."""
 REAL_FAILURES = (
     "web",
     "station",
@@ -145,6 +150,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=SEEDS, help="in simulated time")
     parser.add_argument("--real", type=int, default=REAL_SEEDS, help="seeds of real processes")
     parser.add_argument("--only", default=",".join(REAL_FAILURES), help="failures, by commas")
+    parser.add_argument("--board", choices=(MIKROKOPTER, BETAFLIGHT), default=MIKROKOPTER)
     parser.add_argument("--json", type=Path, help="write every flight there")
     options = parser.parse_args()
     only = [name.strip() for name in options.only.split(",")]
@@ -152,7 +158,12 @@ def main() -> int:
     if unknown:
         parser.error(f"no failure is called {unknown[0]!r}: there are {', '.join(REAL_FAILURES)}")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # no process of a flight stays
-    outcomes = fly(options.seeds, options.real, only)
+    if options.board == BETAFLIGHT:
+        outcomes = failing_flights.fly_all_alone(
+            options.seeds, OF_BETAFLIGHT, BETAFLIGHT_STARTS, BETAFLIGHT
+        )
+    else:
+        outcomes = fly(options.seeds, options.real, only)
     found = report(outcomes)
     print(found.as_markdown())
     if options.json:

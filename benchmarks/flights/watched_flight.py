@@ -11,10 +11,13 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from quadlab.simulated.experiment import with_options
 from quadlab.simulated.flight import SimulatedFlight, TrueState
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.parameters import ParameterStore, ParameterValue
+from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.processes import mailbox
+from vehicle.simulator.betaflight.firmware import firmware_of
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 Array = npt.NDArray[np.float64]
@@ -42,6 +45,7 @@ class WatchedFlight(SimulatedFlight):
         seed: of all noise.
         settings: of vehicle, `simulator`, `tracker`, as `--set` takes them.
         true_state: fly on the true state instead of an estimate.
+        board: of the vehicle; the simulated ones.
 
     Attributes:
         frozen: the flight process stands still: nothing is sent to the microcontroller.
@@ -55,17 +59,23 @@ class WatchedFlight(SimulatedFlight):
         settings: dict[str, ParameterValue] | None = None,
         *,
         true_state: bool = False,
+        board: str = MIKROKOPTER,
     ) -> None:
-        parameters = FlightParameters().model_copy(deep=True)
+        kind = find_kind(board)
+        options = kind.configured({})
+        parameters = with_options(FlightParameters().model_copy(deep=True), {"board": options})
         parameters.seed(seed)
-        ParameterStore(parameters).preset(settings or {})
-        self.robot = SimulatedVehicle(parameters.simulator)
+        of_board = kind.traits.parameters | {"simulator.imu_rate": kind.rate}
+        ParameterStore(parameters).preset(of_board | (settings or {}))
+        firmware = firmware_of(board, options)
+        self.robot = SimulatedVehicle(parameters.simulator, firmware=firmware)
         self.events = Events()
         self.frozen = False
         self.hardest = self.most_tilted = 0.0
         self._trace: list[tuple[float, ...]] = []
         estimator = TrueState(self.robot) if true_state else None
-        super().__init__(parameters, self.robot, self.events, estimator)  # type: ignore[arg-type]
+        log: Any = self.events
+        super().__init__(parameters, self.robot, log, estimator, kind=kind)
 
     # ------------------------------------------------------------------ what truly happens
     def advance(self) -> None:

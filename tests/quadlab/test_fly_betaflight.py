@@ -122,9 +122,11 @@ def test_it_lands_by_itself_when_its_port_is_pulled(hovering: Hovering) -> None:
     assert abs(hovering.height) < 0.02
 
 
-def test_a_silent_link_lands_it_under_control(hovering: Hovering) -> None:
+@pytest.mark.parametrize("lost", ["_next_heartbeat_ns", "_next_truth_ns"])
+def test_a_silent_link_or_a_lost_tracker_lands_it_from_2_m(hovering: Hovering, lost: str) -> None:
+    hovering.fly_to(2.0)
     flight, sinking = hovering.flight, 0.0
-    flight._next_heartbeat_ns = 10**18  # the station is not heard any more
+    setattr(flight, lost, 10**18)  # the station's heartbeat, or the tracker's poses
     for _ in range(30_000):
         flight.advance()
         sinking = max(sinking, -float(hovering.vehicle.truth["velocity_w"][0, 2]))

@@ -57,6 +57,7 @@ class Traits(msgspec.Struct, frozen=True):
     name: str
     takes: tuple[Takes, ...]
     parameters: dict[str, ParameterValue] = {}  # where it needs other values than the defaults
+    tells_pressure: bool = True  # else only the board itself can descend by a barometer
 
     @property
     def direct(self) -> Takes:

@@ -52,11 +52,12 @@ class ModeMachine:
         mass: FlownMass,
         guard: BearingsGuard,
         bench: Bench,
+        tells_pressure: bool = True,
     ) -> None:
         self._safety, self._tick, self._outbox = safety, tick, outbox
         self._behaviors, self._steering, self._navigation = behaviors, steering, navigation
         self._ground, self._supervisor, self._mass = ground, supervisor, mass
-        self._guard, self._bench = guard, bench
+        self._guard, self._bench, self._tells_pressure = guard, bench, tells_pressure
         self._armed_ns = 0
         self.mode = Mode.STARTING
         self.control_mode = ControlMode.DIRECT
@@ -142,8 +143,13 @@ class ModeMachine:
         self._override("land")
 
     def descend(self, why: str) -> None:
-        """Descend level by the barometer; the microcontroller holds the angles."""
+        """Descend level by the barometer; the microcontroller holds the angles. Without a
+        barometer's pressure the board lands on its own.
+        """
         if self.control_mode is ControlMode.EMERGENCY:
+            return
+        if not self._tells_pressure:
+            self.hand_over(f"{why}; the board tells no pressure to descend by")
             return
         self._enter_emergency(f"{why}; descending by the barometer, position not held")
         self._override("emergency_landing")

@@ -99,6 +99,7 @@ class FlightStack:
             mass=self.mass,
             guard=self.guard,
             bench=self.bench,
+            tells_pressure=board.tells_pressure,
         )
         self.gyroscope = GyroscopeStart(
             safety=p.safety,

@@ -183,7 +183,8 @@ class BetaflightBoard:
         """Send a command with the next `service`. Raises OutOfBoundsError, LinkError."""
         if isinstance(command, tuple):
             raise OutOfBoundsError(TRAITS.missing(Takes.MOTORS))
-        self._command = command
+        if self._wanted is not MotorState.EMERGENCY:  # it lands level: no stick may be held
+            self._command = command
         self._send_sticks()
 
     def set_motor_state(self, state: MotorState) -> None:

@@ -22,6 +22,7 @@ TRAITS = Traits(
         "imu.gyroscope_scale": 2000.0 / 32768.0,
         "imu.gyroscope_zero": 0.0,
     },
+    tells_pressure=False,
 )
 MIDDLE, HALF, LOW, HIGH = 1500.0, 500.0, 1000.0, 2000.0
 """µs."""

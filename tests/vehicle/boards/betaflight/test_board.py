@@ -186,6 +186,20 @@ def test_a_board_that_does_not_fit_never_arms() -> None:
     assert bench.board.obstacle == "settings do not fit"
 
 
+def test_a_command_after_the_hand_over_moves_no_stick() -> None:
+    bench = Bench()
+    bench.go(60)
+    bench.board.set_motor_state(MotorState.ON)
+    bench.firmware.boxes = 1
+    bench.go(60)
+    bench.board.set_motor_state(MotorState.EMERGENCY)
+    bench.board.command(BodyRates((1.0, -1.0, 0.5), 0.4))  # of the tick that decided it
+    bench.go(60)
+    assert bench.firmware.sticks[:2] == [1500, 1500]
+    assert bench.firmware.sticks[3] == 1500
+    assert bench.firmware.sticks[6] == 2000
+
+
 def test_what_blocks_arming_does_not_stop_motors_in_the_air() -> None:
     bench = Bench()
     bench.go(60)
