@@ -7,6 +7,7 @@ lock: a part that dies leaves its words as they were.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import tempfile
 import time
@@ -28,11 +29,17 @@ VEHICLE: the newest sample that the station has heard of. SERVED: when flight be
 it then has dealt with. These four in ns of `clock.monotonic_ns`. …_PROCESS: ids."""
 WORDS, NAME = 9, 32
 """Words of each vehicle, and bytes of its name behind the words of all."""
+PREFIX = "quadlab-clock-"
 SHARED_MEMORY = Path("/dev/shm")
 
 
 class Page:
     """A new page, for one `quadlab up`; removed by `close`.
+
+    Args:
+        names: of the vehicles.
+        folder: for it, where there is no shared memory.
+        port: of the station's session on loopback, by which `page_at` finds it.
 
     Attributes:
         path: for `clock.VARIABLE`.
@@ -40,7 +47,7 @@ class Page:
     Raises StorageError when it cannot be made.
     """
 
-    def __init__(self, names: Sequence[str], folder: Path) -> None:
+    def __init__(self, names: Sequence[str], folder: Path, port: int = 0) -> None:
         # Not on a disk where it can be helped: writing pages back may make their writer wait.
         place = SHARED_MEMORY if os.access(SHARED_MEMORY, os.W_OK) else folder
         header = array("q", [0] * (clock.HEADER + WORDS * len(names)))
@@ -50,9 +57,11 @@ class Page:
         content = header.tobytes()
         content += b"".join(name.encode().ljust(NAME, b"\0") for name in names)
         try:
-            descriptor, path = tempfile.mkstemp(prefix="quadlab-clock-", dir=place)
-            with os.fdopen(descriptor, "wb") as file:
-                file.write(content)
+            descriptor, path = tempfile.mkstemp(prefix=f"{PREFIX}{port}-", dir=place)
+            self._file = os.fdopen(descriptor, "wb")
+            self._file.write(content)
+            self._file.flush()
+            fcntl.flock(self._file, fcntl.LOCK_EX)  # as long as this process lives
         except OSError as error:
             raise StorageError(
                 f"cannot make the simulation's clock in {place}: {error.strerror}; make room "
@@ -62,6 +71,22 @@ class Page:
 
     def close(self) -> None:
         self.path.unlink(missing_ok=True)
+        self._file.close()
+
+
+def page_at(port: int) -> Path | None:
+    """Return the page of the simulation whose station serves this port on loopback, None where
+    there is none: that station goes by the computer's clock.
+    """
+    for path in SHARED_MEMORY.glob(f"{PREFIX}{port}-*"):
+        try:
+            with path.open("rb") as file:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # whose owner was killed
+        except BlockingIOError:
+            return path
+        except OSError:  # gone meanwhile, or somebody else's
+            continue
+    return None
 
 
 class Part:

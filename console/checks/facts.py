@@ -44,6 +44,7 @@ class Facts:
     speed: float | None = None  # m/s, mean over the last half second
     body_rate: float | None = None  # rad/s, the same
     gravity_off: float | None = None  # rad, the specific force from the estimate's up, the same
+    body_turn: float | None = None  # rad, of the tracked body about the vertical; None: not seen
     volume: Box | None = None
     parameters_behind: float | None = None  # s since ours were the vehicle's; None: never
     free_bytes: float = 0.0

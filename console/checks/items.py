@@ -20,6 +20,8 @@ BEHIND = 2.0
 """s; a change of parameters is read back within one second."""
 GRAVITY_OFF = 15.0
 """deg, between gravity and the z of the tracker's attitude, which a crooked mounting may have."""
+TURNED = 30.0
+"""deg, of the tracked body about the vertical, by which a hand's tremor does not mislead it."""
 MISSED = 0.01
 """Share of the flight loop's periods without a tick that is worth a note."""
 _SILENT = "nothing received"
@@ -153,6 +155,13 @@ def tracked_body(f: Facts, p: PreflightParameters) -> Check:
     differ, the axes of the tracked body are not those of the vehicle.
     """
     name, wanted = "tracked body", f"gravity at most {GRAVITY_OFF:.0f}° off"
+    if f.body_turn is not None and abs(math.degrees(f.body_turn)) > TURNED:
+        advice = (
+            "tilt the vehicle by 20° in the hand, hold it, and look again; then turn the body in "
+            "the tracking system, or calibrate tracker_body"
+        )
+        found = f"turned by {math.degrees(f.body_turn):+.0f}° about the vertical when tilted"
+        return Check(name, "fail", found, f"turned by at most {TURNED:.0f}°", advice)
     if f.gravity_off is None:
         return Check(name, "unknown", _SILENT, wanted)
     off = math.degrees(f.gravity_off)
@@ -161,7 +170,9 @@ def tracked_body(f: Facts, p: PreflightParameters) -> Check:
         "calibrate tracker_body"
     )
     state: State = "ok" if off <= GRAVITY_OFF else "fail"
-    return Check(name, state, f"gravity {off:.0f}° off", wanted, advice)
+    seen = "unknown until it is tilted in the hand" if f.body_turn is None else "seen to be right"
+    found = f"gravity {off:.0f}° off; turn about the vertical {seen}"
+    return Check(name, state, found, wanted, advice)
 
 
 def flight_volume(f: Facts, p: PreflightParameters) -> Check:

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+from console.checks.body_turn import BodyTurn
 from quadrotor.errors import LinkError
 from quadrotor.plain_rotations import rotate, tilt_of
 from quadrotor.records import Record
@@ -38,6 +39,7 @@ class Observed:
         self._status: tuple[float, Any] | None = None
         self._payloads: dict[str, tuple[float, bytes]] = {}
         self._samples: deque[Sample] = deque(maxlen=100)
+        self._turn = BodyTurn()
 
     # ------------------------------------------------------------------ fed
     def status(self, status: Any) -> None:
@@ -62,6 +64,8 @@ class Observed:
         )
         with self._lock:
             self._samples.append(sample)
+        if self._status is not None and not self._status[1].armed:
+            self._turn.take(sample[0], *sample[3:])
 
     # ------------------------------------------------------------------ read
     def newest_status(self) -> Any | None:
@@ -99,6 +103,7 @@ class Observed:
         return {
             "position_w": tuple(float(x) for x in position),
             "gravity_off": math.atan2(math.hypot(*up[:2]), up[2]) if any(up) else None,
+            "body_turn": self._turn.angle,
             "tilt": tilt_of(*map(float, quaternion)),
             "speed": sum(math.hypot(*one[2]) for one in recent) / len(recent),
             "body_rate": sum(math.hypot(*one[4]) for one in recent) / len(recent),

@@ -91,6 +91,8 @@ class Tracker:
         from console.trackers.motion_capture import SYSTEMS
         from console.trackers.onboard_camera import BearingsTracker
         from console.trackers.process import Tracker as Poses
+        from vehicle_link import clock
+        from vehicle_link.lockstep import page_at
         from vehicle_link.termination_signal import EndSignal
         from vehicle_link.transport.session import loopback_session
 
@@ -113,6 +115,8 @@ class Tracker:
                 has_told = True
                 if stopping.wait(1.0):
                     return 0
+        if clock.page() is None:
+            clock.follow(page_at(self.loopback_port))
         print(f"tracker: {self.system}{where}, for {', '.join(bodies)}", flush=True)
         kind = BearingsTracker if self.of_bearings else Poses
         kind(

@@ -114,7 +114,7 @@ class Up(PageOptions):
             tempfile.TemporaryDirectory(prefix="quadlab-") as run_folder,
             contextlib.nullcontext()
             if self.real_time or self.tracker
-            else _lockstep(fleet, Path(run_folder)),
+            else _lockstep(fleet, Path(run_folder), self.link_port),
         ):
             if self.tracker:
                 print("quadlab: in real time, as poses come by quadlab tracker", flush=True)
@@ -303,9 +303,9 @@ class _Progress:
 
 
 @contextlib.contextmanager
-def _lockstep(fleet: SimulatedFleet, folder: Path) -> Iterator[None]:
+def _lockstep(fleet: SimulatedFleet, folder: Path, port: int) -> Iterator[None]:
     """Provide one clock for this process and all children."""
-    page = Page(fleet.names, folder)
+    page = Page(fleet.names, folder, port)
     os.environ[clock.VARIABLE] = str(page.path)
     try:
         clock.follow(page.path)

@@ -10,7 +10,7 @@ import pytest
 
 from quadrotor.errors import StorageError
 from vehicle_link import clock
-from vehicle_link.lockstep import Page, Part, words_of
+from vehicle_link.lockstep import PREFIX, SHARED_MEMORY, Page, Part, page_at, words_of
 
 SECOND = 1_000_000_000
 
@@ -104,12 +104,13 @@ def test_each_part_tells_of_its_own_vehicle(words: memoryview) -> None:
         part = Part(name)
         assert part.in_lockstep
         part.answered(1, 10 * number)
+        part.served(100 * number)
         part.truth(number + words[clock.EPOCH])
     first, second = words_of(words, "quad1"), words_of(words, "quad2")
     assert first is not None
     assert second is not None
-    assert first.tolist() == [0, 10, 1, 0, 0, 0, 0, 0]
-    assert second.tolist() == [0, 20, 2, 0, 0, 0, 0, 0]
+    assert first.tolist() == [0, 10, 1, 0, 0, 0, 0, 0, 100]
+    assert second.tolist() == [0, 20, 2, 0, 0, 0, 0, 0, 200]
     assert words_of(words, "quad3") is None
     assert not Part("quad3").in_lockstep
 
@@ -121,6 +122,22 @@ def test_a_page_that_is_none_is_refused_with_what_to_try(tmp_path: Path) -> None
     empty.touch()
     with pytest.raises(StorageError, match=clock.VARIABLE):
         clock.open_page(empty)
+
+
+def test_a_page_is_found_by_its_port_while_its_owner_lives(tmp_path: Path) -> None:
+    port = 60_001
+    assert page_at(port) is None
+    made = Page(["quad1"], tmp_path, port)
+    if made.path.parent == SHARED_MEMORY:
+        assert page_at(port) == made.path
+    assert page_at(port + 1) is None
+    made.close()
+    left = SHARED_MEMORY / f"{PREFIX}{port}-left"  # of one that was killed
+    left.touch()
+    try:
+        assert page_at(port) is None
+    finally:
+        left.unlink()
 
 
 def test_nothing_is_left_behind(tmp_path: Path) -> None:

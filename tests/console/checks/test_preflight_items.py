@@ -67,6 +67,7 @@ FAILING: list[tuple[str, dict[str, Any], str]] = [
     ("level and still", {"airborne": True}, "in the air"),
     ("tracked body", {"gravity_off": math.radians(90.0)}, "90° off"),
     ("tracked body", {"gravity_off": math.pi}, "180° off"),
+    ("tracked body", {"body_turn": math.radians(90.0)}, "turned by +90° about the vertical"),
     ("flight volume", {"position_w": (3.5, 0.0, 0.0)}, "3.50"),
     ("flight volume", {"position_w": (0.0, -4.0, 0.0)}, "-4.00"),
     ("flight volume", {"position_w": (0.0, 0.0, 3.2)}, "3.20"),
