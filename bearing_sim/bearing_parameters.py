@@ -26,105 +26,55 @@ class BearingParameters(Parameters):
 
     model_config = ConfigDict(validate_assignment=True)
 
-    layout: str = parameter(
-        "paper",
-        description="positions of the beacons: paper, wide, eight, ceiling, wall, "
-        "or 'id x y z; …' in m",
-    )
-    lost: str = parameter(
-        "", description="ids of beacons that are dark, like '2' or '1 3'; 'all' of them"
-    )
-    rate: float = parameter(30.0, unit="Hz", ge=1, le=120, step=1, description="frames a second")
-    sigma: float = parameter(
-        1.5,
-        unit="deg",
-        ge=0.05,
-        le=20,
-        step=0.05,
-        description="standard deviation of the noise on each of two tangent axes",
-    )
-    distribution: str = parameter(
-        "gaussian",
-        choices=("gaussian", "student_t"),
-        description="of the noise; student_t has heavy tails at the same sigma",
-    )
-    degrees_of_freedom: float = parameter(
-        4.0, ge=2.1, le=100, step=0.1, description="of student_t; the fewer, the heavier its tails"
-    )
-    mount_roll: float = parameter(
-        0.0,
-        unit="deg",
-        ge=-180,
-        le=180,
-        step=1,
-        description="turn of the sensor about body x; its axis is the body's -z axis at 0, 0, 0",
-    )
-    mount_pitch: float = parameter(
-        0.0, unit="deg", ge=-180, le=180, step=1, description="turn of the sensor about body y"
-    )
-    mount_yaw: float = parameter(
-        0.0, unit="deg", ge=-180, le=180, step=1, description="turn of the sensor about body z"
-    )
-    field_of_view: float = parameter(
-        360.0, unit="deg", ge=10, le=360, step=5, description="full angle about the sensor's axis"
-    )
-    range_min: float = parameter(
-        0.05, unit="m", ge=0.01, le=10, step=0.01, description="nearer beacons are not seen"
-    )
-    range_max: float = parameter(
-        20.0, unit="m", ge=0.1, le=100, step=0.1, description="beacons farther away are not seen"
-    )
-    occlusion: float = parameter(
-        0.0, ge=0, le=1, step=0.01, description="share of the time each beacon is hidden, in spells"
-    )
-    occlusion_spell: float = parameter(
-        0.5, unit="s", ge=0.02, le=30, step=0.02, description="how long a beacon stays hidden"
-    )
-    drop_out: float = parameter(
-        0.0, ge=0, le=1, step=0.01, description="share of single bearings lost"
-    )
-    swap: float = parameter(
-        0.0, ge=0, le=1, step=0.01, description="share of frames with two identities exchanged"
-    )
-    bias_x: float = parameter(
-        0.0,
-        unit="deg",
-        ge=-20,
-        le=20,
-        step=0.1,
-        description="constant turn of all bearings, body x of its rotation vector",
-    )
-    bias_y: float = parameter(
-        0.0, unit="deg", ge=-20, le=20, step=0.1, description="body y of that rotation vector"
-    )
-    bias_z: float = parameter(
-        0.0, unit="deg", ge=-20, le=20, step=0.1, description="body z of that rotation vector"
-    )
-    beacon_bias: str = parameter(
-        "",
-        description="constant turn of single beacons' bearings: 'id x y z; id x y z; …', the "
-        "rotation vector in body axes, deg, like '2 5 0 0'",
-    )
-    delay: float = parameter(
-        0.0, unit="s", ge=0, le=0.5, step=0.001, description="from the frame to its arrival"
-    )
-    stamp_error: float = parameter(
-        0.0,
-        unit="s",
-        ge=-0.1,
-        le=0.1,
-        step=0.001,
-        description="by which frames are stamped too late; below 0 too early",
-    )
-    jitter: float = parameter(
-        0.0,
-        unit="s",
-        ge=0,
-        le=0.5,
-        step=0.001,
-        description="further delay at random, 0 to this; frames stay in order",
-    )
-    seed: int = parameter(2, ge=0, le=2**31 - 1, step=1, description="of the noise")
+    layout: str = parameter("paper")
+    """positions of the beacons: paper, wide, eight, ceiling, wall, or 'id x y z; …' in m"""
+    lost: str = parameter("")
+    """ids of beacons that are dark, like '2' or '1 3'; 'all' of them"""
+    rate: float = parameter(30.0, unit="Hz", ge=1, le=120, step=1)
+    """frames a second"""
+    sigma: float = parameter(1.5, unit="deg", ge=0.05, le=20, step=0.05)
+    """standard deviation of the noise on each of two tangent axes"""
+    distribution: str = parameter("gaussian", choices=("gaussian", "student_t"))
+    """of the noise; student_t has heavy tails at the same sigma"""
+    degrees_of_freedom: float = parameter(4.0, ge=2.1, le=100, step=0.1)
+    """of student_t; the fewer, the heavier its tails"""
+    mount_roll: float = parameter(0.0, unit="deg", ge=-180, le=180, step=1)
+    """turn of the sensor about body x; its axis is the body's -z axis at 0, 0, 0"""
+    mount_pitch: float = parameter(0.0, unit="deg", ge=-180, le=180, step=1)
+    """turn of the sensor about body y"""
+    mount_yaw: float = parameter(0.0, unit="deg", ge=-180, le=180, step=1)
+    """turn of the sensor about body z"""
+    field_of_view: float = parameter(360.0, unit="deg", ge=10, le=360, step=5)
+    """full angle about the sensor's axis"""
+    range_min: float = parameter(0.05, unit="m", ge=0.01, le=10, step=0.01)
+    """nearer beacons are not seen"""
+    range_max: float = parameter(20.0, unit="m", ge=0.1, le=100, step=0.1)
+    """beacons farther away are not seen"""
+    occlusion: float = parameter(0.0, ge=0, le=1, step=0.01)
+    """share of the time each beacon is hidden, in spells"""
+    occlusion_spell: float = parameter(0.5, unit="s", ge=0.02, le=30, step=0.02)
+    """how long a beacon stays hidden"""
+    drop_out: float = parameter(0.0, ge=0, le=1, step=0.01)
+    """share of single bearings lost"""
+    swap: float = parameter(0.0, ge=0, le=1, step=0.01)
+    """share of frames with two identities exchanged"""
+    bias_x: float = parameter(0.0, unit="deg", ge=-20, le=20, step=0.1)
+    """constant turn of all bearings, body x of its rotation vector"""
+    bias_y: float = parameter(0.0, unit="deg", ge=-20, le=20, step=0.1)
+    """body y of that rotation vector"""
+    bias_z: float = parameter(0.0, unit="deg", ge=-20, le=20, step=0.1)
+    """body z of that rotation vector"""
+    beacon_bias: str = parameter("")
+    """constant turn of single beacons' bearings: 'id x y z; id x y z; …', the rotation vector in
+    body axes, deg, like '2 5 0 0'"""
+    delay: float = parameter(0.0, unit="s", ge=0, le=0.5, step=0.001)
+    """from the frame to its arrival"""
+    stamp_error: float = parameter(0.0, unit="s", ge=-0.1, le=0.1, step=0.001)
+    """by which frames are stamped too late; below 0 too early"""
+    jitter: float = parameter(0.0, unit="s", ge=0, le=0.5, step=0.001)
+    """further delay at random, 0 to this; frames stay in order"""
+    seed: int = parameter(2, ge=0, le=2**31 - 1, step=1)
+    """of the noise"""
 
     def check_together(self) -> None:
         if self.range_min > self.range_max:

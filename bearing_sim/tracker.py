@@ -18,43 +18,28 @@ from quadrotor.tracked_body import TrackedBody
 class TrackerParameters(Parameters):
     """The tracking system of the simulated laboratory."""
 
-    rate: float = parameter(100.0, unit="Hz", ge=1, le=500, step=1, description="poses a second")
-    position_noise: float = parameter(
-        0.001, unit="m", ge=0, le=0.5, step=0.0005, description="standard deviation on each axis"
-    )
-    attitude_noise: float = parameter(
-        0.2, unit="deg", ge=0, le=20, step=0.05, description="standard deviation on each body axis"
-    )
-    delay: float = parameter(
-        0.0,
-        unit="s",
-        ge=0,
-        le=0.5,
-        step=0.001,
-        description="from the pose being true to its arrival",
-    )
-    drop_out: float = parameter(0.0, ge=0, le=1, step=0.01, description="share of poses lost")
-    stamp_error: float = parameter(
-        0.0,
-        unit="s",
-        ge=-0.1,
-        le=0.1,
-        step=0.001,
-        description="by which poses are stamped too late; below 0 too early",
-    )
-    outliers: float = parameter(
-        0.0, ge=0, le=1, step=0.005, description="share of poses that are outliers"
-    )
-    outlier_position: float = parameter(
-        0.5, unit="m", ge=0, le=10, step=0.1, description="how far an outlier is off, anywhere"
-    )
-    outlier_attitude: float = parameter(
-        0.0, unit="deg", ge=0, le=180, step=5, description="how far an outlier is turned, anyhow"
-    )
-    positions_only: bool = parameter(
-        False, description="a single marker is tracked: positions without attitude"
-    )
-    seed: int = parameter(1, ge=0, le=2**31 - 1, step=1, description="of the noise")
+    rate: float = parameter(100.0, unit="Hz", ge=1, le=500, step=1)
+    """poses a second"""
+    position_noise: float = parameter(0.001, unit="m", ge=0, le=0.5, step=0.0005)
+    """standard deviation on each axis"""
+    attitude_noise: float = parameter(0.2, unit="deg", ge=0, le=20, step=0.05)
+    """standard deviation on each body axis"""
+    delay: float = parameter(0.0, unit="s", ge=0, le=0.5, step=0.001)
+    """from the pose being true to its arrival"""
+    drop_out: float = parameter(0.0, ge=0, le=1, step=0.01)
+    """share of poses lost"""
+    stamp_error: float = parameter(0.0, unit="s", ge=-0.1, le=0.1, step=0.001)
+    """by which poses are stamped too late; below 0 too early"""
+    outliers: float = parameter(0.0, ge=0, le=1, step=0.005)
+    """share of poses that are outliers"""
+    outlier_position: float = parameter(0.5, unit="m", ge=0, le=10, step=0.1)
+    """how far an outlier is off, anywhere"""
+    outlier_attitude: float = parameter(0.0, unit="deg", ge=0, le=180, step=5)
+    """how far an outlier is turned, anyhow"""
+    positions_only: bool = parameter(False)
+    """a single marker is tracked: positions without attitude"""
+    seed: int = parameter(1, ge=0, le=2**31 - 1, step=1)
+    """of the noise"""
     body: TrackedBody = TrackedBody()
 
 

@@ -77,153 +77,77 @@ class AttitudeGains(Parameters):
     kw_z: float = _gain(5.0, 20.0, "1/s", "angular velocity gain, yaw")
     ki_xy: float = _gain(10.0, 50.0, "1/s³", "attitude integral gain, roll and pitch")
     ki_z: float = _gain(2.0, 20.0, "1/s³", "attitude integral gain, yaw")
-    rates: str = parameter(
-        "nominal",
-        choices=RATES,
-        description="desired angular velocity from the nominal force (as the paper) or from the "
-        "exact one (75° of phase margin instead of 31°, softer against a constant force)",
-    )
+    rates: str = parameter("nominal", choices=RATES)
+    """desired angular velocity from the nominal force (as the paper) or from the exact one (75° of
+    phase margin instead of 31°, softer against a constant force)"""
 
 
 class ControlLimits(Parameters):
     """The limits of what the laws may ask for."""
 
-    tilt_max: float = parameter(
-        45.0,
-        unit="°",
-        ge=5.0,
-        le=70.0,
-        step=1.0,
-        flight_step=15.0,
-        description="largest tilt of the desired force",
-    )
-    position_integral_max: float = parameter(
-        1.0, unit="m s", ge=0.0, le=5.0, step=0.05, description="bound of each axis of ∫e_p"
-    )
-    attitude_integral_max: float = parameter(
-        0.3, unit="rad s", ge=0.0, le=2.0, step=0.01, description="bound of each axis of ∫e_R"
-    )
-    yaw_torque_max: float = parameter(
-        0.1,
-        unit="N m",
-        ge=0.01,
-        le=1.0,
-        step=0.01,
-        description="largest yaw torque; more would scale roll and pitch down with it",
-    )
+    tilt_max: float = parameter(45.0, unit="°", ge=5.0, le=70.0, step=1.0, flight_step=15.0)
+    """largest tilt of the desired force"""
+    position_integral_max: float = parameter(1.0, unit="m s", ge=0.0, le=5.0, step=0.05)
+    """bound of each axis of ∫e_p"""
+    attitude_integral_max: float = parameter(0.3, unit="rad s", ge=0.0, le=2.0, step=0.01)
+    """bound of each axis of ∫e_R"""
+    yaw_torque_max: float = parameter(0.1, unit="N m", ge=0.01, le=1.0, step=0.01)
+    """largest yaw torque; more would scale roll and pitch down with it"""
 
 
 class DisturbanceParameters(Parameters):
     """Settings of the disturbance observer, and whether the law takes off what it finds."""
 
-    force: bool = parameter(
-        False,
-        description="take the disturbing force found (wind, payload, weak motors) off the desired "
-        "one; faded in and out",
-    )
-    torque: bool = parameter(
-        False,
-        description="take the disturbing torque found (a weak motor, a load off the centre) off "
-        "the one of the law; faded in and out",
-    )
+    force: bool = parameter(False)
+    """take the disturbing force found (wind, payload, weak motors) off the desired one; faded in
+    and out"""
+    torque: bool = parameter(False)
+    """take the disturbing torque found (a weak motor, a load off the centre) off the one of the
+    law; faded in and out"""
     force_bandwidth: float = parameter(
-        14.0,
-        unit="rad/s",
-        ge=0.1,
-        le=20.0,
-        step=0.1,
-        flight_step=5.0,
-        description="low pass of the force found",
+        14.0, unit="rad/s", ge=0.1, le=20.0, step=0.1, flight_step=5.0
     )
+    """low pass of the force found"""
     torque_bandwidth: float = parameter(
-        0.8,
-        unit="rad/s",
-        ge=0.05,
-        le=15.0,
-        step=0.05,
-        flight_step=3.0,
-        description="low pass of the torque found; costs margin at the motors",
+        0.8, unit="rad/s", ge=0.05, le=15.0, step=0.05, flight_step=3.0
     )
-    force_max: float = parameter(
-        4.0,
-        unit="N",
-        ge=0.0,
-        le=10.0,
-        step=0.1,
-        flight_step=2.0,
-        description="largest force taken off, each world axis",
-    )
-    torque_max: float = parameter(
-        0.2,
-        unit="N m",
-        ge=0.0,
-        le=1.0,
-        step=0.01,
-        flight_step=0.2,
-        description="largest torque taken off, each body axis",
-    )
-    fade: float = parameter(
-        1.0,
-        unit="s",
-        ge=0.1,
-        le=10.0,
-        step=0.1,
-        description="time to fade in after take-off or switching on, and out after switching off; "
-        "at least three time constants of the low pass",
-    )
+    """low pass of the torque found; costs margin at the motors"""
+    force_max: float = parameter(4.0, unit="N", ge=0.0, le=10.0, step=0.1, flight_step=2.0)
+    """largest force taken off, each world axis"""
+    torque_max: float = parameter(0.2, unit="N m", ge=0.0, le=1.0, step=0.01, flight_step=0.2)
+    """largest torque taken off, each body axis"""
+    fade: float = parameter(1.0, unit="s", ge=0.1, le=10.0, step=0.1)
+    """time to fade in after take-off or switching on, and out after switching off; at least three
+    time constants of the low pass"""
 
 
 class PluginBounds(Parameters):
     """Bounds beyond which an external law is disengaged, and where one over UDP answers."""
 
-    thrust_max: float = parameter(
-        0.5,
-        ge=0.05,
-        le=2.0,
-        step=0.05,
-        description="largest difference of thrust from the built-in law's, in weights",
-    )
-    torque_max: float = parameter(
-        0.5,
-        unit="N m",
-        ge=0.05,
-        le=5.0,
-        step=0.05,
-        description="largest difference of torque from the built-in law's, about each axis",
-    )
-    tilt_max: float = parameter(
-        20.0,
-        unit="°",
-        ge=2.0,
-        le=60.0,
-        step=1.0,
-        description="largest tilt away from the built-in law's desired attitude",
-    )
-    distance_max: float = parameter(
-        0.5, unit="m", ge=0.05, le=5.0, step=0.05, description="largest distance from the reference"
-    )
-    udp_peer: str = parameter(
-        "127.0.0.1:9101", description="ADDRESS:PORT (IPv4) of the program that is the law `udp`"
-    )
-    udp_port: int = parameter(
-        9102, ge=1024, le=65535, description="port of the vehicle that it answers to"
-    )
+    thrust_max: float = parameter(0.5, ge=0.05, le=2.0, step=0.05)
+    """largest difference of thrust from the built-in law's, in weights"""
+    torque_max: float = parameter(0.5, unit="N m", ge=0.05, le=5.0, step=0.05)
+    """largest difference of torque from the built-in law's, about each axis"""
+    tilt_max: float = parameter(20.0, unit="°", ge=2.0, le=60.0, step=1.0)
+    """largest tilt away from the built-in law's desired attitude"""
+    distance_max: float = parameter(0.5, unit="m", ge=0.05, le=5.0, step=0.05)
+    """largest distance from the reference"""
+    udp_peer: str = parameter("127.0.0.1:9101")
+    """ADDRESS:PORT (IPv4) of the program that is the law `udp`"""
+    udp_port: int = parameter(9102, ge=1024, le=65535)
+    """port of the vehicle that it answers to"""
 
 
 class ControlParameters(Parameters):
     """The parameters of the controller."""
 
-    law: str = parameter(
-        GEOMETRIC,
-        description="geometric (the paper's), near_hovering (its linear form), udp (a program that "
-        "answers over UDP), or a file of the folder plugins without its ending; changed on the "
-        "ground, in flight only between geometric and a law that runs beside it",
-    )
-    shadow_law: str = parameter(
-        NONE,
-        description="an external law (udp or a file of plugins) that runs beside the one in "
-        "use and is compared with it; none: no law",
-    )
+    law: str = parameter(GEOMETRIC)
+    """geometric (the paper's), near_hovering (its linear form), udp (a program that answers over
+    UDP), or a file of the folder plugins without its ending; changed on the ground, in flight only
+    between geometric and a law that runs beside it"""
+    shadow_law: str = parameter(NONE)
+    """an external law (udp or a file of plugins) that runs beside the one in use and is compared
+    with it; none: no law"""
     position: PositionGains = PositionGains()
     attitude: AttitudeGains = AttitudeGains()
     limits: ControlLimits = ControlLimits()

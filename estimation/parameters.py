@@ -39,15 +39,8 @@ ESTIMATION_GAINS = np.dtype(
 class TrackerCalibration(TrackedBody):
     """The tracker's calibration, found by the experiments `tracker_delay` and `tracker_body`."""
 
-    delay: float = parameter(
-        0.0,
-        unit="s",
-        ge=-0.1,
-        le=0.15,
-        step=0.001,
-        flight_step=0.01,
-        description="by which the tracker's poses are stamped too late; taken off their stamps",
-    )
+    delay: float = parameter(0.0, unit="s", ge=-0.1, le=0.15, step=0.001, flight_step=0.01)
+    """by which the tracker's poses are stamped too late; taken off their stamps"""
 
     def measured(self, pose: Record) -> Record:
         """Return the vehicle's POSE_SAMPLE (1,) of the tracked body's."""
@@ -65,144 +58,46 @@ class EstimationParameters(Parameters):
     tracker.
     """
 
-    estimator: str = parameter(
-        "complementary",
-        choices=("complementary", "error_state"),
-        description="what the vehicle flies on; in flight only the shadow may be chosen",
-    )
-    shadow: str = parameter(
-        "none",
-        choices=("none", "complementary", "error_state"),
-        description="second estimator, run in parallel, for comparison or to take over",
-    )
-    shadow_source: str = parameter(
-        "same",
-        choices=("same", "poses", "bearings", "both"),
-        description="measurements of the shadow; on bearings it may be handed over to in flight",
-    )
-    rescue: bool = parameter(
-        True,
-        description="a shadow on the same measurements takes over from an error-state filter that "
-        "is inconsistent and hands back; on poses the complementary one runs beside it for that",
-    )
-    source: str = parameter(
-        "poses",
-        choices=("poses", "bearings", "both"),
-        description="measurements used: the tracker's poses, bearings to beacons, or both",
-    )
+    estimator: str = parameter("complementary", choices=("complementary", "error_state"))
+    """what the vehicle flies on; in flight only the shadow may be chosen"""
+    shadow: str = parameter("none", choices=("none", "complementary", "error_state"))
+    """second estimator, run in parallel, for comparison or to take over"""
+    shadow_source: str = parameter("same", choices=("same", "poses", "bearings", "both"))
+    """measurements of the shadow; on bearings it may be handed over to in flight"""
+    rescue: bool = parameter(True)
+    """a shadow on the same measurements takes over from an error-state filter that is inconsistent
+    and hands back; on poses the complementary one runs beside it for that"""
+    source: str = parameter("poses", choices=("poses", "bearings", "both"))
+    """measurements used: the tracker's poses, bearings to beacons, or both"""
 
-    position_bandwidth: float = parameter(
-        8.0,
-        unit="rad/s",
-        ge=0.5,
-        le=200.0,
-        step=0.1,
-        description="double pole of position and velocity, eq. 11 (the paper's gains: 63.15)",
-    )
-    accelerometer_bias_bandwidth: float = parameter(
-        0.3,
-        unit="rad/s",
-        ge=0.0,
-        le=10.0,
-        step=0.05,
-        description="pole of the accelerometer bias; 0 holds the bias",
-    )
-    attitude_bandwidth: float = parameter(
-        3.0,
-        unit="rad/s",
-        ge=0.05,
-        le=200.0,
-        step=0.1,
-        description="K_est,q of eq. 12 (the paper's: 62.8)",
-    )
-    gyroscope_bias_bandwidth: float = parameter(
-        0.2,
-        unit="rad/s",
-        ge=0.0,
-        le=10.0,
-        step=0.05,
-        description="pole of the gyroscope bias; 0 holds the bias, as the paper does",
-    )
-    rate_low_pass: float = parameter(
-        150.0,
-        unit="Hz",
-        ge=1.0,
-        le=1000.0,
-        step=1.0,
-        description="cut-off of the angular velocity's low-pass",
-    )
-    rate_notch: float = parameter(
-        0.0,
-        unit="Hz",
-        ge=0.0,
-        le=400.0,
-        step=1.0,
-        description="frequency taken out of the angular velocity, as the rotors'; 0: none",
-    )
-    rate_notch_width: float = parameter(
-        20.0,
-        unit="Hz",
-        ge=2.0,
-        le=100.0,
-        step=1.0,
-        description="width of that notch at half power; it delays by width/(2π notch²)",
-    )
-    norm_penalty: float = parameter(
-        10.0,
-        unit="1/s",
-        ge=0.0,
-        le=1000.0,
-        step=1.0,
-        description="pull of the estimated quaternion to unit length, lambda under eq. 12",
-    )
-    measurement_timeout: float = parameter(
-        0.1,
-        unit="s",
-        ge=0.02,
-        le=1.0,
-        step=0.01,
-        description="age of the newest pose above which the estimate counts as predicted only",
-    )
-    accelerometer_bias_limit: float = parameter(
-        1.0,
-        unit="m/s²",
-        ge=0.0,
-        le=5.0,
-        step=0.1,
-        description="clamp of each component of the accelerometer bias",
-    )
-    gyroscope_bias_limit: float = parameter(
-        0.05,
-        unit="rad/s",
-        ge=0.0,
-        le=0.5,
-        step=0.01,
-        description="clamp of each component of the gyroscope bias",
-    )
-    pose_gate: float = parameter(
-        6.0,
-        ge=3.0,
-        le=1000.0,
-        step=0.5,
-        description="deviations of its innovation beyond which a pose is refused; 1000: never",
-    )
-    pose_position_noise: float = parameter(
-        0.01,
-        unit="m",
-        ge=0.001,
-        le=0.5,
-        step=0.001,
-        description="least deviation the gate takes for a position on each axis, errors of time "
-        "included",
-    )
-    pose_attitude_noise: float = parameter(
-        1.0,
-        unit="deg",
-        ge=0.1,
-        le=20.0,
-        step=0.1,
-        description="least deviation the gate takes for an attitude on each axis",
-    )
+    position_bandwidth: float = parameter(8.0, unit="rad/s", ge=0.5, le=200.0, step=0.1)
+    """double pole of position and velocity, eq. 11 (the paper's gains: 63.15)"""
+    accelerometer_bias_bandwidth: float = parameter(0.3, unit="rad/s", ge=0.0, le=10.0, step=0.05)
+    """pole of the accelerometer bias; 0 holds the bias"""
+    attitude_bandwidth: float = parameter(3.0, unit="rad/s", ge=0.05, le=200.0, step=0.1)
+    """K_est,q of eq. 12 (the paper's: 62.8)"""
+    gyroscope_bias_bandwidth: float = parameter(0.2, unit="rad/s", ge=0.0, le=10.0, step=0.05)
+    """pole of the gyroscope bias; 0 holds the bias, as the paper does"""
+    rate_low_pass: float = parameter(150.0, unit="Hz", ge=1.0, le=1000.0, step=1.0)
+    """cut-off of the angular velocity's low-pass"""
+    rate_notch: float = parameter(0.0, unit="Hz", ge=0.0, le=400.0, step=1.0)
+    """frequency taken out of the angular velocity, as the rotors'; 0: none"""
+    rate_notch_width: float = parameter(20.0, unit="Hz", ge=2.0, le=100.0, step=1.0)
+    """width of that notch at half power; it delays by width/(2π notch²)"""
+    norm_penalty: float = parameter(10.0, unit="1/s", ge=0.0, le=1000.0, step=1.0)
+    """pull of the estimated quaternion to unit length, lambda under eq. 12"""
+    measurement_timeout: float = parameter(0.1, unit="s", ge=0.02, le=1.0, step=0.01)
+    """age of the newest pose above which the estimate counts as predicted only"""
+    accelerometer_bias_limit: float = parameter(1.0, unit="m/s²", ge=0.0, le=5.0, step=0.1)
+    """clamp of each component of the accelerometer bias"""
+    gyroscope_bias_limit: float = parameter(0.05, unit="rad/s", ge=0.0, le=0.5, step=0.01)
+    """clamp of each component of the gyroscope bias"""
+    pose_gate: float = parameter(6.0, ge=3.0, le=1000.0, step=0.5)
+    """deviations of its innovation beyond which a pose is refused; 1000: never"""
+    pose_position_noise: float = parameter(0.01, unit="m", ge=0.001, le=0.5, step=0.001)
+    """least deviation the gate takes for a position on each axis, errors of time included"""
+    pose_attitude_noise: float = parameter(1.0, unit="deg", ge=0.1, le=20.0, step=0.1)
+    """least deviation the gate takes for an attitude on each axis"""
     tracker: TrackerCalibration = TrackerCalibration()
     error_state: ErrorStateParameters = ErrorStateParameters()
 

@@ -22,9 +22,12 @@ ParameterValue = bool | int | float | str
 
 
 class Parameters(BaseModel):
-    """Base of every component's parameters; fields are made with `parameter`."""
+    """Base of every component's parameters.
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    Fields are made with `parameter`; the docstring below a field is its description.
+    """
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
     def check_together(self) -> None:
         """Check what no field can check alone; a store calls it when all values of a change are in
@@ -37,7 +40,7 @@ class Parameters(BaseModel):
 def parameter(
     default: ParameterValue,
     *,
-    description: str,
+    description: str | None = None,
     unit: str = "",
     ge: float | None = None,
     le: float | None = None,
@@ -51,6 +54,7 @@ def parameter(
     Vectors are written as named scalars (`kp_xy`, `kp_z`): each has its own bounds and slider.
 
     Args:
+        description: instead of a docstring below the field.
         flight_step: of a float that acts on the motors at once: largest change in flight.
     """
     extra: dict[str, Any] = {"unit": unit, "step": step, "read_only": read_only}
@@ -258,6 +262,8 @@ def _describe(name: str, field: FieldInfo) -> ParameterDescription:
     extra = field.json_schema_extra
     if not isinstance(extra, dict):
         raise TypeError(f"{name} was not made with quadrotor.parameters.parameter")
+    if not field.description:
+        raise TypeError(f"{name} has no description: write a docstring below it")
     bounds: dict[str, float] = {}
     for constraint in field.metadata:
         for key in ("ge", "le"):
@@ -272,7 +278,7 @@ def _describe(name: str, field: FieldInfo) -> ParameterDescription:
         name=name,
         type=kind,
         default=field.default,
-        description=field.description or "",
+        description=" ".join(field.description.split()),
         unit=str(extra.get("unit", "")),
         minimum=bounds.get("ge"),
         maximum=bounds.get("le"),

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import linecache
 import sys
 import traceback
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import TypeVar
 
 from quadrotor.errors import QuadlabError, StorageError
@@ -33,9 +34,17 @@ def run_file(path: Path, prefix: str, mistake: type[QuadlabError]) -> ModuleType
     module = ModuleType(f"{prefix}_file_{path.stem}")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # where dataclasses and pickles look for it
-    code = told(path, lambda: compile(source, str(path), "exec"), mistake)
+    code = told(path, lambda: compile_source(path, source), mistake)
     told(path, lambda: exec(code, vars(module)), mistake)
     return module
+
+
+def compile_source(path: Path, source: str) -> CodeType:
+    """Return the code of a file with this source, and keep the source for tracebacks and for the
+    docstrings of fields: the file may have changed since. Raises SyntaxError.
+    """
+    linecache.cache[str(path)] = (len(source), None, source.splitlines(keepends=True), str(path))
+    return compile(source, str(path), "exec")
 
 
 def told(path: Path, what: Callable[[], T], mistake: type[QuadlabError]) -> T:

@@ -41,130 +41,52 @@ MODEL = np.dtype(
 class VehicleModel(Parameters):
     """The model that the controller believes of the vehicle."""
 
-    mass: float = parameter(
-        1.308, unit="kg", ge=0.5, le=2.4, step=0.001, flight_step=0.2, description="total mass"
-    )
+    mass: float = parameter(1.308, unit="kg", ge=0.5, le=2.4, step=0.001, flight_step=0.2)
+    """total mass"""
     inertia_xx: float = parameter(
-        0.0154,
-        unit="kg m²",
-        ge=0.001,
-        le=0.1,
-        step=0.0001,
-        flight_step=0.005,
-        description="inertia about body x",
+        0.0154, unit="kg m²", ge=0.001, le=0.1, step=0.0001, flight_step=0.005
     )
+    """inertia about body x"""
     inertia_yy: float = parameter(
-        0.0154,
-        unit="kg m²",
-        ge=0.001,
-        le=0.1,
-        step=0.0001,
-        flight_step=0.005,
-        description="inertia about body y",
+        0.0154, unit="kg m²", ge=0.001, le=0.1, step=0.0001, flight_step=0.005
     )
+    """inertia about body y"""
     inertia_zz: float = parameter(
-        0.0250,
-        unit="kg m²",
-        ge=0.001,
-        le=0.2,
-        step=0.0001,
-        flight_step=0.01,
-        description="inertia about body z",
+        0.025, unit="kg m²", ge=0.001, le=0.2, step=0.0001, flight_step=0.01
     )
-    arm: float = parameter(
-        0.25,
-        unit="m",
-        ge=0.05,
-        le=1.0,
-        step=0.001,
-        flight_step=0.05,
-        description="rotor axis to centre, l of eq. 1",
-    )
+    """inertia about body z"""
+    arm: float = parameter(0.25, unit="m", ge=0.05, le=1.0, step=0.001, flight_step=0.05)
+    """rotor axis to centre, l of eq. 1"""
     torque_ratio: float = parameter(
-        0.0174,
-        unit="m",
-        ge=0.001,
-        le=0.1,
-        step=0.0001,
-        flight_step=0.004,
-        description="torque per thrust, c of eq. 1",
+        0.0174, unit="m", ge=0.001, le=0.1, step=0.0001, flight_step=0.004
     )
-    motor_time_constant: float = parameter(
-        0.047, unit="s", ge=0.001, le=0.5, step=0.001, description="first-order lag of rotor speed"
-    )
-    drag: float = parameter(
-        0.0,
-        unit="N s/m",
-        ge=0.0,
-        le=2.0,
-        step=0.01,
-        flight_step=0.2,
-        description="linear drag, fed forward by the reference's velocity; 0: none. The experiment "
-        "`drag` finds it",
-    )
-    drag_lever: float = parameter(
-        0.0,
-        unit="m",
-        ge=-0.1,
-        le=0.3,
-        step=0.001,
-        flight_step=0.05,
-        description="height over the centre of mass at which the drag acts; its torque lifts the "
-        "leading side, as flapping blades do. The experiment `drag` finds it",
-    )
+    """torque per thrust, c of eq. 1"""
+    motor_time_constant: float = parameter(0.047, unit="s", ge=0.001, le=0.5, step=0.001)
+    """first-order lag of rotor speed"""
+    drag: float = parameter(0.0, unit="N s/m", ge=0.0, le=2.0, step=0.01, flight_step=0.2)
+    """linear drag, fed forward by the reference's velocity; 0: none. The experiment `drag` finds
+    it"""
+    drag_lever: float = parameter(0.0, unit="m", ge=-0.1, le=0.3, step=0.001, flight_step=0.05)
+    """height over the centre of mass at which the drag acts; its torque lifts the leading side, as
+    flapping blades do. The experiment `drag` finds it"""
     motor_slope: float = parameter(
-        0.0126403,
-        unit="√N",
-        ge=0.001,
-        le=0.1,
-        step=1e-7,
-        flight_step=0.001,
-        description="√thrust per reference count",
+        0.0126403, unit="√N", ge=0.001, le=0.1, step=1e-07, flight_step=0.001
     )
-    motor_offset: float = parameter(
-        14.267,
-        unit="count",
-        ge=-50,
-        le=50,
-        step=0.01,
-        flight_step=5.0,
-        description="offset of the affine motor law",
-    )
-    battery_nominal: float = parameter(
-        15.2,
-        unit="V",
-        ge=5.0,
-        le=30.0,
-        step=0.1,
-        flight_step=1.0,
-        description="battery voltage of the motor law",
-    )
-    battery_exponent: float = parameter(
-        0.0,
-        ge=0.0,
-        le=1.5,
-        step=0.05,
-        flight_step=0.25,
-        description="rotor speed follows voltage to this power; 0: not compensated",
-    )
+    """√thrust per reference count"""
+    motor_offset: float = parameter(14.267, unit="count", ge=-50, le=50, step=0.01, flight_step=5.0)
+    """offset of the affine motor law"""
+    battery_nominal: float = parameter(15.2, unit="V", ge=5.0, le=30.0, step=0.1, flight_step=1.0)
+    """battery voltage of the motor law"""
+    battery_exponent: float = parameter(0.0, ge=0.0, le=1.5, step=0.05, flight_step=0.25)
+    """rotor speed follows voltage to this power; 0: not compensated"""
     motor_reference_min: float = parameter(
-        30.0,
-        unit="count",
-        ge=0,
-        le=100,
-        step=1,
-        flight_step=20.0,
-        description="smallest reference in flight",
+        30.0, unit="count", ge=0, le=100, step=1, flight_step=20.0
     )
+    """smallest reference in flight"""
     motor_reference_max: float = parameter(
-        180.0,
-        unit="count",
-        ge=100,
-        le=255,
-        step=1,
-        flight_step=20.0,
-        description="largest reference in flight",
+        180.0, unit="count", ge=100, le=255, step=1, flight_step=20.0
     )
+    """largest reference in flight"""
 
     def record(self, voltage: float | None = None) -> Record:
         """Return the model as one MODEL record, shape (1,).

@@ -21,111 +21,48 @@ from vehicle.safety.parameters import SafetyParameters
 class BeaconParameters(Parameters):
     """The beacons' positions, and where their bearings are good enough to fly on."""
 
-    layout: str = parameter(
-        "paper",
-        description="a preset (paper, wide, eight, ceiling, wall) or 'id x y z; id x y z; ...' "
-        "in m; not changed while bearings are flown on",
-    )
-    envelope_xy: float = parameter(
-        1.5,
-        unit="m",
-        ge=0.2,
-        le=20.0,
-        step=0.1,
-        description="bearings are flown on within this of the origin in x and in y",
-    )
-    envelope_z_max: float = parameter(
-        2.0, unit="m", ge=0.4, le=20.0, step=0.1, description="highest flight on bearings"
-    )
-    height_min: float = parameter(
-        0.3,
-        unit="m",
-        ge=0.1,
-        le=2.0,
-        step=0.05,
-        description="lowest flight on bearings, above take-off",
-    )
+    layout: str = parameter("paper")
+    """a preset (paper, wide, eight, ceiling, wall) or 'id x y z; id x y z; ...' in m; not changed
+    while bearings are flown on"""
+    envelope_xy: float = parameter(1.5, unit="m", ge=0.2, le=20.0, step=0.1)
+    """bearings are flown on within this of the origin in x and in y"""
+    envelope_z_max: float = parameter(2.0, unit="m", ge=0.4, le=20.0, step=0.1)
+    """highest flight on bearings"""
+    height_min: float = parameter(0.3, unit="m", ge=0.1, le=2.0, step=0.05)
+    """lowest flight on bearings, above take-off"""
 
 
 class FallBackParameters(Parameters):
     """The conditions under which bearings are no longer flown on; the table is docs/safety.md."""
 
-    enabled: bool = parameter(
-        True,
-        description="fall back to the tracker, or land without it, by the bounds below; "
-        "false also takes bearings that the gate would reject",
-    )
-    window: float = parameter(
-        1.0,
-        unit="s",
-        ge=0.2,
-        le=5.0,
-        step=0.1,
-        description="time over which innovations are judged",
-    )
-    gate: float = parameter(
-        5.0,
-        ge=2.0,
-        le=20.0,
-        step=0.5,
-        description="standard deviations beyond which a bearing counts as rejected",
-    )
-    rejected_max: float = parameter(
-        0.3, ge=0.05, le=1.0, step=0.05, description="largest share of rejected bearings"
-    )
-    consistency_max: float = parameter(
-        3.0,
-        ge=1.2,
-        le=20.0,
-        step=0.1,
-        description="largest mean square of the other bearings' normalised innovations",
-    )
-    age_max: float = parameter(
-        0.5, unit="s", ge=0.1, le=5.0, step=0.05, description="longest time without a frame applied"
-    )
-    position_deviation_max: float = parameter(
-        0.3,
-        unit="m",
-        ge=0.02,
-        le=5.0,
-        step=0.01,
-        description="largest deviation of position by the estimator's own covariance",
-    )
-    attitude_deviation_max: float = parameter(
-        6.0, unit="deg", ge=0.2, le=45.0, step=0.5, description="the same of attitude"
-    )
-    disagreement_max: float = parameter(
-        0.3,
-        unit="m",
-        ge=0.05,
-        le=5.0,
-        step=0.05,
-        description="largest distance from the estimate that the tracker's poses give",
-    )
-    disagreement_attitude_max: float = parameter(
-        5.0, unit="deg", ge=1.0, le=90.0, step=1.0, description="the same of attitude"
-    )
-    beacon_window: float = parameter(
-        2.0,
-        unit="s",
-        ge=0.5,
-        le=20.0,
-        step=0.5,
-        description="time over which the residuals of each beacon are averaged",
-    )
-    beacon_offset_max: float = parameter(
-        1.5,
-        unit="deg",
-        ge=0.2,
-        le=20.0,
-        step=0.1,
-        description="largest mean offset of one beacon's bearings from what the others expect",
-    )
-    exclude_beacon: bool = parameter(
-        False,
-        description="leave out a beacon whose bearings are off, as long as it is known which and "
-        "the estimator has enough others",
-    )
+    enabled: bool = parameter(True)
+    """fall back to the tracker, or land without it, by the bounds below; false also takes bearings
+    that the gate would reject"""
+    window: float = parameter(1.0, unit="s", ge=0.2, le=5.0, step=0.1)
+    """time over which innovations are judged"""
+    gate: float = parameter(5.0, ge=2.0, le=20.0, step=0.5)
+    """standard deviations beyond which a bearing counts as rejected"""
+    rejected_max: float = parameter(0.3, ge=0.05, le=1.0, step=0.05)
+    """largest share of rejected bearings"""
+    consistency_max: float = parameter(3.0, ge=1.2, le=20.0, step=0.1)
+    """largest mean square of the other bearings' normalised innovations"""
+    age_max: float = parameter(0.5, unit="s", ge=0.1, le=5.0, step=0.05)
+    """longest time without a frame applied"""
+    position_deviation_max: float = parameter(0.3, unit="m", ge=0.02, le=5.0, step=0.01)
+    """largest deviation of position by the estimator's own covariance"""
+    attitude_deviation_max: float = parameter(6.0, unit="deg", ge=0.2, le=45.0, step=0.5)
+    """the same of attitude"""
+    disagreement_max: float = parameter(0.3, unit="m", ge=0.05, le=5.0, step=0.05)
+    """largest distance from the estimate that the tracker's poses give"""
+    disagreement_attitude_max: float = parameter(5.0, unit="deg", ge=1.0, le=90.0, step=1.0)
+    """the same of attitude"""
+    beacon_window: float = parameter(2.0, unit="s", ge=0.5, le=20.0, step=0.5)
+    """time over which the residuals of each beacon are averaged"""
+    beacon_offset_max: float = parameter(1.5, unit="deg", ge=0.2, le=20.0, step=0.1)
+    """largest mean offset of one beacon's bearings from what the others expect"""
+    exclude_beacon: bool = parameter(False)
+    """leave out a beacon whose bearings are off, as long as it is known which and the estimator has
+    enough others"""
 
 
 class VehicleParameters(Parameters):

@@ -32,11 +32,9 @@ class ComparisonParameters(Parameters):
 
     model_config = ConfigDict(validate_assignment=True)
 
-    estimators: str = parameter(
-        "",
-        description="estimators run at the station on telemetry and bearings, to be compared: "
-        "words like error_state or complementary:paper, at most 6; nothing for none",
-    )
+    estimators: str = parameter("")
+    """estimators run at the station on telemetry and bearings, to be compared: words like
+    error_state or complementary:paper, at most 6; nothing for none"""
 
     @field_validator("estimators")
     @classmethod

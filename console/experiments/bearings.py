@@ -35,38 +35,24 @@ PATIENCE = 40.0
 class BearingsOptions(Parameters):
     """Options: the manoeuvre and the source of measurements."""
 
-    manoeuvre: str = parameter(
-        "hover",
-        choices=("hover", "figure_eight", "sticks", "manual"),
-        description="flown on bearings; sticks are scripted, or those of sticks_file; manual is "
-        "flown by a person from the page",
-    )
-    duration: float = parameter(
-        60.0, unit="s", ge=5.0, le=3600.0, step=1.0, description="of the manoeuvre, at least"
-    )
-    height: float = parameter(1.0, unit="m", ge=0.4, le=1.9, step=0.1, description="of take-off")
-    estimator: str = parameter(
-        "error_state",
-        choices=("error_state", "complementary"),
-        description="flown on while the tracker is not",
-    )
-    gains: str = parameter(
-        "auto",
-        choices=("auto", "as_set", *ESTIMATION_PRESETS),
-        description="of the complementary filter on bearings; auto is resolved, as_set leaves "
-        "those of estimation.*",
-    )
-    control: str = parameter(
-        "as_set",
-        choices=("as_set", *CONTROL_PRESETS),
-        description="gains of the control while on bearings; as_set leaves those of control.*",
-    )
-    sticks_file: str = parameter(
-        "", description="CSV with the columns t,forward,left,up,yaw; empty for scripted sticks"
-    )
-    sticks_seed: int = parameter(
-        1, ge=0, le=2**31 - 1, step=1, description="of the scripted sticks"
-    )
+    manoeuvre: str = parameter("hover", choices=("hover", "figure_eight", "sticks", "manual"))
+    """flown on bearings; sticks are scripted, or those of sticks_file; manual is flown by a person
+    from the page"""
+    duration: float = parameter(60.0, unit="s", ge=5.0, le=3600.0, step=1.0)
+    """of the manoeuvre, at least"""
+    height: float = parameter(1.0, unit="m", ge=0.4, le=1.9, step=0.1)
+    """of take-off"""
+    estimator: str = parameter("error_state", choices=("error_state", "complementary"))
+    """flown on while the tracker is not"""
+    gains: str = parameter("auto", choices=("auto", "as_set", *ESTIMATION_PRESETS))
+    """of the complementary filter on bearings; auto is resolved, as_set leaves those of
+    estimation.*"""
+    control: str = parameter("as_set", choices=("as_set", *CONTROL_PRESETS))
+    """gains of the control while on bearings; as_set leaves those of control.*"""
+    sticks_file: str = parameter("")
+    """CSV with the columns t,forward,left,up,yaw; empty for scripted sticks"""
+    sticks_seed: int = parameter(1, ge=0, le=2**31 - 1, step=1)
+    """of the scripted sticks"""
 
 
 class BearingsExperiment:

@@ -23,12 +23,14 @@ STEPS = 3
 class DragOptions(Parameters):
     """Options of the circles."""
 
-    radius: float = parameter(0.8, unit="m", ge=0.4, le=2.0, step=0.1, description="of the circle")
-    period: float = parameter(
-        5.0, unit="s", ge=3.0, le=15.0, step=0.5, description="of a lap: quicker shows more drag"
-    )
-    laps: int = parameter(5, ge=3, le=20, step=1, description="laps, ramps included")
-    height: float = parameter(1.2, unit="m", ge=0.8, le=1.9, step=0.1, description="of the circle")
+    radius: float = parameter(0.8, unit="m", ge=0.4, le=2.0, step=0.1)
+    """of the circle"""
+    period: float = parameter(5.0, unit="s", ge=3.0, le=15.0, step=0.5)
+    """of a lap: quicker shows more drag"""
+    laps: int = parameter(5, ge=3, le=20, step=1)
+    """laps, ramps included"""
+    height: float = parameter(1.2, unit="m", ge=0.8, le=1.9, step=0.1)
+    """of the circle"""
 
 
 class DragExperiment:

@@ -45,9 +45,8 @@ class FigureEightOptions(Parameters):
         description=f"{LAPS} laps between ramps, judged on the steady part; or rest to rest in one "
         f"lap, with a yaw amplitude of at most {YAW_MAX:g} rad",
     )
-    yaw_amplitude: float = parameter(
-        1.0, unit="rad", ge=0.0, le=1.5, step=0.1, description="of the yaw, to both sides"
-    )
+    yaw_amplitude: float = parameter(1.0, unit="rad", ge=0.0, le=1.5, step=0.1)
+    """of the yaw, to both sides"""
 
 
 class FigureEight:

@@ -27,9 +27,8 @@ KEEP_STILL = "Leave the vehicle standing still; do not touch it"
 class GyroscopeOptions(Parameters):
     """Options: the duration of the measurement."""
 
-    samples: int = parameter(
-        500, ge=50, le=5000, step=50, description="still samples averaged (Sec. 5.1)"
-    )
+    samples: int = parameter(500, ge=50, le=5000, step=50)
+    """still samples averaged (Sec. 5.1)"""
 
 
 class Gyroscope:

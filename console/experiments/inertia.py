@@ -43,19 +43,16 @@ RANDOM = ((0.12, 0.25), (0.3, 0.5), (0.3, 0.7))
 class InertiaOptions(Parameters):
     """Options of the excitation."""
 
-    excitation: str = parameter(
-        "random",
-        choices=(*SHAPES, "random"),
-        description="doublets of 0.8 s a level, of 0.4 s, or of random size and time",
-    )
-    seed: int = parameter(1, ge=0, le=2**31 - 1, step=1, description="of the random ones")
-    rounds: int = parameter(
-        2, ge=2, le=10, step=1, description="how often all three axes are excited"
-    )
-    height: float = parameter(1.2, unit="m", ge=1.0, le=1.5, step=0.1, description="of the hover")
-    size: float = parameter(
-        1.0, ge=0.3, le=1.5, step=0.1, description="of all amplitudes over the usual ones"
-    )
+    excitation: str = parameter("random", choices=(*SHAPES, "random"))
+    """doublets of 0.8 s a level, of 0.4 s, or of random size and time"""
+    seed: int = parameter(1, ge=0, le=2**31 - 1, step=1)
+    """of the random ones"""
+    rounds: int = parameter(2, ge=2, le=10, step=1)
+    """how often all three axes are excited"""
+    height: float = parameter(1.2, unit="m", ge=1.0, le=1.5, step=0.1)
+    """of the hover"""
+    size: float = parameter(1.0, ge=0.3, le=1.5, step=0.1)
+    """of all amplitudes over the usual ones"""
 
 
 class InertiaExperiment:

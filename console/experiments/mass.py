@@ -40,22 +40,16 @@ FAR = 1.6
 class MassOptions(Parameters):
     """Options of the flight."""
 
-    initial: float = parameter(
-        1.0,
-        unit="kg",
-        ge=0.5,
-        le=2.4,
-        step=0.05,
-        description="what the estimate begins with; above the true mass it jumps off the ground",
-    )
-    height: float = parameter(1.0, unit="m", ge=0.6, le=1.9, step=0.1, description="of take-off")
-    climb: float = parameter(
-        0.1, unit="m/s", ge=0.05, le=0.5, step=0.05, description="speed of the take-off"
-    )
-    duration: float = parameter(
-        30.0, unit="s", ge=0.0, le=600.0, step=1.0, description="of the erratic flight"
-    )
-    seed: int = parameter(1, ge=0, le=2**31 - 1, step=1, description="of the erratic flight")
+    initial: float = parameter(1.0, unit="kg", ge=0.5, le=2.4, step=0.05)
+    """what the estimate begins with; above the true mass it jumps off the ground"""
+    height: float = parameter(1.0, unit="m", ge=0.6, le=1.9, step=0.1)
+    """of take-off"""
+    climb: float = parameter(0.1, unit="m/s", ge=0.05, le=0.5, step=0.05)
+    """speed of the take-off"""
+    duration: float = parameter(30.0, unit="s", ge=0.0, le=600.0, step=1.0)
+    """of the erratic flight"""
+    seed: int = parameter(1, ge=0, le=2**31 - 1, step=1)
+    """of the erratic flight"""
 
 
 class MassExperiment:

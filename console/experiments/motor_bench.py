@@ -43,18 +43,14 @@ QUESTION = (
 class MotorBenchOptions(Parameters):
     """Options: motor, references and durations, or a file."""
 
-    motor: int = parameter(
-        1, ge=1, le=4, step=1, description="1 front, 2 left, 3 rear, 4 right: the one on the sensor"
-    )
-    first: int = parameter(
-        30, unit="count", ge=20, le=150, step=5, description="the first reference"
-    )
-    last: int = parameter(
-        190, unit="count", ge=40, le=200, step=5, description="the last reference, about"
-    )
-    step: int = parameter(
-        10, unit="count", ge=1, le=50, step=1, description="from one reference to the next"
-    )
+    motor: int = parameter(1, ge=1, le=4, step=1)
+    """1 front, 2 left, 3 rear, 4 right: the one on the sensor"""
+    first: int = parameter(30, unit="count", ge=20, le=150, step=5)
+    """the first reference"""
+    last: int = parameter(190, unit="count", ge=40, le=200, step=5)
+    """the last reference, about"""
+    step: int = parameter(10, unit="count", ge=1, le=50, step=1)
+    """from one reference to the next"""
     hold: float = parameter(
         5.0,
         unit="s",
@@ -63,22 +59,13 @@ class MotorBenchOptions(Parameters):
         step=0.5,
         description=f"of each reference; its first {SETTLING:g} s do not count",
     )
-    rest: float = parameter(
-        10.0,
-        unit="s",
-        ge=0.5,
-        le=120.0,
-        step=0.5,
-        description="at low speed before each, so that the motor does not overheat",
-    )
-    rest_reference: int = parameter(
-        25, unit="count", ge=10, le=60, step=1, description="while it rests"
-    )
-    csv: str = parameter(
-        "",
-        description="a recorded file instead, with the columns time_s, reference, force_N, "
-        "torque_Nm and, with a tachometer, speed; no motor turns then",
-    )
+    rest: float = parameter(10.0, unit="s", ge=0.5, le=120.0, step=0.5)
+    """at low speed before each, so that the motor does not overheat"""
+    rest_reference: int = parameter(25, unit="count", ge=10, le=60, step=1)
+    """while it rests"""
+    csv: str = parameter("")
+    """a recorded file instead, with the columns time_s, reference, force_N, torque_Nm and, with a
+    tachometer, speed; no motor turns then"""
 
 
 class MotorBench:

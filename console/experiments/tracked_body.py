@@ -31,15 +31,10 @@ LAP = 6.0
 class TrackedBodyOptions(Parameters):
     """Options of both."""
 
-    method: str = parameter(
-        "hand",
-        choices=("hand", "air"),
-        description="turned by hand, motors off; or in the air, a figure 8, which shows the lever "
-        "arm less",
-    )
-    duration: float = parameter(
-        60.0, unit="s", ge=15.0, le=600.0, step=5.0, description="of the motion"
-    )
+    method: str = parameter("hand", choices=("hand", "air"))
+    """turned by hand, motors off; or in the air, a figure 8, which shows the lever arm less"""
+    duration: float = parameter(60.0, unit="s", ge=15.0, le=600.0, step=5.0)
+    """of the motion"""
 
 
 class TrackerDelay:

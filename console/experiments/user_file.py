@@ -23,7 +23,7 @@ from typing import Any
 from console.experiments.client import Experiment
 from quadrotor.errors import QuadlabError, UsageError
 from quadrotor.parameters import Parameters, ParameterStore
-from quadrotor.python_file import line_of, read_source, told
+from quadrotor.python_file import compile_source, line_of, read_source, told
 
 METHODS = {
     "check": "def check(self) -> None",
@@ -121,7 +121,7 @@ def _module(path: Path, source: str) -> ModuleType:
     vars(module).update(experiment_file=path, experiment_source=source)
     sys.modules[name] = module
     try:
-        code = compile(source, str(path), "exec")
+        code = compile_source(path, source)
         told(path, lambda: exec(code, vars(module)), UsageError)
     except BaseException:
         del sys.modules[name]

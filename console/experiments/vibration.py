@@ -19,18 +19,12 @@ STEPS = 4
 class VibrationOptions(Parameters):
     """Options of rest and hover."""
 
-    rest: float = parameter(
-        20.0,
-        unit="s",
-        ge=REST_MIN + 1.0,
-        le=600.0,
-        step=1.0,
-        description="on the ground, motors off: the longer, the smaller a bias walk is seen",
-    )
-    hover: float = parameter(
-        20.0, unit="s", ge=HOVER_MIN + 1.0, le=120.0, step=1.0, description="in the air"
-    )
-    height: float = parameter(1.0, unit="m", ge=0.6, le=1.9, step=0.1, description="of the hover")
+    rest: float = parameter(20.0, unit="s", ge=REST_MIN + 1.0, le=600.0, step=1.0)
+    """on the ground, motors off: the longer, the smaller a bias walk is seen"""
+    hover: float = parameter(20.0, unit="s", ge=HOVER_MIN + 1.0, le=120.0, step=1.0)
+    """in the air"""
+    height: float = parameter(1.0, unit="m", ge=0.6, le=1.9, step=0.1)
+    """of the hover"""
 
 
 class VibrationExperiment:

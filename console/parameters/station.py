@@ -11,44 +11,23 @@ from quadrotor.parameters import Parameters, parameter
 class RecorderParameters(Parameters):
     """The rules for when a run ends, and what the disk must keep free."""
 
-    after_disarm: float = parameter(
-        1.0,
-        unit="s",
-        ge=0,
-        le=60,
-        step=0.5,
-        description="a run continues for this long after disarming",
-    )
-    keep_free: float = parameter(
-        500.0, unit="MB", ge=10, le=100_000, step=10, description="no recording below this"
-    )
-    warn_free: float = parameter(
-        5000.0,
-        unit="MB",
-        ge=10,
-        le=1_000_000,
-        step=100,
-        description="a warning below this free space",
-    )
-    trash_keep: float = parameter(
-        7.0,
-        unit="d",
-        ge=0.01,
-        le=365,
-        step=1,
-        description="deleted runs can be brought back for this long",
-    )
-    backfill: bool = parameter(
-        True, description="after each run, fetch what it lacks from the vehicle's own log"
-    )
+    after_disarm: float = parameter(1.0, unit="s", ge=0, le=60, step=0.5)
+    """a run continues for this long after disarming"""
+    keep_free: float = parameter(500.0, unit="MB", ge=10, le=100000, step=10)
+    """no recording below this"""
+    warn_free: float = parameter(5000.0, unit="MB", ge=10, le=1000000, step=100)
+    """a warning below this free space"""
+    trash_keep: float = parameter(7.0, unit="d", ge=0.01, le=365, step=1)
+    """deleted runs can be brought back for this long"""
+    backfill: bool = parameter(True)
+    """after each run, fetch what it lacks from the vehicle's own log"""
 
 
 class StickParameters(Parameters):
     """The base station's watchdog over the sticks."""
 
-    timeout: float = parameter(
-        0.2, unit="s", ge=0.05, le=1, step=0.01, description="sticks silent for longer are dropped"
-    )
+    timeout: float = parameter(0.2, unit="s", ge=0.05, le=1, step=0.01)
+    """sticks silent for longer are dropped"""
 
 
 class StationParameters(Parameters):

@@ -34,17 +34,16 @@ AT_REST = (0.15, 0.15, 0.3)
 class ExciteArguments(Parameters):
     """The arguments of excite."""
 
-    axis: str = parameter("x", choices=AXES, description="x, y or z of the world, or yaw")
-    shape: str = parameter(
-        "step", choices=SHAPES, description="out and back, or out, to the other side and back"
-    )
-    amplitude: float = parameter(
-        0.3, ge=-6.3, le=6.3, step=0.01, description="of the set-point, m or rad, of either sign"
-    )
-    duration: float = parameter(
-        2.0, unit="s", ge=0.2, le=10.0, step=0.1, description="how long each level is held"
-    )
-    repeats: int = parameter(1, ge=1, le=5, description="how often the shape is flown")
+    axis: str = parameter("x", choices=AXES)
+    """x, y or z of the world, or yaw"""
+    shape: str = parameter("step", choices=SHAPES)
+    """out and back, or out, to the other side and back"""
+    amplitude: float = parameter(0.3, ge=-6.3, le=6.3, step=0.01)
+    """of the set-point, m or rad, of either sign"""
+    duration: float = parameter(2.0, unit="s", ge=0.2, le=10.0, step=0.1)
+    """how long each level is held"""
+    repeats: int = parameter(1, ge=1, le=5)
+    """how often the shape is flown"""
 
 
 class Excite(TrajectoryBehavior):

@@ -21,163 +21,61 @@ class BehaviorParameters(Parameters):
     volume_y_max: float = _wall(3.0, "flight volume, largest y")
     volume_z_min: float = _wall(0.2, "flight volume, lowest reference in flight")
     volume_z_max: float = _wall(3.0, "flight volume, highest reference")
-    take_off_speed: float = parameter(
-        0.4, unit="m/s", ge=0.05, le=2.0, step=0.05, description="climb speed of take_off"
-    )
-    landing_speed: float = parameter(
-        0.3, unit="m/s", ge=0.05, le=1.0, step=0.05, description="descent speed of land"
-    )
-    emergency_landing_speed: float = parameter(
-        0.5,
-        unit="m/s",
-        ge=0.2,
-        le=0.8,
-        step=0.05,
-        description="descent by the barometer of emergency_landing",
-    )
-    fly_to_speed: float = parameter(
-        0.8, unit="m/s", ge=0.05, le=5.0, step=0.05, description="speed of fly_to"
-    )
-    acceleration_max: float = parameter(
-        1.5,
-        unit="m/s²",
-        ge=0.1,
-        le=5.0,
-        step=0.1,
-        description="acceleration of take_off, fly_to and land",
-    )
-    trajectory_acceleration_max: float = parameter(
-        4.0, unit="m/s²", ge=0.1, le=8.0, step=0.1, description="steepest trajectory accepted"
-    )
-    trajectory_speed_max: float = parameter(
-        3.0, unit="m/s", ge=0.1, le=10.0, step=0.1, description="quickest trajectory accepted"
-    )
-    trajectory_tilt_max: float = parameter(
-        35.0,
-        unit="deg",
-        ge=5.0,
-        le=60.0,
-        step=1.0,
-        description="largest tilt a trajectory may ask for; leave some to the feedback",
-    )
-    trajectory_body_rate_max: float = parameter(
-        3.5,
-        unit="rad/s",
-        ge=0.5,
-        le=10.0,
-        step=0.1,
-        description="largest body rate a trajectory may ask for; the gyroscopes end at 5.2",
-    )
-    trajectory_yaw_torque_max: float = parameter(
-        0.07,
-        unit="N m",
-        ge=0.005,
-        le=1.0,
-        step=0.005,
-        description="largest yaw torque a trajectory may ask for; the motors give about 0.1",
-    )
-    trajectory_thrust_margin: float = parameter(
-        0.1,
-        ge=0.0,
-        le=0.45,
-        step=0.01,
-        description="share of each motor's thrust range that trajectories leave to the feedback, "
-        "at both ends",
-    )
-    yaw_rate_max: float = parameter(
-        1.5, unit="rad/s", ge=0.1, le=4.0, step=0.1, description="largest yaw rate of a reference"
-    )
-    yaw_acceleration_max: float = parameter(
-        2.5,
-        unit="rad/s²",
-        ge=0.1,
-        le=4.0,
-        step=0.1,
-        description="largest yaw acceleration of a reference; the motors give about 4",
-    )
-    joy_speed_xy: float = parameter(
-        1.0, unit="m/s", ge=0.05, le=5.0, step=0.05, description="full stick forward or left"
-    )
-    joy_speed_z: float = parameter(
-        0.5, unit="m/s", ge=0.05, le=2.0, step=0.05, description="full stick up"
-    )
-    joy_yaw_rate: float = parameter(
-        1.0, unit="rad/s", ge=0.05, le=4.0, step=0.05, description="full stick yaw"
-    )
-    joy_tilt: float = parameter(
-        12.0,
-        unit="deg",
-        ge=1.0,
-        le=30.0,
-        step=0.5,
-        description="near_hovering: full stick forward or left",
-    )
-    joy_thrust: float = parameter(
-        0.3,
-        ge=0.05,
-        le=0.6,
-        step=0.05,
-        description="near_hovering without altitude hold: full stick up, in weights",
-    )
-    joy_acceleration: float = parameter(
-        2.0, unit="m/s²", ge=0.1, le=5.0, step=0.1, description="how fast sticks change the speed"
-    )
-    joy_timeout: float = parameter(
-        0.2, unit="s", ge=0.05, le=1.0, step=0.01, description="older sticks count as released"
-    )
-    brake_deceleration: float = parameter(
-        2.5, unit="m/s²", ge=0.2, le=6.0, step=0.1, description="deceleration of brake"
-    )
-    excite_position_max: float = parameter(
-        0.6, unit="m", ge=0.05, le=2.0, step=0.05, description="largest step of excite on x, y, z"
-    )
-    excite_yaw_max: float = parameter(
-        0.8,
-        unit="rad",
-        ge=0.05,
-        le=3.0,
-        step=0.05,
-        description="largest step of excite on yaw; it brakes when the yaw is further off its path",
-    )
-    excite_error_max: float = parameter(
-        0.5,
-        unit="m",
-        ge=0.05,
-        le=2.0,
-        step=0.05,
-        description="excite brakes when the vehicle is further off the path on any axis",
-    )
-    external_timeout: float = parameter(
-        0.2,
-        unit="s",
-        ge=0.05,
-        le=1.0,
-        step=0.01,
-        description="external brakes when the newest reference is older",
-    )
-    external_step_max: float = parameter(
-        0.2,
-        unit="m",
-        ge=0.01,
-        le=1.0,
-        step=0.01,
-        description="external: largest step from where the last reference leads",
-    )
-    landing_thrust_share: float = parameter(
-        0.6,
-        ge=0.35,
-        le=0.9,
-        step=0.05,
-        description="touch-down: thrust below this share of the weight",
-    )
-    landing_dwell: float = parameter(
-        0.3, unit="s", ge=0.1, le=2.0, step=0.05, description="touch-down: for this long"
-    )
-    landing_velocity_change: float = parameter(
-        0.2,
-        unit="m/s",
-        ge=0.02,
-        le=1.0,
-        step=0.01,
-        description="touch-down: while the velocity changes by less than this",
-    )
+    take_off_speed: float = parameter(0.4, unit="m/s", ge=0.05, le=2.0, step=0.05)
+    """climb speed of take_off"""
+    landing_speed: float = parameter(0.3, unit="m/s", ge=0.05, le=1.0, step=0.05)
+    """descent speed of land"""
+    emergency_landing_speed: float = parameter(0.5, unit="m/s", ge=0.2, le=0.8, step=0.05)
+    """descent by the barometer of emergency_landing"""
+    fly_to_speed: float = parameter(0.8, unit="m/s", ge=0.05, le=5.0, step=0.05)
+    """speed of fly_to"""
+    acceleration_max: float = parameter(1.5, unit="m/s²", ge=0.1, le=5.0, step=0.1)
+    """acceleration of take_off, fly_to and land"""
+    trajectory_acceleration_max: float = parameter(4.0, unit="m/s²", ge=0.1, le=8.0, step=0.1)
+    """steepest trajectory accepted"""
+    trajectory_speed_max: float = parameter(3.0, unit="m/s", ge=0.1, le=10.0, step=0.1)
+    """quickest trajectory accepted"""
+    trajectory_tilt_max: float = parameter(35.0, unit="deg", ge=5.0, le=60.0, step=1.0)
+    """largest tilt a trajectory may ask for; leave some to the feedback"""
+    trajectory_body_rate_max: float = parameter(3.5, unit="rad/s", ge=0.5, le=10.0, step=0.1)
+    """largest body rate a trajectory may ask for; the gyroscopes end at 5.2"""
+    trajectory_yaw_torque_max: float = parameter(0.07, unit="N m", ge=0.005, le=1.0, step=0.005)
+    """largest yaw torque a trajectory may ask for; the motors give about 0.1"""
+    trajectory_thrust_margin: float = parameter(0.1, ge=0.0, le=0.45, step=0.01)
+    """share of each motor's thrust range that trajectories leave to the feedback, at both ends"""
+    yaw_rate_max: float = parameter(1.5, unit="rad/s", ge=0.1, le=4.0, step=0.1)
+    """largest yaw rate of a reference"""
+    yaw_acceleration_max: float = parameter(2.5, unit="rad/s²", ge=0.1, le=4.0, step=0.1)
+    """largest yaw acceleration of a reference; the motors give about 4"""
+    joy_speed_xy: float = parameter(1.0, unit="m/s", ge=0.05, le=5.0, step=0.05)
+    """full stick forward or left"""
+    joy_speed_z: float = parameter(0.5, unit="m/s", ge=0.05, le=2.0, step=0.05)
+    """full stick up"""
+    joy_yaw_rate: float = parameter(1.0, unit="rad/s", ge=0.05, le=4.0, step=0.05)
+    """full stick yaw"""
+    joy_tilt: float = parameter(12.0, unit="deg", ge=1.0, le=30.0, step=0.5)
+    """near_hovering: full stick forward or left"""
+    joy_thrust: float = parameter(0.3, ge=0.05, le=0.6, step=0.05)
+    """near_hovering without altitude hold: full stick up, in weights"""
+    joy_acceleration: float = parameter(2.0, unit="m/s²", ge=0.1, le=5.0, step=0.1)
+    """how fast sticks change the speed"""
+    joy_timeout: float = parameter(0.2, unit="s", ge=0.05, le=1.0, step=0.01)
+    """older sticks count as released"""
+    brake_deceleration: float = parameter(2.5, unit="m/s²", ge=0.2, le=6.0, step=0.1)
+    """deceleration of brake"""
+    excite_position_max: float = parameter(0.6, unit="m", ge=0.05, le=2.0, step=0.05)
+    """largest step of excite on x, y, z"""
+    excite_yaw_max: float = parameter(0.8, unit="rad", ge=0.05, le=3.0, step=0.05)
+    """largest step of excite on yaw; it brakes when the yaw is further off its path"""
+    excite_error_max: float = parameter(0.5, unit="m", ge=0.05, le=2.0, step=0.05)
+    """excite brakes when the vehicle is further off the path on any axis"""
+    external_timeout: float = parameter(0.2, unit="s", ge=0.05, le=1.0, step=0.01)
+    """external brakes when the newest reference is older"""
+    external_step_max: float = parameter(0.2, unit="m", ge=0.01, le=1.0, step=0.01)
+    """external: largest step from where the last reference leads"""
+    landing_thrust_share: float = parameter(0.6, ge=0.35, le=0.9, step=0.05)
+    """touch-down: thrust below this share of the weight"""
+    landing_dwell: float = parameter(0.3, unit="s", ge=0.1, le=2.0, step=0.05)
+    """touch-down: for this long"""
+    landing_velocity_change: float = parameter(0.2, unit="m/s", ge=0.02, le=1.0, step=0.01)
+    """touch-down: while the velocity changes by less than this"""

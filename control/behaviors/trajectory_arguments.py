@@ -14,73 +14,37 @@ TRAJECTORIES = ("figure_eight", "figure_eight_lap", "circle", "helix", "line", "
 class WhichTrajectory(Parameters):
     """The argument that all of them start with."""
 
-    trajectory: str = parameter("figure_eight", choices=TRAJECTORIES, description="which one")
+    trajectory: str = parameter("figure_eight", choices=TRAJECTORIES)
+    """which one"""
 
 
 class PeriodArguments(WhichTrajectory):
     """The arguments of what is flown in laps."""
 
-    period: float = parameter(
-        8.0,
-        unit="s",
-        ge=2.0,
-        le=60.0,
-        step=0.5,
-        description="figure_eight, figure_eight_lap, circle, helix: time of one lap",
-    )
+    period: float = parameter(8.0, unit="s", ge=2.0, le=60.0, step=0.5)
+    """figure_eight, figure_eight_lap, circle, helix: time of one lap"""
 
 
 class LapArguments(PeriodArguments):
     """The arguments of laps at a constant rate between ramps."""
 
-    laps: int = parameter(
-        3, ge=1, le=1000, step=1, description="figure_eight, circle, helix: number of laps"
-    )
-    ramp: float = parameter(
-        3.0,
-        unit="s",
-        ge=0.5,
-        le=30.0,
-        step=0.5,
-        description="figure_eight, circle, helix: time to the full rate and back",
-    )
+    laps: int = parameter(3, ge=1, le=1000, step=1)
+    """figure_eight, circle, helix: number of laps"""
+    ramp: float = parameter(3.0, unit="s", ge=0.5, le=30.0, step=0.5)
+    """figure_eight, circle, helix: time to the full rate and back"""
 
 
 class EightShape(WhichTrajectory):
     """Size of the 8."""
 
-    width: float = parameter(
-        1.0,
-        unit="m",
-        ge=0.0,
-        le=20.0,
-        step=0.1,
-        description="figure_eight, figure_eight_lap: size in x",
-    )
-    height: float = parameter(
-        1.0,
-        unit="m",
-        ge=0.0,
-        le=20.0,
-        step=0.1,
-        description="figure_eight, figure_eight_lap: size in y",
-    )
-    z_amplitude: float = parameter(
-        0.2,
-        unit="m",
-        ge=0.0,
-        le=5.0,
-        step=0.05,
-        description="figure_eight, figure_eight_lap: up and down by this",
-    )
-    yaw_amplitude: float = parameter(
-        1.0,
-        unit="rad",
-        ge=0.0,
-        le=3.1,
-        step=0.1,
-        description="figure_eight, figure_eight_lap: yaw to both sides by this",
-    )
+    width: float = parameter(1.0, unit="m", ge=0.0, le=20.0, step=0.1)
+    """figure_eight, figure_eight_lap: size in x"""
+    height: float = parameter(1.0, unit="m", ge=0.0, le=20.0, step=0.1)
+    """figure_eight, figure_eight_lap: size in y"""
+    z_amplitude: float = parameter(0.2, unit="m", ge=0.0, le=5.0, step=0.05)
+    """figure_eight, figure_eight_lap: up and down by this"""
+    yaw_amplitude: float = parameter(1.0, unit="rad", ge=0.0, le=3.1, step=0.1)
+    """figure_eight, figure_eight_lap: yaw to both sides by this"""
 
 
 class FigureEightArguments(EightShape, LapArguments):
@@ -94,88 +58,62 @@ class FigureEightLapArguments(EightShape, PeriodArguments):
 class CircleArguments(LapArguments):
     """The arguments of circle."""
 
-    radius: float = parameter(
-        0.8, unit="m", ge=0.05, le=20.0, step=0.1, description="circle, helix: radius"
-    )
-    nose: str = parameter(
-        "fixed",
-        choices=("fixed", "tangent", "center"),
-        description="circle, helix: where the nose points; the centre is abeam, ahead for center",
-    )
-    side: str = parameter(
-        "left",
-        choices=("left", "right"),
-        description="circle, helix: left turns counter-clockwise, right clockwise",
-    )
+    radius: float = parameter(0.8, unit="m", ge=0.05, le=20.0, step=0.1)
+    """circle, helix: radius"""
+    nose: str = parameter("fixed", choices=("fixed", "tangent", "center"))
+    """circle, helix: where the nose points; the centre is abeam, ahead for center"""
+    side: str = parameter("left", choices=("left", "right"))
+    """circle, helix: left turns counter-clockwise, right clockwise"""
 
 
 class HelixArguments(CircleArguments):
     """The arguments of helix."""
 
-    rise: float = parameter(
-        0.2, unit="m", ge=-5.0, le=5.0, step=0.05, description="helix: climb of one lap"
-    )
+    rise: float = parameter(0.2, unit="m", ge=-5.0, le=5.0, step=0.05)
+    """helix: climb of one lap"""
 
 
 class PaceArguments(WhichTrajectory):
     """Bounds of what is flown as fast as they allow."""
 
-    speed: float = parameter(
-        0.8,
-        unit="m/s",
-        ge=0.05,
-        le=5.0,
-        step=0.05,
-        description="line, waypoints: largest speed; behavior.fly_to_speed if left out",
-    )
-    acceleration: float = parameter(
-        1.5,
-        unit="m/s²",
-        ge=0.1,
-        le=8.0,
-        step=0.1,
-        description="line, waypoints: largest acceleration; behavior.acceleration_max if left out",
-    )
+    speed: float = parameter(0.8, unit="m/s", ge=0.05, le=5.0, step=0.05)
+    """line, waypoints: largest speed; behavior.fly_to_speed if left out"""
+    acceleration: float = parameter(1.5, unit="m/s²", ge=0.1, le=8.0, step=0.1)
+    """line, waypoints: largest acceleration; behavior.acceleration_max if left out"""
 
 
 class LineArguments(PaceArguments):
     """The arguments of line; the end, where what is left out stays as it is."""
 
-    x: float = parameter(0.0, unit="m", ge=-100.0, le=100.0, step=0.1, description="line: end's x")
-    y: float = parameter(0.0, unit="m", ge=-100.0, le=100.0, step=0.1, description="line: end's y")
-    z: float = parameter(1.0, unit="m", ge=-100.0, le=100.0, step=0.1, description="line: end's z")
-    yaw: float = parameter(
-        0.0, unit="rad", ge=-6.3, le=6.3, step=0.05, description="line: yaw, turned the short way"
-    )
-    jerk: float = parameter(
-        10.0, unit="m/s³", ge=0.5, le=100.0, step=0.5, description="line: largest jerk"
-    )
+    x: float = parameter(0.0, unit="m", ge=-100.0, le=100.0, step=0.1)
+    """line: end's x"""
+    y: float = parameter(0.0, unit="m", ge=-100.0, le=100.0, step=0.1)
+    """line: end's y"""
+    z: float = parameter(1.0, unit="m", ge=-100.0, le=100.0, step=0.1)
+    """line: end's z"""
+    yaw: float = parameter(0.0, unit="rad", ge=-6.3, le=6.3, step=0.05)
+    """line: yaw, turned the short way"""
+    jerk: float = parameter(10.0, unit="m/s³", ge=0.5, le=100.0, step=0.5)
+    """line: largest jerk"""
 
 
 class WaypointArguments(PaceArguments):
     """The arguments of waypoints, a path of least snap."""
 
-    waypoints: str = parameter(
-        "",
-        description="waypoints: 'x y z yaw; x y z; ...' in m and rad, world axes, up to 12; the "
-        "yaw is kept where left out",
-    )
+    waypoints: str = parameter("")
+    """waypoints: 'x y z yaw; x y z; ...' in m and rad, world axes, up to 12; the yaw is kept where
+    left out"""
 
 
 class FileArguments(WhichTrajectory):
     """The arguments of file."""
 
-    file: str = parameter(
-        "", description="file: name, without ending, of one loaded from the trajectory folder"
-    )
-    anchor: str = parameter(
-        "world",
-        choices=("world", "here"),
-        description="file: world flies it where it was written, here from this place and yaw",
-    )
-    time_factor: float = parameter(
-        1.0, ge=0.2, le=20.0, step=0.1, description="file: above 1 flies it slower"
-    )
+    file: str = parameter("")
+    """file: name, without ending, of one loaded from the trajectory folder"""
+    anchor: str = parameter("world", choices=("world", "here"))
+    """file: world flies it where it was written, here from this place and yaw"""
+    time_factor: float = parameter(1.0, ge=0.2, le=20.0, step=0.1)
+    """file: above 1 flies it slower"""
 
 
 class FollowTrajectoryArguments(

@@ -59,49 +59,22 @@ INERTIA_MEMORY = np.dtype(
 class InertiaParameters(Parameters):
     """Gains of the scheme about each axis."""
 
-    filter_pole: float = parameter(
-        2.0 * math.pi, unit="rad/s", ge=0.05, le=100.0, step=0.1, description="a of eq. 7"
-    )
-    washout_pole: float = parameter(
-        0.5,
-        unit="rad/s",
-        ge=0.01,
-        le=10.0,
-        step=0.05,
-        description="slower disturbances than this do not count",
-    )
-    rate: float = parameter(
-        0.5,
-        unit="1/s",
-        ge=0.0,
-        le=10.0,
-        step=0.05,
-        description="how fast the past is forgotten; 0 holds the estimate",
-    )
-    torque_floor: float = parameter(
-        0.003,
-        unit="N m",
-        ge=0.0001,
-        le=0.1,
-        step=0.001,
-        description="filtered torque below which an axis learns slower",
-    )
-    inertia_min: float = parameter(
-        0.001, unit="kg m²", ge=1e-5, le=0.1, step=0.0001, description="lower clamp"
-    )
-    inertia_max: float = parameter(
-        0.2, unit="kg m²", ge=0.001, le=1.0, step=0.001, description="upper clamp"
-    )
-    variance_time: float = parameter(
-        1.0, unit="s", ge=0.05, le=30.0, step=0.05, description="window of the estimate's variance"
-    )
-    converged_deviation: float = parameter(
-        0.02,
-        ge=0.001,
-        le=0.5,
-        step=0.001,
-        description="share of the estimate its deviation must stay below",
-    )
+    filter_pole: float = parameter(2.0 * math.pi, unit="rad/s", ge=0.05, le=100.0, step=0.1)
+    """a of eq. 7"""
+    washout_pole: float = parameter(0.5, unit="rad/s", ge=0.01, le=10.0, step=0.05)
+    """slower disturbances than this do not count"""
+    rate: float = parameter(0.5, unit="1/s", ge=0.0, le=10.0, step=0.05)
+    """how fast the past is forgotten; 0 holds the estimate"""
+    torque_floor: float = parameter(0.003, unit="N m", ge=0.0001, le=0.1, step=0.001)
+    """filtered torque below which an axis learns slower"""
+    inertia_min: float = parameter(0.001, unit="kg m²", ge=1e-05, le=0.1, step=0.0001)
+    """lower clamp"""
+    inertia_max: float = parameter(0.2, unit="kg m²", ge=0.001, le=1.0, step=0.001)
+    """upper clamp"""
+    variance_time: float = parameter(1.0, unit="s", ge=0.05, le=30.0, step=0.05)
+    """window of the estimate's variance"""
+    converged_deviation: float = parameter(0.02, ge=0.001, le=0.5, step=0.001)
+    """share of the estimate its deviation must stay below"""
 
 
 _COPIED = (

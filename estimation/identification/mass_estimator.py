@@ -51,41 +51,18 @@ MASS_MEMORY = np.dtype(
 class MassParameters(Parameters):
     """Gains of eqs. 7 to 10."""
 
-    filter_pole: float = parameter(
-        0.06 * math.pi, unit="rad/s", ge=0.01, le=10.0, step=0.01, description="a of eq. 7"
-    )
-    gain: float = parameter(
-        1.0, unit="1/(N² s)", ge=0.0, le=10.0, step=0.01, description="k_est,m of eq. 10; 0 holds"
-    )
-    mass_min: float = parameter(
-        0.5,
-        unit="kg",
-        ge=0.1,
-        le=2.4,
-        step=0.01,
-        flight_step=0.2,
-        description="lower clamp of the estimate",
-    )
-    mass_max: float = parameter(
-        2.4,
-        unit="kg",
-        ge=0.5,
-        le=5.0,
-        step=0.01,
-        flight_step=0.2,
-        description="upper clamp of the estimate",
-    )
-    variance_time: float = parameter(
-        1.0, unit="s", ge=0.05, le=30.0, step=0.05, description="window of the estimate's variance"
-    )
-    converged_deviation: float = parameter(
-        0.01,
-        unit="kg",
-        ge=0.0001,
-        le=0.5,
-        step=0.001,
-        description="standard deviation in flight below which the estimate has converged",
-    )
+    filter_pole: float = parameter(0.06 * math.pi, unit="rad/s", ge=0.01, le=10.0, step=0.01)
+    """a of eq. 7"""
+    gain: float = parameter(1.0, unit="1/(N² s)", ge=0.0, le=10.0, step=0.01)
+    """k_est,m of eq. 10; 0 holds"""
+    mass_min: float = parameter(0.5, unit="kg", ge=0.1, le=2.4, step=0.01, flight_step=0.2)
+    """lower clamp of the estimate"""
+    mass_max: float = parameter(2.4, unit="kg", ge=0.5, le=5.0, step=0.01, flight_step=0.2)
+    """upper clamp of the estimate"""
+    variance_time: float = parameter(1.0, unit="s", ge=0.05, le=30.0, step=0.05)
+    """window of the estimate's variance"""
+    converged_deviation: float = parameter(0.01, unit="kg", ge=0.0001, le=0.5, step=0.001)
+    """standard deviation in flight below which the estimate has converged"""
 
 
 def mass_record(parameters: MassParameters) -> Record:

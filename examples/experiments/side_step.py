@@ -25,12 +25,10 @@ FAR = 2.0  # m
 class Options(Parameters):
     """What can be chosen; units and bounds are those of the page and of `--set`."""
 
-    length: float = parameter(
-        0.5, unit="m", ge=0.1, le=1.0, step=0.1, description="of the step, to the left"
-    )
-    speed: float = parameter(
-        0.8, unit="m/s", ge=0.1, le=2.0, step=0.1, description="largest, on the way"
-    )
+    length: float = parameter(0.5, unit="m", ge=0.1, le=1.0, step=0.1)
+    """of the step, to the left"""
+    speed: float = parameter(0.8, unit="m/s", ge=0.1, le=2.0, step=0.1)
+    """largest, on the way"""
 
 
 class SideStep:

@@ -12,38 +12,24 @@ from vehicle.simulator.parameters import SimulatorParameters
 class CameraParameters(Parameters):
     """The camera on the simulated vehicle; its mount, rate and delay are those of `bearings`."""
 
-    enabled: bool = parameter(
-        False, description="bearings are found in rendered pictures of tags, not emulated"
-    )
-    field_of_view: float = parameter(
-        90.0, unit="deg", ge=20, le=130, step=5, description="across the picture of 640 x 480"
-    )
-    tag_size: float = parameter(
-        0.2, unit="m", ge=0.02, le=1, step=0.01, description="side of the tags' black square"
-    )
-    position_x: float = parameter(
-        0.05, unit="m", ge=-1, le=1, step=0.01, description="of the lens, body axes"
-    )
-    position_y: float = parameter(
-        0.0, unit="m", ge=-1, le=1, step=0.01, description="of the lens, body axes"
-    )
-    position_z: float = parameter(
-        -0.03, unit="m", ge=-1, le=1, step=0.01, description="of the lens, body axes"
-    )
-    exposure: float = parameter(
-        0.004, unit="s", ge=0, le=0.03, step=0.001, description="of each row; moving tags smear"
-    )
-    readout: float = parameter(
-        0.0, unit="s", ge=0, le=0.03, step=0.001, description="of a rolling shutter, of all rows"
-    )
-    sigma: float = parameter(
-        0.2,
-        unit="deg",
-        ge=0.01,
-        le=20,
-        step=0.01,
-        description="stated in addition to the corners' noise",
-    )
+    enabled: bool = parameter(False)
+    """bearings are found in rendered pictures of tags, not emulated"""
+    field_of_view: float = parameter(90.0, unit="deg", ge=20, le=130, step=5)
+    """across the picture of 640 x 480"""
+    tag_size: float = parameter(0.2, unit="m", ge=0.02, le=1, step=0.01)
+    """side of the tags' black square"""
+    position_x: float = parameter(0.05, unit="m", ge=-1, le=1, step=0.01)
+    """of the lens, body axes"""
+    position_y: float = parameter(0.0, unit="m", ge=-1, le=1, step=0.01)
+    """of the lens, body axes"""
+    position_z: float = parameter(-0.03, unit="m", ge=-1, le=1, step=0.01)
+    """of the lens, body axes"""
+    exposure: float = parameter(0.004, unit="s", ge=0, le=0.03, step=0.001)
+    """of each row; moving tags smear"""
+    readout: float = parameter(0.0, unit="s", ge=0, le=0.03, step=0.001)
+    """of a rolling shutter, of all rows"""
+    sigma: float = parameter(0.2, unit="deg", ge=0.01, le=20, step=0.01)
+    """stated in addition to the corners' noise"""
 
 
 class FlightParameters(VehicleParameters):

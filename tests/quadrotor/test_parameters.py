@@ -189,8 +189,22 @@ def test_a_field_without_a_description_is_a_programmers_mistake() -> None:
     class Bare(Parameters):
         value: float = 1.0
 
+    class Undescribed(Parameters):
+        value: float = parameter(1.0)
+
     with pytest.raises(TypeError, match="not made with"):
         ParameterStore(Bare())
+    with pytest.raises(TypeError, match="value has no description"):
+        ParameterStore(Undescribed())
+
+
+def test_the_docstring_below_a_field_is_its_description() -> None:
+    class Described(Parameters):
+        value: float = parameter(1.0)
+        """longer than
+        a line"""
+
+    assert ParameterStore(Described()).description("value").description == "longer than a line"
 
 
 def test_numpy_numbers_are_numbers(store: ParameterStore) -> None:

@@ -65,23 +65,13 @@ class ImuCalibration(Parameters):
     """
 
     accelerometer_scale: float = parameter(
-        0.0039,
-        unit="g",
-        ge=0.0001,
-        le=0.1,
-        flight_step=0.0001,
-        step=0.00001,
-        description="specific force per count of the accelerometer",
+        0.0039, unit="g", ge=0.0001, le=0.1, flight_step=0.0001, step=1e-05
     )
+    """specific force per count of the accelerometer"""
     accelerometer_zero: float = parameter(
-        512.0,
-        unit="count",
-        ge=0.0,
-        le=1023.0,
-        flight_step=5.0,
-        step=0.1,
-        description="accelerometer reading in free fall",
+        512.0, unit="count", ge=0.0, le=1023.0, flight_step=5.0, step=0.1
     )
+    """accelerometer reading in free fall"""
     accelerometer_xx: float = _matrix_entry(1.0, "xx")
     accelerometer_xy: float = _matrix_entry(0.0, "xy")
     accelerometer_xz: float = _matrix_entry(0.0, "xz")
@@ -95,23 +85,13 @@ class ImuCalibration(Parameters):
     accelerometer_bias_y: float = _accelerometer_bias("y")
     accelerometer_bias_z: float = _accelerometer_bias("z")
     gyroscope_scale: float = parameter(
-        0.586,
-        unit="deg/s",
-        ge=0.001,
-        le=10.0,
-        flight_step=0.02,
-        step=0.001,
-        description="angular velocity per count of the gyroscope",
+        0.586, unit="deg/s", ge=0.001, le=10.0, flight_step=0.02, step=0.001
     )
+    """angular velocity per count of the gyroscope"""
     gyroscope_zero: float = parameter(
-        512.0,
-        unit="count",
-        ge=0.0,
-        le=1023.0,
-        flight_step=1.0,
-        step=0.1,
-        description="nominal gyroscope reading at rest; the drift about it is found at each start",
+        512.0, unit="count", ge=0.0, le=1023.0, flight_step=1.0, step=0.1
     )
+    """nominal gyroscope reading at rest; the drift about it is found at each start"""
 
     def record(self) -> Record:
         """Return the calibration as one CALIBRATION record, shape (1,), with no gyroscope drift."""

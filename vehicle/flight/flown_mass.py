@@ -19,21 +19,12 @@ USED_BY = "mass.used_by"
 class FlownMassParameters(MassParameters):
     """The mass estimator's gains, and whether the control law uses the estimate."""
 
-    used_by: str = parameter(
-        MODEL,
-        choices=(MODEL, ESTIMATE),
-        description="mass used by the control law, the feed-forward and the touch-down detection: "
-        "model.mass or the estimate; cannot be changed while armed",
-    )
-    initial: float = parameter(
-        0.0,
-        unit="kg",
-        ge=0.0,
-        le=2.4,
-        step=0.001,
-        description="initial value of the mass estimate, used from the next arming on; "
-        "0 means model.mass; if too large, the vehicle jumps off the ground",
-    )
+    used_by: str = parameter(MODEL, choices=(MODEL, ESTIMATE))
+    """mass used by the control law, the feed-forward and the touch-down detection: model.mass or
+    the estimate; cannot be changed while armed"""
+    initial: float = parameter(0.0, unit="kg", ge=0.0, le=2.4, step=0.001)
+    """initial value of the mass estimate, used from the next arming on; 0 means model.mass; if too
+    large, the vehicle jumps off the ground"""
 
     def check_together(self) -> None:
         """Check that the values fit together. Raises OutOfBoundsError."""

@@ -19,41 +19,16 @@ AVERAGE = 0.5
 class NearHoveringParameters(Parameters):
     """The parameters of the climb-rate control in near-hovering mode."""
 
-    stick_thrust: float = parameter(
-        12.83,
-        unit="N",
-        ge=4.0,
-        le=40.0,
-        step=0.01,
-        description="thrust of the microcontroller's stick in its hovering position, 110",
-    )
-    climb_gain: float = parameter(
-        3.0,
-        unit="1/s",
-        ge=0.5,
-        le=8.0,
-        step=0.1,
-        description="proportional gain of the climb-rate control",
-    )
-    lift_gain: float = parameter(
-        2.0,
-        unit="1/s²",
-        ge=0.0,
-        le=8.0,
-        step=0.1,
-        description="integral gain of the climb-rate control",
-    )
-    flare_height: float = parameter(
-        0.7,
-        unit="m",
-        ge=0.0,
-        le=3.0,
-        step=0.1,
-        description="height above the take-off point below which a descent slows down",
-    )
-    flare_speed: float = parameter(
-        0.35, unit="m/s", ge=0.1, le=0.8, step=0.05, description="descent rate below flare_height"
-    )
+    stick_thrust: float = parameter(12.83, unit="N", ge=4.0, le=40.0, step=0.01)
+    """thrust of the microcontroller's stick in its hovering position, 110"""
+    climb_gain: float = parameter(3.0, unit="1/s", ge=0.5, le=8.0, step=0.1)
+    """proportional gain of the climb-rate control"""
+    lift_gain: float = parameter(2.0, unit="1/s²", ge=0.0, le=8.0, step=0.1)
+    """integral gain of the climb-rate control"""
+    flare_height: float = parameter(0.7, unit="m", ge=0.0, le=3.0, step=0.1)
+    """height above the take-off point below which a descent slows down"""
+    flare_speed: float = parameter(0.35, unit="m/s", ge=0.1, le=0.8, step=0.05)
+    """descent rate below flare_height"""
 
 
 class NearHovering:

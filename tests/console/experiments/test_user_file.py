@@ -130,7 +130,7 @@ def test_errors_made_for_users_pass_and_built_in_defects_are_not_hidden(tmp_path
 
 
 def test_another_process_gets_the_source_that_was_flown(tmp_path: Path) -> None:
-    path = written(tmp_path, GOOD)
+    path = written(tmp_path, GOOD.replace(', description="how often")', ")\n    'how often'"))
     experiment = load(path)
     experiment.fly(0.25)  # type: ignore[arg-type]
     parameters: Any = experiment.parameters
@@ -140,12 +140,13 @@ def test_another_process_gets_the_source_that_was_flown(tmp_path: Path) -> None:
     path.write_text("changed since")
     script = (
         "import pickle, sys; one = pickle.load(sys.stdin.buffer); "
-        "print(type(one).__name__, one.evaluate(None), one.parameters.count)"
+        "about = type(one.parameters).model_fields['count'].description.split()[-1]; "
+        "print(type(one).__name__, one.evaluate(None), one.parameters.count, about)"
     )
     done = subprocess.run(
         [sys.executable, "-c", script], input=sent, capture_output=True, cwd=ROOT, check=True
     )
-    assert done.stdout.decode().split() == ["Mine", "4.0", "8"]
+    assert done.stdout.decode().split() == ["Mine", "4.0", "8", "often"]
 
 
 def test_the_example_is_a_whole_one() -> None:

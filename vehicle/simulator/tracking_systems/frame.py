@@ -32,16 +32,18 @@ class Body(NamedTuple):
 class TrackingFaults(Parameters):
     """Faults of the served tracking system, as laboratories have them."""
 
-    dropped: float = parameter(
-        0.0, ge=0, le=1, step=0.05, description="share of the served frames that are not sent"
-    )
-    body_lost: bool = parameter(False, description="the served system does not see the vehicle")
-    stamps_ahead: float = parameter(
-        0.0, unit="s", ge=-10, le=10, step=0.5, description="by which the served stamps are set"
-    )
-    y_up: bool = parameter(False, description="poses are served in axes with y up")
-    millimetres: bool = parameter(False, description="positions are served in mm")
-    stopped: bool = parameter(False, description="the servers of poses are stopped")
+    dropped: float = parameter(0.0, ge=0, le=1, step=0.05)
+    """share of the served frames that are not sent"""
+    body_lost: bool = parameter(False)
+    """the served system does not see the vehicle"""
+    stamps_ahead: float = parameter(0.0, unit="s", ge=-10, le=10, step=0.5)
+    """by which the served stamps are set"""
+    y_up: bool = parameter(False)
+    """poses are served in axes with y up"""
+    millimetres: bool = parameter(False)
+    """positions are served in mm"""
+    stopped: bool = parameter(False)
+    """the servers of poses are stopped"""
 
 
 def in_system(name: str, position_w: Array, quaternion_wb: Array, faults: TrackingFaults) -> Body:
