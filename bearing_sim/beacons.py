@@ -49,7 +49,8 @@ PRESETS: dict[str, Beacons] = {
         [1, 2, 3, 4], [(2.5, 1.0, 0.5), (2.5, -1.0, 0.5), (2.5, -1.0, 2.0), (2.5, 1.0, 2.0)]
     ),
 }
-"""By name: the paper's square, one of 4 m, eight on a circle of 3 m, a square overhead, a wall."""
+"""Layouts by name: the paper's square, one of 4 m, eight on a circle of 3 m, a square overhead, a
+wall."""
 
 
 def parse_layout(text: str) -> Beacons:

@@ -10,7 +10,7 @@ import math
 
 ALL = 0xFFFF_FFFF_FFFF_FFFF
 STEP = 0x9E37_79B9_7F4A_7C15
-"""From one state of SplitMix64 to the next, in 64 bits."""
+"""Increment from one state of SplitMix64 to the next, in 64 bits."""
 _UNIT = 2.0**-53
 
 

@@ -36,7 +36,7 @@ from quadrotor.vehicle_model import GRAVITY, Four, reference_of_thrust, wrench_o
 Array = npt.NDArray[np.float64]
 
 DIRECTION_MIN = 0.1
-"""Below this share of the weight a force has no usable direction."""
+"""Share of the weight below which a force has no usable direction."""
 
 CONTROL_MEMORY = np.dtype(
     [

@@ -9,7 +9,7 @@ AHEAD_NS = 20_000_000
 LATEST_NS = 600_000_000
 """One may be this late, where the estimator goes back so far; what came since is applied again."""
 NORM_TOLERANCE = 0.02
-"""How far the squared length of a measured quaternion or bearing may be from 1."""
+"""Largest deviation of the squared length of a measured quaternion or bearing from 1."""
 
 
 class Outcome(IntEnum):

@@ -46,7 +46,7 @@ DRIFT_SPEED, DRIFT_ACCELERATION, DRIFT_RATE = 0.05, 0.1, 0.02
 MEDIAN = 2.366
 """The median of the sum of three squares of unit variance."""
 PACE, PACE_RATE = 0.1, 10.0
-"""By how much a running median moves at most: share a pose, share a second."""
+"""Largest change of a running median: share a pose, share a second."""
 LARGEST = 1.0
 """m^2, rad^2: no variance is taken to be larger."""
 

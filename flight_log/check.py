@@ -23,7 +23,7 @@ GAP = 5.0
 SHORTEST_GAP_S = 0.1
 """A shorter one is told only of faster topics than this would be five periods of."""
 OVERTAKEN = frozenset(row.name for row in TOPICS.values() if row.on_radio and not row.qos.reliable)
-"""What crosses the radio each for itself may be overtaken; the receiver records it as it comes."""
+"""Topics whose messages may overtake one another on the radio; they are recorded as they come."""
 RATE_MIN = 1.0
 """Hz: what comes more seldom comes on change."""
 

@@ -28,7 +28,7 @@ RECORD = struct.Struct("<BQ")
 MESSAGE = struct.Struct("<HIQQ")
 """Channel, sequence, log time, publish time; then the payload."""
 HEAD_BYTES = RECORD.size + MESSAGE.size
-"""Of a message record before its payload."""
+"""Bytes of a message record before its payload."""
 LENGTH_AT, CHANNEL_AT, LOG_AT, PUBLISH_AT = 1, 9, 15, 23
 """Places in a message record of its length, its channel and its two times."""
 CHUNK = struct.Struct("<QQQII")
@@ -43,13 +43,13 @@ INDEX_ENTRY = struct.Struct("<QQ")
 CHUNK_INDEX = struct.Struct("<QQQQI")
 """First and last log time, place, length, bytes of the map of message indexes."""
 INDEX_PLACE = struct.Struct("<HQ")
-"""Of that map: channel, place of its index."""
+"""An entry of that map: channel, place of its index."""
 FOOTER = struct.Struct("<QQI")
 """Place of the index, of its offsets, checksum."""
 SUMMARY_OFFSET = struct.Struct("<BQQ")
 """Opcode of a group of the index, its place, its length."""
 END_BYTES = RECORD.size + FOOTER.size + len(MAGIC)
-"""Of the footer and the end mark."""
+"""Bytes of the footer and the end mark."""
 
 UNREADABLE = (
     McapError,
@@ -60,7 +60,7 @@ UNREADABLE = (
     OverflowError,
     MemoryError,
 )
-"""What the library and lz4 raise for bytes that are no such record."""
+"""Exceptions that the library and lz4 raise for bytes that are no such record."""
 
 DESCRIPTIONS = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA)
 _CLASSES: dict[int, Any] = {

@@ -63,7 +63,7 @@ _FIELDS = [
 _OPCODE = int(Opcode.MESSAGE)
 _LZ4 = b"lz4"
 _INDEX_REST = struct.Struct("<QI3sQQ")
-"""Of a chunk's index behind its map: bytes of message indexes, compression, both sizes."""
+"""The rest of a chunk's index behind its map: bytes of message indexes, compression, both sizes."""
 
 
 class MessageBatch(NamedTuple):

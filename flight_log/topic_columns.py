@@ -32,7 +32,7 @@ MOST_FAILURES = 2000
 MOST_ROWS = 4096
 """Most messages of a topic in a piece: at 10 bytes a message a block has 100 000."""
 MOST_VALUES = 4_000_000
-"""In the pieces that are given together."""
+"""Largest number of values in the pieces that are given together."""
 
 NO_SCHEMA = Schema(id=0, name="", encoding="", data=b"")
 

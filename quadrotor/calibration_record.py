@@ -44,16 +44,16 @@ class CalibrationRecord(BaseModel):
     figures: tuple[Quality, ...] = Field(default=(), max_length=50)
     quality: tuple[Quality, ...] = Field(default=(), max_length=50)
     residuals: tuple[tuple[str, float], ...] = Field(default=(), max_length=200)
-    """Of each pose, step or axis, with what it is and in which unit ('pose 3, m/s²')."""
+    """Residual of each pose, step or axis, by its name and unit ('pose 3, m/s²')."""
     warnings: tuple[str, ...] = Field(default=(), max_length=20)
     conditions: dict[str, str] = Field(default={}, max_length=50)
-    """What it was made under: sensor, rate, battery, samples, simulated or not."""
+    """Conditions under which it was made: sensor, rate, battery, samples, simulated or not."""
     run_id: str = Field(default="", max_length=128)
     """The run it was made from; empty when it was made without one."""
     requester: str = Field(default="", max_length=64)
-    """Who accepted it; `start` when the vehicle made it by itself."""
+    """The person who accepted it; `start` when the vehicle made it by itself."""
     stamp_ns: int = 0
-    """Of the acceptance, ns since 1970 by the vehicle's clock; written by the vehicle."""
+    """Time of the acceptance, ns since 1970 by the vehicle's clock; written by the vehicle."""
     previous: dict[str, ParameterValue] = Field(default={}, max_length=100)
     """The values before; written by the vehicle."""
 

@@ -139,4 +139,4 @@ _ROWS = (
 )
 
 COMMANDS: dict[str, Command] = {command.name: command for command in _ROWS}
-"""By name."""
+"""Commands by name."""

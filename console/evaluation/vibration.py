@@ -61,7 +61,7 @@ BOUNDS = {
     "gyroscope_bias_walk": (0.0, 5.0),
 }
 UNITS = {"accelerometer": ("m/s²", 1.0), "gyroscope": ("deg/s", math.degrees(1.0))}
-"""Of each sensor as its parameters have it, and the factor from SI."""
+"""Unit of each sensor's parameters, and the factor from SI."""
 
 
 @dataclass(frozen=True, slots=True)

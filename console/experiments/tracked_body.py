@@ -1,4 +1,4 @@
-"""How late the tracker's poses are, and where the tracked body sits on the vehicle.
+"""The delay of the tracker's poses, and where the tracked body sits on the vehicle.
 
 The vehicle is turned by hand, motors off, from attitude to attitude without a rest; or it flies a
 figure 8.

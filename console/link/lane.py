@@ -64,7 +64,7 @@ class LaneIn:
         self._node, self._link = node, link
         self._callbacks = {"telemetry": telemetry, "vehicle_heartbeat": heartbeat}
         self._came: dict[tuple[str, bytes], ReplayWindow] = {}
-        """By topic and publisher, which numbers its messages; the same on both ways."""
+        """Windows by topic and publisher, which numbers its messages equally on both ways."""
         self._one_at_a_time = {name: threading.Lock() for name in self._callbacks}
         self._lane: StationLane | None = None
         self._over_zenoh: Node | None = None

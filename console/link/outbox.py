@@ -20,7 +20,8 @@ from vehicle_link.topics.table import SHARED
 from vehicle_link.transport.node import Node
 
 RECORDED = tuple(name for name, row in TOPICS.items() if row.recorded and row.sender == "station")
-"""As they are sent. Heartbeats are not; telemetry's topics are recorded at full rate elsewhere."""
+"""Topics recorded as they are sent. Heartbeats are not; telemetry's topics are recorded at full
+rate elsewhere."""
 
 FROM_TELEMETRY = (*ENCODERS, *SCENE_TOPICS)
 LOOK = 0.2  # s

@@ -21,7 +21,7 @@ from quadrotor.errors import UsageError
 from vehicle_link.messages.units import unit_of_path
 
 ROWS = 20_000
-"""In a piece."""
+"""Largest number of rows of a piece."""
 TIME_UNITS = {"time": "s", STAMP: "ns", RECEIVED: "ns"}
 
 

@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 AT_START = "(start of vehicle or station)"
 AT_RESTART = "(the vehicle restarted)"
 NOT_HEARD = "(not received: the link was down)"
-"""Who changed it, where nobody said."""
+"""Requester of a change whose message did not arrive."""
 UNRECORDED = "not recorded"
 CLOSE_PATIENCE = 3.0
 RETRY = 1.0

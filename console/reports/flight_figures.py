@@ -173,7 +173,7 @@ HEALTH = {
     "battery": ("voltage",),
     "estimator": ("mass", "mass_variance", "measurement_age", "consistency", "refused_share"),
 }
-"""What has values where there is something to show, by topic."""
+"""Numbers by topic that have values where there is something to show."""
 
 
 def _shown(log: RunLog, topic: str) -> bool:

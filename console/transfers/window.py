@@ -16,7 +16,7 @@ from statistics import median
 
 MOST = 16
 GAINS = 1.4
-"""Below it a doubling brings 1.43 times as much, or more."""
+"""Least gain that counts; a doubling brings 1.43 times as much, or more."""
 ROUND = 8
 """Answers of which the median is taken, at least."""
 SLOW = 2.0

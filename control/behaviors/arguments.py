@@ -51,4 +51,4 @@ ARGUMENTS: dict[str, type[Parameters]] = {
     "land": LandArguments,
     "near_hovering": NearHoveringArguments,
 }
-"""By behavior; the others on the page have none."""
+"""Arguments by behavior; the other behaviors of the page have none."""

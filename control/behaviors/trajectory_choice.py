@@ -188,4 +188,4 @@ CHOICES: dict[str, Choice] = {
     "waypoints": Choice(WaypointArguments, _waypoints, _pace, _bounds),
     "file": Choice(FileArguments, _file, _time_factor),
 }
-"""In the order of trajectory_arguments.TRAJECTORIES."""
+"""Choices in the order of trajectory_arguments.TRAJECTORIES."""

@@ -38,7 +38,8 @@ QUANTITIES = (
     Quantity("body rate", "rad/s"),
     Quantity("yaw torque", "N m"),
 )
-"""In the order of `feasibility.survey`, which is the order in which breaches are reported."""
+"""Quantities in the order of `feasibility.survey`, which is the order in which breaches are
+reported."""
 
 WALLS = 6
 """The first six are the flight volume."""

@@ -22,7 +22,7 @@ UNKNOWN_RATE = 100.0
 SAMPLES_MAX = 200_000
 
 COARSE_SAMPLES = 600
-"""Of a long path whose extremes are known: what can be looked at between two ticks."""
+"""Samples of a long path whose extremes are known: as many as fit between two ticks."""
 
 NEIGHBOURHOOD = 0.1
 """s to either side of a known extreme."""

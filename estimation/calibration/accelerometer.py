@@ -27,7 +27,7 @@ Array = npt.NDArray[np.float64]
 POSES_MIN = 4
 CONDITION_MAX = 120.0
 RANK_TOLERANCE = 1e-3
-"""Of the smallest over the largest singular value; below, the poses lie in one plane."""
+"""Least ratio of the smallest to the largest singular value; below, the poses lie in one plane."""
 FORCE_ERROR = 0.01
 """m/s^2, of a pose's mean: what is left of noise and counts."""
 FACES = {

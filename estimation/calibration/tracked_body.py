@@ -1,4 +1,4 @@
-"""How late a tracker's poses are, and where the tracked body sits on the IMU, from both at once.
+"""The delay of a tracker's poses, and where the tracked body sits on the IMU, from both at once.
 
 The gyroscope is integrated over short segments, each with a beginning of its own, so that its noise
 and bias do not add up. In each segment the tracker's attitudes, taken back by the delay and turned
@@ -54,7 +54,8 @@ ROBUST = 3.0
 ATTITUDE_PRIOR = (0.2, 0.01, 1.0, 1.0, 1.0, 0.1, 0.1, 0.1)
 """Prior deviations of delay (s), drift, mounting (rad) and gyroscope bias (rad/s)."""
 POSITION_PRIOR = (1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
-"""Of lever arm (m), accelerometer bias and gravity across the tracker's z (m/s^2)."""
+"""Prior deviations of lever arm (m), accelerometer bias and gravity across the tracker's z
+(m/s^2)."""
 
 
 @dataclass(frozen=True)

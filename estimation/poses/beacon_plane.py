@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 Four = tuple[int, int, int, int]
 
 FLATNESS = 1e-3
-"""How far the beacons may leave their plane, as a share of their extent."""
+"""Largest distance of a beacon from their plane, as a share of their extent."""
 IN_LINE = 1e-3
 """Share of the extent within which beacons count as lying on one line."""
 

@@ -31,7 +31,7 @@ UNIT = 0.01
 
 SOLVED, SHAPE, NOT_FINITE, NOT_UNIT, BAD_SIGMA = 0, 1, 2, 3, 4
 BAD_PREDICTION, NO_START, UNSEEN, NO_FIT, DOUBTFUL = 5, 6, 7, 8, 9
-"""What `solve_frame` returns; the pose is written with SOLVED and DOUBTFUL."""
+"""Results of `solve_frame`; the pose is written with SOLVED and DOUBTFUL."""
 
 
 @compiled(inner=True)

@@ -1,4 +1,4 @@
-"""Which tags are on which body and where, and how the camera's place in the world is known.
+"""The tags on each body and their places, and how the camera's place in the world is known.
 
 A TOML file. A tag's axes: x right and y up in its upright picture, z out of the paper.
 

@@ -34,11 +34,11 @@ APART = 3.0
 LATEST = 30.0
 """ms after a pulse in which its angle is written."""
 TICKS, WRAP = 24e3, 2.0**32
-"""Of the receiver's clock, a ms; and after how many it begins again."""
+"""Ticks of the receiver's clock in a ms, and the number after which it begins again."""
 HALF_TURN = {1: 1e3 / 120.0, 2: 10.0}
 """ms of a rotor, by make."""
 SECOND_ROTOR = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""From the vertical rotor's frame of a Lighthouse 1 to its station's."""
+"""Rotation from the vertical rotor's frame of a Lighthouse 1 to its station's."""
 
 
 def read_sweeps(source: Source, base: float, notes: list[str]) -> Record | None:

@@ -26,7 +26,7 @@ class Source(Protocol):
 
     path: Path
     epoch_ns: int | None
-    """When its stamps were 0, ns; None: unknown."""
+    """Time at which its stamps were 0, ns; None: unknown."""
     torn: str
     """Description of where it is cut off; empty: it is complete."""
     events: list[tuple[float, int, str]]

@@ -16,7 +16,7 @@ Array = npt.NDArray[np.float64]
 GAP_NS = 100_000_000
 """Across a longer gap of the truth nothing is compared."""
 ROUNDS = 4
-"""Of leaving out what lies far off."""
+"""Rounds of leaving out what lies far off."""
 WINDOW = 0.03
 """s to either side of what a derivative is taken over; three samples at least."""
 

@@ -14,7 +14,7 @@ GRADES: tuple[Grade, ...] = ("good", "usable", "bad")
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """Above `good` the link is usable, above `usable` it is bad."""
+    """Bounds of a figure: above `good` the link is usable, above `usable` it is bad."""
 
     name: str
     good: float

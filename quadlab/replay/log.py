@@ -39,7 +39,7 @@ ODOMETRY = (
 COLUMNS = ("imu", "state", "truth", "status")
 EVENTS = ("tracker_pose", "tracker_position", "bearings", "sweeps", "events", "parameter_changes")
 MOST_SAMPLES = 2_000_000
-"""Of a topic that are held: more than an hour's flight at 500 Hz."""
+"""Largest number of samples of a topic: more than an hour's flight at 500 Hz."""
 CALIBRATED, ARMED = "ready: gyroscope bias", "armed: "
 """The events at whose sample the vehicle's estimators forget what they learnt, and take the
 heading stated."""

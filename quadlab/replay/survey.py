@@ -1,4 +1,4 @@
-"""Where base stations or beacons are, found from the flight itself.
+"""The places of base stations or beacons, found from the flight itself.
 
 A layout that is wrong contradicts the IMU and itself, so that the error-state filter predicts
 sweeps and bearings badly. The survey moves base stations (place and attitude) or beacons (place)
@@ -37,9 +37,9 @@ STEP = (1e-3, 1e-3, 1e-3, 5e-4, 5e-4, 5e-4)
 CORRELATED = 5.0
 """Deviations of a measurement that count as one, because successive innovations are alike."""
 LARGE = 3.0
-"""Of those: from there on an innovation counts by its size and no longer by its square."""
+"""Deviations from which on an innovation counts by its size and no longer by its square."""
 FARTHEST = 5.0
-"""Of those deviations: what is moved farther is no survey's result."""
+"""Largest move in those deviations; what is moved farther is no survey's result."""
 LEAST = 100
 """Measurements that a survey takes."""
 SETTLED_NS = 2_000_000_000

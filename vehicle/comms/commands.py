@@ -96,7 +96,7 @@ class FlightParameters:
         store.preset(preset)
         self._descriptions = store.descriptions()
         self.replica = ParameterReplica(store.values())
-        """With the values of the start until flight has reported its own."""
+        """A copy that has the values of the start until flight has reported its own."""
         self._fetched = threading.Event()
         self._fetch_id = f"{os.getpid()}-all"
 

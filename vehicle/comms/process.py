@@ -54,7 +54,7 @@ STATION_LOST_S = 1.0
 FETCH_PERIOD_NS = 1_000_000_000
 CLOSE_PATIENCE_S = 0.5
 TICKS_KEPT = TICK_SLOTS // 2
-"""Of those that are not in the file yet: room for the flight process comes first."""
+"""Ticks kept until they are in the file: room for the flight process comes first."""
 
 
 class Comms:

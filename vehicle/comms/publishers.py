@@ -22,7 +22,7 @@ class LinkRadio:
         self.lost = 0  # reliable messages, of a link that stood still
         rows = [topic for topic in TOPICS.values() if topic.sender == "vehicle"]
         self.publishers = {row.name: node.advertise(row) for row in rows}
-        """By topic."""
+        """Publishers by topic."""
         self._patient = {row.name for row in rows if not row.drop}
         self._queue: queue.Queue[tuple[str, bytes, int] | None] = queue.Queue(WAITING_MAX)
         self._thread = threading.Thread(target=self._run, name="reliable", daemon=True)

@@ -24,7 +24,8 @@ from vehicle_link.transport.idempotent import Idempotent, prepare
 from vehicle_link.transport.node import Node
 
 CALIBRATIONS = 3
-"""At once: the history must not wait for a gyroscope that is being calibrated."""
+"""Calibration requests answered at once: the history must not wait for a gyroscope that is being
+calibrated."""
 
 
 def serve(

@@ -11,7 +11,7 @@ from vehicle.flight.modes import Flag
 from vehicle.processes import mailbox
 
 HOLD_NS = 1_000_000_000
-"""How long a flag stays set after its cause: a single outlier lasts only 10 ms."""
+"""Time for which a flag stays set after its cause: a single outlier lasts only 10 ms."""
 QUIET_NS = 5_000_000_000
 """Least time between two lines about single refused measurements."""
 

@@ -23,7 +23,8 @@ MEMORY, DOUBTED = 0.05, 0.5
 """Weight of the newest measurement in the share that the shadow did not agree with, and the share
 above which it takes over nothing."""
 HAND_BACK_NS = 2_000_000_000
-"""How long the other must have been consistent, converged and near before it is handed back to."""
+"""Time for which the other must be consistent, converged and near before it gets the flight
+back."""
 
 
 @dataclass(frozen=True, slots=True)

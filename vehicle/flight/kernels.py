@@ -86,7 +86,8 @@ PARTS: Parts = {
     "estimator": ("estimation.complementary_filter", _estimator),
     "behaviors": ("control.trajectories.phase_curve", _behaviors),
 }
-"""What the tick needs: part -> (module whose cached code shows that it is compiled, compiler)."""
+"""Parts that the tick needs: part -> (module whose cached code shows that it is compiled,
+compiler)."""
 LATER: Parts = {
     "bearing poses": ("estimation.poses.frame_solution", _bearings),
     "bearings in the complementary filter": (
@@ -96,8 +97,8 @@ LATER: Parts = {
     "error-state filter": ("estimation.error_state.filter", _error_state),
     "near-hovering law": ("control.near_hovering", _near_hovering),
 }
-"""What only comms or the choice of another estimator or law needs: compiled in the background at
-idle priority."""
+"""Parts that only comms or the choice of another estimator or law needs: compiled in the background
+at idle priority."""
 HELPED = "controller"
 """The parts compiled by the second process; the rest takes about the same time."""
 

@@ -31,7 +31,8 @@ SECOND_NS = 1_000_000_000
 NOTHING_YET = LoopStatistics(0.0, 0.0, 0.0, 0.0, 0.0)
 NEEDS_SAMPLES = mailbox.Arm | mailbox.StartBehavior | mailbox.Bench | mailbox.CalibrateGyroscope
 MESSAGES_A_TICK = 32
-"""Of each ring; more wait for the next tick: a flood of messages must not delay the motors."""
+"""Messages taken from each ring in a tick; more wait for the next tick: a flood of messages must
+not delay the motors."""
 
 
 class Stack(Protocol):

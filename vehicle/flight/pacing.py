@@ -18,7 +18,7 @@ POLL_MS = 50
 DRIFT = 10_000
 """Relative difference between the microcontroller's and the host's clock: 100 ppm."""
 GIVE_UP_NS = 1_000_000_000
-"""When further behind than this (the machine slept), samples are skipped, not caught up."""
+"""Delay beyond which samples are skipped, not caught up: the machine slept."""
 
 
 class Deadlines:

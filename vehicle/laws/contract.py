@@ -1,6 +1,5 @@
-"""What a external control law receives and answers: vectors of float64, little-endian, in SI
-units, without padding. A UDP packet and a call of a Python law have the same content.
-"""
+"""The input and output of an external control law: vectors of float64, little-endian, in SI units,
+without padding. A UDP packet and a call of a Python law have the same content."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ from vehicle_link.transport.node import Node
 PART_BYTES = 2800
 """Bytes of a file in one answer: two packets on the radio."""
 FILES_MAX = 100
-"""In an answer, the newest: 10 kB."""
+"""Files in an answer, the newest: 10 kB."""
 FACTS_KEPT = 1000
 
 

@@ -18,7 +18,7 @@ from vehicle.processes.mailbox import INFO, WARN
 from vehicle_link.jobs import IDLE, Job
 
 FIRST_S = 60.0
-"""From the first tick on the ground: the parent mends first, what it finds at the start."""
+"""Delay from the first tick on the ground: the parent mends first, what it finds at the start."""
 PERIOD_S = 10.0
 """Between two looks at the disk's room, and after the first try; then twice as long each time."""
 TRIES = 8

@@ -22,7 +22,7 @@ COLUMNS_MAX = 48
 VALUES_MAX = 16_000
 """Numbers in an answer: 64 kB, one fragment of the link."""
 PATIENCE_S = 0.3
-"""How long an answer waits for ticks that are on their way to the file: chunks take 40 ms."""
+"""Time for which an answer waits for ticks that are on their way to the file: chunks take 40 ms."""
 LOOK_S = 0.02
 LONGEST_NS = 120_000_000_000
 

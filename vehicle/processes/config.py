@@ -52,7 +52,7 @@ class FlightConfig(msgspec.Struct, frozen=True):
 
 
 PACKETS_A_SECOND, FEWEST_PACKETS = 100, 12
-"""Of telemetry: usual, and the least; several vehicles on one computer send fewer."""
+"""Usual and lowest rate of telemetry; several vehicles on one computer send fewer."""
 
 
 class CommsConfig(msgspec.Struct, frozen=True):

@@ -79,7 +79,7 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     applied: dict[str, ParameterValue] = {}
     revision: int = 0
     previous: dict[str, ParameterValue] = {}
-    """To Calibrate: the values before."""
+    """The values before, as the answer to Calibrate."""
 
 
 class Event(msgspec.Struct, frozen=True, tag="event"):

@@ -48,7 +48,7 @@ ROW, APART = 4, 1.0
 MIN_PAUSE_S = 0.0004
 """s between two steps when behind: leaves the flight stack time to answer each sample."""
 GIVE_UP_NS = 1_000_000_000
-"""When further behind than this (the machine slept), samples are skipped, not caught up."""
+"""Delay beyond which samples are skipped, not caught up: the machine slept."""
 SECOND_NS = 1_000_000_000
 
 

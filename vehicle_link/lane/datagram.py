@@ -26,7 +26,7 @@ LARGEST = 1200
 """Bytes of a datagram that pass every network without fragments."""
 
 HELLO = "hello"
-"""Of the station, without payload: where it is, and that it listens."""
+"""Message of the station without payload; it shows where the station is, and that it listens."""
 A_HELLO = Received(b"", 0, 0, 0)
 _ROWS = [row for row in TOPICS.values() if row.lane]
 TO_STATION = tuple(row.name for row in _ROWS if row.sender == "vehicle")

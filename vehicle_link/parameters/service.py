@@ -25,7 +25,7 @@ NAMES_A_CALL = 50
 """Descriptions asked for at a time: about 15 kB, which a lossy link still carries quickly."""
 
 ROS_REQUESTER = "ros2 param"
-"""Who asked, for the log: these services do not say."""
+"""Requester in the log: these services do not say who asks."""
 
 
 class ParameterBackend(Protocol):

@@ -17,7 +17,7 @@ COMMON_NAMES: dict[Access, str] = {"pilot": "quadlab station", "observer": "quad
 WHOAMI = "whoami"
 PILOT_WHOAMI = "pilot/whoami"
 LANE, PILOT_LANE = "lane", "pilot/lane"
-"""By the first one only hears."""
+"""Services that give a station the keys of the lane; the first one is for listeners only."""
 
 TELLING = (
     WHOAMI,

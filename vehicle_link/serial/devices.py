@@ -17,7 +17,7 @@ PAUSE_S = 0.1
 WORTH_WAITING = frozenset(
     {Finding.MISSING, Finding.BUSY, Finding.SILENT, Finding.DEAF, Finding.FAILED, Finding.GONE}
 )
-"""What may be mended by plugging in, switching on or ending another program meanwhile."""
+"""Findings that plugging in, switching on or ending another program may mend meanwhile."""
 
 ANSWERED = frozenset({Finding.FOUND, Finding.OTHER_ROBOT, Finding.OTHER_FIRMWARE})
 

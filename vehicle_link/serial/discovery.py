@@ -26,7 +26,7 @@ from vehicle_link.serial.values import QUANTITIES
 
 LISTEN_S = 0.1
 LIMIT_S = LISTEN_S + TRIES * REPEAT_S
-"""For all devices together."""
+"""Time limit for all devices together."""
 STALE_MS = 50
 """The time a microcontroller tells may be that of its last sample, or it was busy meanwhile."""
 CLOCK_QUESTIONS = 6

@@ -24,7 +24,8 @@ from vehicle_link.serial.ids import Id
 REPEAT_S = 0.025
 TRIES = 40
 SLOW_REPEAT_S = 1.0
-"""What is `persistent` is asked on at this pace: the microcontroller may be switched on later."""
+"""Period at which a `persistent` question is repeated: the microcontroller may be switched on
+later."""
 MIRROR_KEY = -(2**15) - 1
 """Key of the list of mirrored ids: no id, for it does not fit the 16 bits of one."""
 

@@ -27,8 +27,8 @@ _FROM_DATA64 = bytes(
     _BASE64[_DATA64.index(byte)] if byte in _DATA64 else ord("!") for byte in range(256)
 )
 _CRC = tuple(bytes((_DATA64[crc >> 6], _DATA64[crc & 63])) for crc in (4095, *range(4095)))
-"""By the lower 12 bits of Adler-32, which are 1 + the sum of up to 256 bytes: that is computed
-in a tenth of the time of Python's `sum`."""
+"""Checksums by the lower 12 bits of Adler-32, which are 1 + the sum of up to 256 bytes: that is
+computed in a tenth of the time of Python's `sum`."""
 _PAD = (b"", b"\0\0", b"\0")
 _MIN_CHUNK = 5  # `#`, address, command and CRC of a frame without data
 

@@ -112,4 +112,4 @@ MIRROR = (
     Id.MOTOR_STATE,
     Id.PRESSURE,
 )
-"""What one `D` frame carries here: everything a tick needs, so that samples stay whole."""
+"""Values that one `D` frame carries here: everything a tick needs, so that samples stay whole."""

@@ -211,7 +211,7 @@ _ROWS = (
 )
 
 TOPICS: dict[str, Topic] = {topic.name: topic for topic in _ROWS}
-"""By name."""
+"""Topics by name."""
 
 SHARED = ("events", "parameter_changes")
 """The station sends these too, with stamps of its own; recorded where they are received."""

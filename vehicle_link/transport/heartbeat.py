@@ -8,7 +8,7 @@ HEARTBEAT_RATE = 20.0  # Hz
 DEGRADED_AFTER = 0.2  # s
 LOST_AFTER = 1.0  # s
 SELDOM = 2
-"""Of the heartbeats that go by a lane that stands, one in so many goes over the link too, where
+"""One in so many of the heartbeats that a connected lane carries goes over the link too, where
 several vehicles share a computer: enough to know that it works."""
 
 

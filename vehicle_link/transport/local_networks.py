@@ -6,7 +6,7 @@ import ipaddress
 from pathlib import Path
 
 SMALLEST_PREFIX = 22
-"""At most some 1000 addresses."""
+"""Shortest prefix that is searched: at most some 1000 addresses."""
 ROUTES = Path("/proc/net/route")
 
 

@@ -27,7 +27,7 @@ VEHICLE_PORT = 7447
 LOOPBACK_PORT = 7447
 
 OPEN_S = 0.3
-"""For one attempt to open a link."""
+"""Time limit of one attempt to open a link."""
 RETRY = {
     "timeout_ms": -1,
     "exit_on_failure": False,

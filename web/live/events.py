@@ -30,7 +30,7 @@ OF_ALL = ("runs",)
 KEPT = 200  # log lines a new page gets
 WAITING = 500  # messages a page may lag behind
 SUMMARY_NOW: Message = {"type": "summary now"}
-"""Of the hub: every page gets its summary without waiting for the next."""
+"""Message of the hub: every page gets its summary without waiting for the next."""
 NOISES = ("accelerometer", "gyroscope", "measurement")
 LEVELS = {10: "debug", 20: "info", 30: "warn", 40: "error", 50: "error"}
 

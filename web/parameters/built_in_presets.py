@@ -11,7 +11,7 @@ from web.parameters.replica import LAYOUT, PageParameters
 
 DEFAULTS, CALM = "defaults", "simulator defaults"
 MEASURED = ("model.", "imu.", "beacons.layout", LAYOUT)
-"""What was measured of this vehicle and its room; the defaults leave it alone."""
+"""Parameters measured of this vehicle and its room; the defaults leave it alone."""
 
 
 def built_in(replica: PageParameters) -> dict[str, dict[str, ParameterValue]]:

@@ -1,4 +1,4 @@
-"""What a replay needs beside the log's columns and takes long to find: time line, findings, track.
+"""The parts of a replay that take long to find in the log's columns: time line, findings, track.
 
 They lie in the folder of the log's columns (flight_log.columns) and go with it: `replay.json`, and
 `track.bin` (web.replay.track). The job of web.replay.store makes them.

@@ -13,7 +13,8 @@ from flight_log.run import Series
 from web.signals import NAMED_SOURCES, Signal, Source
 
 Derived = dict[str, tuple[Source, list[str], int]]
-"""By column `@…`: the source, the names of its columns in this log, the signal's place in it."""
+"""Derived columns by their names `@…`: the source, the names of its columns in this log, the
+signal's place in it."""
 
 
 def signals_of(

@@ -26,7 +26,7 @@ WAITING = 20
 LOOK = 0.01
 """Share of the progress between two looks at the size of the columns."""
 NICENESS = 10
-"""Below everything that flies; somebody waits for it all the same."""
+"""Niceness below everything that flies; a person waits for it all the same."""
 
 
 @dataclass

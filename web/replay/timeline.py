@@ -19,7 +19,7 @@ from quadrotor.errors import QuadlabError
 WHOLE = ("/events", "/marks", "/parameter_changes")
 """Topics of which every message is a line of its own."""
 MOST_LINES = 5000
-"""Of each kind; a log with more keeps the first ones and says so."""
+"""Largest number of lines of each kind; a log with more keeps the first ones and says so."""
 SPANS = {"mode": ("status", "mode"), "behavior": ("status", "behavior")}
 _WORDS = ("text", "label", "words", "note", "notes", "msg", "message", "description", "name")
 _PEOPLE = ("requester", "operator", "author", "who", "by", "person")

@@ -11,7 +11,7 @@ from vehicle_link.topics.table import TOPICS
 from web.signals.signal import Scaled, Signal, Source, scaled
 
 MEMBERS = 8
-"""Of an array without a fixed length: beacons, axes of sticks, cells of a battery."""
+"""Members shown of an array without a fixed length: beacons, axes of sticks, cells of a battery."""
 
 
 @dataclass(frozen=True, slots=True)

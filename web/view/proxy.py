@@ -34,7 +34,7 @@ from web.view.server import SECRET_HEADER, VIEW_HEADER, ViewServer
 
 CAMERA = "ViewerCameraMessage"
 IDLE = ("SceneNodeDragMessage", "SceneNodeClickMessage", "ScenePointerMessage")
-"""What a pointer in viser's client may bring about; nothing of it reaches viser."""
+"""Messages that a pointer in viser's client may cause; none of them reaches viser."""
 LARGEST_UPWARD = 4096  # bytes; a camera message is about 300
 CLOSING = 0.5
 """s for viser to answer a farewell, which waits behind frames that nobody reads any more."""

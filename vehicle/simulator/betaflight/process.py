@@ -37,7 +37,7 @@ BOOT_STEP_NS = 20_000_000
 RESTART_NS = 2 * SECOND_NS
 """It stops its motors for 0.5 s before it restarts."""
 PATIENCE_S = 20.0
-"""For the process to start, or to compute a step, on a busy machine."""
+"""Time limit for the process to start, or to compute a step, on a busy machine."""
 LOOK_S = 0.2
 RESTARTED = 0
 """Its exit status when it restarts by itself; a failed board has another."""

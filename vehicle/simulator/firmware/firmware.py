@@ -31,7 +31,7 @@ from vehicle_link.serial.ids import TIME_PERIOD_MS, FlightControlMode, Id, Motor
 
 COMMAND_TIMEOUT_MS = 250
 BATTERY_LAND = 131
-"""In 0.1 V: below it for BATTERY_TIME_MS, the emergency begins."""
+"""Voltage in 0.1 V; below it for BATTERY_TIME_MS, the emergency begins."""
 BATTERY_TIME_MS = 1000
 EMERGENCY_THRUST = 74
 """Least thrust of the descent, where 110 is hover."""

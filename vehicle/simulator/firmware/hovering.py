@@ -51,7 +51,7 @@ DEFAULT_GAINS = {
     Id.GAIN_YAW_RATE: 120,
     Id.GAIN_YAW_ACCELERATION: 0,
 }
-"""In counts of 0.1: 1/s^2, 1/s, 1/s^3; 1/s, 1."""
+"""Gains in counts of 0.1: 1/s^2, 1/s, 1/s^3; 1/s, 1."""
 
 
 @compiled(inner=True)

@@ -20,7 +20,7 @@ PORT, DATA_PORT = 1510, 1511
 CONNECT, SERVER, MODEL_REQUEST, MODEL, FRAME, KEEP_ALIVE, UNKNOWN = 0, 1, 4, 5, 7, 10, 100
 VERSION = (4, 1, 0, 0)
 TICKS = 10_000_000
-"""Of the system's clock, a second."""
+"""Ticks of the system's clock in a second."""
 KEPT = 5.0
 """s for which a client that asked to be kept is sent frames."""
 RIGID_BODY = 1

@@ -51,7 +51,7 @@ COMPONENTS: Mapping[str, tuple[int, int, Callable[[Body], Sequence[float]]]] = {
     "6d": (5, 9, _matrix),
     "6deuler": (6, 3, _euler),
 }
-"""By name: number, floats of a rotation, the rotation."""
+"""Components by name: number, floats of a rotation, the rotation."""
 MARKERS = {"3d": 1, "3dnolabels": 2, "3dres": 9, "3dnolabelsres": 10}
 """Components that have no markers here."""
 

@@ -28,7 +28,7 @@ SYSTEMS: Mapping[str, tuple[int, Callable[[Sequence[str], int], Server]]] = {
     "natnet": (NATNET_PORT, NatNetServer),
     "qtm": (QTM_PORT, QtmServer),
 }
-"""By name: the usual port and the server."""
+"""Systems by name: the usual port and the server."""
 KEPT = 64
 POLL = 0.01
 """s between two looks for what clients ask."""
