@@ -4,9 +4,15 @@ end.
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Protocol
+
 import numpy as np
 
-from console.experiments.client import Client, VehicleView
+from console.evaluation.verdict import judged
+from console.experiments.client import Client, Result, VehicleView
+from quadrotor.calibration_record import CalibrationRecord
+from quadrotor.parameters import ParameterValue
 
 CLEAR = (
     "The motors start and the vehicle takes off on its own. Is everybody clear of it, with 2 m of "
@@ -14,6 +20,68 @@ CLEAR = (
 )
 LANDING = 30.0
 """s."""
+
+
+class Found(Protocol):
+    """The result of a calibration, read from its log."""
+
+    def metrics(self) -> dict[str, float]: ...
+
+    def limits(self) -> dict[str, float]: ...
+
+    def record(self) -> CalibrationRecord: ...
+
+
+class CalibrationFlight:
+    """The common part of the experiments that fly by themselves and read every tick of the log.
+
+    Args:
+        vehicle: its name.
+    """
+
+    def __init__(self, vehicle: str = "quad1") -> None:
+        self._vehicle = vehicle
+
+    def found(self, log: Path) -> Found:
+        """Return the result from the log alone. Raises LogFormatError without what it needs,
+        MeasurementError when the flight does not show it.
+        """
+        raise NotImplementedError
+
+    def check(self) -> None:
+        """Accept all options: the vehicle refuses what it cannot fly."""
+
+    def preconditions(self, view: VehicleView) -> str:
+        """Return what is missing before it may start, as text."""
+        return missing_place(view)
+
+    def evaluate(self, log: Path) -> Result:
+        """Judge what was found. Raises as `found`."""
+        found = self.found(log)
+        return judged(found.metrics(), found.limits())
+
+    def proposal(self, log: Path) -> CalibrationRecord:
+        """Return the record to accept. Raises as `found`."""
+        return self.found(log).record()
+
+
+def take_off(client: Client, height: float) -> None:
+    """Take off and wait until the vehicle hovers. Raises RefusedError."""
+    client.start("take_off", height=height)
+    client.wait_until(lambda v: v.behavior == "hover", what="hover after take-off", timeout=20)
+
+
+def fly_laps(client: Client, what: str, patience: float, **laps: ParameterValue) -> None:
+    """Fly a trajectory to its end, or brake when the experiment is to end. Raises RefusedError."""
+    client.start("follow_trajectory", **laps)
+    client.wait_until(
+        lambda v: v.behavior == "hover" or client.finished,
+        what=f"the end of {what}",
+        timeout=patience,
+    )
+    if client.view().behavior == "follow_trajectory":  # finished before its end
+        client.start("brake")
+        client.wait(2.0)
 
 
 def missing_place(view: VehicleView) -> str:

@@ -9,13 +9,18 @@ from __future__ import annotations
 from pathlib import Path
 
 from console.evaluation.drag import RAMP, read_drag
-from console.evaluation.verdict import judged
-from console.experiments.calibration_flight import CLEAR, come_down, missing_place
-from console.experiments.client import Client, Result, VehicleView
+from console.experiments.calibration_flight import (
+    CLEAR,
+    CalibrationFlight,
+    Found,
+    come_down,
+    fly_laps,
+    take_off,
+)
+from console.experiments.client import Client
 from console.experiments.readings import Progress
-from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import Parameters, parameter
+from quadrotor.parameters import Parameters, ParameterValue, parameter
 
 STEPS = 3
 
@@ -33,27 +38,20 @@ class DragOptions(Parameters):
     """of the circle"""
 
 
-class DragExperiment:
+class DragExperiment(CalibrationFlight):
     """Take-off, circles, landing; the coefficient from every tick."""
 
     name = "drag"
 
     def __init__(self, vehicle: str = "quad1") -> None:
         self.parameters = DragOptions()
-        self._vehicle = vehicle
+        super().__init__(vehicle)
 
     @property
     def planned(self) -> float:
         """Return the planned time in s, about."""
         p = self.parameters
         return 25.0 + p.laps * p.period
-
-    def check(self) -> None:
-        """Accept all options: the vehicle refuses speeds that are too high."""
-
-    def preconditions(self, view: VehicleView) -> str:
-        """Return what is missing before it may start, as text."""
-        return missing_place(view)
 
     def fly(self, client: Client) -> None:
         """Fly. Raises RefusedError with the vehicle's reason when it refuses."""
@@ -65,41 +63,22 @@ class DragExperiment:
         client.arm()
         client.wait(1.0)
         try:
-            client.start("take_off", height=p.height)
-            client.wait_until(
-                lambda v: v.behavior == "hover", what="hover after take-off", timeout=20
-            )
+            take_off(client, p.height)
             client.wait(2.0)
             client.tell(Progress("It flies circles: keep clear", 2, STEPS))
-            client.start(
-                "follow_trajectory",
-                trajectory="circle",
-                radius=p.radius,
-                period=p.period,
-                laps=p.laps,
-                ramp=RAMP,
-            )
-            client.wait_until(
-                lambda v: v.behavior == "hover" or client.finished,
-                what="the end of the circles",
-                timeout=p.laps * p.period + 20.0,
-            )
-            if client.view().behavior == "follow_trajectory":  # finished before its end
-                client.start("brake")
-                client.wait(2.0)
+            circles: dict[str, ParameterValue] = {
+                "trajectory": "circle",
+                "radius": p.radius,
+                "period": p.period,
+                "laps": p.laps,
+            }
+            fly_laps(client, "the circles", p.laps * p.period + 20.0, ramp=RAMP, **circles)
         except RefusedError:
             come_down(client)
             raise
         client.tell(Progress("It lands", STEPS, STEPS))
         come_down(client)
 
-    def evaluate(self, log: Path) -> Result:
-        """Judge the drag found. Raises LogFormatError without what it needs, MeasurementError
-        without circles.
-        """
-        flight = read_drag(log, self._vehicle)
-        return judged(flight.metrics(), flight.limits())
-
-    def proposal(self, log: Path) -> CalibrationRecord:
-        """Return the coefficient for model.drag. Raises as `evaluate`."""
-        return read_drag(log, self._vehicle).record()
+    def found(self, log: Path) -> Found:
+        """Return the drag found."""
+        return read_drag(log, self._vehicle)

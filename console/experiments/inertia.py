@@ -12,11 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from console.evaluation.inertia import read_inertia
-from console.evaluation.verdict import judged
-from console.experiments.calibration_flight import CLEAR, come_down, missing_place
-from console.experiments.client import Client, Result, VehicleView
+from console.experiments.calibration_flight import (
+    CLEAR,
+    CalibrationFlight,
+    Found,
+    come_down,
+    take_off,
+)
+from console.experiments.client import Client, VehicleView
 from console.experiments.readings import Progress
-from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, ParameterValue, parameter
 
@@ -55,27 +59,20 @@ class InertiaOptions(Parameters):
     """of all amplitudes over the usual ones"""
 
 
-class InertiaExperiment:
+class InertiaExperiment(CalibrationFlight):
     """Take-off, doublets about three axes in turns, landing; estimated from every tick."""
 
     name = "inertia"
 
     def __init__(self, vehicle: str = "quad1") -> None:
         self.parameters = InertiaOptions()
-        self._vehicle = vehicle
+        super().__init__(vehicle)
         self._place: tuple[float, float, float] | None = None
 
     @property
     def planned(self) -> float:
         """Return the planned time in s, about."""
         return 20.0 + sum(_duration(one) + REST for one in self.excitations())
-
-    def check(self) -> None:
-        """Accept all options: the vehicle refuses amplitudes that are too large."""
-
-    def preconditions(self, view: VehicleView) -> str:
-        """Return what is missing before it may start, as text."""
-        return missing_place(view)
 
     def abort(self, view: VehicleView) -> str:
         """Return why the experiment has to end, as text."""
@@ -122,10 +119,7 @@ class InertiaExperiment:
         client.arm()
         client.wait(1.0)
         try:
-            client.start("take_off", height=self.parameters.height)
-            client.wait_until(
-                lambda v: v.behavior == "hover", what="hover after take-off", timeout=20
-            )
+            take_off(client, self.parameters.height)
             client.wait(2.0)
             x, y, z = client.view().position_w.tolist()
             self._place = (x, y, z)
@@ -181,16 +175,9 @@ class InertiaExperiment:
         come_down(client)
 
     # ------------------------------------------------------------------ judgement
-    def evaluate(self, log: Path) -> Result:
-        """Judge the inertia found. Raises LogFormatError without what it needs, MeasurementError
-        when never excited.
-        """
-        flight = read_inertia(log, self._vehicle)
-        return judged(flight.metrics(), flight.limits())
-
-    def proposal(self, log: Path) -> CalibrationRecord:
-        """Return the three inertias for model.inertia_xx, _yy, _zz. Raises as `evaluate`."""
-        return read_inertia(log, self._vehicle).record()
+    def found(self, log: Path) -> Found:
+        """Return the three inertias for model.inertia_xx, _yy, _zz."""
+        return read_inertia(log, self._vehicle)
 
 
 def _duration(arguments: dict[str, ParameterValue]) -> float:

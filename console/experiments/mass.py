@@ -14,12 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from console.evaluation.mass import DEVIATION_MAX, read_mass
-from console.evaluation.verdict import judged
-from console.experiments.calibration_flight import CLEAR, come_down, missing_place
-from console.experiments.client import Client, Result, VehicleView
+from console.experiments.calibration_flight import CLEAR, CalibrationFlight, Found, come_down
+from console.experiments.client import Client, VehicleView
 from console.experiments.readings import Progress
 from console.experiments.stick_sequences import RATE, SPEEDS, scripted
-from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, ParameterValue, parameter
 
@@ -52,27 +50,20 @@ class MassOptions(Parameters):
     """of the erratic flight"""
 
 
-class MassExperiment:
+class MassExperiment(CalibrationFlight):
     """Take-off on a low estimate, hover until it has converged, erratic flight, landing."""
 
     name = "mass"
 
     def __init__(self, vehicle: str = "quad1") -> None:
         self.parameters = MassOptions()
-        self._vehicle = vehicle
+        super().__init__(vehicle)
 
     @property
     def planned(self) -> float:
         """Return the planned time in s, about."""
         p = self.parameters
         return 30.0 + p.height / p.climb + p.duration
-
-    def check(self) -> None:
-        """Accept all options: every combination is valid."""
-
-    def preconditions(self, view: VehicleView) -> str:
-        """Return what is missing before it may start, as text."""
-        return missing_place(view)
 
     # ------------------------------------------------------------------ flight
     def fly(self, client: Client) -> None:
@@ -193,16 +184,9 @@ class MassExperiment:
             client.change(found)
 
     # ------------------------------------------------------------------ judgement
-    def evaluate(self, log: Path) -> Result:
-        """Judge the mass found. Raises LogFormatError without what it needs, MeasurementError when
-        it never flew.
-        """
-        flight = read_mass(log, self._vehicle)
-        return judged(flight.metrics(), flight.limits())
-
-    def proposal(self, log: Path) -> CalibrationRecord:
-        """Return the mass for model.mass. Raises as `evaluate`."""
-        return read_mass(log, self._vehicle).record()
+    def found(self, log: Path) -> Found:
+        """Return the mass for model.mass."""
+        return read_mass(log, self._vehicle)
 
 
 def _tell(client: Client, view: VehicleView, text: str, number: int, share: float) -> None:

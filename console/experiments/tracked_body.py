@@ -12,13 +12,19 @@ from pathlib import Path
 
 from console.evaluation.tracked_body import TrackedBodyFound, read_tracked_body
 from console.evaluation.verdict import judged
-from console.experiments.calibration_flight import CLEAR, come_down, missing_place
-from console.experiments.client import Client, Result, VehicleView
+from console.experiments.calibration_flight import (
+    CLEAR,
+    CalibrationFlight,
+    come_down,
+    fly_laps,
+    take_off,
+)
+from console.experiments.client import Client, Result
 from console.experiments.pose_guide import attitude_of, spread_poses, words_of
 from console.experiments.readings import Progress
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import QuadlabError, RefusedError
-from quadrotor.parameters import Parameters, parameter
+from quadrotor.parameters import Parameters, ParameterValue, parameter
 
 POSES = 12
 TILT = math.radians(60.0)
@@ -37,26 +43,19 @@ class TrackedBodyOptions(Parameters):
     """of the motion"""
 
 
-class TrackerDelay:
+class TrackerDelay(CalibrationFlight):
     """Proposes the delay."""
 
     name = "tracker_delay"
 
     def __init__(self, vehicle: str = "quad1") -> None:
         self.parameters = TrackedBodyOptions()
-        self._vehicle = vehicle
+        super().__init__(vehicle)
 
     @property
     def planned(self) -> float:
         """Return the planned time in s, about."""
         return 15.0 + self.parameters.duration
-
-    def check(self) -> None:
-        """Accept all options: every combination is valid."""
-
-    def preconditions(self, view: VehicleView) -> str:
-        """Return what is missing before it may start, as text."""
-        return missing_place(view)
 
     def fly(self, client: Client) -> None:
         """Have it turned, or fly. Raises RefusedError with the reason when that cannot be."""
@@ -96,20 +95,10 @@ class TrackerDelay:
         client.wait(1.0)
         laps = max(2, round(self.parameters.duration / LAP))
         try:
-            client.start("take_off", height=1.2)
-            client.wait_until(
-                lambda v: v.behavior == "hover", what="hover after take-off", timeout=20
-            )
+            take_off(client, 1.2)
             client.tell(Progress("It flies a figure 8: keep clear", 1, 2))
-            client.start("follow_trajectory", trajectory="figure_eight", period=LAP, laps=laps)
-            client.wait_until(
-                lambda v: v.behavior == "hover" or client.finished,
-                what="the end of the figure 8",
-                timeout=laps * LAP + 20.0,
-            )
-            if client.view().behavior == "follow_trajectory":  # finished before its end
-                client.start("brake")
-                client.wait(2.0)
+            eight: dict[str, ParameterValue] = {"trajectory": "figure_eight", "period": LAP}
+            fly_laps(client, "the figure 8", laps * LAP + 20.0, laps=laps, **eight)
         except RefusedError:
             come_down(client)
             raise

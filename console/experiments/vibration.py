@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from console.evaluation.verdict import judged
 from console.evaluation.vibration import HOVER_MIN, REST_MIN, SETTLE, read_vibration
-from console.experiments.calibration_flight import CLEAR, come_down, missing_place
-from console.experiments.client import Client, Result, VehicleView
+from console.experiments.calibration_flight import (
+    CLEAR,
+    CalibrationFlight,
+    Found,
+    come_down,
+    take_off,
+)
+from console.experiments.client import Client
 from console.experiments.readings import Progress
-from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, parameter
 
@@ -27,26 +31,19 @@ class VibrationOptions(Parameters):
     """of the hover"""
 
 
-class VibrationExperiment:
+class VibrationExperiment(CalibrationFlight):
     """Rest, take-off, hover, landing; the noise from every tick."""
 
     name = "vibration"
 
     def __init__(self, vehicle: str = "quad1") -> None:
         self.parameters = VibrationOptions()
-        self._vehicle = vehicle
+        super().__init__(vehicle)
 
     @property
     def planned(self) -> float:
         """Return the planned time in s, about."""
         return 20.0 + self.parameters.rest + self.parameters.hover
-
-    def check(self) -> None:
-        """Accept all options: every combination is valid."""
-
-    def preconditions(self, view: VehicleView) -> str:
-        """Return what is missing before it may start, as text."""
-        return missing_place(view)
 
     def fly(self, client: Client) -> None:
         """Fly. Raises RefusedError with the vehicle's reason when it refuses."""
@@ -58,10 +55,7 @@ class VibrationExperiment:
         client.arm()
         client.wait(1.0)
         try:
-            client.start("take_off", height=p.height)
-            client.wait_until(
-                lambda v: v.behavior == "hover", what="hover after take-off", timeout=20
-            )
+            take_off(client, p.height)
             self._wait(client, "It hovers: keep clear", 3, p.hover + SETTLE)
         except RefusedError:
             come_down(client)
@@ -75,13 +69,6 @@ class VibrationExperiment:
             client.tell(Progress(words, number, STEPS, past / seconds))
             client.wait(0.2)
 
-    def evaluate(self, log: Path) -> Result:
-        """Judge how well the noise is known. Raises LogFormatError without what it needs,
-        MeasurementError without rest or hover.
-        """
-        found = read_vibration(log, self._vehicle)
-        return judged(found.metrics(), found.limits())
-
-    def proposal(self, log: Path) -> CalibrationRecord:
-        """Return the noise for estimation.error_state.*. Raises as `evaluate`."""
-        return read_vibration(log, self._vehicle).record()
+    def found(self, log: Path) -> Found:
+        """Return the noise for estimation.error_state.*."""
+        return read_vibration(log, self._vehicle)
