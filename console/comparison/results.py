@@ -52,16 +52,11 @@ class Comparison:
 
 def message_of(comparison: Comparison) -> Any:
     """Return quadlab_msgs/EstimatorComparison."""
-    c = comparison
+    fields = dict(vars(comparison))
+    stamp_ns, results = fields.pop("stamp_ns"), fields.pop("results")
+    estimators = [_result(one) for one in results]
     return new(
-        "quadlab_msgs/EstimatorComparison",
-        header=header(c.stamp_ns),
-        truth=c.truth,
-        duration=c.duration,
-        sigma=c.sigma,
-        position_bound=c.position_bound,
-        attitude_bound=c.attitude_bound,
-        estimators=[_result(one) for one in c.results],
+        "quadlab_msgs/EstimatorComparison", header=header(stamp_ns), estimators=estimators, **fields
     )
 
 

@@ -7,7 +7,7 @@ as Python writes them, so that a text and a number are told apart.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from sqlalchemy import BigInteger, Engine, String, Text, UniqueConstraint, func, select
 from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
@@ -78,6 +78,9 @@ class ParameterChange:
     flight: str  # run id, "" on the ground
     revision: int  # of who changed it
     id: int = 0
+
+
+_COLUMNS = tuple(one.name for one in fields(ParameterChange) if one.name != "id")
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,19 +160,9 @@ class ParameterHistory:
             for change in changes:
                 if self._is_there(session, change):
                     continue
-                session.add(
-                    ChangeRow(
-                        vehicle=self._vehicle,
-                        name=change.name,
-                        old=repr(change.old),
-                        new=repr(change.new),
-                        requester=change.requester,
-                        stamp_ns=change.stamp_ns,
-                        sent_ns=change.sent_ns,
-                        flight=change.flight,
-                        revision=change.revision,
-                    )
-                )
+                values = {name: getattr(change, name) for name in _COLUMNS}
+                values |= {"old": repr(change.old), "new": repr(change.new)}
+                session.add(ChangeRow(vehicle=self._vehicle, **values))
                 session.flush()  # the order of the ids is that of the changes
                 self._know(session, {change.name: change.new})
 
@@ -210,14 +203,6 @@ class ParameterHistory:
 
 
 def _change(row: ChangeRow) -> ParameterChange:
-    return ParameterChange(
-        id=row.id,
-        name=row.name,
-        old=literal_value(row.old),
-        new=literal_value(row.new),
-        requester=row.requester,
-        stamp_ns=row.stamp_ns,
-        sent_ns=row.sent_ns,
-        flight=row.flight,
-        revision=row.revision,
-    )
+    values = {name: getattr(row, name) for name in ("id", *_COLUMNS)}
+    values |= {"old": literal_value(row.old), "new": literal_value(row.new)}
+    return ParameterChange(**values)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import ClassVar, Protocol, TypeVar
+from typing import ClassVar, Protocol, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -138,6 +138,22 @@ class TrajectoryBehavior:
 
 class NoArguments(Parameters):
     """The arguments of a behavior without any."""
+
+
+class WithoutArguments:
+    """The common part of behaviors that take no arguments and have no end."""
+
+    name: ClassVar[BehaviorName]
+    progress = 0.0
+    arguments: ClassVar[type[Parameters]] = NoArguments
+
+    @classmethod
+    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
+        read_arguments(cls.name, NoArguments(), given)
+        return cls(context)
+
+    def __init__(self, context: Context) -> None:
+        raise NotImplementedError
 
 
 Arguments = TypeVar("Arguments", bound=Parameters)

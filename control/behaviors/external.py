@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
-from control.behaviors.behavior import Context, Joy, NoArguments, read_arguments
+from control.behaviors.behavior import Context, Joy, WithoutArguments
 from control.behaviors.follow_trajectory import limits_of
 from control.behaviors.table import BehaviorName
 from control.trajectories.extrapolation import extrapolate
@@ -16,14 +15,13 @@ from control.trajectories.feasibility import survey
 from control.trajectories.limits import QUANTITIES, WALLS
 from control.trajectories.velocity_filter import BANDWIDTH
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import Parameters, ParameterValue
 from quadrotor.records import REFERENCE, Record, new_reference
 
 YAW_STEP_MAX = 0.5
 """rad: largest step of the yaw from where the last reference leads."""
 
 
-class External:
+class External(WithoutArguments):
     """A behavior that flies the references of another program; between two of them the last one is
     led on, at most for behavior.external_timeout.
 
@@ -36,14 +34,8 @@ class External:
     """
 
     name: ClassVar[BehaviorName] = BehaviorName.EXTERNAL
-    progress = 0.0
-    arguments: ClassVar[type[Parameters]] = NoArguments
 
-    @classmethod
-    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
-        return cls(context, read_arguments(cls.name, NoArguments(), given))
-
-    def __init__(self, context: Context, arguments: NoArguments) -> None:
+    def __init__(self, context: Context) -> None:
         p = context.parameters
         self._outside, self._model = context.outside, context.model
         self._timeout, self._step_max = p.external_timeout, p.external_step_max

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 from control.behaviors.behavior import Context
 from control.behaviors.trajectory_arguments import (
@@ -20,7 +20,7 @@ from control.behaviors.trajectory_arguments import (
     WhichTrajectory,
 )
 from control.behaviors.way_points import read_waypoints
-from control.trajectories.circle import Circle, Nose, Side
+from control.trajectories.circle import Circle
 from control.trajectories.figure_eight import FigureEight
 from control.trajectories.helix import Helix
 from control.trajectories.line import Line
@@ -71,60 +71,31 @@ def _check_ramp(a: LapArguments) -> None:
         )
 
 
+def _shape(a: WhichTrajectory) -> dict[str, Any]:
+    """Return the arguments as the trajectory's own class names them."""
+    return a.model_dump(exclude={"trajectory"})
+
+
 def _figure_eight(context: Context, a: FigureEightArguments) -> Trajectory:
     _check_ramp(a)
     x, y, z, yaw = context.point
-    return FigureEight(
-        (x, y, z),
-        yaw,
-        width=a.width,
-        height=a.height,
-        z_amplitude=a.z_amplitude,
-        yaw_amplitude=a.yaw_amplitude,
-        period=a.period,
-        laps=a.laps,
-        ramp=a.ramp,
-    )
+    return FigureEight((x, y, z), yaw, **_shape(a))
 
 
 def _figure_eight_lap(context: Context, a: FigureEightLapArguments) -> Trajectory:
     x, y, z, yaw = context.point
-    return FigureEight.in_one_lap(
-        (x, y, z),
-        yaw,
-        width=a.width,
-        height=a.height,
-        z_amplitude=a.z_amplitude,
-        yaw_amplitude=a.yaw_amplitude,
-        duration=a.period,
-    )
+    shape = _shape(a)
+    return FigureEight.in_one_lap((x, y, z), yaw, duration=shape.pop("period"), **shape)
 
 
 def _circle(context: Context, a: CircleArguments) -> Trajectory:
     _check_ramp(a)
-    return Circle(
-        context.point,
-        radius=a.radius,
-        nose=cast(Nose, a.nose),
-        side=cast(Side, a.side),
-        period=a.period,
-        laps=a.laps,
-        ramp=a.ramp,
-    )
+    return Circle(context.point, **_shape(a))
 
 
 def _helix(context: Context, a: HelixArguments) -> Trajectory:
     _check_ramp(a)
-    return Helix(
-        context.point,
-        rise=a.rise,
-        radius=a.radius,
-        nose=cast(Nose, a.nose),
-        side=cast(Side, a.side),
-        period=a.period,
-        laps=a.laps,
-        ramp=a.ramp,
-    )
+    return Helix(context.point, **_shape(a))
 
 
 def _line(context: Context, a: LineArguments) -> Trajectory:

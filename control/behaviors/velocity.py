@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import ClassVar, Self
+from typing import ClassVar
 
-from control.behaviors.behavior import Context, Joy, NoArguments, read_arguments
+from control.behaviors.behavior import Context, Joy, WithoutArguments
 from control.behaviors.table import BehaviorName
 from control.trajectories.velocity_filter import advance, new_velocity_filter
-from quadrotor.parameters import Parameters, ParameterValue
 from quadrotor.records import Record
 
 
-class Velocity:
+class Velocity(WithoutArguments):
     """Released, stale or missing sticks stop the vehicle; the flight volume's walls slow it."""
 
     name: ClassVar[BehaviorName] = BehaviorName.VELOCITY
-    progress = 0.0
-    arguments: ClassVar[type[Parameters]] = NoArguments
 
-    @classmethod
-    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
-        return cls(context, read_arguments(cls.name, NoArguments(), given))
-
-    def __init__(self, context: Context, arguments: NoArguments) -> None:
+    def __init__(self, context: Context) -> None:
         p = context.parameters
         self._filter = new_velocity_filter(
             context.reference, p.joy_acceleration, p.yaw_acceleration_max

@@ -124,26 +124,16 @@ class FigureEight:
         center: tuple[float, float, float],
         yaw: float = 0.0,
         *,
-        width: float = 1.0,
-        height: float = 1.0,
-        z_amplitude: float = 0.2,
-        yaw_amplitude: float = 1.0,
         duration: float = 8.0,
+        **shape: float,
     ) -> FigureEight:
         """Return a figure 8 from rest to rest in one lap of `duration` s: a ramp up to the middle,
         a ramp down from it.
+
+        Args:
+            shape: width, height, z_amplitude and yaw_amplitude, as of the class.
         """
-        return cls(
-            center,
-            yaw,
-            width=width,
-            height=height,
-            z_amplitude=z_amplitude,
-            yaw_amplitude=yaw_amplitude,
-            period=0.5 * duration,
-            laps=1,
-            ramp=0.5 * duration,
-        )
+        return cls(center, yaw, period=0.5 * duration, laps=1, ramp=0.5 * duration, **shape)
 
     def sample(self, t: float, reference: Record) -> None:
         sample_figure_eight(self._eight, t, reference, 0.0)
