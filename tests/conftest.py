@@ -6,6 +6,7 @@ import fcntl
 import gc
 import os
 import shutil
+import subprocess
 import tempfile
 from collections.abc import Generator
 from pathlib import Path
@@ -40,6 +41,7 @@ LONG = ("web/test_openapi.py", "quadlab/test_fly_bearings.py", "vehicle/flight/t
 CHROMIUMS = ("chromium-headless-shell", "chromium")
 """Debian's; the shell draws the same with half the work, for it has no window to make."""
 HERE = Path(__file__).parent
+ROOT = HERE.parent
 MOST_TAKEN = 0.05
 """Share of the processor time wanted; where the host took more, a failed flight is not judged."""
 BEFORE = pytest.StashKey[tuple[int, int]]()
@@ -176,6 +178,21 @@ def chromium_path() -> str:
     found = next(filter(None, map(shutil.which, CHROMIUMS)), None)
     if found is None:
         pytest.skip(f"neither {' nor '.join(CHROMIUMS)} is installed; they are Debian packages")
+    return found
+
+
+@pytest.fixture(scope="session")
+def node() -> str:
+    """Return Debian's node with the packages of package.json; skip where either is missing."""
+    found = shutil.which("node")
+    if found is None:
+        pytest.skip("node is not installed; it is a Debian package")
+    install = subprocess.run(
+        [ROOT / "scripts" / "setup_node"], capture_output=True, text=True, check=False
+    )
+    if install.returncode != 0 and not os.environ.get("CI"):
+        pytest.skip(install.stderr.strip())
+    assert install.returncode == 0, install.stderr
     return found
 
 

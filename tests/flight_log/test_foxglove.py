@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 from flight_log import LogWriter, read_log, recover
 from flight_log.merge import merge
@@ -22,21 +19,6 @@ from vehicle_link.topics import TOPICS
 
 ROOT = Path(__file__).parents[2]
 READER = Path(__file__).with_name("foxglove_reader.js")
-
-
-@pytest.fixture(scope="module")
-def node() -> str:
-    """Of Debian, with the packages of package.json; skips where either is missing."""
-    found = shutil.which("node")
-    if found is None:
-        pytest.skip("node is not installed; it is a Debian package")
-    install = subprocess.run(
-        [ROOT / "scripts" / "setup_node"], capture_output=True, text=True, check=False
-    )
-    if install.returncode != 0 and not os.environ.get("CI"):
-        pytest.skip(install.stderr.strip())
-    assert install.returncode == 0, install.stderr
-    return found
 
 
 def by_foxglove(node: str, path: Path) -> dict[str, Any]:

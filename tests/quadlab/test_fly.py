@@ -14,6 +14,7 @@ from rosbags.highlevel import AnyReader
 
 from flight_log import read_log
 from quadlab.__main__ import main
+from tests.support.rates import RATES
 
 
 def fly(capsys: pytest.CaptureFixture[str], out: Path, *words: str) -> dict[str, Any]:
@@ -71,21 +72,7 @@ def test_the_log_holds_every_topic_at_its_rate(eight: dict[str, Any]) -> None:
     for message in read_log(Path(eight["log"])):
         counts[message.topic.removeprefix("/quad1/")] += 1
     flown = eight["metrics"]["flown_s"]
-    expected = {
-        "state": 500,
-        "reference": 500,
-        "imu": 500,
-        "actuators": 500,
-        "truth": 100,
-        "tracker_pose": 100,
-        "bearings": 30,
-        "bearing_pose": 30,
-        "estimator": 50,
-        "status": 10,
-        "battery": 2,
-        "pressure": 25,
-    }
-    for topic, rate in expected.items():
+    for topic, rate in RATES.items():
         assert counts[topic] / flown == pytest.approx(rate, rel=0.05), topic
     assert counts["events"] >= 5
 

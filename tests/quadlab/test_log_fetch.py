@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -19,6 +18,7 @@ from console.transfers.service import Transfers
 from flight_log.writer import FILLED_METADATA, LogWriter
 from quadlab.__main__ import main
 from tests.flight_log.drop_outs import Flight, flown
+from tests.waiting import free_port
 from vehicle.onboard_log.files import OnboardFiles
 from vehicle_link.transport.heartbeat import LinkState
 from vehicle_link.transport.node import Node
@@ -31,9 +31,7 @@ NAME = "quad1_20260131T093042_120Z"
 def port(tmp_path: Path) -> Iterator[int]:
     """Of a station whose vehicle has one log."""
     Flight(flown(300), np.ones(300, np.bool_)).log_onboard(tmp_path / "board" / f"{NAME}.mcap")
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        number: int = probe.getsockname()[1]
+    number = free_port()
     sessions: list[Any] = [hub_session(number), loopback_session(number)]
     station, vehicle = (
         Node(sessions[0], "/quad1", "station"),

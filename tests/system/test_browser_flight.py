@@ -15,31 +15,12 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
+from tests.support.chromium import FLAGS
+from tests.support.rates import RATES
+
 pytestmark = pytest.mark.timeout(300)
-FLAGS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--no-first-run",
-]
 BOUND = 60_000
 GAIN = "control.position.kp_xy"
-RATES = {
-    "state": 500,
-    "reference": 500,
-    "imu": 500,
-    "actuators": 500,
-    "truth": 100,
-    "tracker_pose": 100,
-    "bearings": 30,
-    "bearing_pose": 30,
-    "estimator": 50,
-    "status": 10,
-    "battery": 2,
-    "pressure": 25,
-}
 
 
 @pytest.fixture

@@ -13,15 +13,9 @@ from typing import Any
 
 import pytest
 
+from tests.support.chromium import FLAGS
+
 pytestmark = pytest.mark.timeout(300)
-FLAGS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--no-first-run",
-]
 SECONDS = float(os.environ.get("QUADLAB_HAMMER_SECONDS", "3"))
 BOUND = 60_000
 GAIN = "control.position.kp_xy"

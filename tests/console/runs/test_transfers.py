@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -33,7 +32,7 @@ from flight_log.writer import FILLED_METADATA
 from quadrotor.errors import LinkError, RefusedError, StorageError
 from quadrotor.records import TICK
 from tests.flight_log.drop_outs import START_NS, Flight, flown, with_holes
-from tests.waiting import until
+from tests.waiting import free_port, until
 from vehicle.onboard_log.files import OnboardFiles
 from vehicle_link.messages import decode, new
 from vehicle_link.topics import SERVICES, TOPICS, encode_estimators, encode_status
@@ -615,9 +614,7 @@ def test_over_the_link_the_service_fetches_and_the_topic_tells(
     tmp_path: Path, onboard: Path
 ) -> None:
     random_file(onboard, 40_000)
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     hub = hub_session(port)
     sessions: list[Any] = [hub, loopback_session(port), loopback_session(port)]
     names = ("station", "vehicle", "page")

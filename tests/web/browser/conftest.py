@@ -12,16 +12,9 @@ from urllib.parse import urlsplit
 
 import pytest
 
-PLAIN = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--no-first-run",
-    "--renderer-process-limit=1",
-    "--disable-features=IsolateOrigins,site-per-process",
-]
+from tests.support.chromium import FLAGS
+
+PLAIN = [*FLAGS, "--renderer-process-limit=1", "--disable-features=IsolateOrigins,site-per-process"]
 """Pages whose 3D view is blanked: a graphics card emulated for them takes most of a core. They
 share a process: each would else start one of its own."""
 WITH_WEBGL = [*PLAIN, "--enable-unsafe-swiftshader"]

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import queue
-import shutil
 import subprocess
 import threading
 from collections.abc import Callable, Iterator
@@ -60,21 +58,6 @@ class Client:
         for line in self._process.stdout:
             name, content = json.loads(line)
             self._events.put((name, content))
-
-
-@pytest.fixture(scope="session")
-def node() -> str:
-    """Of Debian, with the packages of package.json; skips where either is missing."""
-    found = shutil.which("node")
-    if found is None:
-        pytest.skip("node is not installed; it is a Debian package")
-    install = subprocess.run(
-        [ROOT / "scripts" / "setup_node"], capture_output=True, text=True, check=False
-    )
-    if install.returncode != 0 and not os.environ.get("CI"):
-        pytest.skip(install.stderr.strip())
-    assert install.returncode == 0, install.stderr
-    return found
 
 
 @pytest.fixture

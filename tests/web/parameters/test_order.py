@@ -10,27 +10,13 @@ from typing import Any
 import pytest
 
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
-from quadrotor.parameters import ParameterDescription, ParameterValue
+from quadrotor.parameters import ParameterValue
+from tests.support.parameters import described
 from vehicle_link.parameters.messages import AppliedChange
 from web.parameters.changes import GainPath
 from web.parameters.replica import PageParameters
 
 KP, KV, RATES, STATION = "control.kp", "control.kv", "control.rates", "station.delay"
-
-
-def described(name: str, kind: str = "float", **changes: Any) -> ParameterDescription:
-    fields: dict[str, Any] = {
-        "default": 4.0,
-        "description": "",
-        "unit": "",
-        "minimum": 0.0,
-        "maximum": 20.0,
-        "step": 0.1,
-        "read_only": False,
-        "choices": (),
-        "flight_step": None,
-    }
-    return ParameterDescription(name=name, type=kind, **(fields | changes))
 
 
 def replica_of(told: list[Any] | None = None) -> PageParameters:

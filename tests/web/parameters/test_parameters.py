@@ -18,35 +18,20 @@ from quadrotor.errors import (
     WrongTypeError,
 )
 from quadrotor.parameters import ParameterDescription, ParameterValue
+from tests.support.parameters import described
 from web.parameters.changes import GainPath
 from web.parameters.replica import PageParameters
 
 
-def description(
-    name: str = "gains.kp", kind: str = "float", **changes: Any
-) -> ParameterDescription:
-    fields: dict[str, Any] = {
-        "default": 4.0,
-        "description": "",
-        "unit": "",
-        "minimum": 0.0,
-        "maximum": 20.0,
-        "step": 0.1,
-        "read_only": False,
-        "choices": (),
-    }
-    return ParameterDescription(name=name, type=kind, **(fields | changes))
-
-
-def check(described: ParameterDescription, value: object) -> ParameterValue:
+def check(one: ParameterDescription, value: object) -> ParameterValue:
     replica = PageParameters(lambda _: None)
-    replica.load({described.name: described.default}, 0, descriptions=[described])
-    return replica.check({described.name: value})[described.name]
+    replica.load({one.name: one.default}, 0, descriptions=[one])
+    return replica.check({one.name: value})[one.name]
 
 
 @pytest.mark.parametrize("value", [5, 20.0, 0.0, 0.3, 4.04])
 def test_numbers_within_their_bounds_pass_exactly(value: float) -> None:
-    result = check(description(), value)
+    result = check(described("gains.kp"), value)
     assert result == value
     assert isinstance(result, float)
 
@@ -54,29 +39,29 @@ def test_numbers_within_their_bounds_pass_exactly(value: float) -> None:
 @pytest.mark.parametrize("value", [1e6, -1e6, 20.001])
 def test_numbers_out_of_bounds_are_refused_with_what_is_allowed(value: float) -> None:
     with pytest.raises(OutOfBoundsError, match="allowed 0 to 20"):
-        check(description(), value)
+        check(described("gains.kp"), value)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_what_is_not_finite_is_refused(value: float) -> None:
     with pytest.raises(OutOfBoundsError, match="not a finite number"):
-        check(description(), value)
+        check(described("gains.kp"), value)
 
 
 @pytest.mark.parametrize("value", ["5", True, None, [5]])
 def test_the_wrong_type_is_refused(value: object) -> None:
     with pytest.raises(WrongTypeError):
-        check(description(), value)
+        check(described("gains.kp"), value)
 
 
 def test_one_sided_bounds_whole_numbers_and_choices() -> None:
-    assert check(description(maximum=None), 1e9) == 1e9
-    whole = description(kind="int", default=3, maximum=10.0)
+    assert check(described("gains.kp", maximum=None), 1e9) == 1e9
+    whole = described("gains.kp", kind="int", default=3, maximum=10.0)
     assert check(whole, 9) == 9
     with pytest.raises(WrongTypeError):
         check(whole, 2.5)
     with pytest.raises(OutOfBoundsError):
-        check(description(kind="str", default="a", choices=("a", "b")), "c")
+        check(described("gains.kp", kind="str", default="a", choices=("a", "b")), "c")
 
 
 class SlowVehicle:
@@ -107,7 +92,7 @@ def path_of(vehicle: SlowVehicle, *names: str) -> tuple[GainPath, PageParameters
     told: list[Any] = []
     replica = PageParameters(told.append)
     names = names or ("gains.kp",)
-    replica.load(dict.fromkeys(names, 4.0), 0, descriptions=[description(name) for name in names])
+    replica.load(dict.fromkeys(names, 4.0), 0, descriptions=[described(name) for name in names])
     told.clear()
     return GainPath(replica, vehicle), replica, told
 
@@ -184,7 +169,7 @@ def test_unknown_names_and_an_unknown_vehicle_are_said() -> None:
     replica = PageParameters(lambda _: None)
     with pytest.raises(LinkError, match="have not been read yet"):
         replica.check({"gains.kp": 1.0})
-    replica.load({"gains.kp": 4.0}, 0, descriptions=[description()])
+    replica.load({"gains.kp": 4.0}, 0, descriptions=[described("gains.kp")])
     with pytest.raises(UnknownParameterError, match=r"gains\.kq"):
         replica.check({"gains.kq": 1.0})
 
@@ -193,7 +178,7 @@ def test_pages_hear_only_news_as_of_the_flights_clock(monkeypatch: pytest.Monkey
     monkeypatch.setattr("web.parameters.replica.wall_time", lambda: 86_400.0)
     told: list[Any] = []
     replica = PageParameters(told.append)
-    replica.load({"gains.kp": 4.0}, 3, descriptions=[description()])
+    replica.load({"gains.kp": 4.0}, 3, descriptions=[described("gains.kp")])
     replica.confirm({"gains.kp": 5.0}, "operator 1", 4)
     replica.confirm({"gains.kp": 5.0}, "operator 1", 4)  # the same again, from parameter_changes
     assert [m["type"] for m in told] == ["parameters", "parameter"]
@@ -274,7 +259,9 @@ def test_every_page_hears_of_a_change(site: Any, known: httpx.Client) -> None:
 
 def test_the_stations_own_revision_does_not_hide_the_vehicles() -> None:
     replica = PageParameters(lambda _: None)
-    replica.load({"gains.kp": 4.0}, 3, descriptions=[description(), description("station.delay")])
+    replica.load(
+        {"gains.kp": 4.0}, 3, descriptions=[described("gains.kp"), described("station.delay")]
+    )
     replica.confirm({"station.delay": 0.1}, "operator 1", 99)
     assert replica.revision == 3
     replica.confirm({"gains.kp": 5.0}, "operator 1", 4)
