@@ -122,9 +122,6 @@ Landing again with another speed, and braking or hovering twice, are allowed: a 
 command must not fail.
 """
 
-BY_THE_MICROCONTROLLER = frozenset({_NEAR, _EMERGENCY})
-"""Flown in near-hovering mode: it holds the angles."""
-
 NEEDS_LIFT = frozenset({_HOVER, _BRAKE})
 """Refused before lift-off and after touch-down: they would hold the reference on the ground."""
 

@@ -40,6 +40,10 @@ def estimators(log: Path) -> list[str]:
     return [name for k, name in enumerate(told) if k == 0 or name != told[k - 1]]
 
 
+def sets(*settings: str) -> list[str]:
+    return [word for one in settings for word in ("--set", one)]
+
+
 def fly(capsys: pytest.CaptureFixture[str], out: Path, *words: str) -> dict[str, Any]:
     main(["fly", "bearings", *words, "--out", str(out), "--json"])
     report: dict[str, Any] = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
@@ -101,12 +105,11 @@ def test_recorded_sticks_fly_the_complementary_filter(
     report = fly(
         capsys,
         tmp_path,
-        "--set",
-        "experiment.manoeuvre=sticks",
-        "--set",
-        f"experiment.sticks_file={file}",
-        "--set",
-        "experiment.estimator=complementary",
+        *sets(
+            "experiment.manoeuvre=sticks",
+            f"experiment.sticks_file={file}",
+            "experiment.estimator=complementary",
+        ),
     )
     assert report["verdict"] == "passed"
     assert 7.0 < report["metrics"]["judged_s"] < 12.0
@@ -119,12 +122,7 @@ def test_a_failing_sensor_ends_on_the_tracker_and_fails(
     report = fly(
         capsys,
         tmp_path,
-        "--set",
-        "experiment.duration=10",
-        "--set",
-        "fallback.consistency_max=1.2",
-        "--set",
-        "fallback.window=0.2",
+        *sets("experiment.duration=10", "fallback.consistency_max=1.2", "fallback.window=0.2"),
     )
     assert report["metrics"]["fallbacks"] == 1.0
     assert report["verdict"] == "failed"
@@ -230,12 +228,7 @@ def test_bearings_that_are_all_turned_fail_by_the_attitude_they_give(
     turned = fly(
         capsys,
         tmp_path,
-        "--set",
-        "experiment.duration=5",
-        "--set",
-        "bearings.bias_z=3",
-        "--set",
-        f"experiment.estimator={estimator}",
+        *sets("experiment.duration=5", "bearings.bias_z=3", f"experiment.estimator={estimator}"),
     )
     assert turned["verdict"] == "failed"
     assert turned["metrics"]["fallbacks"] == 0.0
@@ -246,12 +239,11 @@ def test_gains_whose_limits_nobody_knows_are_not_judged_with_a_status_of_their_o
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     words = (
-        "--set",
-        "experiment.duration=5",
-        "--set",
-        "experiment.estimator=complementary",
-        "--set",
-        "experiment.gains=bearings",
+        *sets(
+            "experiment.duration=5",
+            "experiment.estimator=complementary",
+            "experiment.gains=bearings",
+        ),
     )
     assert main(["fly", "bearings", *words, "--out", str(tmp_path), "--json"]) == 3
     report = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
@@ -266,14 +258,10 @@ def test_one_beacon_that_is_off_is_named_once_and_left_out(
     report = fly(
         capsys,
         tmp_path,
-        "--set",
-        "experiment.duration=10",
+        *sets("experiment.duration=10"),
         "--seed",
         "7",
-        "--set",
-        "bearings.beacon_bias=3 0 0 5",
-        "--set",
-        "fallback.exclude_beacon=True",
+        *sets("bearings.beacon_bias=3 0 0 5", "fallback.exclude_beacon=True"),
     )
     told = [
         decode(message.payload, "rcl_interfaces/Log").msg

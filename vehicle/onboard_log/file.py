@@ -25,9 +25,6 @@ PIECE = 50
 """Ticks, or messages, written at once, at most: 70 kB of ticks."""
 LONGEST_NS = 1_000_000_000
 
-Channels = dict[int, tuple[str, str]]
-"""id → topic and type"""
-
 
 class Message(NamedTuple):
     """A message of a topic other than those of every tick."""

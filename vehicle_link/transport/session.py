@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     import zenoh
 
 VEHICLE_PORT = 7447
-LOOPBACK_PORT = 7447
-
 OPEN_S = 0.3
 """Time limit of one attempt to open a link."""
 RETRY = {
