@@ -36,101 +36,30 @@ ERROR_STATE_NOISE = np.dtype(
 class ErrorStateParameters(Parameters):
     """Defaults: the laboratory's IMU with its quantisation, a tracker of 1 mm and 0.2 deg."""
 
-    accelerometer_noise: float = parameter(
-        0.0035,
-        unit="m/s²/√Hz",
-        ge=1e-5,
-        le=1.0,
-        step=0.0005,
-        description="white noise of the accelerometer, vibration included",
-    )
-    gyroscope_noise: float = parameter(
-        0.02,
-        unit="deg/s/√Hz",
-        ge=1e-5,
-        le=5.0,
-        step=0.005,
-        description="white noise of the gyroscope, vibration included",
-    )
-    accelerometer_bias_walk: float = parameter(
-        0.001,
-        unit="m/s²/√s",
-        ge=0.0,
-        le=0.5,
-        step=0.001,
-        description="random walk of the accelerometer bias",
-    )
-    gyroscope_bias_walk: float = parameter(
-        0.005,
-        unit="deg/s/√s",
-        ge=0.0,
-        le=5.0,
-        step=0.005,
-        description="random walk of the gyroscope bias",
-    )
-    pose_position_sigma: float = parameter(
-        0.0015,
-        unit="m",
-        ge=1e-5,
-        le=1.0,
-        step=0.0005,
-        description="standard deviation of a tracker's position on each axis",
-    )
-    pose_attitude_sigma: float = parameter(
-        0.3,
-        unit="deg",
-        ge=0.001,
-        le=30.0,
-        step=0.05,
-        description="standard deviation of a tracker's attitude on each axis",
-    )
-    bearing_sigma_floor: float = parameter(
-        0.1,
-        unit="deg",
-        ge=0.001,
-        le=10.0,
-        step=0.05,
-        description="least deviation taken for a bearing, whatever its sender claims",
-    )
-    gate: float = parameter(
-        4.0,
-        ge=2.0,
-        le=20.0,
-        step=0.5,
-        description="standard deviations beyond which a bearing or pose is an outlier",
-    )
-    heading: float = parameter(
-        0.0,
-        unit="deg",
-        ge=-180.0,
-        le=180.0,
-        step=5.0,
-        description="a marker alone: yaw of the vehicle when it is armed, within 10 deg",
-    )
-    marker_x: float = parameter(
-        0.0,
-        unit="m",
-        ge=-1.0,
-        le=1.0,
-        step=0.001,
-        description="a marker alone: where it is, in body axes, forward of the IMU",
-    )
-    marker_y: float = parameter(
-        0.0,
-        unit="m",
-        ge=-1.0,
-        le=1.0,
-        step=0.001,
-        description="a marker alone: where it is, in body axes, left of the IMU",
-    )
-    marker_z: float = parameter(
-        0.0,
-        unit="m",
-        ge=-1.0,
-        le=1.0,
-        step=0.001,
-        description="a marker alone: where it is, in body axes, above the IMU",
-    )
+    accelerometer_noise: float = parameter(0.0035, unit="m/s²/√Hz", ge=1e-05, le=1.0, step=0.0005)
+    """white noise of the accelerometer, vibration included"""
+    gyroscope_noise: float = parameter(0.02, unit="deg/s/√Hz", ge=1e-05, le=5.0, step=0.005)
+    """white noise of the gyroscope, vibration included"""
+    accelerometer_bias_walk: float = parameter(0.001, unit="m/s²/√s", ge=0.0, le=0.5, step=0.001)
+    """random walk of the accelerometer bias"""
+    gyroscope_bias_walk: float = parameter(0.005, unit="deg/s/√s", ge=0.0, le=5.0, step=0.005)
+    """random walk of the gyroscope bias"""
+    pose_position_sigma: float = parameter(0.0015, unit="m", ge=1e-05, le=1.0, step=0.0005)
+    """standard deviation of a tracker's position on each axis"""
+    pose_attitude_sigma: float = parameter(0.3, unit="deg", ge=0.001, le=30.0, step=0.05)
+    """standard deviation of a tracker's attitude on each axis"""
+    bearing_sigma_floor: float = parameter(0.1, unit="deg", ge=0.001, le=10.0, step=0.05)
+    """least deviation taken for a bearing, whatever its sender claims"""
+    gate: float = parameter(4.0, ge=2.0, le=20.0, step=0.5)
+    """standard deviations beyond which a bearing or pose is an outlier"""
+    heading: float = parameter(0.0, unit="deg", ge=-180.0, le=180.0, step=5.0)
+    """a marker alone: yaw of the vehicle when it is armed, within 10 deg"""
+    marker_x: float = parameter(0.0, unit="m", ge=-1.0, le=1.0, step=0.001)
+    """a marker alone: where it is, in body axes, forward of the IMU"""
+    marker_y: float = parameter(0.0, unit="m", ge=-1.0, le=1.0, step=0.001)
+    """a marker alone: where it is, in body axes, left of the IMU"""
+    marker_z: float = parameter(0.0, unit="m", ge=-1.0, le=1.0, step=0.001)
+    """a marker alone: where it is, in body axes, above the IMU"""
 
 
 DEGREES = (
