@@ -5,8 +5,7 @@ turn, and for its firmware at the start. Stick commands go by CRSF over the seco
 one they go by MSP, which the firmware takes with `feature RX_MSP`.
 
 MSP has no time stamps: a sample counts as taken when its answer arrived, less half the round trip.
-Of the board's own failsafe only the request is made here: EMERGENCY turns its switch, and a
-computer that is gone sends no sticks, which is the same to the board.
+Its own landing is asked for by sending no sticks any more, as a computer does that is gone.
 """
 
 from __future__ import annotations
@@ -183,14 +182,11 @@ class BetaflightBoard:
         """Send a command with the next `service`. Raises OutOfBoundsError, LinkError."""
         if isinstance(command, tuple):
             raise OutOfBoundsError(TRAITS.missing(Takes.MOTORS))
-        if self._wanted is not MotorState.EMERGENCY:  # it lands level: no stick may be held
-            self._command = command
+        self._command = command
         self._send_sticks()
 
     def set_motor_state(self, state: MotorState) -> None:
-        """Arm or disarm by the arm switch, land by the failsafe switch; armed only without an
-        obstacle.
-        """
+        """Arm or disarm by the arm switch, land without sticks; armed only without an obstacle."""
         self._wanted = state
         self._command = _IDLE
 
@@ -219,13 +215,12 @@ class BetaflightBoard:
             self._msp.write(encode(function))
 
     def _send_sticks(self) -> None:
-        starting = self._wanted is MotorState.ON and not self.obstacle
-        arm = starting or (self._wanted is MotorState.EMERGENCY)
+        if self._wanted is MotorState.EMERGENCY:
+            return  # by its switch, with sticks that still come, it lands tilted (4.6)
+        arm = self._wanted is MotorState.ON and not self.obstacle
         is_armed = self._state in (MotorState.ON, MotorState.EMERGENCY)
         command = self._command if is_armed else _IDLE  # it does not arm at any other throttle
-        channels = self._sticks.channels(
-            command, arm=arm, failsafe=self._wanted is MotorState.EMERGENCY
-        )
+        channels = self._sticks.channels(command, arm=arm)
         if self._crsf is not None:
             self._crsf.write(encode_channels(channels))
         else:

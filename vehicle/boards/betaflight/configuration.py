@@ -48,6 +48,7 @@ def required(options: BetaflightOptions) -> dict[str, str]:
         "ap_hover_throttle": str(options.hover_throttle),
         "alt_hold_climb_rate": str(round(options.landing_speed * 10.0)),
         "failsafe_switch_mode": "STAGE2",
+        "failsafe_recovery_delay": "1",
         "runaway_takeoff_prevention": "OFF",
     }
 
