@@ -211,7 +211,7 @@ def axe_in_both_themes(axe: Callable[[Any], list[str]]) -> Callable[[Any], list[
     def violations(page: Any) -> list[str]:
         found = []
         for scheme in ("light", "dark"):
-            page.emulate_media(color_scheme=scheme)
+            page.emulate_media(color_scheme=scheme, reduced_motion="reduce")  # no half way
             found += [f"{scheme}: {line}" for line in axe(page)]
         return found
 

@@ -23,7 +23,7 @@ export class Chart {
     this.scales = { ...scales }; // unit → [low, high] where fixed
     this.due = this.read = 0;
     this.pieces = []; // samples of each line
-    this.legend = element("div", { className: "legend" });
+    this.legend = element("div", { className: "legend", role: "group", ariaLabel: "legend", tabIndex: 0 }); // scrolls where it is long
     this.tools = element("div", { className: "right" });
     this.cursor = element("i", { className: "cursor", hidden: true });
     this.head = element("i", { className: "playhead", hidden: true });

@@ -139,8 +139,8 @@ export class Charts {
   put(chart, at) {
     const { place } = chart, isSpectrum = chart.source instanceof LiveSpectra;
     pointingByKeys(chart);
-    const kind = element("button", { title: "density over frequency of the last 5 s, from every sample of the flight loop, with the rotors' frequencies; and back",
-      ariaPressed: String(isSpectrum), onclick: () => this.toggleSpectrum(chart) }, "Spectrum");
+    const kind = element("button", { className: "icon", title: "spectrum of the last 5 s, from every sample of the flight loop, with the rotors' frequencies; and back",
+      ariaLabel: "spectrum", ariaPressed: String(isSpectrum), onclick: () => this.toggleSpectrum(chart) }, "∿");
     const choose = element("button", { title: "choose signals, set scales", ariaExpanded: "false",
       onclick: () => this.menu.toggle(chart, choose, () => this.changed()) }, "Signals");
     chart.grow = element("button", { className: "icon", title: "over the 3D view, and back (Escape)",
@@ -148,7 +148,7 @@ export class Charts {
       onclick: () => this.expand(place.classList.contains("expanded") ? null : chart) }, "⤢");
     chart.less = element("button", { className: "icon", title: "take this chart away", ariaLabel: "remove chart",
       onclick: () => { this.removeChart(chart); this.changed(); } }, "×");
-    chart.tools.append(kind, choose, chart.grow, chart.less);
+    chart.tools.append(choose, kind, chart.grow, chart.less);
     this.charts.splice(at, 0, chart);
   }
 

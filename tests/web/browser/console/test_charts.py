@@ -150,7 +150,7 @@ def test_a_chart_shows_the_spectrum_of_the_last_seconds_and_says_why_it_cannot(
     ticks["state"]["quaternion_wb"][:, 0] = 1.0
     packets = [pack(ticks[k : k + 5], k) for k in range(0, count, 5)]
     site.station.answers.pop("recent_telemetry", None)
-    page.click("#chart-0 >> text=Spectrum")
+    page.click("#chart-0 button[aria-label='spectrum']")
     page.wait_for_function(
         "() => document.querySelector('#chart-0 output.state').textContent.includes('needs 2 s')"
     )
@@ -168,7 +168,7 @@ def test_a_chart_shows_the_spectrum_of_the_last_seconds_and_says_why_it_cannot(
         "() => [...document.querySelectorAll('#chart-0 .legend output')]"
         ".some((one) => Number(one.textContent) > 0.3)"
     )
-    page.click("#chart-0 >> text=Spectrum")
+    page.click("#chart-0 button[aria-label='spectrum']")
     page.wait_for_selector("#chart-0 .plot[aria-label$='over time'] canvas")
     assert chart_signals(page, 0)[0] == "state.position.x"
 
