@@ -22,6 +22,9 @@ from quadrotor.errors import StorageError, UnreachableError, UsageError
 from vehicle_link.clock import monotonic_ns
 
 MS = 1_000_000
+LATEST_NS = 200 * MS
+"""Pictures of a file that are later than this are skipped: who reads slower than it plays gets the
+newest one."""
 
 
 class CameraSource:
@@ -83,13 +86,18 @@ class Pictures:
 
     def __iter__(self) -> Iterator[tuple[int | None, int, Picture]]:
         while not self._closed.is_set():
-            came, picture = self._capture.read()
+            came = self._capture.grab()
             received_ns = monotonic_ns()
             if not came:
                 raise self._end()
             stamp_ns = round(MS * self._capture.get(cv2.CAP_PROP_POS_MSEC))
             if isinstance(self._camera, Path):
+                if self._due_ns(stamp_ns, received_ns) < received_ns - LATEST_NS:
+                    continue  # a camera's buffer would have been overwritten by now
                 received_ns = self._paced(stamp_ns, received_ns)
+            came, picture = self._capture.retrieve()
+            if not came:
+                raise self._end()
             grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
             yield stamp_ns or None, received_ns, np.asarray(grey, np.uint8)
 
@@ -106,8 +114,11 @@ class Pictures:
 
     def _paced(self, stamp_ns: int, now_ns: int) -> int:
         """Wait until a picture of a file is due and return the time."""
+        self._closed.wait(max(0.0, 1e-9 * (self._due_ns(stamp_ns, now_ns) - now_ns)))
+        return monotonic_ns()
+
+    def _due_ns(self, stamp_ns: int, now_ns: int) -> int:
+        """Return when a picture of a file is due; the first one is due now."""
         if self._first is None:
             self._first = stamp_ns, now_ns
-        due_ns = self._first[1] + stamp_ns - self._first[0]
-        self._closed.wait(max(0.0, 1e-9 * (due_ns - now_ns)))
-        return monotonic_ns()
+        return self._first[1] + stamp_ns - self._first[0]

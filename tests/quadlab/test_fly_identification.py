@@ -315,6 +315,7 @@ def test_the_noise_of_a_rough_vehicle_is_found_in_hover_and_proposed(tmp_path: P
     assert experiment.proposal(log).values == {
         "estimation.error_state.accelerometer_noise": pytest.approx(0.0123, rel=0.05),
         "estimation.error_state.gyroscope_noise": pytest.approx(0.029, rel=0.05),
+        "estimation.rate_notch": pytest.approx(76.0, abs=1.0),
     }
 
 

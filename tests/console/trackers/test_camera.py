@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 import cv2
@@ -27,7 +28,8 @@ position = [-3, 0.5, 2]
 looks_at = [0, 0, 0.8]
 """
 PLACES = [np.array([0.0, 0.1 * k, 0.9]) for k in range(4)]
-RATE = 50.0
+RATE = 2.0
+"""Slow enough for a busy computer to read every picture."""
 
 
 @pytest.fixture
@@ -70,6 +72,24 @@ def test_a_video_gives_frames_at_its_own_pace_with_its_own_stamps(
         np.testing.assert_allclose(body.position_w, place, atol=0.02)
 
 
+def test_who_reads_a_video_slower_than_it_plays_gets_the_newest_picture(tmp_path: Path) -> None:
+    path = tmp_path / "fast.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 50.0, (64, 48))
+    for _ in range(100):  # 2 s
+        writer.write(np.zeros((48, 64, 3), np.uint8))
+    writer.release()
+    read: list[tuple[int, int]] = []
+    with pytest.raises(UsageError, match="has ended"):  # noqa: PT012  the end of the loop
+        for stamp_ns, received_ns, _ in Pictures(path):
+            read.append((stamp_ns or 0, received_ns))
+            threading.Event().wait(0.1)  # a detector that takes its time
+    (first_ns, began_ns), *_ = read
+    lags = [(received - began_ns) - (stamp - first_ns) for stamp, received in read]
+    # All hundred would have taken 10 s, the last one 8 s late.
+    assert 2 < len(read) < 40
+    assert max(lags) < 1e9
+
+
 class Unplugged:
     """A device that gives one picture and is gone."""
 
@@ -86,9 +106,12 @@ class Unplugged:
 
     def release(self) -> None: ...
 
-    def read(self) -> tuple[bool, object]:
+    def grab(self) -> bool:
         self.left -= 1
-        return self.left >= 0, np.zeros((480, 640, 3), np.uint8)
+        return self.left >= 0
+
+    def retrieve(self) -> tuple[bool, object]:
+        return True, np.zeros((480, 640, 3), np.uint8)
 
 
 def test_a_camera_that_is_unplugged_or_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
