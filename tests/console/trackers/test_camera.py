@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from console.trackers import camera
 from console.trackers.camera import CameraSource, Pictures
 from console.trackers.source import Frame
 from quadlab.commands.tracker import Tracker
@@ -28,8 +29,7 @@ position = [-3, 0.5, 2]
 looks_at = [0, 0, 0.8]
 """
 PLACES = [np.array([0.0, 0.1 * k, 0.9]) for k in range(4)]
-RATE = 2.0
-"""Slow enough for a busy computer to read every picture."""
+RATE = 50.0
 
 
 @pytest.fixture
@@ -57,8 +57,9 @@ def video(tmp_path: Path) -> Path:
 
 
 def test_a_video_gives_frames_at_its_own_pace_with_its_own_stamps(
-    video: Path, lens: Path, tags: Path
+    video: Path, lens: Path, tags: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(camera, "LATEST_NS", 1 << 60)  # none is skipped on a busy computer
     frames: list[Frame] = []
     with pytest.raises(UsageError, match="has ended"):  # noqa: PT012  the end of the loop
         for frame in CameraSource(video, lens, tags).frames():
