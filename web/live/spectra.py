@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -93,6 +94,7 @@ def spectra(
 
     Raises MeasurementError for too little telemetry, OutOfBoundsError for an unknown signal.
     """
+    import_module("scipy.signal")  # takes seconds once, while the station collects telemetry
     ends = np.cumsum(lengths, dtype=np.int64).tolist()
     parts = [unpack(packets[end - size : end])[1] for end, size in zip(ends, lengths, strict=True)]
     ticks = np.concatenate(parts) if parts else np.zeros(0, TICK)
