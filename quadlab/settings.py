@@ -41,7 +41,7 @@ def _simulator_preset(name: str) -> dict[str, ParameterValue]:
 
 
 BOARD = "board."
-"""What the names of a board's options begin with."""
+"""The prefix of the names of a board's options."""
 SETS = {
     "control.preset": _control_preset,
     "estimation.preset": _estimation_preset,

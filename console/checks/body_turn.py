@@ -1,4 +1,4 @@
-"""Whether the tracked body is turned about the vertical against the vehicle.
+"""Detection of a tracked body that is turned about the vertical against the vehicle.
 
 At rest on level ground nothing tells: gravity is the same whichever way the body's x axis points.
 Tilted in the hand, gravity leans to one side of the vehicle by the accelerometer, and to one side

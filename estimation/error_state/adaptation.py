@@ -27,10 +27,10 @@ from quadrotor.vectors import Vector, add, dot, scale, vector
 CHANCE = 1.0
 """Evidence, in logarithms of a variance, that chance sums up to less than once in hours."""
 LARGEST = 900.0
-"""Of a factor: noise 30 times as stated."""
+"""The largest factor on a variance: noise 30 times as stated."""
 LARGEST_BY_BEARINGS = 4.0
-"""Of a factor of the IMU that bearings alone raise: a beacon that is off moves the prediction away
-all the time, too, and then the IMU must not lose its say."""
+"""The largest factor of the IMU that bearings alone raise: a beacon that is off moves the
+prediction away all the time, too, and then the IMU must not lose its say."""
 PROCESS_PACE, MEASUREMENT_PACE = 0.06, 0.03
 """Largest change of the logarithm of a factor by one measurement."""
 HURRY = 3
