@@ -30,6 +30,9 @@ ENTER = "not good: enter these lines in its command line, then check again:"
 PROMPT = b"\r\n# "
 DUMP_S = 20.0
 """A dump is 13 kB: 1.2 s at 115200 Bd."""
+DUMPS = 4
+"""Settings that do not fit are read until two answers agree, at most so often: a line without
+flow control may lose bytes."""
 POLL_S, QUIET_S = 0.005, 0.3
 
 Say = Callable[[str], None]
@@ -56,12 +59,15 @@ def check_board(port: Port, options: Parameters | None, say: Say) -> list[str]:
         say(f"it would not arm now: {blocks}")
     port.write(b"#")  # alone: it counts only when nothing follows
     _prompt(port, ANSWER_S, "its command line did not open")
-    port.write(b"dump\n")
-    dump = _prompt(port, DUMP_S, "its command line did not finish `dump`").decode(
-        "ascii", "replace"
-    )
+    lines: list[str] | None = None
+    for _ in range(DUMPS):
+        before, dump = lines, _dump(port)
+        lines = lines_to_enter(dump, options)
+        if not lines or lines == before:
+            break
+    else:
+        raise LinkError(f"{DUMPS} answers to `dump` differ: its line loses bytes; is it congested?")
     port.write(b"exit\n")
-    lines = lines_to_enter(dump, options)
     if not (status.has_barometer and "ap_hover_throttle" in dump):
         say(BY_THROTTLE)
     if lines:
@@ -117,6 +123,12 @@ def _ask(port: Port, function: Function) -> bytes:
         f"no answer to MSP {function.name} within {ANSWER_S:g} s: is this the port with MSP, and "
         "is no configurator connected?"
     )
+
+
+def _dump(port: Port) -> str:
+    port.write(b"dump\n")
+    said = _prompt(port, DUMP_S, "its command line did not finish `dump`")
+    return said.decode("ascii", "replace")
 
 
 def _prompt(port: Port, patience_s: float, what: str) -> bytes:

@@ -83,6 +83,38 @@ def test_a_board_that_lands_by_throttle_alone_is_told() -> None:
     assert BY_THROTTLE in said
 
 
+class Lossy(SteppedPort):
+    """Loses 300 bytes of a long answer, `losses` times, each time elsewhere."""
+
+    def __init__(self, board: BetaflightProcess, losses: int) -> None:
+        super().__init__(board)
+        self.losses, self._seen = losses, 0
+
+    def write(self, data: bytes) -> None:
+        self._seen = 0
+        super().write(data)
+
+    def read(self) -> bytes:
+        data = super().read()
+        before, self._seen = self._seen, self._seen + len(data)
+        middle = 6000 + 500 * self.losses
+        if self.losses and before <= middle < self._seen:
+            self.losses -= 1
+            return data[: middle - before] + data[middle - before + 300 :]
+        return data
+
+
+def test_an_answer_that_lost_bytes_is_asked_for_again_and_never_judged() -> None:
+    said: list[str] = []
+    settings = [f"set {name} = {value}" for name, value in required(BetaflightOptions()).items()]
+    board = BetaflightProcess([*settings, *mode_lines(), "save"])
+    port = Lossy(board, 2)
+    assert check_board(port, BetaflightOptions(), said.append) == []
+    assert (port.losses, said[-1]) == (0, "good")
+    assert not any(line.startswith("set ") for line in said)
+    board.close()
+
+
 def test_a_board_that_restarts_is_not_armed_until_it_is_checked_again() -> None:
     settings = [f"set {name} = {value}" for name, value in required(BetaflightOptions()).items()]
     board = BetaflightProcess([*settings, *mode_lines(), "save"])
