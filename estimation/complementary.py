@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from typing import Any
 
 import numpy as np
 
+from estimation.compiled_estimator import CompiledEstimator
 from estimation.complementary_filter import correct, correct_one, predict, predict_one, report
 from estimation.convergence import Convergence, Deviations
 from estimation.history import recall
@@ -28,62 +29,34 @@ FIT_POSITION, FIT_ATTITUDE = 0.5, math.radians(15.0)
 """Largest root mean square of the innovations (m, rad) to be flown on."""
 
 
-class ComplementaryEstimator:
+class ComplementaryEstimator(CompiledEstimator):
     """The `Estimator` of the paper, with bias states and late measurements."""
 
     name = "complementary"
 
     def __init__(self, parameters: EstimationParameters | None = None) -> None:
-        self._memory = new_memory()
-        # Views made once: looking a field up by name takes longer than the subtraction.
-        self._stamp_ns = self._memory["stamp_ns"]
-        self._pose_stamp_ns = self._memory["pose_stamp_ns"]
+        super().__init__(new_memory(), "pose_stamp_ns")
         self._outcome = np.zeros(1, np.int64)
         self._frame_pose = np.zeros(1, POSE_SAMPLE)
-        self._initialized = False
         self.configure(parameters or EstimationParameters())
 
     def configure(self, parameters: EstimationParameters) -> None:
         """Take new gains; state and biases are kept."""
         self._parameters = parameters.model_copy()
+        self._timeout = parameters.measurement_timeout
         self._gains = estimation_record(parameters)
         self._frame_gains = self._gains.copy()
-
-    @property
-    def initialized(self) -> bool:
-        """Return whether a first pose was taken."""
-        return self._initialized
-
-    @property
-    def measurement_age(self) -> float:
-        """Return the seconds from the newest pose applied to the newest IMU sample; inf before one
-        came.
-        """
-        if not self._initialized:
-            return math.inf
-        age_ns = self._stamp_ns.item() - self._pose_stamp_ns.item()
-        return 1e-9 * age_ns if age_ns > 0 else 0.0
-
-    @property
-    def stale(self) -> bool:
-        """Return whether the newest pose is older than `measurement_timeout`."""
-        return self.measurement_age > self._parameters.measurement_timeout
 
     @property
     def deviations(self) -> Deviations | None:
         """Return None: a filter of fixed gains has no covariance."""
         return None
 
-    @property
-    def convergence(self) -> Convergence:
-        """Return the convergence, judged by the time since the start in time constants and by the
-        size of the innovations.
+    def _judge(self, m: Any) -> Convergence:
+        """Return the convergence by the time since the start in time constants and by the size of
+        the innovations.
         """
-        if not self._initialized:
-            return Convergence(False, "no measurement gave it a start yet")
-        if self.stale:
-            return Convergence(False, f"last measurement applied {self.measurement_age:.2f} s ago")
-        p, m = self._parameters, self._memory[0]
+        p = self._parameters
         if m["agreement"] not in (Agreement.USED, Agreement.MOVED):
             return Convergence(False, "the newest pose is too far from its prediction")
         slowest = min(p.position_bandwidth, p.attitude_bandwidth)
@@ -98,23 +71,6 @@ class ComplementaryEstimator:
         if not fit:
             text += f"; allowed {FIT_POSITION:g} m, {math.degrees(FIT_ATTITUDE):.0f} deg"
         return Convergence(fit, text)
-
-    @property
-    def converged(self) -> bool:
-        """Return whether the estimate may be used for flight; `convergence` has the reason."""
-        return self.convergence.reached
-
-    @property
-    def ignored(self) -> Counter[Outcome]:
-        """Return how many poses since the reset were not applied, by Outcome."""
-        counts = self._memory["outcomes"][0].tolist()
-        counts[Outcome.APPLIED] = 0
-        return +Counter(dict(zip(Outcome, counts, strict=True)))
-
-    @property
-    def memory(self) -> Record:
-        """Return the filter's memory, shape (1,), for logs and tests."""
-        return self._memory
 
     def reset(self) -> None:
         """Forget everything, biases included."""

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from estimation.error_state.parameters import ErrorStateParameters
+from estimation.error_state.parameters import DEGREES, ERROR_STATE_NOISE, ErrorStateParameters
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.records import Record, pose_sample
 from quadrotor.tracked_body import TrackedBody
@@ -135,4 +135,16 @@ def estimation_record(parameters: EstimationParameters) -> Record:
     for name in ESTIMATION_GAINS.names or ():
         out[name] = getattr(parameters, name)
     out["pose_attitude_noise"] = math.radians(parameters.pose_attitude_noise)
+    return out
+
+
+def noise_record(parameters: EstimationParameters) -> Record:
+    """Return what the error-state filter assumes, as one ERROR_STATE_NOISE record, shape (1,), in
+    SI units.
+    """
+    out = np.zeros(1, ERROR_STATE_NOISE)
+    own = ErrorStateParameters.model_fields
+    for name in ERROR_STATE_NOISE.names or ():
+        unit = math.radians(1.0) if name in DEGREES else 1.0
+        out[name] = unit * getattr(parameters.error_state if name in own else parameters, name)
     return out

@@ -18,7 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from estimation.error_state.parameters import ErrorStateParameters, noise_record
+from estimation.error_state.parameters import ErrorStateParameters
+from estimation.parameters import EstimationParameters, noise_record
 from quadrotor.constants import GRAVITY
 from quadrotor.plain_rotations import matrix_of
 
@@ -86,7 +87,7 @@ def posterior_bound(
     """
     if not beacons:
         return UNKNOWN
-    g: Any = noise_record(noise)[0]
+    g: Any = noise_record(EstimationParameters(error_state=noise))[0]
     P = np.diag(START**2)
     walks = (
         np.repeat(

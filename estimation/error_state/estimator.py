@@ -3,27 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from estimation.compiled_estimator import CompiledEstimator
 from estimation.convergence import Convergence, Deviations
 from estimation.error_state import filter as kernels
 from estimation.error_state.frame_run import FrameRun
 from estimation.error_state.gate import RUN_LEAST
-from estimation.error_state.memory import ERRORS, MARKER, SAMPLES, new_memory
-from estimation.error_state.parameters import noise_record
+from estimation.error_state.judgement import convergence_of, deviations_of, inconsistency_of
+from estimation.error_state.memory import MARKER, SAMPLES, new_memory
+from estimation.error_state.start import (
+    DETERMINED,
+    START,
+    begin,
+    pose_of_bearings,
+    start_by_bearings,
+    start_by_sweeps,
+)
 from estimation.error_state.timeline import apply_one
 from estimation.error_state.update import FIT_CONSISTENCY, FIT_UPDATES, LOST_REFUSALS
 from estimation.outcome import AHEAD_NS, NORM_TOLERANCE, Outcome
-from estimation.parameters import EstimationParameters
-from estimation.poses.planar_pose import PlanarPose, planar_pose
-from estimation.poses.sweep_pose import sweep_pose
+from estimation.parameters import EstimationParameters, noise_record
 from estimation.refusals import refuse_bearings, refuse_pose, refuse_sweeps
 from estimation.sweep_angles import plane_numbers
-from quadrotor.errors import DegenerateGeometryError, MeasurementError, UndeterminedStartError
+from quadrotor.errors import DegenerateGeometryError, MeasurementError
 from quadrotor.records import (
     BEARINGS_SAMPLE,
     NO_ATTITUDE,
@@ -45,30 +51,18 @@ suddenly far from it, or when none were used for a while before. A start that fe
 have confirmed is wrong as soon as RUN_LEAST contradict it together."""
 SHORTEST_RUN = 0.1
 """s over which the motion of such poses is taken, at least."""
-START = np.repeat([0.05, math.radians(3.0), 0.5, 0.01, 0.1], 3)
-"""Deviations at a start: m, rad, m/s (taken to be at rest), rad/s, m/s^2."""
 HEADING_SIGMA = math.radians(10.0)
 """Deviation of the heading at which a vehicle on a marker alone is said to stand."""
 CALIBRATED = 0.001
 """rad/s, deviation of the bias that a calibrated gyroscope keeps: without an attitude measured
 START's would leave the heading open within seconds."""
-DETERMINED = 4
-"""Bearings to beacons in one plane that leave one pose."""
 ONE_PLACE_NS = 60_000_000
 """Sweeps of the planes within it met the vehicle at nearly one place, for a start."""
-HOW_TO_START = (
-    "bring a fourth beacon in their plane into view, "
-    "or run it as the shadow of an estimator on poses"
-)
-FIT = Deviations(position=0.15, velocity=0.2, attitude=math.radians(3.0))
-"""Largest deviations to be flown on."""
-REFUSED_MAX = 0.5
-"""Largest share of the last measurements refused of a filter that is consistent."""
 NOT_YET_CONSISTENT = 2.0 * FIT_CONSISTENCY
 """Mean consistency a filter restarts with: measurements have to bring it down."""
 
 
-class ErrorStateEstimator:
+class ErrorStateEstimator(CompiledEstimator):
     """Tightly coupled: each bearing, or pose, corrects state and biases by their covariance.
 
     Attributes:
@@ -79,60 +73,23 @@ class ErrorStateEstimator:
     fewest_beacons = 3
 
     def __init__(self, parameters: EstimationParameters | None = None) -> None:
+        super().__init__(new_memory(), "measurement_ns")
         self.restarts: list[str] = []
-        self._memory = new_memory()
-        self._initialized = self._on_marker = False
+        self._on_marker = False
+        self._base_ns = self._memory["base_ns"]  # a view, made once
         self._waiting: list[tuple[int, Record]] = []
         self._sweeps: dict[int, Record] = {}
         self._run = FrameRun()
         self._due_ns = 1 << 62
         self._failed: MeasurementError | None = None
-        self._remember_views()
         self.configure(parameters or EstimationParameters())
-
-    def _remember_views(self) -> None:
-        # Views made once: looking a field up by name takes longer than the subtraction.
-        self._stamp_ns, self._base_ns = self._memory["stamp_ns"], self._memory["base_ns"]
-        self._measurement_ns = self._memory["measurement_ns"]
 
     def configure(self, parameters: EstimationParameters) -> None:
         """Take new noise levels; state and covariance are kept."""
         p = parameters
         self._timeout = p.measurement_timeout
-        self._noise = noise_record(p.error_state, p)
+        self._noise = noise_record(p)
         self._marker_b = np.array([self._noise[f"marker_{axis}"][0] for axis in "xyz"])
-
-    @property
-    def initialized(self) -> bool:
-        """Return whether a first pose was taken or found."""
-        return self._initialized
-
-    @property
-    def measurement_age(self) -> float:
-        """Return seconds from the newest measurement applied to the newest sample; inf before
-        both.
-        """
-        if not self._initialized:
-            return math.inf
-        age_ns = self._stamp_ns.item() - self._measurement_ns.item()
-        return 1e-9 * age_ns if age_ns > 0 else 0.0
-
-    @property
-    def stale(self) -> bool:
-        """Return whether the newest measurement applied is older than `measurement_timeout`."""
-        return self.measurement_age > self._timeout
-
-    @property
-    def ignored(self) -> Counter[Outcome]:
-        """Return how many measurements since the reset were not applied, by Outcome."""
-        counts = self._memory["outcomes"][0].tolist()
-        counts[Outcome.APPLIED] = 0
-        return +Counter(dict(zip(Outcome, counts, strict=True)))
-
-    @property
-    def memory(self) -> Record:
-        """Return the filter's memory, shape (1,), for logs and tests."""
-        return self._memory
 
     @property
     def covariance(self) -> Array:
@@ -145,74 +102,17 @@ class ErrorStateEstimator:
         """Return the standard deviations of position, velocity and attitude, from the filter's own
         covariance.
         """
-        variances = np.diag(self._memory["covariance"][0])
-        position, attitude, velocity = np.sqrt(variances[:9].reshape(3, 3).sum(axis=1)).tolist()
-        return Deviations(position, velocity, attitude)
-
-    @property
-    def convergence(self) -> Convergence:
-        """Return the convergence, judged by the measurements applied, their age, covariance and
-        normalised innovations.
-        """
-        if not self._initialized:
-            return Convergence(False, "no measurement gave it a start yet")
-        if self.stale:
-            return Convergence(False, f"last measurement applied {self.measurement_age:.2f} s ago")
-        applied = int(self._memory["applied"][0])
-        if applied < FIT_UPDATES:
-            return Convergence(False, f"{applied} measurements applied, needs {FIT_UPDATES}")
-        refused = int(self._memory["refused"][0])
-        if refused >= LOST_REFUSALS:
-            return Convergence(False, f"the last {refused} measurements did not agree with it")
-        consistency = float(self._memory["consistency"][0])
-        if not consistency < FIT_CONSISTENCY:
-            return Convergence(
-                False,
-                f"innovations {consistency:.1f} times their expected square, "
-                f"allowed {FIT_CONSISTENCY:g}",
-            )
-        d = self.deviations
-        text = (
-            f"deviations {d.position:.3f} m, {d.velocity:.3f} m/s, "
-            f"{math.degrees(d.attitude):.2f} deg"
-        )
-        fit = d.position < FIT.position and d.velocity < FIT.velocity and d.attitude < FIT.attitude
-        if not fit:
-            text += (
-                f"; allowed {FIT.position:g} m, {FIT.velocity:g} m/s, "
-                f"{math.degrees(FIT.attitude):g} deg"
-            )
-        return Convergence(fit, text)
+        return deviations_of(self._memory[0])
 
     @property
     def inconsistency(self) -> str:
         """Return why its measurements contradict it, with numbers; empty while they do not, and
         from a start to when there are enough of them to judge.
         """
-        m = self._memory[0]
-        if not self._initialized or m["restarted"]:
-            return ""
-        if not np.isfinite(m["now"]).all():
-            return "its estimate is not a number"
-        if m["applied"] + m["refused"] < FIT_UPDATES:
-            return ""
-        refused, share = int(m["refused"]), float(m["refused_share"])
-        if refused >= LOST_REFUSALS:
-            return f"the last {refused} measurements did not agree with it"
-        if share > REFUSED_MAX:
-            return f"{share:.0%} of its measurements refused, allowed {REFUSED_MAX:.0%}"
-        consistency = float(m["consistency"])
-        if consistency >= FIT_CONSISTENCY:
-            return (
-                f"innovations {consistency:.1f} times their expected square, "
-                f"allowed {FIT_CONSISTENCY:g}"
-            )
-        return ""
+        return inconsistency_of(self._memory[0]) if self._initialized else ""
 
-    @property
-    def converged(self) -> bool:
-        """Return whether the estimate may be used for flight; `convergence` has the reason."""
-        return self.convergence.reached
+    def _judge(self, m: Any) -> Convergence:
+        return convergence_of(m)
 
     def reset(self) -> None:
         """Forget everything, biases included."""
@@ -247,25 +147,8 @@ class ErrorStateEstimator:
         norm2 = float(quaternion @ quaternion)
         if not (np.isfinite(position).all() and abs(norm2 - 1.0) < NORM_TOLERANCE):
             raise refuse_pose(pose)
-        known = bool(m["initialized"])
-        bias, biases_covariance = m["now"][10:].copy(), m["covariance"][9:, 9:].copy()
-        x = m["base"]
-        x[:3], x[6:10], x[10:] = position, quaternion / math.sqrt(norm2), bias
-        x[3:6] = 0.0 if velocity_w is None else velocity_w
-        m["covariance"] = np.diag(deviations**2)
-        if known:  # what was learnt of the biases stays
-            m["covariance"][9:, 9:] = biases_covariance
         stamp_ns = int(pose["stamp_ns"][0])
-        m["measurement_ns"] = stamp_ns
-        m["base_ns"] = min(stamp_ns, int(m["stamp_ns"])) if m["sample_count"] else stamp_ns
-        m["now"] = x
-        m["initialized"], m["consistency"], m["applied"], m["refused"] = 1, 1.0, 0, 0
-        m["restarted"], m["freedom"], m["innovation"] = 0, 0, 0.0
-        m["refused_share"], m["run_count"], m["last_unit"] = 0.0, 0, 0.0
-        m["outcomes"][Outcome.APPLIED] += 1
-        m["event_count"], m["event_order"][0], m["event_kind"][0] = 1, 0, 0
-        m["event_ns"][0] = m["base_ns"]
-        m["after_state"][0], m["after_covariance"][0] = x, m["covariance"]
+        begin(m, stamp_ns, position, quaternion / math.sqrt(norm2), deviations, velocity_w)
         self._initialized = True
         if m["stamp_ns"] > m["base_ns"]:
             self._anchor()
@@ -441,7 +324,7 @@ class ErrorStateEstimator:
             self._run.clear()
         elif outcome in (Outcome.APPLIED, Outcome.OUTLIER) and count >= DETERMINED:
             try:
-                pose = _pose_of(frame)
+                pose = pose_of_bearings(frame)
             except (DegenerateGeometryError, MeasurementError):
                 self._run.clear()  # it contradicts itself
             else:
@@ -450,18 +333,7 @@ class ErrorStateEstimator:
     def _start_from(self, bearings: Record) -> None:
         """Start at the pose one frame gives by itself. Raises MeasurementError."""
         frame = bearings[0]
-        count = int(frame["count"])
-        if count < DETERMINED:
-            why = "up to four poses fit them" if count == 3 else "they leave the pose open"
-            raise UndeterminedStartError(
-                f"error_state cannot start on {count} bearings: {why}; {HOW_TO_START}"
-            )
-        try:
-            pose = _pose_of(frame)
-        except DegenerateGeometryError as error:
-            raise UndeterminedStartError(
-                f"error_state cannot start on these bearings: {error}; {HOW_TO_START}"
-            ) from error
+        pose = start_by_bearings(frame)
         self._start_at(frame, pose, *(self._run.velocity() if self._run.long_enough else ()))
 
     def _start_from_sweeps(self, sweeps: Record, velocity_w: Array | None = None) -> None:
@@ -470,12 +342,7 @@ class ErrorStateEstimator:
         """
         oldest_ns = int(sweeps["stamp_ns"][0]) - ONE_PLACE_NS
         frames = [one for one in self._sweeps.values() if one["stamp_ns"] > oldest_ns]
-        try:
-            self._start_at(sweeps[0], sweep_pose(frames), velocity_w)
-        except DegenerateGeometryError as error:
-            raise UndeterminedStartError(
-                f"error_state cannot start on these sweeps: {error}"
-            ) from error
+        self._start_at(sweeps[0], start_by_sweeps(frames), velocity_w)
 
     def _start_at(
         self, frame: Record, pose: Any, velocity_w: Array | None = None, sigma: Array = START[6:9]
@@ -490,14 +357,3 @@ class ErrorStateEstimator:
     def _refused(self, error: MeasurementError) -> MeasurementError:
         self._memory["outcomes"][0, Outcome.INVALID] += 1
         return error
-
-
-def _pose_of(frame: Any) -> PlanarPose:
-    """Return the pose that a BEARINGS_SAMPLE item gives. Raises MeasurementError,
-    DegenerateGeometryError.
-    """
-    count = int(frame["count"])
-    return planar_pose(frame["beacon_w"][:count], frame["bearing_b"][:count], frame["sigma"])
-
-
-assert len(START) == ERRORS

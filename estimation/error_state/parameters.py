@@ -1,13 +1,13 @@
-"""Noise the error-state filter assumes, and its gate."""
+"""Noise the error-state filter assumes, and its gate.
+
+`estimation.parameters.noise_record` makes the record of all parameters.
+"""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 
 from quadrotor.parameters import Parameters, parameter
-from quadrotor.records import Record
 
 ERROR_STATE_NOISE = np.dtype(
     [
@@ -70,28 +70,3 @@ DEGREES = (
     "heading",
 )
 """Parameters given in degrees; the record holds radians."""
-
-
-SHARED = {
-    "rate_low_pass": 150.0,
-    "rate_notch": 0.0,
-    "rate_notch_width": 20.0,
-    "accelerometer_bias_limit": 1.0,
-    "gyroscope_bias_limit": 0.05,
-}
-"""Fields of the record that all estimators share, with their defaults."""
-
-
-def noise_record(parameters: ErrorStateParameters, shared: Parameters | None = None) -> Record:
-    """Return one ERROR_STATE_NOISE record, shape (1,), in SI units.
-
-    Args:
-        shared: has the fields of SHARED, instead of their defaults.
-    """
-    out = np.zeros(1, ERROR_STATE_NOISE)
-    for name in ErrorStateParameters.model_fields:
-        unit = math.radians(1.0) if name in DEGREES else 1.0
-        out[name] = unit * getattr(parameters, name)
-    for name, default in SHARED.items():
-        out[name] = default if shared is None else getattr(shared, name)
-    return out

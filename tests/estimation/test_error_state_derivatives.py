@@ -12,13 +12,18 @@ from scipy.spatial.transform import Rotation
 
 from estimation.error_state.memory import BEARINGS, MARKER, NOISES, POSE, new_memory
 from estimation.error_state.motion import move, spread
-from estimation.error_state.parameters import ErrorStateParameters, noise_record
+from estimation.error_state.parameters import ErrorStateParameters
 from estimation.error_state.rows import linearize
 from estimation.error_state.update import displace, reset
+from estimation.parameters import EstimationParameters, noise_record
 
 Array = npt.NDArray[np.float64]
 UP = np.array([0.0, 0.0, 9.81])
-NOISE = noise_record(ErrorStateParameters(marker_x=0.05, marker_y=-0.03, marker_z=0.1))
+NOISE = noise_record(
+    EstimationParameters(
+        error_state=ErrorStateParameters(marker_x=0.05, marker_y=-0.03, marker_z=0.1)
+    )
+)
 BEACONS = np.array([[1.0, 1.0, 0.1], [-1.0, 1.0, 0.1], [-1.0, -1.0, 0.1], [1.0, -1.0, 0.1]])
 
 

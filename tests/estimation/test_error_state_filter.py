@@ -18,10 +18,10 @@ from scipy.stats import chi2
 from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.error_state.filter import apply, predict, take_frames
 from estimation.error_state.memory import new_memory
-from estimation.error_state.parameters import ErrorStateParameters, noise_record
+from estimation.error_state.parameters import ErrorStateParameters
 from estimation.estimator import Estimator
 from estimation.outcome import Outcome
-from estimation.parameters import EstimationParameters
+from estimation.parameters import EstimationParameters, noise_record
 from quadrotor.errors import MeasurementError
 from quadrotor.records import (
     BEARINGS_SAMPLE,
@@ -499,7 +499,7 @@ def test_biases_are_learnt_and_stay_within_their_limits(laboratory: Any, seed: i
 
 
 def test_a_batch_equals_its_single_flights(rng: np.random.Generator) -> None:
-    count, noise = 3, noise_record(ErrorStateParameters())
+    count, noise = 3, noise_record(EstimationParameters())
     imu, frames = np.zeros(count, IMU_SAMPLE), np.zeros(count, BEARINGS_SAMPLE)
     batch, states = new_memory(count), np.zeros(count, STATE)
     valid, outcomes = np.zeros(count, bool), np.zeros(count, np.int64)

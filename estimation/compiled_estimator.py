@@ -1,0 +1,78 @@
+"""What estimators have in common whose state is one record that compiled functions step."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import Any
+
+from estimation.convergence import Convergence
+from estimation.outcome import Outcome
+from quadrotor.records import Record
+
+
+class CompiledEstimator:
+    """An estimator with a memory of shape (1,), which has `stamp_ns`, of the newest IMU sample, and
+    `outcomes`, how many measurements had each Outcome.
+
+    Args:
+        memory: its record, which it keeps.
+        measured: the field that has the stamp of the newest measurement applied.
+    """
+
+    def __init__(self, memory: Record, measured: str) -> None:
+        self._memory = memory
+        # Views made once: looking a field up by name takes longer than the subtraction.
+        self._stamp_ns, self._measured_ns = memory["stamp_ns"], memory[measured]
+        self._initialized = False
+        self._timeout = math.inf
+
+    @property
+    def initialized(self) -> bool:
+        """Return whether a first measurement gave it a start."""
+        return self._initialized
+
+    @property
+    def measurement_age(self) -> float:
+        """Return seconds from the newest measurement applied to the newest sample; inf before
+        both.
+        """
+        if not self._initialized:
+            return math.inf
+        age_ns: int = self._stamp_ns.item() - self._measured_ns.item()
+        return 1e-9 * age_ns if age_ns > 0 else 0.0
+
+    @property
+    def stale(self) -> bool:
+        """Return whether the newest measurement applied is older than `measurement_timeout`."""
+        return self.measurement_age > self._timeout
+
+    @property
+    def ignored(self) -> Counter[Outcome]:
+        """Return how many measurements since the reset were not applied, by Outcome."""
+        counts = self._memory["outcomes"][0].tolist()
+        counts[Outcome.APPLIED] = 0
+        return +Counter(dict(zip(Outcome, counts, strict=True)))
+
+    @property
+    def memory(self) -> Record:
+        """Return the filter's memory, shape (1,), for logs and tests."""
+        return self._memory
+
+    @property
+    def convergence(self) -> Convergence:
+        """Return whether the estimate may be used for flight, with the reason."""
+        if not self._initialized:
+            return Convergence(False, "no measurement gave it a start yet")
+        if self.stale:
+            return Convergence(False, f"last measurement applied {self.measurement_age:.2f} s ago")
+        return self._judge(self._memory[0])
+
+    @property
+    def converged(self) -> bool:
+        """Return whether the estimate may be used for flight; `convergence` has the reason."""
+        return self.convergence.reached
+
+    def _judge(self, m: Any) -> Convergence:
+        """Return the convergence by a memory with a start and fresh measurements."""
+        raise NotImplementedError

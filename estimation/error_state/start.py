@@ -1,0 +1,101 @@
+"""Starts of the error-state filter: the poses that measurements give alone, and its memory then."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from estimation.error_state.memory import ERRORS
+from estimation.outcome import Outcome
+from estimation.poses.planar_pose import PlanarPose, planar_pose
+from estimation.poses.sweep_pose import SweepPose, sweep_pose
+from quadrotor.errors import DegenerateGeometryError, UndeterminedStartError
+from quadrotor.records import Record
+
+Array = npt.NDArray[np.float64]
+
+START = np.repeat([0.05, math.radians(3.0), 0.5, 0.01, 0.1], 3)
+"""Deviations at a start: m, rad, m/s (taken to be at rest), rad/s, m/s^2."""
+assert len(START) == ERRORS
+DETERMINED = 4
+"""Bearings to beacons in one plane that leave one pose."""
+HOW_TO_START = (
+    "bring a fourth beacon in their plane into view, "
+    "or run it as the shadow of an estimator on poses"
+)
+
+
+def pose_of_bearings(frame: Any) -> PlanarPose:
+    """Return the pose that a BEARINGS_SAMPLE item gives by itself. Raises MeasurementError,
+    DegenerateGeometryError.
+    """
+    count = int(frame["count"])
+    return planar_pose(frame["beacon_w"][:count], frame["bearing_b"][:count], frame["sigma"])
+
+
+def start_by_bearings(frame: Any) -> PlanarPose:
+    """Return the pose to start at by one BEARINGS_SAMPLE item. Raises MeasurementError, and
+    UndeterminedStartError when the bearings leave the pose open.
+    """
+    count = int(frame["count"])
+    if count < DETERMINED:
+        why = "up to four poses fit them" if count == 3 else "they leave the pose open"
+        raise UndeterminedStartError(
+            f"error_state cannot start on {count} bearings: {why}; {HOW_TO_START}"
+        )
+    try:
+        return pose_of_bearings(frame)
+    except DegenerateGeometryError as error:
+        raise UndeterminedStartError(
+            f"error_state cannot start on these bearings: {error}; {HOW_TO_START}"
+        ) from error
+
+
+def start_by_sweeps(frames: Sequence[Any]) -> SweepPose:
+    """Return the pose to start at by SWEEPS_SAMPLE items of several planes. Raises
+    UndeterminedStartError.
+    """
+    try:
+        return sweep_pose(frames)
+    except DegenerateGeometryError as error:
+        raise UndeterminedStartError(
+            f"error_state cannot start on these sweeps: {error}"
+        ) from error
+
+
+def begin(
+    m: Record,
+    stamp_ns: int,
+    position: Array,
+    quaternion: Array,
+    deviations: Array,
+    velocity_w: Array | None,
+) -> None:
+    """Begin again at a pose, with the biases so far; what was learnt of them stays.
+
+    Args:
+        m: ERROR_STATE_MEMORY item, written in place.
+        position: (3,) m. quaternion: (4,), unit. velocity_w: (3,) m/s; at rest without one.
+        deviations: (15,) of the error, in its order.
+    """
+    bias, biases_covariance = m["now"][10:].copy(), m["covariance"][9:, 9:].copy()
+    x = m["base"]
+    x[:3], x[6:10], x[10:] = position, quaternion, bias
+    x[3:6] = 0.0 if velocity_w is None else velocity_w
+    m["covariance"] = np.diag(deviations**2)
+    if m["initialized"]:
+        m["covariance"][9:, 9:] = biases_covariance
+    m["measurement_ns"] = stamp_ns
+    m["base_ns"] = min(stamp_ns, int(m["stamp_ns"])) if m["sample_count"] else stamp_ns
+    m["now"] = x
+    m["initialized"], m["consistency"], m["applied"], m["refused"] = 1, 1.0, 0, 0
+    m["restarted"], m["freedom"], m["innovation"] = 0, 0, 0.0
+    m["refused_share"], m["run_count"], m["last_unit"] = 0.0, 0, 0.0
+    m["outcomes"][Outcome.APPLIED] += 1
+    m["event_count"], m["event_order"][0], m["event_kind"][0] = 1, 0, 0
+    m["event_ns"][0] = m["base_ns"]
+    m["after_state"][0], m["after_covariance"][0] = x, m["covariance"]
