@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from mcap.records import Attachment
 
-from flight_log.columns import read_columns
+from flight_log.columns.log_columns import read_columns
 from flight_log.comparison import Comparison, compare
 from flight_log.file import LogFile, sync_folder
 from flight_log.mcap_writer import McapWriter

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flight_log.columns import LogColumns, Topic, read_columns
+from flight_log.columns.log_columns import LogColumns, read_columns
+from flight_log.columns.topic import Topic
 from flight_log.message_times import common_stamps, gaps, seconds_since
 from flight_log.topic_columns import text_fields
 from quadrotor.errors import LogFormatError

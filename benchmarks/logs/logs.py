@@ -34,7 +34,7 @@ COLUMNS = "columns, made"
 MAKE = """
 import sys
 from pathlib import Path
-from flight_log.columns import read_columns
+from flight_log.columns.log_columns import read_columns
 read_columns(Path(sys.argv[1]))
 """
 PAGE = """

@@ -18,7 +18,7 @@ from console.catalogue.database_file import DatabaseFile
 from console.catalogue.search import RunSearch, condition
 from console.catalogue.tables import Base, RunRow, TrashRow
 from console.catalogue.transactions import transactions
-from flight_log.columns import CACHES
+from flight_log.columns.places import CACHES
 from flight_log.run_folder import log_of
 from quadrotor.errors import StorageError
 

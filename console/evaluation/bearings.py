@@ -17,7 +17,8 @@ from console.evaluation.bearings_bound import Frame, PoseBound, posterior_bound
 from console.evaluation.log_columns import read_parameters
 from estimation.error_state.parameters import ErrorStateParameters
 from flight_log.attached import logged_value
-from flight_log.columns import Topic, read_topics
+from flight_log.columns.log_columns import read_topics
+from flight_log.columns.topic import Topic
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterValue
 from quadrotor.plain_rotations import rotation_vectors_between

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_log.attached import json_value
-from flight_log.columns import read_topics
+from flight_log.columns.log_columns import read_topics
 from flight_log.reader import read_attachments
 from flight_log.run import Series
 from quadrotor.errors import LogFormatError

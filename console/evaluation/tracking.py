@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from console.evaluation.alignment import between
-from flight_log.columns import Topic, read_topics
+from flight_log.columns.log_columns import read_topics
+from flight_log.columns.topic import Topic
 from flight_log.payload_layout import HEADER_STAMP
 from quadrotor.errors import LogFormatError
 

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from flight_log.columns import Topic, read_columns
+from flight_log.columns.log_columns import read_columns
+from flight_log.columns.topic import Topic
 from flight_log.columns.writer import RECEIVED, STAMP
 from flight_log.summary import summarize
 from quadrotor.errors import UsageError

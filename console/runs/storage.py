@@ -10,7 +10,7 @@ from console.catalogue.catalogue import Catalogue
 from console.catalogue.search import NOT_DELETED
 from console.catalogue.tables import RunRow, TrashRow
 from console.runs.disk import free_bytes
-from flight_log.columns import CACHES, folder_bytes
+from flight_log.columns.places import CACHES, folder_bytes
 
 RECENT = 10
 """Runs whose mean rate is taken while nothing is recorded."""

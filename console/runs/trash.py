@@ -22,7 +22,7 @@ from sqlalchemy import delete, select
 from console.catalogue.catalogue import SUFFIX, Catalogue, runs_in
 from console.catalogue.search import NOT_DELETED
 from console.catalogue.tables import CompletenessRow, MarkRow, NoteRow, RunRow, TagRow, TrashRow
-from flight_log.columns import place_of
+from flight_log.columns.places import place_of
 from flight_log.file import is_being_written
 from quadrotor.errors import RefusedError, StorageError
 

@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_log.attached import json_value, logged_value
-from flight_log.columns import LogColumns, Topic, read_columns
+from flight_log.columns.log_columns import LogColumns, read_columns
+from flight_log.columns.topic import Topic
 from flight_log.index import NO_END, is_closed
 from flight_log.payload_layout import HEADER_STAMP
 from quadlab.simulated.parameters import FlightParameters

@@ -13,9 +13,10 @@ import numpy.typing as npt
 import pytest
 
 from benchmarks.logs.recorded_run import MadeRun, write_run
-from flight_log import columns as module
 from flight_log import read_log
-from flight_log.columns import CACHES, kept_columns, place_of, read_columns
+from flight_log.columns import log_columns, places
+from flight_log.columns.log_columns import kept_columns, read_columns
+from flight_log.columns.places import CACHES, place_of
 from flight_log.file import LogFile
 from quadrotor.errors import StorageError
 from vehicle_link.messages import decode
@@ -54,7 +55,7 @@ def test_numbers_stamps_and_payloads_are_the_messages_own(log: Path) -> None:
 
 def test_a_log_is_read_once_until_it_changes(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = heights(log)
-    monkeypatch.setattr(module, "write_columns", None)  # nothing can be made any more
+    monkeypatch.setattr(log_columns, "write_columns", None)  # nothing can be made any more
     assert heights(log).tolist() == first.tolist()
     monkeypatch.undo()
     log.unlink()
@@ -121,7 +122,7 @@ def test_old_columns_go_and_the_newest_stay(log: Path, monkeypatch: pytest.Monke
     heights(log)
     other = write_run(log.with_name("other.mcap"), MadeRun(2.0))
     os.utime(place_of(log) / "log.json", (1, 1))
-    monkeypatch.setattr(module, "LARGEST", 1000)
+    monkeypatch.setattr(places, "LARGEST", 1000)
     heights(other)
     assert [one.name for one in place_of(log).parent.iterdir()] == ["other"]
 

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from console.evaluation.spectrum import density_of, evenly, rotor_frequency, spectrogram
-from flight_log.columns import kept_columns
+from flight_log.columns.log_columns import kept_columns
 from flight_log.message_times import gaps
 from flight_log.run import run_of
 from quadrotor.errors import MeasurementError, OutOfBoundsError, StorageError

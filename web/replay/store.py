@@ -12,7 +12,7 @@ from collections import OrderedDict
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from flight_log.columns import LARGEST, identity, make_room, place_of
+from flight_log.columns.places import LARGEST, identity, make_room, place_of
 from flight_log.file import is_being_written
 from flight_log.run_folder import log_of
 from quadrotor.errors import JobError, LogFormatError, QuadlabError, RefusedError, StorageError

@@ -13,7 +13,7 @@ from console.runs.adoption import tidy_runs
 from console.runs.report_folders import report_folder
 from console.runs.trash import delete_run, purge, restore_run
 from flight_log import is_closed
-from flight_log.columns import CACHES
+from flight_log.columns.places import CACHES
 from flight_log.merge import merge
 from flight_log.run_folder import MERGED, STATION, VEHICLE, log_of, run_bytes
 from tests.flight_log.drop_outs import Flight, flown, with_holes

@@ -22,7 +22,7 @@ from console.runs.run import RecorderStatus
 from console.runs.storage import storage
 from console.runs.trash import TRASH, delete_run, deleted_runs, purge, restore_run
 from flight_log import LogWriter
-from flight_log.columns import CACHES
+from flight_log.columns.places import CACHES
 from quadrotor.errors import RefusedError, StorageError
 from tests.support.runs import run_entry
 

@@ -20,7 +20,7 @@ from console.runs.run import RecorderStatus
 from console.runs.storage import storage
 from console.runs.trash import TRASH, delete_run, deleted_runs, purge, restore_run
 from flight_log import LogWriter
-from flight_log.columns import CACHES
+from flight_log.columns.places import CACHES
 
 LIMIT = 10.0
 

@@ -12,8 +12,8 @@ from benchmarks.logs.recorded_run import MadeRun, write_run
 from console.catalogue.catalogue import Catalogue
 from console.runs.adoption import tidy_runs
 from console.runs.trash import delete_run, restore_run
-from flight_log import columns as columns_module
-from flight_log.columns import CACHES, place_of
+from flight_log.columns import places
+from flight_log.columns.places import CACHES, place_of
 from flight_log.file import LogFile
 from quadrotor.errors import LogFormatError, RefusedError, StorageError
 from web.replay import store as store_module
@@ -140,7 +140,7 @@ def test_a_damaged_replay_is_built_again(log: Path, until: Until, harm: str) -> 
 def test_a_replay_larger_than_all_may_be_is_given_up_with_the_reason(
     log: Path, until: Until, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(columns_module, "LARGEST", 1_000)
+    monkeypatch.setattr(places, "LARGEST", 1_000)
     store, told = ReplayStore(), []
 
     def is_refused() -> bool:
