@@ -15,7 +15,8 @@ from quadrotor.errors import LinkError, RefusedError
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.parameters.service import ParameterClient
 from vehicle_link.topics import SERVICES, TOPICS
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import loopback_session
 
 REACH = 3.0

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from quadlab.commands.processes import Settings, check_name
+from quadlab.commands.processes import Settings
+from quadlab.vehicle_names import check_name
 from quadrotor.errors import ParameterError, UsageError
 
 if TYPE_CHECKING:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import os
-import re
 import shlex
 import threading
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -19,6 +17,7 @@ from quadlab.settings import check_laws, parse_board_options, parse_settings
 from quadlab.up import serial_ports
 from quadlab.up.page_options import PageOptions, say_authority
 from quadlab.up.supervise import Child
+from quadlab.vehicle_names import THE_VEHICLE, check_name, parse_names, parse_vehicles
 from quadrotor.errors import QuadlabError, UsageError
 from vehicle.boards.kind import MIKROKOPTER
 from vehicle_link.serial.identity import THE_ONE, Identity
@@ -29,56 +28,11 @@ Settings = Annotated[
 Folder = Annotated[Path | None, tyro.conf.arg(metavar="DIR")]
 File = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
 Names = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME")]
-THE_VEHICLE = "quad1"
 WATCH_PERIOD = 0.2
 SIGN_IN_TOKEN = "QUADLAB_SIGN_IN_TOKEN"
 """Environment variable by which `up` hands `web` its one-time token."""
 OPEN_BROWSER = "QUADLAB_OPEN_BROWSER"
 """Environment variable, set when `web` is to open a browser."""
-
-
-def check_name(name: str) -> None:
-    """Check that a vehicle's name can be a topic namespace and part of file names. Raises
-    UsageError.
-    """
-    if not re.fullmatch(r"[a-z][a-z0-9_]{0,31}", name):
-        raise UsageError(
-            f"--name {name!r} is not a valid name; allowed are up to 32 lower-case letters, digits "
-            "and _, a letter first, like quad2"
-        )
-
-
-def parse_names(words: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of vehicles, the usual one where none is given. Raises UsageError."""
-    for name in words:
-        check_name(name)
-        if words.count(name) > 1:
-            raise UsageError(f"--name {name} is given twice")
-    return tuple(words) or (THE_VEHICLE,)
-
-
-def parse_vehicles(words: Sequence[str], name: str = THE_VEHICLE) -> dict[str, str]:
-    """Return `name=host:port` words as {name: endpoint}; `name` where there is none. Raises
-    UsageError.
-    """
-    from vehicle_link.transport.session import parse_endpoint
-
-    found: dict[str, str] = {}
-    for word in words:
-        given, equals, endpoint = word.rpartition("=")
-        one = given if equals else name
-        check_name(one)
-        if one in found:
-            raise UsageError(
-                f"two vehicles would be called {one!r}; "
-                "give each its own name, like --vehicle quad2=192.168.4.3:7447"
-            )
-        place = parse_endpoint(endpoint)
-        for other, there in found.items():
-            if parse_endpoint(there) == place:
-                raise UsageError(f"{other} and {one} would both be the vehicle at {endpoint}")
-        found[one] = endpoint
-    return found
 
 
 @dataclass
@@ -108,7 +62,7 @@ class Vehicle:
     """UDP port of the radio link to listen on"""
     telemetry: Annotated[int, tyro.conf.arg(metavar="HZ")] = 100
     """packets of telemetry a second, 12 to 100, each with the ticks since the one before"""
-    name: str = "quad1"
+    name: str = THE_VEHICLE
     """namespace of the vehicle's topics"""
     set: Settings = ()
     """start with this parameter value; board.NAME=VALUE is an option of the board, for --check,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from quadlab.commands.processes import THE_VEHICLE, check_name
+from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import LinkError, UsageError
 
 if TYPE_CHECKING:

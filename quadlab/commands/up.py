@@ -5,15 +5,12 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
-import signal
 import socket
 import tempfile
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
@@ -21,19 +18,21 @@ import tyro
 from quadlab.commands.processes import (
     OPEN_BROWSER,
     SIGN_IN_TOKEN,
-    THE_VEHICLE,
     WATCH_PERIOD,
     Folder,
     Settings,
-    check_name,
     check_tracker,
 )
 from quadlab.data_folder import open_data_folder, owned
 from quadlab.settings import check_laws, parse_board_options, parse_settings
 from quadlab.simulated.fleet import SimulatedFleet
+from quadlab.up.free_port import require_free
 from quadlab.up.landing import land_before_stopping
 from quadlab.up.page_options import PageOptions
+from quadlab.up.progress import Progress
+from quadlab.up.stop_request import StopRequest
 from quadlab.up.supervise import Child
+from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import UsageError
 from vehicle.boards.kind import BETAFLIGHT, MIKROKOPTER, find_kind
 from vehicle_link import clock
@@ -44,8 +43,6 @@ if TYPE_CHECKING:
     from quadrotor.parameters import ParameterValue
     from vehicle_link.security.authority import TlsFiles
 
-PROGRESS_PERIOD = 1.5
-"""s between two lines while the processes start."""
 MCU_PORTS = ("mcu0", "mcu1")
 
 
@@ -90,9 +87,9 @@ class Up(PageOptions):
         fleet.check()
         check_rate(self._rate(fleet), len(MCU_PORTS))
         self._check_ports(fleet)
-        if self.firmware == "c" and self.board != MIKROKOPTER:
-            raise UsageError(f"--firmware c is for --board {MIKROKOPTER}, not {self.board}")
         if self.firmware == "c":
+            if self.board != MIKROKOPTER:
+                raise UsageError(f"--firmware c is for --board {MIKROKOPTER}, not {self.board}")
             from vehicle.simulator.firmware.native import library
 
             library()  # built before anything starts
@@ -107,10 +104,10 @@ class Up(PageOptions):
         check_laws(values, folder)
         self.check_page(folder)
         if self.host != PageOptions.host:
-            _require_free("page", self.port, socket.SOCK_STREAM, "--port or --host", self.host)
+            require_free("page", self.port, socket.SOCK_STREAM, "--port or --host", self.host)
         with (
             owned(folder),
-            _Progress(self.host, self.port),
+            Progress(self.host, self.port),
             tempfile.TemporaryDirectory(prefix="quadlab-") as run_folder,
             contextlib.nullcontext()
             if self.real_time or self.tracker
@@ -133,10 +130,10 @@ class Up(PageOptions):
         for port in (self.port, *fleet.ports.values()):
             if not 1 <= port <= 65535:
                 raise UsageError(f"port {port} is out of range (1 to 65535)")
-        _require_free("page", self.port, socket.SOCK_STREAM, "--port")
-        _require_free("loopback session", self.link_port, socket.SOCK_STREAM, "--link-port")
+        require_free("page", self.port, socket.SOCK_STREAM, "--port")
+        require_free("loopback session", self.link_port, socket.SOCK_STREAM, "--link-port")
         for port in fleet.ports.values():
-            _require_free("radio link", port, socket.SOCK_DGRAM, "--link-port")
+            require_free("radio link", port, socket.SOCK_DGRAM, "--link-port")
 
     def _check_settings(self) -> tuple[list[str], list[str], dict[str, ParameterValue]]:
         words, _ = parse_board_options(self.board, self.set)
@@ -198,8 +195,8 @@ class Up(PageOptions):
         return [
             [Child("simulator", robot, niceness=first)],
             [
-                Child(_child_name(fleet, name), [*words, *vehicle], niceness=first)
-                for name, words in self._on_board(fleet, data, run_folder, files).items()
+                Child(called, [*words, *vehicle], niceness=first)
+                for called, words in self._on_board(fleet, data, run_folder, files).items()
             ],
             [Child("station", base, niceness=station)],
             [Child("web", page, niceness=last, environment=token)],
@@ -224,11 +221,11 @@ class Up(PageOptions):
     def _on_board(
         self, fleet: SimulatedFleet, data: Path, run_folder: Path, files: TlsFiles
     ) -> dict[str, list[str]]:
-        """Command line of each vehicle."""
+        """Return the command line of each vehicle, by the name of its process."""
         found = {}
         for name, port in fleet.ports.items():
             folder = run_folder if fleet.count == 1 else run_folder / name
-            found[name] = [
+            found["vehicle" if fleet.count == 1 else f"vehicle {name}"] = [
                 "vehicle",
                 "--board",
                 self.board,
@@ -248,7 +245,7 @@ class Up(PageOptions):
 
     def _watch(self, groups: Sequence[Sequence[Child]], fleet: SimulatedFleet) -> int:
         children = [child for group in groups for child in group]
-        stop = _StopRequest()
+        stop = StopRequest()
         with stop.installed():
             try:
                 for child in children:
@@ -268,40 +265,6 @@ class Up(PageOptions):
         return 0
 
 
-class _Progress:
-    """Reports the progress of the start until the page answers and reports it itself."""
-
-    def __init__(self, host: str, port: int) -> None:
-        self._address = host, port
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._tell, daemon=True)
-
-    def __enter__(self) -> _Progress:
-        print("quadlab: starting simulator, vehicle, station and page", flush=True)
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._ended.set()
-
-    def _tell(self) -> None:
-        began = time.monotonic()
-        page: socket.socket | None = None
-        while not self._ended.is_set():
-            try:
-                if page is None:
-                    page = socket.create_connection(self._address, PROGRESS_PERIOD)
-                    page.sendall(b"GET / HTTP/1.0\r\n\r\n")
-                page.recv(1)  # whatever it is: with TLS it may only close
-                page.close()
-                return
-            except TimeoutError:  # it listens, and answers as soon as it runs
-                pass
-            except OSError:
-                self._ended.wait(PROGRESS_PERIOD)
-            print(f"quadlab: starting, {time.monotonic() - began:.0f} s", flush=True)
-
-
 @contextlib.contextmanager
 def _lockstep(fleet: SimulatedFleet, folder: Path, port: int) -> Iterator[None]:
     """Provide one clock for this process and all children."""
@@ -316,10 +279,6 @@ def _lockstep(fleet: SimulatedFleet, folder: Path, port: int) -> Iterator[None]:
         page.close()
 
 
-def _child_name(fleet: SimulatedFleet, name: str) -> str:
-    return "vehicle" if fleet.count == 1 else f"vehicle {name}"
-
-
 def _stop(group: Sequence[Child]) -> None:
     """Stop the children together: each may take its time."""
     threads = [threading.Thread(target=child.stop) for child in group]
@@ -329,60 +288,5 @@ def _stop(group: Sequence[Child]) -> None:
         thread.join()
 
 
-class _StopRequest:
-    """Ctrl-C or SIGTERM: the first asks to stop, a second one to stop at once."""
-
-    def __init__(self) -> None:
-        self.count = 0
-
-    def installed(self) -> _Handlers:
-        return _Handlers(self)
-
-    def wait(self, seconds: float) -> bool:
-        """Sleep at most `seconds`; whether a stop was asked for."""
-        end = time.monotonic() + seconds
-        while not self.count and (left := end - time.monotonic()) > 0:
-            time.sleep(min(left, 0.1))
-        return bool(self.count)
-
-    @property
-    def at_once(self) -> bool:
-        return self.count > 1
-
-
-class _Handlers:
-    def __init__(self, request: _StopRequest) -> None:
-        self._request = request
-        self._previous: dict[int, signal._HANDLER] = {}
-
-    def __enter__(self) -> _StopRequest:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            self._previous[number] = signal.signal(number, self._on_signal)
-        return self._request
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._previous.items():
-            signal.signal(number, handler)
-
-    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
-        self._request.count += 1
-
-
 def _set_words(settings: Sequence[str]) -> list[str]:
     return [word for setting in settings for word in ("--set", setting)]
-
-
-def _require_free(
-    what: str, port: int, kind: socket.SocketKind, option: str, host: str = "127.0.0.1"
-) -> None:
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    with socket.socket(family, kind) as probe:
-        if kind == socket.SOCK_STREAM:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, port))
-        except OSError as error:
-            raise UsageError(
-                f"port {port} of the {what} cannot be used ({error.strerror}); "
-                f"stop what uses it or choose another with {option}"
-            ) from None

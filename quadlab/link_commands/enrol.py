@@ -9,9 +9,10 @@ from typing import Annotated
 
 import tyro
 
-from quadlab.commands.processes import Folder, check_name
+from quadlab.commands.processes import Folder
 from quadlab.data_folder import open_data_folder
 from quadlab.link_commands.handing_over import THERE, hand_over, how_to_copy
+from quadlab.vehicle_names import check_name
 from quadrotor.errors import UsageError
 
 

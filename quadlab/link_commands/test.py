@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from quadlab.commands.processes import Folder, check_name
+from quadlab.commands.processes import Folder
 from quadlab.data_folder import open_data_folder
+from quadlab.vehicle_names import check_name
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from quadlab.commands.processes import check_name
 from quadlab.log_commands.progress import progress_of
+from quadlab.vehicle_names import check_name
 from quadrotor.errors import LinkError, StorageError, UsageError
 
 if TYPE_CHECKING:

@@ -8,8 +8,9 @@ from typing import Annotated
 
 import tyro
 
-from quadlab.commands.processes import File, Folder, check_name
+from quadlab.commands.processes import File, Folder
 from quadlab.data_folder import open_data_folder
+from quadlab.vehicle_names import check_name
 
 
 @dataclass

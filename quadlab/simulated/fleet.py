@@ -6,7 +6,7 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-from quadlab.commands.processes import THE_VEHICLE
+from quadlab.vehicle_names import THE_VEHICLE
 from quadrotor.errors import StorageError, UsageError
 from vehicle_link.security.authority import TlsFiles
 from vehicle_link.serial.capacity import DEFAULT_RATE

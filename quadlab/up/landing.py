@@ -5,19 +5,15 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
+from quadlab.up.stop_request import StopRequest
 from quadrotor.errors import LinkError
 from vehicle_link import clock
 
 LANDING_PATIENCE = 40.0
 HEARING = 1.5
 """s for the vehicles' statuses to come."""
-
-
-class StopRequest(Protocol):
-    @property
-    def at_once(self) -> bool: ...
 
 
 class _Landing:

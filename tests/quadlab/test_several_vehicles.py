@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from console.link.dialled_vehicles import dialled, remember_dialled
-from quadlab.commands.processes import parse_names, parse_vehicles
 from quadlab.simulated.fleet import MOST, SimulatedFleet
+from quadlab.vehicle_names import parse_names, parse_vehicles
 from quadrotor.errors import LinkError, UsageError
 from vehicle.processes.config import FEWEST_PACKETS, PACKETS_A_SECOND
-from vehicle.simulator.process import pace_of
+from vehicle.simulator.robot import pace_of
 from vehicle_link.security.authority import check_certificate, ensure_certificates
 from vehicle_link.telemetry import SAMPLES_A_PACKET
 

@@ -6,7 +6,8 @@ import socket
 
 import pytest
 
-from quadlab.commands import up
+from quadlab.commands.up import Up
+from quadlab.up import progress as module
 
 BOUND = 20.0  # s
 
@@ -14,11 +15,11 @@ BOUND = 20.0  # s
 def test_the_start_goes_on_until_the_page_answers_and_not_only_listens(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(up, "PROGRESS_PERIOD", 0.05)
+    monkeypatch.setattr(module, "PROGRESS_PERIOD", 0.05)
     said = ""
     with (
         socket.create_server(("127.0.0.1", 0)) as page,
-        up._Progress(*page.getsockname()) as progress,
+        module.Progress(*page.getsockname()) as progress,
     ):
         page.settimeout(BOUND)
         asking, _ = page.accept()
@@ -44,4 +45,4 @@ def test_the_start_goes_on_until_the_page_answers_and_not_only_listens(
 def test_the_simulator_serves_the_system_that_no_other_host_does(
     words: str, served: list[str]
 ) -> None:
-    assert up.Up(tracker=words)._serve_words() == served
+    assert Up(tracker=words)._serve_words() == served
