@@ -21,17 +21,19 @@ from quadrotor.errors import LinkError, StorageError
 from quadrotor.records import new_state
 from vehicle.boards.board import RawSample
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
-from vehicle.simulator import process
+from vehicle.simulator import process, robot
 from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.process import RunStatistics, run
+from vehicle.simulator.process import run
 from vehicle.simulator.pseudo_terminal import PseudoTerminal
+from vehicle.simulator.robot import RunStatistics
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle.simulator.truth import Put, TruthPublisher
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.serial.port import PortError, SerialPort
 from vehicle_link.topics.ticks import decode_odometry
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 
 BOUND = 30.0
 """s, after which a test that waits has failed."""
@@ -372,7 +374,7 @@ def test_a_station_that_comes_later_and_comes_again_gets_the_truth(tmp_path: Pat
 
 def test_truth_and_vehicle_share_a_clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     receiver = Receiver()
-    monkeypatch.setattr(process, "connect_to_station", lambda *_: receiver.connect)
+    monkeypatch.setattr(robot, "connect_to_station", lambda *_: receiver.connect)
     with simulator(tmp_path, loopback_port=1):
         ports = open_ports(tmp_path)
         sample = receive(Microcontroller(ports), 100)[-1]
