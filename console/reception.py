@@ -23,7 +23,7 @@ from vehicle_link.messages import decode
 from vehicle_link.parameters.authority import VEHICLE, authority_of
 from vehicle_link.parameters.messages import decode_change
 from vehicle_link.topics import TOPICS
-from vehicle_link.transport.node import Received
+from vehicle_link.transport.publisher import Received
 
 BEAT_NS = 18_000_000
 """Simulated time in lockstep between two heartbeats that follow a truth: well within what the

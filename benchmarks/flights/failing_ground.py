@@ -22,7 +22,8 @@ from vehicle_link import messages, topics
 from vehicle_link.messages import Message
 from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.security.authority import ensure_certificates
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.radio import Radio
 from vehicle_link.transport.session import hub_session, loopback_session
 

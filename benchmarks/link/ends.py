@@ -54,7 +54,8 @@ from vehicle_link.termination_signal import EndSignal
 from vehicle_link.time_sync import TIME_SYNC, answers, exchange, serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.heartbeat import HEARTBEAT_RATE, LinkState
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.radio import Radio
 from vehicle_link.transport.session import hub_session, vehicle_session
 

@@ -23,7 +23,8 @@ from typing import Any
 from benchmarks.harness import CHROMIUM, Report, Row, Target
 from quadrotor.checkout import ROOT
 from vehicle_link.topics import TOPICS, decode_joy
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import loopback_session
 
 FLAGS = [

@@ -17,7 +17,8 @@ from quadrotor.errors import UsageError
 from vehicle_link.messages import decode, header, new
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.idempotent import Idempotent
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 
 INFO = 20
 ANSWER = f"{SERVICES['control']}_Response"

@@ -17,7 +17,7 @@ from console.link.outbox import Outbox
 from vehicle_link import topics
 from vehicle_link.clock import monotonic
 from vehicle_link.messages import Message, decode, encode, header, new
-from vehicle_link.transport.node import Received
+from vehicle_link.transport.publisher import Received
 
 log = logging.getLogger(__name__)
 

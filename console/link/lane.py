@@ -22,7 +22,8 @@ from vehicle_link.messages import Message, new
 from vehicle_link.security.access import LANE, PILOT_LANE
 from vehicle_link.security.whoami import SHOWN_WITHIN
 from vehicle_link.topics import SERVICES, TOPICS
-from vehicle_link.transport.node import Node, Publisher, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Publisher, Received
 
 DATAGRAM, QUIC = "datagram", "quic"
 BEAT = "station_heartbeat"

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from vehicle_link.process_instance import spoken
-from vehicle_link.topics.measurements import Heartbeat
+from vehicle_link.topics.control_inputs import Heartbeat
 from vehicle_link.transport.protocol import disagreement
 
 OBSERVER = "observer"

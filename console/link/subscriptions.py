@@ -14,7 +14,8 @@ from console.runs.recorder import Recorder
 from quadrotor.errors import LinkError, MeasurementError
 from vehicle_link.topics import TOPICS
 from vehicle_link.topics.table import SHARED
-from vehicle_link.transport.node import Node, Publisher, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Publisher, Received
 
 AS_IT_COMES = tuple(
     name for name, row in TOPICS.items() if row.recorded and row.sender != "station"

@@ -16,7 +16,7 @@ from quadrotor.records import Record
 from vehicle_link.clock import time_ns
 from vehicle_link.telemetry import unpack
 from vehicle_link.topics import SCENE_TOPICS, TOPICS, SceneMessages
-from vehicle_link.transport.node import Received
+from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.rmw_keys import full_name
 
 

@@ -24,7 +24,8 @@ from vehicle_link import topics
 from vehicle_link.parameters.messages import decode_change
 from vehicle_link.parameters.service import ParameterClient
 from vehicle_link.topics import TOPICS
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 
 FAR_OFF = 3.0
 """Pixels rms by which beacons may leave their places."""

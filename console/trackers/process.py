@@ -28,7 +28,8 @@ from vehicle_link.clock import monotonic, monotonic_ns, time_ns
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.termination_signal import Ending
 from vehicle_link.topics import TOPICS
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 
 TOLD_EVERY = 0.1
 """s between two statuses; a new problem is told at once."""

@@ -14,7 +14,8 @@ from typing import Any
 from console.trackers.source import Body, Frame
 from vehicle_link import topics
 from vehicle_link.clock import monotonic_ns
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 
 KEPT = 64
 TYPE = "geometry_msgs/PoseStamped"

@@ -35,7 +35,8 @@ from vehicle_link.parameters.service import ParameterClient, serve_parameters
 from vehicle_link.telemetry import pack
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import loopback_session
 
 LIMIT = 15.0

@@ -14,7 +14,8 @@ import pytest
 from flight_log import is_closed, read_log
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.topics import TOPICS, decode_reference
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import loopback_session
 
 pytestmark = pytest.mark.timeout(180)

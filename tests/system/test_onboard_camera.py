@@ -21,7 +21,8 @@ from tests.system.conftest import PATIENCE, Laboratory
 from vehicle_link import clock, topics
 from vehicle_link.lockstep import page_at
 from vehicle_link.topics import TOPICS
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import loopback_session
 
 pytestmark = pytest.mark.timeout(300)

@@ -30,7 +30,7 @@ from tests.support.runs import run_entry
 from tests.waiting import wait_for
 from vehicle_link.messages import encode, header, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters
-from vehicle_link.transport.node import Received
+from vehicle_link.transport.publisher import Received
 from web.access.attempts import Attempts
 from web.access.passwords import Passwords
 from web.access.tls import Tls

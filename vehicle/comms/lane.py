@@ -22,7 +22,8 @@ from vehicle_link.lane.vehicle_lane import VehicleLane
 from vehicle_link.messages import Message
 from vehicle_link.security.access import LANE, PILOT_LANE
 from vehicle_link.topics import SERVICES, TOPICS
-from vehicle_link.transport.node import Node, Publisher, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Publisher, Received
 
 log = logging.getLogger(__name__)
 

@@ -46,7 +46,8 @@ from vehicle_link.security.authority import ensure_certificates, readable_keys
 from vehicle_link.security.whoami import serve_whoami
 from vehicle_link.termination_signal import Ending, EndSignal
 from vehicle_link.transport.heartbeat import HEARTBEAT_RATE, SELDOM
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import vehicle_session
 
 SHORTEST_WAIT_S = 0.001

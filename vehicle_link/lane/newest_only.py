@@ -8,7 +8,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 
-from vehicle_link.transport.node import Received
+from vehicle_link.transport.publisher import Received
 
 KEPT = 16
 """Publishers of a topic remembered, those heard last."""

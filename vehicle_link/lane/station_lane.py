@@ -25,7 +25,7 @@ from vehicle_link.lane.datagram import (
 )
 from vehicle_link.lane.lane_socket import Address, LaneSocket
 from vehicle_link.messages import Message
-from vehicle_link.transport.node import Received
+from vehicle_link.transport.publisher import Received
 
 log = logging.getLogger(__name__)
 

@@ -23,7 +23,7 @@ from vehicle_link.lane.datagram import (
 from vehicle_link.lane.lane_socket import Address, LaneSocket
 from vehicle_link.messages import Message, new
 from vehicle_link.topics.table import SERVICES
-from vehicle_link.transport.node import Received
+from vehicle_link.transport.publisher import Received
 
 MOST = 8
 """Stations; one more takes the place of the one not heard for the longest, of those that only hear

@@ -1,19 +1,21 @@
 """The topics of a vehicle: their table, and payloads from and to the records of a tick."""
 
 from vehicle_link.topics.bench import encode_bench_reading
-from vehicle_link.topics.measurements import (
+from vehicle_link.topics.control_inputs import (
     Sticks,
-    decode_bearings,
     decode_external_reference,
     decode_heartbeat,
     decode_joy,
+    encode_heartbeat,
+    encode_joy,
+)
+from vehicle_link.topics.measurements import (
+    decode_bearings,
     decode_pose,
     decode_position,
     decode_sweeps,
     encode_bearing_pose,
     encode_bearings,
-    encode_heartbeat,
-    encode_joy,
     encode_poses,
     encode_positions,
     pose_messages,

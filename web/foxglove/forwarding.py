@@ -15,7 +15,7 @@ from typing import Any
 
 from quadrotor.errors import LinkError
 from quadrotor.parameters import ParameterValue
-from vehicle_link.transport.node import Received
+from vehicle_link.transport.publisher import Received
 from web.foxglove.client import FoxgloveClient
 
 PERIOD = 0.02  # s

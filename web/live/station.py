@@ -32,7 +32,8 @@ from web.live.latest import FAST, STALE, Live
 if TYPE_CHECKING:
     from vehicle_link.parameters.service import ParameterClient
     from vehicle_link.transport.client import ServiceClient
-    from vehicle_link.transport.node import Node, Publisher, Received
+    from vehicle_link.transport.node import Node
+    from vehicle_link.transport.publisher import Publisher, Received
 
 CALL_TIMEOUT = 1.5  # s
 PATIENCE = {

@@ -25,7 +25,8 @@ from tests.waiting import until
 from vehicle_link.messages import decode
 from vehicle_link.telemetry import pack
 from vehicle_link.topics import TOPICS
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 
 LIMIT = 20.0
 NAME = "station.comparison.estimators"

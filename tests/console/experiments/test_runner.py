@@ -27,7 +27,8 @@ from vehicle_link.parameters.service import serve_parameters
 from vehicle_link.telemetry import pack
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 
 ENDED = ("passed", "failed", "stopped", "refused")
 

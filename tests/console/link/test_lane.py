@@ -20,7 +20,8 @@ from vehicle.comms.lane import CommsLane
 from vehicle.comms.publishers import LinkRadio
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.topics import TOPICS, encode_heartbeat
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import loopback_session, vehicle_session
 
 WAIT = 15.0  # s: a bound, not an expectation

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from console.link.permission import Standing
-from vehicle_link.topics.measurements import Heartbeat
+from vehicle_link.topics.control_inputs import Heartbeat
 from vehicle_link.transport.protocol import protocol, version
 
 OURS, OTHER = 7, 9

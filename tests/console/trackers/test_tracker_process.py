@@ -22,7 +22,8 @@ from vehicle_link import topics
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import TOPICS
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 
 AHEAD_NS = 40_000_000_000
 """Of the vehicle's clock before the station's."""

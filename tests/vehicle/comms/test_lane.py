@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from vehicle.comms.lane import CommsLane
-from vehicle_link.transport.node import Received
+from vehicle_link.transport.publisher import Received
 
 BOUND = 20.0  # s
 HELD_BACK = 0.3

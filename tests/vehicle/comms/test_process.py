@@ -34,7 +34,8 @@ from vehicle_link.messages import Message
 from vehicle_link.parameters.messages import from_value, to_parameters
 from vehicle_link.parameters.service import ParameterClient
 from vehicle_link.security.authority import ensure_certificates
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 
 SIMULATOR = """
 import sys

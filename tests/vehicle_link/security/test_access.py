@@ -25,8 +25,9 @@ from vehicle_link.security.whoami import WhoAmI, serve_whoami
 from vehicle_link.serial.identity import THE_ONE
 from vehicle_link.time_sync import TIME_SYNC, serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
 from vehicle_link.transport.protocol import disagreement, protocol, version
+from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.radio import Radio
 from vehicle_link.transport.session import hub_session, vehicle_session
 

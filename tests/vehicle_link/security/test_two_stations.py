@@ -24,7 +24,8 @@ from vehicle_link import topics
 from vehicle_link.process_instance import new_instance, spoken
 from vehicle_link.security.authority import TlsFiles, ensure_certificates
 from vehicle_link.topics import TOPICS
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.radio import Radio
 from vehicle_link.transport.session import hub_session, vehicle_session
 

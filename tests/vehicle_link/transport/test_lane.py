@@ -37,7 +37,7 @@ from vehicle_link.lane.station_lane import StationLane
 from vehicle_link.lane.vehicle_lane import VehicleLane
 from vehicle_link.lockstep import Page
 from vehicle_link.messages import Message, decode, encode
-from vehicle_link.transport.node import Received
+from vehicle_link.transport.publisher import Received
 
 WAIT = 10.0  # s: a bound, not an expectation
 KEY, KEY_ID = bytes(range(32)), 7

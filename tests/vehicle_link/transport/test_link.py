@@ -42,7 +42,8 @@ from vehicle_link.telemetry import pack, unpack
 from vehicle_link.time_sync import exchange, serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS, decode_heartbeat, encode_heartbeat
 from vehicle_link.transport.idempotent import Idempotent
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.rmw_keys import RELIABLE
 from vehicle_link.transport.session import (
     check_station,

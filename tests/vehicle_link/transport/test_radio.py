@@ -20,7 +20,8 @@ from vehicle_link.messages import new
 from vehicle_link.security.authority import TlsFiles, ensure_certificates
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport import radio
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.radio import Radio
 from vehicle_link.transport.session import hub_session, loopback_session, vehicle_session
 
