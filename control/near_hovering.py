@@ -12,7 +12,8 @@ from __future__ import annotations
 import math
 
 from control.allocation import allocate
-from control.controller import GeometricController, command, fed_forward, hand_over, wind
+from control.controller import GeometricController
+from control.geometric_law import command, fed_forward, hand_over, wind
 from control.parameters import Item
 from control.position_law import desired_force, limit_force
 from quadrotor.compiled import compiled
@@ -77,7 +78,7 @@ def hover_one(
     dt: float,
     actuators: Item,
 ) -> None:
-    """Compute one vehicle, as control.controller.step_one; position, velocity and yaw of the
+    """Compute one vehicle, as control.geometric_law.step_one; position, velocity and yaw of the
     reference.
     """
     weight = model.mass * GRAVITY
@@ -123,7 +124,7 @@ def step(
     dt: float,
     actuators: Record,
 ) -> None:
-    """Compute as control.controller.step, for arrays of records, shape (N,); gains, model (1,)."""
+    """Compute N vehicles, as control.geometric_law.step; gains and model of shape (1,)."""
     for k in range(state.shape[0]):
         hover_one(memory[k], state[k], reference[k], gains[0], model[0], airborne, dt, actuators[k])
 

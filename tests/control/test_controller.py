@@ -5,13 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from control.controller import (
-    CONTROL_MEMORY,
-    Controller,
-    GeometricController,
-    new_control_memory,
-    step,
-)
+from control.controller import Controller, GeometricController
+from control.geometric_law import CONTROL_MEMORY, new_control_memory, step
 from control.parameters import ControlParameters, control_record
 from quadrotor.records import ACTUATORS, REFERENCE, STATE, Record, new_reference, new_state
 from quadrotor.vehicle_model import VehicleModel, mixing_matrix

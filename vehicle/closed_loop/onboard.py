@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from control.controller import CONTROL_MEMORY, new_control_memory, step_one
 from control.disturbance_observer import OBSERVER, OBSERVER_MEMORY, observe_one, observer_record
+from control.geometric_law import CONTROL_MEMORY, new_control_memory, step_one
 from control.parameters import CONTROL, ControlParameters, control_record
 from control.trajectories.figure_eight import FIGURE_EIGHT, FigureEight, figure_eight_at
 from estimation.complementary_filter import predict_one

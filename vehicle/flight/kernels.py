@@ -82,7 +82,7 @@ def _near_hovering() -> None:
 Parts = dict[str, tuple[str, Callable[[], None]]]
 
 PARTS: Parts = {
-    "controller": ("control.controller", _controller),
+    "controller": ("control.geometric_law", _controller),
     "estimator": ("estimation.complementary_filter", _estimator),
     "behaviors": ("control.trajectories.phase_curve", _behaviors),
 }

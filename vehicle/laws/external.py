@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from control.controller import GeometricController, apply_wrench
+from control.controller import GeometricController
+from control.geometric_law import apply_wrench
 from control.parameters import GEOMETRIC, ControlParameters
 from quadrotor.errors import RefusedError
 from quadrotor.records import ACTUATORS, Record

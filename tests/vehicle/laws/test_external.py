@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from control.controller import apply_wrench
+from control.geometric_law import apply_wrench
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.parameters import ParameterValue
 from tests.support.lab import Lab, flight_parameters, refusal
