@@ -26,8 +26,8 @@ from quadrotor.rotations import (
     yaw_of,
 )
 from quadrotor.vehicle_model import GRAVITY, Four
+from vehicle.simulator.battery import discharge, follow_battery
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.plant import discharge, follow_battery
 
 FREE, HAND, BENCH, SET_DOWN = range(4)
 TURN_RATE = math.radians(60.0)

@@ -41,6 +41,7 @@ from quadrotor.vectors import (
 )
 from quadrotor.vehicle_model import GRAVITY, MODEL, Four, wrench_of_thrusts
 from vehicle.simulator.air import drag_of_rotors, ground_gain, inflow_gain
+from vehicle.simulator.battery import charge_battery, discharge, follow_battery
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.vibration import turn_rotors
 
@@ -56,16 +57,6 @@ SLIP_DAMPING = 100.0
 """N s/m a foot, below the Coulomb limit; larger is unstable at steps of 1 ms."""
 SUBSTEP = 0.001
 """s, the longest integration step."""
-
-CELLS = 4
-CELL_CURVE = (3.0, 3.68, 3.74, 3.77, 3.79, 3.82, 3.87, 3.92, 3.98, 4.06, 4.2)
-"""V of one lithium-polymer cell without load, at each tenth of its charge: a long plateau between
-two steep ends, so that the last tenth goes quickly."""
-AVIONICS_POWER = 8.0
-"""W."""
-POWER_PER_THRUST = 1.0 / (0.37 * math.sqrt(2.0 * 1.2 * math.pi * 0.127**2))
-"""W per N^1.5: ideal hover power of a 0.254 m propeller (Sec. 2) at 37 % overall efficiency, which
-makes the paper's endurance of around 10 min."""
 
 PLANT = np.dtype(
     [
@@ -113,12 +104,6 @@ def new_plant(parameters: SimulatorParameters) -> Record:
     return plant
 
 
-def charge_battery(plant: Record, share: float) -> None:
-    """Set the battery's charge to a share (0..1) of its capacity."""
-    plant["charge"] = share * plant["capacity"]
-    plant["voltage"] = open_voltage(share)
-
-
 def configure_plant(plant: Record, parameters: SimulatorParameters) -> None:
     """Set new true values; motion and charge are kept."""
     mass = parameters.mass + parameters.payload
@@ -154,15 +139,6 @@ def configure_plant(plant: Record, parameters: SimulatorParameters) -> None:
 
 
 @compiled
-def open_voltage(charge: float) -> float:
-    """Return the battery's voltage (V) without load, at a share (0..1) of its charge."""
-    tenths = 10.0 * min(1.0, max(0.0, charge))
-    below = min(9, int(tenths))
-    low, high = CELL_CURVE[below], CELL_CURVE[below + 1]
-    return CELLS * (low + (tenths - below) * (high - low))
-
-
-@compiled
 def advance(plant: Record, references: Four, duration: float) -> None:
     """Advance a PLANT record (1,) by `duration` (s) with held motor references (counts)."""
     p = plant[0]
@@ -179,14 +155,6 @@ def advance(plant: Record, references: Four, duration: float) -> None:
     move(p, target, steps, dt, motor_share(p.model.motor_time_constant, dt))
     turn_rotors(p, duration)
     discharge(plant, duration)
-
-
-@compiled(inner=True)
-def follow_battery(p: Item) -> None:
-    """Update the thrust for the battery: it is proportional to the square of the voltage."""
-    if p.battery_exponent > 0.0:
-        voltage = min(1.5, max(0.5, p.voltage / p.battery_nominal))
-        p.battery_share = voltage ** (2.0 * p.battery_exponent)
 
 
 @compiled(inner=True)
@@ -304,16 +272,3 @@ def _touch(p: Item, motion: Motion, axes: Axes, arm_b: Vector, height: float) ->
     if grip * slip > p.friction * normal:
         grip = p.friction * normal / slip
     return -grip * x, -grip * y, normal
-
-
-@compiled(inner=True)
-def discharge(plant: Record, duration: float) -> None:
-    """Draw the rotors' and the avionics' power; the terminals sag by the inner resistance."""
-    p = plant[0]
-    power = AVIONICS_POWER
-    for i in range(4):
-        f = rotor_thrust(p.rotor_speeds[i], p.model.motor_slope, p.model.motor_offset)
-        power += POWER_PER_THRUST * f * math.sqrt(f)
-    current = power / max(p.voltage, 1.0)
-    p.charge = max(0.0, p.charge - current * duration)
-    p.voltage = max(0.0, open_voltage(p.charge / p.capacity) - p.resistance * current)

@@ -15,6 +15,7 @@ from quadrotor.errors import RefusedError
 from quadrotor.records import STATE, Record
 from quadrotor.vehicle_model import Four
 from vehicle.simulator.air import blow
+from vehicle.simulator.battery import charge_battery
 from vehicle.simulator.betaflight.firmware import BetaflightFirmware
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.firmware.native import NativeFirmware
@@ -22,7 +23,7 @@ from vehicle.simulator.firmware.program import period
 from vehicle.simulator.force_sensor import ForceReading, ForceSensor
 from vehicle.simulator.held_vehicle import BENCH, FREE, configure_holder, hold, new_holder
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.plant import advance, charge_battery, configure_plant, new_plant
+from vehicle.simulator.plant import advance, configure_plant, new_plant
 from vehicle.simulator.sensors import GUSTS, WARM_UP_TIME, Noise, new_sensors, sample, sense
 from vehicle.simulator.serial_faults import Line, configure_wires, new_wires
 from vehicle_link.serial.ids import Id, MotorState

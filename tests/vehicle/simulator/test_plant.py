@@ -15,8 +15,9 @@ from quadrotor.rigid_body import derivative
 from quadrotor.rotations import euler_from_quaternion, quaternion_from_euler, quaternion_to_matrix
 from quadrotor.vehicle_model import mixing_matrix, reference_of_thrust
 from vehicle.simulator.air import blow, ground_gain
+from vehicle.simulator.battery import open_voltage
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.plant import advance, configure_plant, new_plant, open_voltage
+from vehicle.simulator.plant import advance, configure_plant, new_plant
 
 Array = npt.NDArray[np.float64]
 
