@@ -28,6 +28,7 @@ from estimation.calibration.motion import (
     on_grid,
     product_of,
 )
+from estimation.calibration.segmented_fit import SegmentedFit, solve_segments
 from quadrotor.errors import MeasurementError
 from quadrotor.plain_rotations import matrices_of
 from quadrotor.vehicle_model import GRAVITY
@@ -49,8 +50,6 @@ TILTED = math.radians(30.0)
 DELAY_MAX = 0.2
 """s."""
 ROUNDS = 8
-ROBUST = 3.0
-"""Times the median residual beyond which a pose counts less."""
 ATTITUDE_PRIOR = (0.2, 0.01, 1.0, 1.0, 1.0, 0.1, 0.1, 0.1)
 """Prior deviations of delay (s), drift, mounting (rad) and gyroscope bias (rad/s)."""
 POSITION_PRIOR = (1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5, 0.5)
@@ -120,7 +119,7 @@ def identify_tracked_body(motion: Motion) -> TrackedBody:
         summed = _rows_at(at, m.time, _summed(m.time, matrices_of(integral)))
         columns = np.concatenate([late, late * since[:, None, None], -axes, summed], axis=2)
         bases = [np.ones((len(rows), 1)) for rows in parts]
-        fit = _solved(columns, rest, parts, bases, ATTITUDE_PRIOR, weights)
+        fit = solve_segments(columns, rest, parts, bases, ATTITUDE_PRIOR, weights)
         step, weights = fit.values, fit.weights
         delay, drift = delay + step[0], drift + step[1]
         mount, bias = Rotation.from_rotvec(step[2:5]) * mount, bias + step[5:8]
@@ -193,18 +192,9 @@ def told_misfit(turn: Turn, motion: Motion) -> str:
     )
 
 
-@dataclass(frozen=True)
-class _Fit:
-    values: Array
-    deviations: Array
-    weights: Array  # (N,)
-    rms: float
-    parts: Array  # rms of each segment
-
-
 def _lever(
     m: Motion, at: Array, parts: list[Any], worlds: Array, integral: Array, axes: Array
-) -> _Fit:
+) -> SegmentedFit:
     """Return the fit of lever arm, accelerometer bias and gravity."""
     turns = matrices_of(integral)
     speed = _summed(m.time, np.einsum("nij,nj->ni", turns, m.force))
@@ -223,58 +213,9 @@ def _lever(
         bases.append(np.stack([np.ones(len(rows)), since], axis=1))
     weights = None
     for _ in range(ROUNDS):
-        fit = _solved(columns, rest, parts, bases, POSITION_PRIOR, weights)
+        fit = solve_segments(columns, rest, parts, bases, POSITION_PRIOR, weights)
         weights = fit.weights
     return fit
-
-
-def _solved(
-    columns: Array,
-    rest: Array,
-    parts: list[Any],
-    bases: list[Array],
-    prior: tuple[float, ...],
-    weights: Array | None,
-) -> _Fit:
-    """Return x that makes rest + columns @ x smallest, but for each segment's own basis.
-
-    Args:
-        columns: (N, 3, K). rest: (N, 3). bases: of each segment, (n, B).
-        weights: (N,) of an earlier round.
-    """
-    weights = np.ones(len(rest)) if weights is None else weights
-    left, right = [], []
-    for rows, basis in zip(parts, bases, strict=True):
-        w = weights[rows][:, None]
-        table = np.concatenate([columns[rows], rest[rows][..., None]], axis=2)
-        flat = table.reshape(len(rows), -1)
-        own = np.linalg.lstsq(np.sqrt(w) * basis, np.sqrt(w) * flat, rcond=None)[0]
-        table = (flat - basis @ own).reshape(table.shape)
-        left.append(table[..., :-1])
-        right.append(table[..., -1])
-    every = np.concatenate(parts)
-    J, y, w = np.concatenate(left), np.concatenate(right), weights[every]
-    x, residual = np.zeros(J.shape[2]), y
-    for _ in range(2):  # the second with the noise that the first leaves
-        variance = max(float(np.average((residual**2).mean(axis=1), weights=w)), 1e-18)
-        A = np.einsum("n,nik,nil->kl", w / variance, J, J) + np.diag(np.square(prior) ** -1.0)
-        x = -np.linalg.solve(A, np.einsum("n,nik,ni->k", w / variance, J, y))
-        residual = y + J @ x
-    ends = np.cumsum([len(rows) for rows in parts])[:-1]
-    gradient = np.einsum("n,nik,ni->nk", w / variance, J, residual)
-    clusters = np.array([one.sum(axis=0) for one in np.split(gradient, ends)])
-    inverse = np.linalg.inv(A)
-    noise = clusters.T @ clusters + np.diag(np.square(prior) ** -1.0)
-    length = np.linalg.norm(residual, axis=1)
-    new = np.zeros(len(rest))
-    new[every] = np.minimum(1.0, ROBUST * np.median(length) / np.maximum(length, 1e-12))
-    return _Fit(
-        x,
-        np.sqrt(np.diag(inverse @ noise @ inverse)),
-        new,
-        math.sqrt(variance),
-        np.array([np.sqrt((one**2).mean()) for one in np.split(residual, ends)]),
-    )
 
 
 def _segments(at: Array, time: Array) -> list[Any]:
