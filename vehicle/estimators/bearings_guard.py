@@ -155,15 +155,19 @@ class BearingsGuard:
         if not self._ground.airborne:
             return None
         if verdict is not None:
-            if navigation.reserve_ready:
+            if navigation.seats.reserve_ready:
                 self.flags |= int(Flag.FELL_BACK)
                 return self._back(f"fell back to the tracker: {verdict}", mailbox.ERROR)
             if self._alone and armed:
                 navigation.refuse_bearings()
                 return WayBack(f"no tracker to fall back to: {verdict}", mailbox.ERROR, {})
-        elif self._alone and self._behaviors.name is BehaviorName.LAND and navigation.reserve_ready:
+        elif (
+            self._alone
+            and self._behaviors.name is BehaviorName.LAND
+            and navigation.seats.reserve_ready
+        ):
             return self._back("back to the tracker for landing", mailbox.INFO)
         return None
 
     def _back(self, why: str, level: int) -> WayBack:
-        return WayBack(why, level, self._navigation.fallen_back())
+        return WayBack(why, level, self._navigation.seats.fallen_back())

@@ -9,11 +9,12 @@ reserve on the tracker's poses. Everything else is refused and changes nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from estimation import registry
 from estimation.convergence import Difference, difference
+from estimation.parameters import EstimationParameters
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
@@ -63,10 +64,52 @@ class Seats:
     def all(self) -> tuple[Runner, ...]:
         return (self.active, *self.in_parallel())
 
+    @property
+    def reserve_ready(self) -> bool:
+        """Return whether an estimate from fresh poses is available as a fallback."""
+        return self.reserve is not None and self.reserve.estimator.converged
+
+    def fallen_back(self) -> dict[str, ParameterValue]:
+        """Return the parameters after falling back to the reserve, which must be ready."""
+        assert self.reserve is not None
+        return {
+            SOURCE: POSES,
+            ESTIMATOR: self.reserve.name,
+            SHADOW: self.active.name,
+            SHADOW_SOURCE: self.active.source,
+        }
+
+    def seated(self, choice: Choice, make: Callable[[str, str], Runner]) -> Seats:
+        """Return the seats by a choice; an estimator without a seat is dropped.
+
+        Args:
+            make: makes an estimator of this name on this source.
+        """
+        there, active = list(self.in_parallel()), self.active
+        if not active.is_(choice.name, choice.source):
+            taker = next((one for one in there if one.is_(choice.name, choice.source)), None)
+            if taker is not None:
+                there.append(active)
+                active = taker
+            elif active.name == choice.name:
+                active.feed(choice.source)
+            else:
+                active = make(choice.name, choice.source)
+            there = [one for one in there if one is not active]
+        shadow = reserve = None
+        if choice.shadow != NONE:
+            name, source = choice.shadow, choice.shadow_source
+            shadow = next((one for one in there if one.is_(name, source)), None)
+            shadow = shadow or make(name, source)
+        if choice.source != POSES:
+            poses = [one for one in there if one.source == POSES and one is not shadow]
+            reserve = poses[-1] if poses else make(choice.name, POSES)
+        return Seats(active, shadow, reserve)
+
 
 def check(
     seats: Seats,
-    present: Mapping[str, ParameterValue],
+    parameters: EstimationParameters,
     values: Mapping[str, ParameterValue],
     state: Record,
     armed: bool,
@@ -74,11 +117,18 @@ def check(
     """Return the parameters that a change implies; on the ground, compile what it needs.
 
     Args:
-        present: the present parameters that choose. values: the changes, which may include others.
+        parameters: the present ones. values: the changes, which may include others.
         state: STATE (1,) in use.
 
     Raises RefusedError with the reason and its numbers.
     """
+    present: dict[str, ParameterValue] = {
+        ESTIMATOR: parameters.estimator,
+        SHADOW: parameters.shadow,
+        SOURCE: parameters.source,
+        SHADOW_SOURCE: parameters.shadow_source,
+        RESCUE: parameters.rescue,
+    }
     if not values.keys() & present.keys():
         return {}
     wanted = {name: str(values.get(name, present[name])) for name in present}

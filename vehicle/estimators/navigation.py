@@ -10,29 +10,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from bearing_sim.beacons import PAPER_BEACONS, Beacons
-from bearing_sim.known_beacons import KnownBeacons, with_rows
+from bearing_sim.known_beacons import KnownBeacons
 from estimation import registry
 from estimation.convergence import difference
-from estimation.estimator import Estimator, TakesHeading, fewest_beacons
+from estimation.estimator import Estimator, TakesHeading
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError, UndeterminedStartError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import POSE_SAMPLE, Record, beacon_ids_of
 from vehicle.estimators.agreement_watch import AgreementWatch
 from vehicle.estimators.bearings_watch import BearingsWatch
-from vehicle.estimators.choice import (
-    ESTIMATOR,
-    NONE,
-    RESCUE,
-    SHADOW,
-    SHADOW_SOURCE,
-    SOURCE,
-    Choice,
-    Seats,
-    check,
-)
+from vehicle.estimators.choice import Choice, Seats, check
 from vehicle.estimators.estimator_runner import BEARINGS, POSES, Runner
 from vehicle.estimators.fade import Fade
+from vehicle.estimators.frame_inspection import inspected
 from vehicle.estimators.heading_watch import HeadingWatch
 from vehicle.estimators.measurement_rate import MeasurementRate
 from vehicle.estimators.suspect_beacon import SuspectBeacon
@@ -55,6 +46,7 @@ class Navigation:
         fallback: parameters of the fallback from bearings to the tracker.
 
     Attributes:
+        seats: the running estimators.
         active: the estimator in use.
         source: its source: "poses", "bearings" or "both".
         agreement: reports whether measurements agree with it.
@@ -88,25 +80,25 @@ class Navigation:
             registry.prepare(p.estimator, p.source != POSES)
             plugin = registry.create(p.estimator, p)
         self._choice: Choice | None = None
-        self._seats = Seats(Runner(p.estimator, p.source, plugin, plugged))
+        self.seats = Seats(Runner(p.estimator, p.source, plugin, plugged))
         self.place(beacons)
         self.configure(p)
 
     @property
     def shadow(self) -> Estimator | None:
-        runner = self._seats.shadow
+        runner = self.seats.shadow
         return None if runner is None else runner.estimator
 
     @property
     def shadow_state(self) -> Record:
         """Return STATE (1,) of the shadow, which must be there."""
-        assert self._seats.shadow is not None
-        return self._seats.shadow.state
+        assert self.seats.shadow is not None
+        return self.seats.shadow.state
 
     @property
     def shadow_on_same_source(self) -> Runner | None:
         """Return the shadow if it has the measurements of the estimator in use."""
-        shadow = self._seats.shadow
+        shadow = self.seats.shadow
         return shadow if shadow is not None and shadow.source == self.source else None
 
     @property
@@ -125,12 +117,6 @@ class Navigation:
             return age
         return max(age, 1e-9 * (now_ns - self._timely_ns))
 
-    @property
-    def reserve_ready(self) -> bool:
-        """Return whether an estimate from fresh poses is available as a fallback."""
-        reserve = self._seats.reserve
-        return reserve is not None and reserve.estimator.converged
-
     # ------------------------------------------------------------------ the tick
     def step(self, imu: Record, dt: float, state: Record, estimate: Record) -> None:
         """Predict by one sample, apply the measurements since the last one, and write STATE and
@@ -143,7 +129,7 @@ class Navigation:
         for runner in self._in_parallel:
             self._step_beside(runner, imu, dt)
         if self.source != POSES:
-            reserve = self._seats.reserve
+            reserve = self.seats.reserve
             tracked = None if reserve is None else reserve.state
             self.watch.remember(imu["stamp_ns"].item(), state, tracked)
         measured = self.measured = bool(self._queue)
@@ -178,7 +164,7 @@ class Navigation:
         """Write the STATE of the estimator in use, which was the shadow until now, from the one
         written before without a jerk.
         """
-        now = self._seats.active.state
+        now = self.seats.active.state
         self._fade.begin(state, now)
         state[...] = now
         if self._fade.on:
@@ -186,13 +172,13 @@ class Navigation:
 
     def take_heading(self) -> None:
         """Have filters that run on a marker alone take the heading stated: the vehicle is armed."""
-        for runner in self._seats.all():
+        for runner in self.seats.all():
             if isinstance(runner.estimator, TakesHeading):
                 runner.estimator.take_heading()
 
     def reset(self) -> None:
         """Reset all estimators: the gyroscope was calibrated again."""
-        for runner in self._seats.all():
+        for runner in self.seats.all():
             runner.estimator.reset()
 
     # ------------------------------------------------------------------ choices
@@ -200,33 +186,14 @@ class Navigation:
         self, values: Mapping[str, ParameterValue], state: Record, armed: bool
     ) -> dict[str, ParameterValue]:
         """Return the parameters that a change implies; see `choice.check`. Raises RefusedError."""
-        p = self._parameters
-        present: dict[str, ParameterValue] = {
-            ESTIMATOR: p.estimator,
-            SHADOW: p.shadow,
-            SOURCE: p.source,
-            SHADOW_SOURCE: p.shadow_source,
-            RESCUE: p.rescue,
-        }
-        return check(self._seats, present, values, state, armed)
-
-    def fallen_back(self) -> dict[str, ParameterValue]:
-        """Return the parameters after falling back to the reserve, which must be ready."""
-        seats = self._seats
-        assert seats.reserve is not None
-        return {
-            SOURCE: POSES,
-            ESTIMATOR: seats.reserve.name,
-            SHADOW: seats.active.name,
-            SHADOW_SOURCE: seats.active.source,
-        }
+        return check(self.seats, self._parameters, values, state, armed)
 
     def place(self, beacons: Beacons) -> None:
         """Set the beacons' positions; estimators in parallel that used others are
         reset.
         """
         self._beacons = KnownBeacons(beacons)
-        for runner in self._seats.in_parallel():
+        for runner in self.seats.in_parallel():
             if runner.source != POSES:
                 runner.estimator.reset()
 
@@ -234,11 +201,11 @@ class Navigation:
         """Apply the present parameters; `check` has accepted the choices."""
         p = self._parameters = parameters
         choice = Choice.of(p.estimator, p.source, p.shadow, p.shadow_source, p.rescue)
-        before = str(self._seats.active)
+        before = str(self.seats.active)
         if choice != self._choice:  # a failed shadow is not recreated by an unrelated change
             self._choice = choice
-            self._seat(choice)
-        seats = self._seats
+            self.seats = self.seats.seated(choice, self._make)
+        seats = self.seats
         self.active, self.source = seats.active.estimator, seats.active.source
         if str(seats.active) != before:
             self._refuses_bearings = False
@@ -253,47 +220,22 @@ class Navigation:
         self._rate.forget_warnings()
 
     # ------------------------------------------------------------------ parts
-    def _seat(self, choice: Choice) -> None:
-        """Assign the estimators to their seats by the choice; one without a seat is dropped."""
-        seats = self._seats
-        there, old = list(seats.in_parallel()), seats.active
-        active = old
-        if not old.is_(choice.name, choice.source):
-            taker = next((one for one in there if one.is_(choice.name, choice.source)), None)
-            if taker is not None:
-                active = taker
-                there.append(old)
-            elif old.name == choice.name:
-                old.feed(choice.source)
-            else:
-                active = self._make(choice.name, choice.source)
-            there = [one for one in there if one is not active]
-        shadow = reserve = None
-        if choice.shadow != NONE:
-            name, source = choice.shadow, choice.shadow_source
-            shadow = next((one for one in there if one.is_(name, source)), None)
-            shadow = shadow or self._make(name, source)
-        if choice.source != POSES:
-            poses = [one for one in there if one.source == POSES and one is not shadow]
-            reserve = poses[-1] if poses else self._make(choice.name, POSES)
-        self._seats = Seats(active, shadow, reserve)
-
     def _make(self, name: str, source: str) -> Runner:
         registry.prepare(name, source != POSES)  # does nothing when `check` has prepared it
         return Runner(name, source, registry.create(name, self._parameters))
 
     def _remember_seats(self) -> None:
-        runners = self._seats.all()
-        self._in_parallel = self._seats.in_parallel()
+        runners = self.seats.all()
+        self._in_parallel = self.seats.in_parallel()
         self._takes_poses = any(one.source != BEARINGS for one in runners)
         self._takes_bearings = any(one.source != POSES for one in runners)
 
     def _take_measurements(self, now_ns: int, state: Record, estimate: Record) -> None:
-        runner = self._seats.active
+        runner = self.seats.active
         for measurement in self._queue:
             mine: Record | None = measurement
             if self.source != POSES:
-                mine = self._watched(measurement, now_ns, state)
+                mine = self._inspected(measurement, now_ns, state)
             if mine is not None and runner.wants(mine, now_ns, self._timeout_ns):
                 try:
                     runner.correct(mine, estimate)
@@ -305,46 +247,23 @@ class Navigation:
                 self._correct_beside(other, measurement, now_ns, state)
         self._queue.clear()
         # A restart of the one in use is reported by `agreement`.
-        news = [each.unused(now_ns) for each in self._seats.all()]
+        news = [each.unused(now_ns) for each in self.seats.all()]
         for line in (*news, *(each.restarts(now_ns) for each in self._in_parallel)):
             if line is not None:
                 self._say(line, mailbox.WARN)
 
-    def _watched(self, measurement: Record, now_ns: int, state: Record) -> Record | None:
-        """Return the measurement for the estimator in use; None when nothing of it may be
-        used.
+    def _inspected(self, measurement: Record, now_ns: int, state: Record) -> Record | None:
+        """Return the measurement for the estimator in use, on other than poses alone; None when
+        nothing of it may be used.
         """
-        watch, reserve = self.watch, self._seats.reserve
+        seats = self.seats
         if self.source == BEARINGS:
-            watch.age(self.active.measurement_age)
-        if measurement.dtype == POSE_SAMPLE:
-            if reserve is not None and reserve.estimator.converged:
-                watch.pose(difference(reserve.state, state))
-            return measurement
-        deviations = self.active.deviations
-        passed = watch.frame(measurement, deviations, now_ns)
-        count = int(measurement["count"][0])
-        if deviations is not None:
-            passed = list(range(count))  # a filter with a covariance has a gate of its own
-        passed = self._without_suspect(measurement, passed)
-        if len(passed) == count:
-            return measurement
-        return with_rows(measurement, passed) if passed else None
-
-    def _without_suspect(self, frame: Record, rows: list[int]) -> list[int]:
-        """Return the rows of a frame, without a suspect beacon when that is enabled."""
-        watch, ids = self.watch, beacon_ids_of(frame)
-        watch.average(frame, ids, self.reserve_ready)
-        suspect, wanted, hindrance = watch.offsets.suspect, watch.parameters.exclude_beacon, ""
-        left = rows
-        if suspect is not None and suspect.beacon is not None and wanted:
-            left = [row for row in rows if ids[row] != suspect.beacon]
-            fewest = fewest_beacons(self.active)
-            if len(left) < fewest:
-                hindrance = f"{len(left)} would be left, the estimator needs {fewest}"
-                left = rows
-        self.suspect.look(suspect, wanted and not hindrance, hindrance)
-        return left
+            self.watch.age(self.active.measurement_age)
+        if measurement.dtype != POSE_SAMPLE:
+            return inspected(measurement, seats, self.watch, self.suspect, now_ns)
+        if seats.reserve is not None and seats.reserve_ready:
+            self.watch.pose(difference(seats.reserve.state, state))
+        return measurement
 
     def _warn(self, now_ns: int) -> None:
         rate = self._rate.add(now_ns)
@@ -372,7 +291,7 @@ class Navigation:
         except UndeterminedStartError as error:
             if self.active.converged:  # then the vehicle's pose is known
                 runner.start_at(now_ns, state)
-                self._say(f"{runner} started at the pose of {self._seats.active}", mailbox.INFO)
+                self._say(f"{runner} started at the pose of {self.seats.active}", mailbox.INFO)
             else:
                 self._complain(str(error), now_ns)
         except MeasurementError as error:
@@ -383,7 +302,7 @@ class Navigation:
 
     def _drop(self, runner: Runner, error: Exception) -> None:
         """Drop an estimator that is not in use: an error in it must not end the flight."""
-        seats = self._seats
+        seats = self.seats
         what = "shadow" if runner is seats.shadow else "reserve"
         setattr(seats, what, None)
         self._remember_seats()
