@@ -1,4 +1,4 @@
-"""What every benchmark shares: fair timing, rows, targets, and the tables they become.
+"""The common part of all benchmarks: fair timing, rows, targets, and the tables they become.
 
 Methods are timed in turns, round by round, so that whatever else the machine does meets all of
 them; a ratio is the median of the rounds' ratios. Accuracy stands next to time in each row.

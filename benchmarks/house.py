@@ -1,4 +1,4 @@
-"""How large the source tree is and how tidy: `python -m benchmarks.house`.
+"""Count how large the source tree is and how tidy: `python -m benchmarks.house`.
 
 Code lines are lines that hold a token of code: no blank lines, comments or docstrings.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import io
+import re
 import subprocess
 import tokenize
 import tomllib
@@ -18,6 +19,10 @@ from quadrotor.checkout import ROOT
 
 LARGEST_FOLDER = 25
 LARGEST_MODULE = 300
+FRAGMENT = re.compile(
+    "(Of|Whether|As|Where|From|By|In|With|For|What|Who|How|When|If|That|To|At|On|Why|Which|It)\\b"
+)
+"""The first word of a docstring that an IDE's hover cannot show alone."""
 NO_CODE = {
     tokenize.COMMENT,
     tokenize.NL,
@@ -48,6 +53,13 @@ def code_lines(source: str) -> int:
         if token.type not in NO_CODE:
             lines |= set(range(token.start[0], token.end[0] + 1))
     return len(lines - docstrings)
+
+
+def fragments(source: str) -> int:
+    """Return the number of docstrings that begin with neither a verb nor "The" nor "A"."""
+    kinds = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.Module
+    nodes = (node for node in ast.walk(ast.parse(source)) if isinstance(node, kinds))
+    return sum(bool(FRAGMENT.match(ast.get_docstring(node) or "")) for node in nodes)
 
 
 def script_lines(source: str) -> int:
@@ -94,6 +106,7 @@ def figures() -> list[tuple[str, str]]:
         (f"folders with more than {LARGEST_FOLDER} files", ", ".join(crowded) or "0"),
         (f"modules above {LARGEST_MODULE} lines", f"{len(long)}: {', '.join(long)}"),
         ("packages that mypy checks strictly", f"{len(checked)}: {', '.join(checked)}"),
+        ("docstrings that are fragments", str(sum(map(fragments, sources.values())))),
         ("fmt: skip", str(sum(s.count("# fmt:" + " skip") for s in sources.values()))),
         ("type: ignore", str(sum(s.count("# type:" + " ignore") for s in sources.values()))),
         ("Thread(", str(sum(s.count("threading.Thread(") for s in product.values()))),

@@ -1,4 +1,4 @@
-"""What estimators have in common whose state is one record that compiled functions step."""
+"""The common part of estimators whose state is one record that compiled functions step."""
 
 from __future__ import annotations
 

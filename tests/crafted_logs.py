@@ -54,7 +54,7 @@ def chunk(stored: bytes, size: int, compression: str = "lz4") -> bytes:
 
 
 def packed(pieces: Iterable[bytes]) -> bytes:
-    """As one frame of lz4, piece by piece."""
+    """Return the data as one frame of lz4, piece by piece."""
     compressor = lz4.frame.LZ4FrameCompressor()
     found = [compressor.begin()] + [compressor.compress(piece) for piece in pieces]
     return b"".join([*found, compressor.flush()])
@@ -224,7 +224,8 @@ def repeated_places(path: Path) -> Path:
 
 
 def mutated(data: bytes, number: int) -> bytes:
-    """By its number: bits turned, lengths made huge, pieces cut, doubled or swapped."""
+    """Return the log damaged by a number: bits turned, lengths made huge, pieces cut, doubled or
+    swapped."""
     chance = random.Random(number)
     out = bytearray(data)
     for _ in range(chance.choice((1, 3, 20))):

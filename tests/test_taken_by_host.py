@@ -1,4 +1,5 @@
-"""When a flight in real time is not judged: the host of a virtual machine took its processors."""
+"""Tests of when a flight in real time is not judged: the host of a virtual machine took its
+processors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tests with real processes and sessions need: a free port, and waiting with a bound."""
+"""Helpers of tests with real processes and sessions: a free port, and waiting with a bound."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LIMIT = 60.0
 
 
 def free_port(kind: int = socket.SOCK_STREAM) -> int:
-    """Of this kind on loopback, free right now."""
+    """Return a port of this kind on loopback that is free now."""
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]

@@ -43,7 +43,7 @@ class Step:
 
 
 class AnyFirmware(Protocol):
-    """What the Python and the C firmware have in common."""
+    """The common part of the Python and the C firmware."""
 
     registers: npt.NDArray[np.int16]
 

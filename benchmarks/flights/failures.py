@@ -1,4 +1,4 @@
-"""What becomes of a flight when something above the microcontroller fails.
+"""Simulate what becomes of a flight when something above the microcontroller fails.
 
     python -m benchmarks failures [--quick]
     python -m benchmarks.flights.failures [--seeds 20] [--real 2] [--only web,station] [--json FILE]

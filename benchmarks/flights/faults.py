@@ -1,5 +1,5 @@
-"""What pushes, loads, empties and silences the vehicle, and what becomes of it, next to the figures
-of an independent simulation of the same vehicle.
+"""Fly through pushes, loads, empty batteries and silence, next to the figures of an independent
+simulation of the same vehicle.
 
     python -m benchmarks faults
 

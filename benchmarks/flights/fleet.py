@@ -1,4 +1,4 @@
-"""Whether the simulated vehicles of one `quadlab up` hover together, and what that costs.
+"""Measure whether the simulated vehicles of one `quadlab up` hover together, and what that costs.
 
     python -m benchmarks fleet
 

@@ -82,7 +82,7 @@ IMPACT = 1.0
 
 @dataclass
 class Outcome:
-    """What became of one flight.
+    """The outcome of one flight.
 
     Attributes:
         largest: m that the estimate was off in flight, at most; final: at the end.

@@ -1,4 +1,5 @@
-"""How near calibrations come to the truth of the simulated vehicle (Sec. 5), next to the limits.
+"""Measure how near calibrations come to the truth of the simulated vehicle (Sec. 5), next to the
+limits.
 
     python -m benchmarks identification
 

@@ -1,4 +1,4 @@
-"""How a flight that lost something came down, from the truth."""
+"""The touch-down of a flight that lost something, from the truth."""
 
 from __future__ import annotations
 

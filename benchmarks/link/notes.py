@@ -1,4 +1,4 @@
-"""What the two ends of `python -m benchmarks link` noted, and the figures that follow.
+"""The notes of the two ends of `python -m benchmarks link`, and the figures that follow.
 
 All times are ns of CLOCK_MONOTONIC, which the ends share.
 """

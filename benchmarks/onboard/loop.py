@@ -1,4 +1,4 @@
-"""How late the flight loop wakes next to two busy processes, and cyclictest next to it.
+"""Measure how late the flight loop wakes next to two busy processes, and cyclictest next to it.
 
     python -m benchmarks loop
 

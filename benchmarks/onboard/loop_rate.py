@@ -1,4 +1,4 @@
-"""How fast the loop must be: the 8 and hover at 60 to 1000 Hz, closed through the whole stack.
+"""Find how fast the loop must be: the 8 and hover at 60 to 1000 Hz, closed through the whole stack.
 
     python -m benchmarks loop_rate
 

@@ -1,4 +1,5 @@
-"""What the onboard log costs at 5000 messages a second, and whether the flight loop notices.
+"""Measure what the onboard log costs at 5000 messages a second, and whether the flight loop
+notices.
 
     python -m benchmarks onboard_log
 

@@ -1,4 +1,4 @@
-"""How soon an open page says that the vehicle has fallen silent, and that it is back.
+"""Measure how soon an open page says that the vehicle has fallen silent, and that it is back.
 
     python -m benchmarks page_notice
 

@@ -1,4 +1,5 @@
-"""What `quadlab up` costs: processor time, threads and memory of all its processes, and its start.
+"""Measure what `quadlab up` costs: processor time, threads and memory of all its processes, and its
+start.
 
     python -m benchmarks up_cost [--against TREE]
 

@@ -1,4 +1,5 @@
-"""What is wrong with a body's poses: told in one line, and which of them must not be flown on.
+"""The health of the poses of each body: what is wrong in one line, and which poses must not be
+flown on.
 
 A pose whose meaning is in doubt (unit, axes, which body) is withheld, never corrected by a guess:
 the vehicle then does what it does without poses. A jump that has no such explanation is passed on

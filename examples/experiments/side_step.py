@@ -23,7 +23,7 @@ FAR = 2.0  # m
 
 
 class Options(Parameters):
-    """What can be chosen; units and bounds are those of the page and of `--set`."""
+    """The options of the experiment; units and bounds are those of the page and of `--set`."""
 
     length: float = parameter(0.5, unit="m", ge=0.1, le=1.0, step=0.1)
     """of the step, to the left"""

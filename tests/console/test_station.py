@@ -107,7 +107,7 @@ class FakeVehicle:
         self._out[name].put(payload, vehicle_now() if stamp_ns is None else stamp_ns)
 
     def send_telemetry(self, newest_ns: int | None = None) -> Record:
-        """By the test and by our own thread: one after the other, in the order of their stamps."""
+        """Send telemetry, by the test and by a thread in turns, in the order of the stamps."""
         with self._sending:
             newest_ns = vehicle_now() if newest_ns is None else newest_ns
             ticks = np.zeros(5, TICK)

@@ -1,4 +1,4 @@
-"""What the inverse dynamics foretell is what the controller then asks of the motors."""
+"""Tests that the controller asks of the motors what the inverse dynamics foretell."""
 
 from __future__ import annotations
 

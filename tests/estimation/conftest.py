@@ -82,7 +82,7 @@ position that is not finite is a pose that does not come."""
 
 @dataclass(frozen=True)
 class Sensors:
-    """What the estimator is given; defaults are exact."""
+    """The sensors that the estimator is given; defaults are exact."""
 
     pose_every: int = 5  # ticks
     delay: int = 0  # ticks from when a pose is true to when it arrives

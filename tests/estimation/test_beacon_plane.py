@@ -1,4 +1,4 @@
-"""What is prepared of a set of beacons once, and what is refused of it."""
+"""Tests of what is prepared once for a set of beacons, and of which sets are refused."""
 
 from __future__ import annotations
 

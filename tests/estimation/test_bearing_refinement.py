@@ -70,7 +70,7 @@ def test_a_tilt_turns_about_world_axes(size: float, rng: np.random.Generator) ->
 
 
 def test_steps_are_clamped_and_never_raise_the_cost(rng: np.random.Generator) -> None:
-    """From starts metres and radians off."""
+    """Starts are metres and radians off."""
     for _ in range(50):
         x = rng.normal(size=(4, 3))
         x /= np.linalg.norm(x, axis=1)[:, None]

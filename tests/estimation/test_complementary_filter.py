@@ -56,7 +56,7 @@ class Still:
         self.estimator.correct(pose_at(self.stamp_ns - ago_ns, **pose), self.estimate)
 
     def unchanged_since(self, before: Record) -> bool:
-        """Whether all but the counts of measurements is as in this copy of the memory."""
+        """Return whether all but the counts of measurements is as in this copy of the memory."""
         now = self.estimator.memory.copy()
         now["outcomes"] = before["outcomes"]
         return bool(now == before)
@@ -105,7 +105,7 @@ def test_turning_the_world_turns_the_answer(laboratory: Any) -> None:
 # ---------------------------------------------------------------------- biases
 @pytest.mark.parametrize("yaw", [0.0, 90.0, 180.0, 270.0])
 def test_biases_converge_at_any_yaw(laboratory: Any, yaw: float) -> None:
-    """With a gain that does not turn, the accelerometer's diverges at 180 degrees."""
+    """A gain that does not turn with the yaw makes the accelerometer's diverge at 180 degrees."""
     truth = laboratory.figure_eight(40.0, 250.0, scale=0.0, turned=math.radians(yaw))
     force_bias, rate_bias = (0.3, -0.2, 0.1), (0.02, -0.01, 0.015)
     sensors = laboratory.Sensors(pose_every=3, force_bias=force_bias, rate_bias=rate_bias)

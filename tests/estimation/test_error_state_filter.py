@@ -214,7 +214,7 @@ def test_errors_and_innovations_are_as_large_as_the_filter_says(laboratory: Any,
 
 
 def test_covariance_stays_symmetric_and_positive(laboratory: Any, seed: int) -> None:
-    """From a start of metres to a tracker of a tenth of a millimetre: 10 orders of variance."""
+    """A start of metres and a tracker of 0.1 mm are 10 orders of variance apart."""
     p = parameters()
     p.error_state.pose_position_sigma = 1e-4
     p.error_state.pose_attitude_sigma = 0.01
@@ -290,7 +290,7 @@ def test_late_bearings_end_where_those_in_time_would_have(
 
 
 def test_a_frame_between_two_samples_meets_its_own_instant() -> None:
-    """At 2 m/s, a millisecond is 2 mm: seen exactly where it was true."""
+    """A millisecond is 2 mm at 2 m/s; the beacons are seen exactly where it was true."""
     estimator, state, estimate = ErrorStateEstimator(), new_state(), np.zeros(1, ESTIMATE)
     estimator.initialize(pose_of(2 * MS, [0.0, 0.0, 1.0], Rotation.identity()))
     imu = np.zeros(1, IMU_SAMPLE)
@@ -456,7 +456,7 @@ def test_a_pose_that_is_none_is_refused(quaternion: tuple[float, ...]) -> None:
 def test_any_beacons_anywhere_leave_a_finite_positive_filter(
     places: list[tuple[float, float, float]], where: tuple[float, float, float], sigma: float
 ) -> None:
-    """On the vehicle itself, all in one spot, in any number."""
+    """The beacons are on the vehicle itself, all in one spot, in any number."""
     estimator = ErrorStateEstimator()
     estimator.initialize(pose_of(2 * MS, [0.0, 0.0, 1.0], Rotation.identity()))
     frame = np.zeros(1, BEARINGS_SAMPLE)

@@ -262,7 +262,7 @@ def test_the_innovation_told_is_that_before_the_correction(seed: int) -> None:
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
 def test_bearings_tell_the_shift_that_they_see(count: int, seed: int) -> None:
-    """By as many as there are, in the directions that they see."""
+    """The shift is known from as many bearings as there are, in the directions that they see."""
     swing = Swing(seed, poses=100).fly(2.0)
     swing.beacons = BEACONS[:count]
     frame, there = swing.frame(), where(1e-9 * swing.now_ns)

@@ -42,7 +42,8 @@ def blurred(x: Array, rng: np.random.Generator) -> Array:
 
 
 def jacobian(beacons: Array, r: Array, R: Rotation) -> Array:
-    """Of the bearings (3 N) by position and rotation in world axes (6), by finite differences."""
+    """Return the derivative of the bearings (3 N) by position and rotation in world axes (6), by
+    finite differences."""
     h = 1e-6
     columns = []
     for i in range(6):
@@ -300,7 +301,7 @@ def test_the_covariance_is_that_of_the_errors(rng: np.random.Generator) -> None:
 
 
 def test_near_the_plane_positions_stay_bounded(rng: np.random.Generator) -> None:
-    """From a prediction 5 cm and 3 deg off; at most 0.8 % beyond 0.5 m, none by metres."""
+    """The prediction is 5 cm and 3 deg off; at most 0.8 % are beyond 0.5 m, none by metres."""
     errors = []
     for _ in range(1000):
         r, R = envelope(rng, 0.09, 0.11)

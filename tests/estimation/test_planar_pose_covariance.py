@@ -1,4 +1,5 @@
-"""What a one-frame pose says of itself: a covariance always, an honest one, and no bad fit."""
+"""Tests of the covariance of a one-frame pose: it is always there and honest, and a bad fit gives
+none."""
 
 from __future__ import annotations
 
@@ -70,7 +71,7 @@ def solved(
 def test_low_over_a_beacon_a_pose_has_a_covariance_that_explains_its_error(
     rng: np.random.Generator, low: float, high: float
 ) -> None:
-    """Of 40,000 it was zero for 246 and more, and the normalised squares' mean was 570 and 760."""
+    """It was zero for 246 and more of 40,000, and the normalised squares' mean was 570 and 760."""
     views = Views(rng, SQUARE, 4000, low, high)
     rows, poses = solved(PlanarPoseSolver(SQUARE), views, predicted=True)
     assert len(poses) > 0.997 * len(views.r)

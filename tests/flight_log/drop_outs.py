@@ -70,7 +70,8 @@ class Flight:
             writer.flush()
 
     def record(self, path: Path, heard_others: frozenset[int] = frozenset()) -> None:
-        """As the station does: packets of five ticks of float32, whole ones get lost."""
+        """Record as the station does: packets of five ticks of float32, of which whole ones get
+        lost."""
         random = np.random.default_rng(7)
         messages = []
         for begin in range(0, len(self.ticks), SAMPLES_A_PACKET):

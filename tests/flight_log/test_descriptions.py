@@ -1,4 +1,4 @@
-"""Where the descriptions of channels stand in a log, no message of theirs is passed over."""
+"""Tests that no message of a channel is passed over, wherever its description stands in the log."""
 
 from __future__ import annotations
 

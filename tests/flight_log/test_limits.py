@@ -1,4 +1,4 @@
-"""No reader holds more than 500 MB, whatever a log claims or holds."""
+"""Tests that no reader holds more than 500 MB, whatever a log claims or holds."""
 
 from __future__ import annotations
 

@@ -125,7 +125,8 @@ def test_batches_make_the_file_of_their_messages_one_by_one_in_the_order_of_time
     rows.sort(key=lambda row: row[0])
 
     def first(writer: McapWriter) -> None:
-        """Of every channel, so that both files list the channels of the index in one order."""
+        """Write a first message of every channel, so that both files list the channels of the index
+        in one order."""
         for channel in (1, 2, 3):
             writer.add_message(channel, 900, b"first", 900, channel)
 

@@ -81,7 +81,7 @@ def test_every_tick_of_the_vehicle_is_in_the_merged_run_once_in_order_and_exact(
 
 
 def _known(messages: list[LogMessage]) -> list[tuple[str, int]]:
-    """What a message is known by in both logs."""
+    """Return what identifies a message in both logs."""
     return [(m.topic, m.publish_ns) for m in messages]
 
 

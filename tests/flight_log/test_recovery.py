@@ -117,7 +117,7 @@ def test_garbage_behind_the_tear_is_not_read_as_messages(
 
 
 def test_zeros_behind_the_tear_are_not_read_as_messages(tmp_path: Path, whole_bytes: bytes) -> None:
-    """What some file systems leave after a power cut."""
+    """Some file systems leave these zeros after a power cut."""
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(whole_bytes[: len(whole_bytes) // 2])
     kept = payloads(torn)

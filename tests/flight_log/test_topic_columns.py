@@ -18,7 +18,7 @@ STAMP = 1_769_851_842_000_000_000
 
 
 def messages(count: int) -> list[tuple[str, Any]]:
-    """Of fixed and of changing size: arrays, texts, nested sequences."""
+    """Return messages of fixed and of changing size: arrays, texts, nested sequences."""
     random = np.random.default_rng(7)
     found: list[tuple[str, Any]] = []
     for k in range(count):

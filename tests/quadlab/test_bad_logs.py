@@ -1,4 +1,5 @@
-"""What is no sound log gets one clear line from every command, and is left as it was."""
+"""Tests that a file that is no sound log gets one clear line from every command, and is left as it
+was."""
 
 from __future__ import annotations
 
@@ -45,7 +46,7 @@ def foreign(
     *,
     beside: str = "",
 ) -> None:
-    """By another program's hand; with a sound topic `beside`."""
+    """Write a log as another program would; with a sound topic `beside`."""
     with path.open("wb") as stream:
         writer = Writer(stream, compression=compression)
         writer.start("", "other")

@@ -128,7 +128,7 @@ def scripted(monkeypatch: pytest.MonkeyPatch) -> ScriptedStation:
 
 @pytest.fixture
 def typed(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
-    """At a terminal, where these lines are typed; the prompts that came."""
+    """Return a function that types lines at a terminal and returns the prompts that came."""
 
     def type_in(*lines: str | BaseException) -> list[str]:
         prompts: list[str] = []

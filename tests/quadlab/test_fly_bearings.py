@@ -32,7 +32,7 @@ def flown(out: Path, *words: str) -> dict[str, Any]:
 
 
 def estimators(log: Path) -> list[str]:
-    """What the vehicle said it flew on, one after another."""
+    """Return what the vehicle said it flew on, one estimator after another."""
     told = [
         decode(message.payload, "quadlab_msgs/EstimatorStatus").estimator
         for message in read_log(log, {"/quad1/estimator"})

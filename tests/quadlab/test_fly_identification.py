@@ -109,7 +109,7 @@ def test_what_the_law_flies_on_is_put_back(weighed: Weighed) -> None:
 
 
 def test_after_a_take_over_the_next_flight_does_not_begin_too_light(tmp_path: Path) -> None:
-    """Nothing more may be sent then, so that it must have been put back before."""
+    """The script may send nothing more then, so it must have put the mass back before."""
 
     class TakenOver:
         def __init__(self, flight: SimulatedFlight) -> None:

@@ -29,7 +29,7 @@ NAME = "quad1_20260131T093042_120Z"
 
 @pytest.fixture
 def port(tmp_path: Path) -> Iterator[int]:
-    """Of a station whose vehicle has one log."""
+    """Yield the port of a station whose vehicle has one log."""
     Flight(flown(300), np.ones(300, np.bool_)).log_onboard(tmp_path / "board" / f"{NAME}.mcap")
     number = free_port()
     sessions: list[Any] = [hub_session(number), loopback_session(number)]

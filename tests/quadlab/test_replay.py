@@ -136,7 +136,7 @@ def table(
 
 
 def as_flown(recording: Recording, truth: Truth) -> list[bool]:
-    """Whether each replayed state is the message in the log, byte for byte."""
+    """Return whether each replayed state is the message in the log, byte for byte."""
     [run] = plan_runs(recording, (), (), (), None)
     replayed = replay(recording, run, MeasurementStore(recording, truth).of(run))
     again = topics.encode_odometries(recording.imu["stamp_ns"], replayed.states)
@@ -355,7 +355,7 @@ def test_an_estimator_of_ones_own_is_replayed_and_its_refusals_counted(
 
 
 class Diverging(ComplementaryEstimator):
-    """Not finite after 3 s."""
+    """An estimator that is not finite after 3 s."""
 
     def predict(self, imu: Any, dt: float, state: Any) -> None:
         super().predict(imu, dt, state)

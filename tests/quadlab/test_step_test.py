@@ -79,7 +79,7 @@ class Lab:
 
 
 def samples_of(ticks: Record) -> Samples:
-    """As they would come from the onboard log: through its messages, as float32."""
+    """Return the samples as the onboard log would give them: through its messages, as float32."""
     messages = {
         "state": topics.state_messages(ticks),
         "reference": topics.reference_messages(ticks),

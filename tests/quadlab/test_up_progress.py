@@ -1,4 +1,4 @@
-"""What `quadlab up` says until its page does."""
+"""Tests of what `quadlab up` prints until its page answers."""
 
 from __future__ import annotations
 

@@ -163,7 +163,7 @@ def test_a_page_for_others_needs_tls_and_an_account(
 
 
 def test_the_password_is_no_word_of_the_command_line() -> None:
-    """What stands there is seen by every user of the computer."""
+    """Every user of the computer can read a command line."""
     ran = subprocess.run(
         [sys.executable, "-m", "quadlab", "user", "add", "anna", "--password", WORDS],
         capture_output=True,

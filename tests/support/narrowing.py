@@ -1,4 +1,4 @@
-"""What mypy believes of an attribute after an assertion."""
+"""A way to have mypy forget what an assertion said of an attribute."""
 
 from __future__ import annotations
 

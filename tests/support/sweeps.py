@@ -1,4 +1,4 @@
-"""What the planes of two Lighthouse base stations tell of a level vehicle."""
+"""The sweeps that the planes of two Lighthouse base stations give of a level vehicle."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class GroundLab(Lab):
         return self.ask(mailbox.Bench("b", "anna", motor, reference, secured))
 
     def keep_turning(self, seconds: float, motor: int = 2, reference: int = 100) -> None:
-        """On a bench that holds the vehicle."""
+        """Keep a motor turning on a bench that holds the vehicle."""
         self._simulate({"simulator.held": "bench"})
         for _ in range(round(seconds / 0.2)):
             assert self.turn_motor(motor, reference).accepted
@@ -115,7 +115,7 @@ def lab() -> GroundLab:
 
 @pytest.fixture
 def new_lab() -> type[GroundLab]:
-    """To make one with settings, `simulator__seed=3`."""
+    """Return the class of labs, to make one with settings, like `simulator__seed=3`."""
     return GroundLab
 
 
@@ -127,5 +127,5 @@ def wired(lab: Any, tmp_path: Path) -> Wired:
 
 @pytest.fixture
 def wire() -> type[Wired]:
-    """To wire a vehicle by hand."""
+    """Return the class that wires a vehicle by hand."""
     return Wired

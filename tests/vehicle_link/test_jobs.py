@@ -29,7 +29,7 @@ class Found:
 
 
 class FullError(StorageError):
-    """Of a module that the parent need not know."""
+    """An error of a module that the parent need not know."""
 
 
 def find(name: str, report: Callable[[object], None]) -> Found:

@@ -1,4 +1,4 @@
-"""What a computer is asked: every answer it may give, and what is advised."""
+"""Tests of the checks of a computer: every answer it may give, and the advice for each."""
 
 from __future__ import annotations
 

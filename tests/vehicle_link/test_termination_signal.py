@@ -39,7 +39,7 @@ def test_a_signal_is_seen_at_once_and_stays() -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_loop_that_only_waits_ends_whenever_the_signal_comes(number: signal.Signals) -> None:
-    """With a threading.Event it hung at about every second try."""
+    """A threading.Event made it hang at about every second try."""
     for _ in range(5):
         child = subprocess.Popen([sys.executable, "-c", WAITS], stdout=subprocess.PIPE, text=True)
         assert child.stdout is not None

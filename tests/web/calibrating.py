@@ -109,7 +109,7 @@ def motor() -> CalibrationRecord:
 
 
 def history() -> list[CalibrationRecord]:
-    """What the vehicle keeps, newest first."""
+    """Return the calibrations that the vehicle keeps, newest first."""
     still = (Quality(name="standard error", value=0.006, unit="deg/s", limit=0.03),)
     drift = tuple(
         Quality(name=f"drift {axis}", value=value, unit="deg/s")
@@ -214,7 +214,7 @@ class Bench:
         station.fly, station._call_blocking = self.fly, self.call
 
     def begin(self) -> None:
-        """As it was made, on the ground, with nothing asked yet."""
+        """Begin again as it was made, on the ground, with nothing asked yet."""
         self.kept = history()
         self.told_history = True
         self.status: dict[str, Any] | None = {"phase": "idle"}

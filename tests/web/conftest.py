@@ -108,7 +108,7 @@ class ScriptedStation(Station):
         self.present = set(labels)
 
     def control(self, holder: str, asking: str = "", answer_within: float = 0.0) -> None:
-        """Who commands, as the station tells it."""
+        """Publish who commands, as the station does."""
         self.put(
             "control",
             new(
@@ -274,7 +274,7 @@ class Site:
 
     @property
     def verify(self) -> Any:
-        """What a browser trusts that has this data folder's authority."""
+        """Return what a browser trusts that has this data folder's authority."""
         if self.tls is None:
             return False
         context = ssl.create_default_context(cafile=self.tls.authority)
@@ -290,7 +290,7 @@ class Site:
         return parse_qs(urlsplit(self.links[-1]).query)["token"][0]
 
     def browser(self) -> httpx.Client:
-        """Not signed in."""
+        """Return a client that is not signed in."""
         return httpx.Client(base_url=self.base, timeout=20.0, verify=self.verify)
 
     def sign_in(self, token: str | None = None) -> httpx.Client:
@@ -308,7 +308,7 @@ class Site:
         return self.sign_in(parse_qs(urlsplit(url).query)["token"][0])
 
     def cookies_of(self, client: httpx.Client) -> list[dict[str, str]]:
-        """As Playwright takes them."""
+        """Return the cookies as Playwright takes them."""
         return [{"name": n, "value": v, "url": self.base} for n, v in client.cookies.items()]
 
     def cookie(self, client: httpx.Client) -> str:
@@ -514,7 +514,7 @@ def station(site: Site) -> Iterator[ScriptedStation]:
 
 @pytest.fixture
 def admin(site: Site) -> Iterator[httpx.Client]:
-    """By the terminal's link."""
+    """Return an administrator's client, signed in by the terminal's link."""
     with site.sign_in() as client:
         yield client
 

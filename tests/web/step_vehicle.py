@@ -64,7 +64,7 @@ class StepVehicle:
         return 1_780_000_000_000_000_000 + int(FASTER * 1e9 * (time.monotonic() - self._began))
 
     def _put(self, topic: str, message: Any) -> None:
-        """In place of the station's: the status is ours."""
+        """Put a message in place of the station's method, with the status of this vehicle."""
         if topic == "status":
             with self._lock:
                 message = self._status()

@@ -61,7 +61,7 @@ def test_each_address_is_of_its_vehicle_and_the_root_of_the_first(pilot: httpx.C
 
 
 def test_every_vehicle_has_the_same_routes(fleet_site: Any) -> None:
-    """What each role may is then what the table of test_web_access says, at every address."""
+    """The table of test_access then says what each role may, at every address."""
     first, second = (routes_of(app) for app in fleet_site.gate._app.apps.values())
     assert first == second
     assert ("POST", "/api/commands/arm") in first

@@ -31,7 +31,7 @@ def joined(files: dict[str, str], entry: str = "a.js") -> str:
 
 
 def places(source_map: str) -> Iterator[tuple[str, int] | None]:
-    """Of each line of the script the file and line that it is of, both from 0."""
+    """Return, for each line of the script, the file and line that it is of, both from 0."""
     told = json.loads(source_map)
     file = line = 0
     for one in told["mappings"].split(";"):

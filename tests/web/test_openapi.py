@@ -31,8 +31,8 @@ SOUND = schemathesis.GenerationMode.POSITIVE
 
 
 def can_be_wrong(operation: Any) -> bool:
-    """Whether something of a request is described closer than as a text; else every request is
-    sound, and schemathesis tries hundreds of times before it says so."""
+    """Return whether something of a request is described closer than as a text; else every request
+    is sound, and schemathesis tries hundreds of times before it says so."""
     described = [set(one.definition.get("schema", ())) for one in operation.path_parameters]
     return bool(operation.query or operation.body or any(d - {"type", "title"} for d in described))
 

@@ -1,4 +1,5 @@
-"""What the vehicle is steered and kept alive by: sticks, external references, heartbeats."""
+"""The messages that steer the vehicle and keep its link alive: sticks, external references,
+heartbeats."""
 
 from __future__ import annotations
 

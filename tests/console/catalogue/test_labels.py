@@ -1,4 +1,4 @@
-"""What people say about runs: notes, tags, and what the search finds by them."""
+"""Tests of the labels of runs: notes, tags, and what the search finds by them."""
 
 from __future__ import annotations
 

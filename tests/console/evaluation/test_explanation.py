@@ -1,4 +1,4 @@
-"""What happened in a flight: each claim with its figure, and silence below the limits."""
+"""Tests of the explanation of a flight: claims with their figures, and silence below limits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What guided calibrations tell the person beside the vehicle, and when they end without one."""
+"""Tests of what guided calibrations tell the person next to the vehicle, and when they end without
+one."""
 
 from __future__ import annotations
 

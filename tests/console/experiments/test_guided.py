@@ -669,7 +669,7 @@ def test_the_exception_of_a_file_of_ones_own_is_told_with_its_line(
 
 
 class Ruled(Scripted):
-    """With rules of its own."""
+    """A guided experiment with rules of its own."""
 
     missing, why = "", ""
 

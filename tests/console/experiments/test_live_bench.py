@@ -17,7 +17,7 @@ BOUND = 10.0
 
 
 class Vehicle:
-    """What the bench asks of a vehicle; `answers` raises instead of accepting."""
+    """A vehicle as far as the bench uses it; `answers` raises instead of accepting."""
 
     def __init__(self) -> None:
         self.asked: list[tuple[int, int]] = []

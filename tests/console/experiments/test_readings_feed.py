@@ -1,4 +1,4 @@
-"""What an experiment reads beside its view: in order, bounded, with what is missing counted."""
+"""Tests of the readings that an experiment gets: in order, bounded, the missing counted."""
 
 from __future__ import annotations
 

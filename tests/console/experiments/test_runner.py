@@ -244,7 +244,7 @@ class Bench(LinkedStation):
         return self.call("experiment", action=action, requester=requester)
 
     def flying(self, **options: Any) -> None:
-        """In its manoeuvre."""
+        """Start the experiment and return when it is in its manoeuvre."""
         answer = self.start(**options)
         assert answer.accepted, answer.reason
         step = {"sticks": "velocity", "manual": "waiting for it"}.get(options.get("kind", ""), "")

@@ -1,4 +1,5 @@
-"""Who is at the other end, and what is said when nobody tells: real sessions, a real radio."""
+"""Tests of how the station identifies the vehicle at the other end, and of its report when nothing
+answers: real sessions, a real radio."""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ WAIT = 10.0  # s: a bound, not an expectation
 
 
 class Station:
-    """Of one hub, one radio and the thread that asks."""
+    """A station of one hub, one radio and the thread that asks."""
 
     def __init__(self, port: int, tls: TlsFiles, silent: float = 0.0) -> None:
         loopback = free_port(socket.SOCK_STREAM)
@@ -45,7 +46,7 @@ class Station:
 
     @property
     def told(self) -> str:
-        """What pages hear."""
+        """Return what pages receive."""
         return str(self.link.message(time.time_ns()).problem)
 
     def until(self, condition: Callable[[LinkMonitor], object]) -> None:
@@ -64,7 +65,7 @@ class Station:
 
 @pytest.fixture
 def closed() -> Iterator[list[Any]]:
-    """What is to be closed, last first."""
+    """Yield a list of what is to be closed, and close it, last first."""
     things: list[Any] = []
     yield things
     while things:

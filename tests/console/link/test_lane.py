@@ -112,7 +112,7 @@ class Ends:
         return came
 
     def block(self, is_blocked: bool) -> None:
-        """As a firewall would that lets no datagrams through, or the end of it."""
+        """Let no datagrams through, as a firewall would, or let them through again."""
         lane = self.vehicle._lane._socket
         if is_blocked:
             lane.send = lambda datagram, address: True  # type: ignore[method-assign]
@@ -152,7 +152,7 @@ def test_without_datagrams_it_comes_over_zenoh_and_with_them_back_again(ends: En
 
 
 def test_nothing_is_handed_on_twice_whatever_the_way(ends: Ends) -> None:
-    """Of what the tests before made change its way, too."""
+    """Earlier tests make messages change between lane and link, too."""
     ends.send_until(ends.by_the_lane_alone)
     payloads = [received.payload for received in ends.telemetry]
     assert len(set(payloads)) == len(payloads)
@@ -211,7 +211,7 @@ def test_a_vehicles_other_process_is_asked_for_keys_by_the_station(ends: Ends) -
 
 
 def test_of_heartbeats_that_go_by_the_lane_one_in_so_many_goes_over_zenoh_too(ends: Ends) -> None:
-    """Where it is asked for; without the lane all do."""
+    """Only a publisher that is told so does this; without the lane all go over Zenoh."""
     ends.send_until(ends.by_the_lane_alone)
     beats = ends.radio.publishers["vehicle_heartbeat"], ends.beats
     for publisher in beats:

@@ -1,4 +1,4 @@
-"""What the station says of the link, on clocks that differ."""
+"""Tests of the state of the link that the station reports, on clocks that differ."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the station may command its vehicle, and what it says when it may not."""
+"""Tests of whether the station may command its vehicle, and of the reason when it may not."""
 
 from __future__ import annotations
 

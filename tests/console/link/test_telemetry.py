@@ -1,4 +1,4 @@
-"""What the station makes of telemetry: quality figures, and the standard topics."""
+"""Tests of what the station derives from telemetry: quality figures, and the standard topics."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_the_numbers_of_a_tick_survive_the_radio_in_single_precision() -> None:
 
 
 def fed(window: TelemetryWindow, sequence: int, stamp_ns: int, received_ns: int) -> bool:
-    """On a system clock that nobody sets."""
+    """Feed a packet on a system clock that is never set; return what `feed` does."""
     return window.feed(sequence, stamp_ns, received_ns, received_ns)
 
 

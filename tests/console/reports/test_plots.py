@@ -1,4 +1,4 @@
-"""What the plots of reports show: every peak, every hole, and the steps of a bench."""
+"""Tests of the plots of reports: every peak, every hole, and the steps of a bench are shown."""
 
 from __future__ import annotations
 

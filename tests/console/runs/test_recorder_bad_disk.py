@@ -50,7 +50,7 @@ def recorder(folder: Path, ends: list[RunEnd]) -> Iterator[Recorder]:
 
 
 def records_again(recorder: Recorder, folder: Path) -> bool:
-    """Whether the next run is whole and the alarm of the one before is gone."""
+    """Return whether the next run is whole and the alarm of the one before is gone."""
     recorder.start(run_in(folder, "next", keep_free=0))
     put(recorder, 5)
     recorder.stop()

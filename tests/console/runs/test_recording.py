@@ -1,4 +1,4 @@
-"""When a run begins and ends."""
+"""Tests of when a run begins and ends."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ Usage = namedtuple("Usage", "total used free")
 
 
 class Disk:
-    """As much is free as a test says."""
+    """A disk that has as much free space as a test says."""
 
     def __init__(self) -> None:
         self.free = 10**12

@@ -1,4 +1,4 @@
-"""How many pieces are in the air, over links of which rate and distance are known."""
+"""Tests of how many pieces are in the air, over links of known rate and distance."""
 
 from __future__ import annotations
 

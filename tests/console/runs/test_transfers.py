@@ -44,7 +44,7 @@ PATIENCE = 60.0  # s, for a broken program only
 
 
 class Link:
-    """As a node to its clients; the other end is the vehicle's own code over a real folder.
+    """A node, as its clients see it; the other end is the vehicle's own code over a real folder.
 
     Attributes:
         asked: pieces so far.
@@ -85,7 +85,7 @@ def onboard(tmp_path: Path) -> Path:
 
 
 def in_process(function: Callable[..., Any], *arguments: Any, check: Any) -> Any:
-    """As jobs.run, without the second a new interpreter takes."""
+    """Run a job as jobs.run does, without the second that a new interpreter takes."""
     return function(*arguments)
 
 
@@ -111,7 +111,7 @@ def ticks_of(run: Path) -> list[list[int]]:
 
 # ---------------------------------------------------------------- a part file
 def random_file(folder: Path, size: int, seed: int = 1) -> bytes:
-    """Of bytes that are a log to the vehicle: closed, with an index."""
+    """Return the bytes of a file that is a log to the vehicle: closed, with an index."""
     Flight(flown(size // 400, seed), np.ones(size // 400, np.bool_)).log_onboard(
         folder / "flight.mcap"
     )

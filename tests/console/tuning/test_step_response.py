@@ -26,7 +26,7 @@ def second_order(zeta: float, omega: float, time: np.ndarray) -> np.ndarray:
 
 
 def exactly(zeta: float, omega: float, level: float) -> float:
-    """When the response is first at this level, by bisection on a fine grid."""
+    """Return when the response is first at this level, by bisection on a fine grid."""
     time = np.linspace(0.0, 20.0 / omega, 400_001)
     return float(time[np.argmax(second_order(zeta, omega, time) >= level)])
 

@@ -17,7 +17,7 @@ COUNT = 0.0039 * GRAVITY  # m/s^2 of a count
 
 
 def reading(up_b: np.ndarray) -> np.ndarray:
-    """What a sensor of T and B shows at rest."""
+    """Return what a sensor of T and B reads at rest."""
     return np.asarray(np.linalg.solve(T, GRAVITY * up_b) + B)
 
 

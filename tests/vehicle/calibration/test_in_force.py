@@ -1,4 +1,4 @@
-"""Which stored calibrations a vehicle starts with, and what it says of the others."""
+"""Tests of which stored calibrations a vehicle starts with, and what it reports of the others."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def mixed() -> list[Scenario]:
 
 
 def same(a: BatchResult, b: BatchResult) -> bool:
-    """To the last bit; NaN equals NaN."""
+    """Return whether both are equal to the last bit; NaN equals NaN."""
     pairs = [(a.outcome, b.outcome), (a.final, b.final)]
     if a.history is not None and b.history is not None:
         pairs.append((a.history, b.history))

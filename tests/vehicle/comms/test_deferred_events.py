@@ -1,4 +1,4 @@
-"""What the vehicle said while no station heard it is told once one does."""
+"""Tests that events without a station on the link are published once there is one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What comes by the lane and over Zenoh: handed on once, and told of in order."""
+"""Tests that a message that comes by the lane and over Zenoh is passed on once, and in order."""
 
 from __future__ import annotations
 

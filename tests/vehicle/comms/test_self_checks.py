@@ -74,7 +74,7 @@ def test_while_the_flight_loop_is_silent_the_disk_is_left_alone_and_said_so(
 
 
 class FullLog:
-    """Of a vehicle whose disk is full."""
+    """The log of a vehicle whose disk is full."""
 
     problem = ""
     stop_bytes = 10**15

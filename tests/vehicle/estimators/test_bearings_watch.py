@@ -1,4 +1,4 @@
-"""What the watch computes and when it speaks."""
+"""Tests of what the watch computes and when it gives its verdict."""
 
 from __future__ import annotations
 

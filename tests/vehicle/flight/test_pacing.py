@@ -1,4 +1,5 @@
-"""When the loop wakes, and which periods had no sample; stamps finer than milliseconds."""
+"""Tests of when the loop wakes, of which periods had no sample, and of stamps finer than
+milliseconds."""
 
 from __future__ import annotations
 

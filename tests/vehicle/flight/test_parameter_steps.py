@@ -1,4 +1,5 @@
-"""In flight a gain moves by its step at most; on the ground anywhere within its bounds."""
+"""Tests that a gain moves by its step at most in flight, and anywhere within its bounds on the
+ground."""
 
 from __future__ import annotations
 

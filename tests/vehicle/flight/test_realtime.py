@@ -1,4 +1,4 @@
-"""What the kernel grants is looked at, not believed."""
+"""Tests that the rights granted by the kernel are verified, not believed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What flies when something fails: the whole stack on the simulated robot, through real bytes."""
+"""Tests of what flies when something fails: the whole stack on the simulated robot, through real
+bytes."""
 
 from __future__ import annotations
 
@@ -57,7 +58,7 @@ class FailingLab(Lab):
 
     @property
     def control_told(self) -> ControlMode:
-        """What the status says."""
+        """Return the control mode in the status."""
         return ControlMode(self.stack.status["control_mode"][0])
 
 

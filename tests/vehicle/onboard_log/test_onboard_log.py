@@ -270,7 +270,7 @@ def test_a_file_that_is_no_log_is_reported_and_left(tmp_path: Path) -> None:
 
 
 class Told:
-    """What the log says, and waiting for it."""
+    """The events of the log, to be waited for."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []

@@ -1,4 +1,4 @@
-"""From take-off to the rest after touch-down."""
+"""Tests of the ground contact from take-off to the rest after touch-down."""
 
 from __future__ import annotations
 

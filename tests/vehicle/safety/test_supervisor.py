@@ -86,7 +86,7 @@ def test_a_lost_pose_lands_only_after_its_time() -> None:
 
 
 def silent_for_a_second_and_a_half(flight: Flight) -> None:
-    """As when the link is lost: no heartbeat, no pose."""
+    """Fly with a lost link: neither heartbeat nor pose for 1.5 s."""
     assert [v.reaction for _, v in flight.fly(0.5, heard=False)] == [Reaction.BRAKE]
     assert flight.fly(1.0, heard=False, pose_age=1.5) == []
 

@@ -63,7 +63,7 @@ class Alone:
         self.step()
 
     def hover(self, height: float, duration: float, roll: float = 0, pitch: float = 0) -> None:
-        """By true height; nobody holds the position."""
+        """Hover by the true height; nothing holds the position."""
         p = self.robot.parameters
         share = p.mass / (1.308 * p.thrust_efficiency)
 
@@ -79,7 +79,8 @@ class Alone:
         self.hover(height, 2.0 + height)
 
     def land(self) -> float:
-        """In silence until the motors are off; the speed (m/s) down at the first touch."""
+        """Send nothing until the motors are off, and return the speed (m/s) down at the first
+        touch."""
         impact = None
         for _ in range(500 * 30):
             speed = -float(self.velocity_w[2])

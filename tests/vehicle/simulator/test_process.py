@@ -74,7 +74,7 @@ def open_ports(folder: Path) -> list[SerialPort]:
 
 
 def receive(mcu: Microcontroller, count: int) -> list[RawSample]:
-    """At least `count` samples; each wait for bytes is bounded."""
+    """Return at least `count` samples; each wait for bytes is bounded."""
     samples: list[RawSample] = []
     while len(samples) < count:
         ready = select.select(mcu.filenos(), [], [], BOUND)[0]
@@ -337,7 +337,7 @@ def test_a_slow_network_costs_truth_and_not_the_plant() -> None:
 
 
 def station(loopback_port: int) -> zenoh.Session:
-    """What the station is to the simulator: a router on loopback."""
+    """Yield what the simulator needs of a station: a router on loopback."""
     config = {
         "mode": "router",
         "listen": {"endpoints": [f"tcp/127.0.0.1:{loopback_port}"]},

@@ -1,4 +1,4 @@
-"""What 3D panels draw of a flight is where the vehicle was and was to be, when it is due."""
+"""Tests that 3D panels draw where the vehicle was and was to be, when it is due."""
 
 from __future__ import annotations
 

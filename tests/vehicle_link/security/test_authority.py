@@ -165,7 +165,7 @@ def test_a_first_start_that_was_cut_off_anywhere_is_gone_on_with(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class CutOff(BaseException):
-        """As a kill: nothing cleans up."""
+        """A kill, raised as an exception that nothing cleans up after."""
 
     for kept in range(7):
         tls, writes = TlsFiles(tmp_path / str(kept)), iter(range(kept))

@@ -1,4 +1,4 @@
-"""What is said of a file of certificates that cannot be used, and of keys that others may read."""
+"""Tests of the lines about certificates that cannot be used, and keys that others may read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which loop rates the serial ports carry."""
+"""Tests of which loop rates the serial ports carry."""
 
 from __future__ import annotations
 

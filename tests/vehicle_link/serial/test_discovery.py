@@ -1,4 +1,5 @@
-"""What is behind serial devices: real pseudo-terminals, with the simulated firmware or worse."""
+"""Tests of the search behind serial devices: real pseudo-terminals, with the simulated firmware or
+worse."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def one(data: bytes) -> Frame:
 
 
 def times_ms(exchange: Exchange, until_ms: int) -> list[int]:
-    """When something was sent, serviced each millisecond."""
+    """Return when something was sent, serviced each millisecond."""
     return [ms for ms in range(until_ms) if exchange.service(ms * 1e-3, COMMAND)]
 
 

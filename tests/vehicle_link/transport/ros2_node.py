@@ -37,7 +37,7 @@ class Peer:
         self._publishers: dict[str, Any] = {}
 
     def graph(self, awaited: str) -> dict[str, Any]:
-        """As soon as this topic is in it."""
+        """Return the graph as soon as this topic is in it."""
         end = time.monotonic() + WAIT
         while True:
             topics = dict(get_topic_names_and_types(timeout=2.0))
@@ -95,7 +95,7 @@ class Peer:
 
 
 def plain(value: Any) -> Any:
-    """What JSON takes."""
+    """Return the message as JSON can hold it."""
     if hasattr(value, "__dataclass_fields__"):
         fields = {name: getattr(value, name) for name in value.__dataclass_fields__}
         return {name: plain(v) for name, v in fields.items() if not name.startswith("__")}

@@ -170,7 +170,7 @@ class Wire:
         self._thread.start()
 
     def move(self) -> None:
-        """What comes from now on has another address."""
+        """Send from another address from now on."""
         self.far = self._new()
 
     def close(self) -> None:
@@ -226,7 +226,7 @@ class Ends:
         self._stack.callback(self.vehicle.close)
 
     def ask(self, station: int, wire: Callable[[int], int]) -> Message:
-        """As over the link: bytes there and back."""
+        """Ask as over the link: bytes there and back."""
         self.asked += 1
         answer = decode(encode(self.vehicle.grant(station)), RESPONSE)
         if self.answer_is_lost:
@@ -292,7 +292,8 @@ def test_who_greets_otherwise_says_no_hello(ends: Ends) -> None:
     pause = threading.Event()
 
     def beats_alone() -> bool:
-        """For some 0.4 s; a machine that stands still meanwhile lets a hello in between."""
+        """Send heartbeats alone for some 0.4 s; a machine that stands still meanwhile lets a hello
+        in between."""
         before = len(wire.carried)
         for count in range(12):
             lane.put("station_heartbeat", message(count + 1, b"a beat"), greets=True)
@@ -397,7 +398,7 @@ def test_every_answer_has_keys_of_its_own_and_the_ninth_station_a_place(ends: En
 
 
 def test_who_only_hears_takes_no_place_of_who_may_send(ends: Ends) -> None:
-    """Not by the pilot's own number, which heartbeats tell, nor by many."""
+    """Neither the pilot's own number, which heartbeats carry, nor many listeners take it."""
     _, _, inbox = ends.station(1)
     for k in range(2 * vehicle_lane.MOST):
         answer = ends.vehicle.grant(1 + k, (HELLO,))

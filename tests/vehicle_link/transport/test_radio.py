@@ -88,7 +88,7 @@ class Lab:
 
 
 class Heard:
-    """What a node of the hub hears of a vehicle's status."""
+    """The statuses of a vehicle that a node of the hub receives."""
 
     def __init__(self, session: Any, name: str) -> None:
         self.messages: queue.SimpleQueue[Received] = queue.SimpleQueue()

@@ -115,7 +115,7 @@ class Peer:
 
 @pytest.fixture(scope="module")
 def definitions(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """As ROS 2's own packages and ours have them: `<package>/msg/<Name>.msg`."""
+    """Return ROS 2's definitions and ours, by `<package>/msg/<Name>.msg`."""
     folder = tmp_path_factory.mktemp("ros2")
     store = get_typestore(Stores.ROS2_JAZZY)
     for name in STANDARD:

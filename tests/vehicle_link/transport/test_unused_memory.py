@@ -1,4 +1,4 @@
-"""What was freed goes back to the machine, seen in processes of their own."""
+"""Tests that freed memory goes back to the machine, in processes of their own."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def printed(program: str, *arguments: str) -> list[float]:
 
 @pytest.mark.parametrize(("setting", "kept"), [("apart", 1.0), ("plain", 10.0)])
 def test_freed_buffers_leave_the_process(setting: str, kept: float) -> None:
-    """Of ten, nine freed; the plain case shows what the setting is for."""
+    """Nine of ten buffers are freed; the plain case shows what the setting is for."""
     assert printed(LARGE, setting) == pytest.approx([kept], abs=0.5)
 
 

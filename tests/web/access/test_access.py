@@ -259,7 +259,8 @@ def test_no_other_site_may_change_anything(
 def test_no_other_site_may_read_an_answer(
     browser: httpx.Client, cookie: Cookie, route: str
 ) -> None:
-    """It is sent, and without this header the browser keeps it from the other site's scripts."""
+    """The answer is sent, and without this header the browser keeps it from the other site's
+    scripts."""
     answer = ask(browser, route, cookie("admin"), Origin="http://evil.example")
     assert "access-control-allow-origin" not in answer.headers
 

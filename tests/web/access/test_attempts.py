@@ -1,4 +1,4 @@
-"""How often a password may be tried, on a clock of the test's own."""
+"""Tests of how often a password may be tried, on a clock of the test's own."""
 
 from __future__ import annotations
 

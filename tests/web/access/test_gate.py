@@ -1,4 +1,4 @@
-"""Nothing is served without a session, to a foreign origin or under a foreign name."""
+"""Tests that nothing is served without a session, to a foreign origin or under a foreign name."""
 
 from __future__ import annotations
 

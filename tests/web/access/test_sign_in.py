@@ -41,7 +41,7 @@ def place(tmp_path: Path, serve: Any) -> Iterator[Any]:
 
 
 def outside(data: Path) -> Accounts:
-    """As another process has them."""
+    """Return the accounts as another process has them."""
     return Accounts(AccessDatabase(data / "web"), Passwords(1, 8))
 
 

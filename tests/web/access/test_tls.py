@@ -66,8 +66,9 @@ def test_without_tls_the_cookie_is_not_secure_for_a_browser_would_drop_it() -> N
 
 
 def first_message(site: Any, client: httpx.Client, origin: str) -> dict[str, Any]:
-    """Of `/ws/events`. With asyncio: a client with one thread that reads and one that writes
-    uses one OpenSSL connection from both, which Python before 3.13 does not guard; it hangs."""
+    """Return the first message of `/ws/events`, read with asyncio: a client with one thread that
+    reads and one that writes uses one OpenSSL connection from both, which Python before 3.13 does
+    not guard; it hangs."""
 
     async def listen() -> dict[str, Any]:
         async with websockets.asyncio.client.connect(

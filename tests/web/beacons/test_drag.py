@@ -40,7 +40,7 @@ CAMERA = {
 def message(
     phase: str, pointer: tuple[float, float, float], name: str = HANDLE, **other: Any
 ) -> bytes:
-    """As viser's client sends it."""
+    """Return a message as viser's client sends it."""
     return encode(
         {
             "type": "SceneNodeDragMessage",

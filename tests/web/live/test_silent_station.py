@@ -1,4 +1,5 @@
-"""What routes answer while the base station is away or silent: a kind, and no word of a machine.
+"""Tests of the routes while the base station is away or silent: they answer with a kind, and no
+word of a machine.
 
 A command that was not answered in time is told apart (504) from one that reached nobody (503) and
 from a refused one (409): the page decides by it whether to look further for what became of it.

@@ -38,7 +38,7 @@ def known(site: Any, station: Any, operator: httpx.Client, until: Any) -> Iterat
 
 @pytest.fixture(scope="module")
 def history(site: Any) -> ParameterHistory:
-    """As the station writes it: two changes on the ground, a flight with two more."""
+    """Write a history as the station does: two changes on the ground, a flight with two more."""
     history = ParameterHistory(Catalogue(site.data).engine, "quad1")
     steps = [("gains.kp", 4.0, 5.0), ("gains.laps", 3, 4), ("gains.kp", 5.0, 6.0)]
     for k, (name, old, value) in enumerate(steps, 1):

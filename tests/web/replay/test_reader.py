@@ -1,4 +1,4 @@
-"""What a replay shows is what was recorded: every sample near by, least and greatest from afar."""
+"""Tests that a replay shows what was recorded: each sample near by, extremes from afar."""
 
 from __future__ import annotations
 

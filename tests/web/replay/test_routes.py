@@ -1,4 +1,4 @@
-"""What the replay page asks for: all may replay, and nothing leads out of the folders."""
+"""Tests of the routes of the replay page: all may replay, and nothing leads out of the folders."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def write_flight(path: Path, seconds: float = SECONDS) -> None:
 
 
 def play(file: Path) -> dict[str, Any]:
-    """What viser's client reads."""
+    """Return what viser's client reads of a recording."""
     content = file.read_bytes()
     size = int.from_bytes(content[:8], "little")
     inner = zstandard.ZstdDecompressor().decompress(content[8:], max_output_size=size)

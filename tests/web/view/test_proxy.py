@@ -1,4 +1,4 @@
-"""What may pass to viser, and that nobody reaches it but our pump."""
+"""Tests of what may pass to viser, and that only our pump reaches it."""
 
 from __future__ import annotations
 

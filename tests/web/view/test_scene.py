@@ -200,7 +200,7 @@ def test_a_box_has_twelve_edges_along_the_axes() -> None:
 
 
 def test_a_tab_that_stood_still_gets_the_newest_and_no_history(server: ViewServer) -> None:
-    """What a stalled page finds when it wakes up is a small part of what was sent meanwhile."""
+    """A stalled page that wakes up finds a small part of what was sent meanwhile."""
     import socket as sockets
 
     live = Live(decode)

@@ -22,7 +22,7 @@ STEP_S, HOVER = 0.004, BodyRates((0.0, 0.0, 0.0), 0.4)
 
 
 class Firmware:
-    """What is on the other end: answers as MSP is described, and keeps the newest sticks."""
+    """The firmware on the other end: it answers as MSP says, and keeps the newest sticks."""
 
     def __init__(self, port: MemoryPort) -> None:
         self.port, self.decoder = port, MessageDecoder()

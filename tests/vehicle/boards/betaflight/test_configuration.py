@@ -1,4 +1,5 @@
-"""What must change on a board is told as lines for its command line, and nothing when it fits."""
+"""Tests that each misfit of a board is one line for its command line, and that a board that fits
+gets none."""
 
 from __future__ import annotations
 

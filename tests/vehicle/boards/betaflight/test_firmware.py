@@ -68,7 +68,7 @@ def test_the_lines_of_the_check_make_the_real_firmware_fit() -> None:
 
 
 class WithoutAltitudeHold(SteppedPort):
-    """Of a board whose firmware was built for less memory."""
+    """A board whose firmware was built for less memory."""
 
     def read(self) -> bytes:
         return super().read().replace(b"ap_hover_throttle", b"ap_hover_roll")

@@ -18,7 +18,7 @@ from vehicle_link.serial.port import memory_port_pair
 
 
 def damaged(seed: int, share: float, count: int = 20_000) -> np.ndarray:
-    """Which of `count` bytes sent to the vehicle arrive as others."""
+    """Return which of `count` bytes sent to the vehicle arrive as others."""
     here, there = memory_port_pair()
     [wire] = new_wires([there], SimulatorParameters(seed=seed, corrupted_bytes=share))
     sent = bytes(range(200))

@@ -62,7 +62,7 @@ class Laboratory:
 
 
 def is_free(port: int) -> bool:
-    """Whether no server has this port, of TCP and of UDP."""
+    """Return whether no server has this port, of TCP and of UDP."""
     try:
         for kind in (socket.SOCK_STREAM, socket.SOCK_DGRAM):
             bound(kind, port, "probe").close()
