@@ -24,11 +24,6 @@ EXPECTED = {
     BehaviorName.EMERGENCY_LANDING: "--+--+++-++-",
     BehaviorName.EXTERNAL: "--++-+++-+++",
 }
-CELLS = [
-    (present, wanted, EXPECTED[present][wanted])
-    for present in BehaviorName
-    for wanted in BehaviorName
-]
 
 
 def refusal(
@@ -41,18 +36,21 @@ def refusal(
     return ""
 
 
-@pytest.mark.parametrize(("present", "wanted", "cell"), CELLS)
-def test_every_cell_of_the_table(present: BehaviorName, wanted: BehaviorName, cell: str) -> None:
-    in_the_air, on_the_ground = refusal(present, wanted), refusal(present, wanted, airborne=False)
-    if cell == "+":
-        assert in_the_air == on_the_ground == ""
-    elif cell == "a":
-        assert in_the_air == ""
-        assert "not left the ground" in on_the_ground
-    else:
-        assert in_the_air == on_the_ground
-        assert in_the_air.startswith(f"{wanted.name.lower()} refused: ")
-    assert refusal(present, wanted, armed=False).endswith("arm the vehicle first")
+@pytest.mark.parametrize("present", list(BehaviorName))
+def test_every_cell_of_the_table(present: BehaviorName) -> None:
+    found = ""
+    for wanted in BehaviorName:
+        in_the_air = refusal(present, wanted)
+        on_the_ground = refusal(present, wanted, airborne=False)
+        if in_the_air == "":
+            found += "+" if on_the_ground == "" else "a"
+            assert on_the_ground == "" or "not left the ground" in on_the_ground
+        else:
+            found += "-"
+            assert in_the_air == on_the_ground
+            assert in_the_air.startswith(f"{wanted.name.lower()} refused: ")
+        assert refusal(present, wanted, armed=False).endswith("arm the vehicle first")
+    assert found == EXPECTED[present]
 
 
 def test_every_refusal_says_what_to_do_or_why() -> None:

@@ -42,13 +42,11 @@ SMALL_PAGES = [
 ]
 
 
-@pytest.mark.parametrize(
-    "path", [*OTHERS, *SMALL_PAGES], ids=lambda one: one.relative_to(WEB).as_posix()
-)
-def test_no_colour_and_no_type_size_stands_outside_the_tokens(path: Path) -> None:
-    text = _own(path)
-    found = [one[0] for rule in RULES for one in rule.finditer(text)]
-    assert found == []
+def test_no_colour_and_no_type_size_stands_outside_the_tokens() -> None:
+    for path in (*OTHERS, *SMALL_PAGES):
+        text = _own(path)
+        found = [one[0] for rule in RULES for one in rule.finditer(text)]
+        assert found == [], path
 
 
 @pytest.mark.parametrize(

@@ -47,11 +47,13 @@ class Flight:
         R_wb = Rotation.from_euler("ZYX", [0.5 * np.sin(0.4 * t), 0.03, -0.02])
         ids = self.beacons.ids.tolist()
         seen = []
-        for id, place in zip(ids, self.beacons.positions_w, strict=True):
-            d = R_wb.inv().apply(place - position)
-            d = Rotation.from_rotvec(np.radians(self.biases.get(id, (0, 0, 0)))).apply(d)
+        directions = R_wb.inv().apply(self.beacons.positions_w - position)
+        for k, id in enumerate(ids):
+            if id in self.biases:
+                turn = Rotation.from_rotvec(np.radians(self.biases[id]))
+                directions[k] = turn.apply(directions[k])
             noise = SIGMA * self.random.normal(size=2)
-            x, y, z = (d / np.linalg.norm(d)).tolist()
+            x, y, z = (directions[k] / np.linalg.norm(directions[k])).tolist()
             seen.append(perturbed((x, y, z), *noise.tolist()))
         x, y, z, w = (Rotation.from_rotvec(self.error[3:]) * R_wb).as_quat()
         self.offsets.frame(

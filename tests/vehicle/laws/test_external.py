@@ -110,7 +110,7 @@ def test_a_harmful_law_is_taken_out_and_the_built_in_one_flies_on(
     lab = fly(good(harm))
     lab.hovering()
     lab.wait_until(lambda _: "disengaged" in lab.said, what="the rescue", timeout=15)
-    lab.wait(4.0)
+    lab.wait(2.0)
     assert lab.parameter("control.law") == "geometric"
     assert lab.stack.steering.external is None
     line = next(text for text in lab.kept.texts if "disengaged" in text)
