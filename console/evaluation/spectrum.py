@@ -6,6 +6,7 @@ NEAR of a rotor's frequency, or of its blades' (twice as high), is named after i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -87,6 +88,31 @@ def density_of(rate: float, values: Array) -> dict[str, list[float]]:
     return {
         "frequency": frequency.round(4).tolist(),
         "density": [float(f"{one:.4g}") for one in root],
+    }
+
+
+def spectrogram_of(
+    rate: float, values: Array, first: float, turns: Sequence[tuple[Array, Array]], most: int
+) -> dict[str, Any]:
+    """Return a signal's density over time and frequency, as `density_of` does: `times` (T,) in s,
+    `frequency` (M,) in Hz, `density` (T, M), and `rotors`, their frequencies (4, T).
+
+    Args:
+        values: (N, 1), the first one at `first` (s).
+        turns: times (s) and turns a second of each rotor.
+        most: columns T; of more, neighbours are averaged.
+    """
+    time, frequency, density = spectrogram(rate, values)
+    apart = -(-len(time) // most)
+    edges = np.arange(0, len(time), apart)
+    counts = np.diff(edges, append=len(time))
+    time = first + np.add.reduceat(time, edges) / counts
+    root = np.sqrt(0.5 * np.add.reduceat(density[:, 0], edges, axis=1) / counts)
+    return {
+        "times": time.round(4).tolist(),
+        "frequency": frequency.round(4).tolist(),
+        "density": [[float(f"{one:.3g}") for one in column] for column in root.T.tolist()],
+        "rotors": [np.interp(time, at, of_rotor).round(2).tolist() for at, of_rotor in turns],
     }
 
 

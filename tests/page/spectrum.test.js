@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import "./browser.js";
-import { Spectrogram, colorOf } from "../../web/static/replay/spectrogram.js";
+import { LiveSpectrogram, Spectrogram, colorOf } from "../../web/static/charts/spectrogram.js";
 import { FrequencyAxis, Spectra } from "../../web/static/charts/spectrum.js";
 
 const FOUND = { frequency: [0, 1, 2, 3, 4], density: [0, 2, 8, 4, 1] };
@@ -74,6 +74,22 @@ test("a spectrogram asks for the first signal and tells where it is strongest at
   made.range.cursor = null;
   made.read(output, { name: "imu.x" });
   assert.equal(output.textContent, "");
+});
+
+test("a live spectrogram grows by what is new, takes corrections, and begins anew after a gap", () => {
+  const made = new LiveSpectrogram(new Map(), { now: 1001.5, span: [990, 1001.5], cursor: null });
+  const answer = (from, count, value) => ({ times: Array.from({ length: count }, (_, k) => from + 0.5 * k), frequency: [0, 20],
+    density: Array.from({ length: count }, () => [1, value]), rotors: [Array.from({ length: count }, () => value)], newest: from + 0.5 * count });
+  const shown = () => [made.found.times, made.found.density.map(([, value]) => value), made.found.rotors[0]];
+  made.lines(["imu.x"]);
+  made.take(answer(0, 2, 3)); // its newest sample is shown at 1001.5 s
+  assert.deepEqual(shown(), [[1000.5, 1001], [3, 3], [3, 3]]);
+  made.range.now = 1002.2; // a slow answer does not move it
+  made.take(answer(0.5, 2, 4));
+  assert.deepEqual(shown(), [[1000.5, 1001, 1001.5], [3, 4, 4], [3, 4, 4]]);
+  made.range.now = 1005;
+  made.take(answer(4, 1, 5)); // by the fastest answer
+  assert.deepEqual(shown(), [[1004.5], [5], [5]]);
 });
 
 test("colours go by the logarithm, from the ground to yellow", () => {

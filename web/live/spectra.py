@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from fastapi import FastAPI, Query
 
-from console.evaluation.spectrum import density_of, evenly, rotor_frequency
+from console.evaluation.spectrum import density_of, evenly, rotor_frequency, spectrogram_of
 from quadrotor.errors import MeasurementError, OutOfBoundsError
 from quadrotor.records import TICK, Record
 from vehicle_link.messages.cdr_layout import Records
@@ -45,13 +45,20 @@ _KNOWN = {signal.name for signal in SIGNALS}
 
 
 class TickSignals:
-    """The signals of the page for each of N ticks. Args: ticks: TICK records, shape (N,)."""
+    """The signals of the page for each of N ticks. Args: ticks: TICK records, shape (N,).
+
+    Attributes:
+        start: of the first tick, the vehicle's time, s. time: since then, (N,), s.
+        turns: of the rotors a second, (4, N).
+    """
 
     def __init__(self, ticks: Record, vehicle: str) -> None:
         self._ticks, self._vehicle = ticks, vehicle
         self._messages: dict[str, Records] = {}
         stamps = ticks["imu"]["stamp_ns"]
+        self.start = 1e-9 * float(stamps[0]) if len(stamps) else 0.0
         self.time: Array = 1e-9 * (stamps - stamps[:1])
+        self.turns: Array = rotor_frequency(ticks["actuators"]["thrusts"]).T
 
     def values(self, name: str) -> Array:
         """Return a signal, shape (N,), in its own unit. Raises OutOfBoundsError when the telemetry
@@ -84,15 +91,13 @@ class TickSignals:
         return records[found[1]][:, index].astype(np.float64)
 
 
-def spectra(
-    packets: bytes, lengths: Sequence[int], vehicle: str, names: Sequence[str]
-) -> dict[str, Any]:
-    """Return the spectra of signals as `web.replay.reader.Replay.spectra` does.
+def signals_of(packets: bytes, lengths: Sequence[int], vehicle: str) -> TickSignals:
+    """Return the signals of packets of telemetry, each tick once.
 
     Args:
         packets: quadlab_msgs/Telemetry, one behind the other. lengths: bytes of each.
 
-    Raises MeasurementError for too little telemetry, OutOfBoundsError for an unknown signal.
+    Raises MeasurementError for less than SHORTEST.
     """
     import_module("scipy.signal")  # takes seconds once, while the station collects telemetry
     ends = np.cumsum(lengths, dtype=np.int64).tolist()
@@ -105,15 +110,40 @@ def spectra(
         raise MeasurementError(
             f"{seconds:.1f} s of telemetry so far; a spectrum needs {SHORTEST:g} s"
         )
+    return signals
+
+
+def spectra(signals: TickSignals, names: Sequence[str]) -> dict[str, Any]:
+    """Return the spectra of signals as `web.replay.reader.Replay.spectra` does.
+
+    Raises OutOfBoundsError for an unknown signal.
+    """
     found = []
     for name in dict.fromkeys(names):
         rate, even = evenly(signals.time, signals.values(name)[:, None])
         found.append({"signal": name} | density_of(rate, even))
-    thrusts = ticks[first]["actuators"]["thrusts"]
-    return {"spectra": found, "rotors": rotor_frequency(thrusts).mean(axis=0).round(2).tolist()}
+    return {"spectra": found, "rotors": signals.turns.mean(axis=1).round(2).tolist()}
+
+
+def live_spectrogram(signals: TickSignals, name: str) -> dict[str, Any]:
+    """Return the spectrogram of a signal as `web.replay.reader.Replay.spectrogram` does, by the
+    vehicle's time, and the time of the newest sample, `newest` (s).
+
+    Raises OutOfBoundsError for an unknown signal.
+    """
+    rate, even = evenly(signals.time, signals.values(name)[:, None])
+    turns = [(signals.time, one) for one in signals.turns]
+    found = spectrogram_of(rate, even, 0.0, turns, len(even))
+    stamps = [round(signals.start + time, 4) for time in found["times"]]
+    return found | {"times": stamps, "newest": signals.start + float(signals.time[-1])}
 
 
 def add_spectra(app: FastAPI, parts: Parts) -> None:
+    async def recent(asker: Asker) -> TickSignals:
+        answer = await parts.station.command("recent_telemetry", asker.label)
+        packets, lengths = answer.packets.tobytes(), answer.lengths.tolist()
+        return await asyncio.to_thread(signals_of, packets, lengths, parts.vehicle)
+
     @app.get("/api/spectrum")
     async def spectrum(
         asker: Asker, signal: Annotated[list[str], Query(min_length=1, max_length=8)]
@@ -121,6 +151,9 @@ def add_spectra(app: FastAPI, parts: Parts) -> None:
         """Return spectra of the last 5 s of signals that the flight loop samples, and the rotors'
         frequencies (Hz). The station collects them from the first request on.
         """
-        answer = await parts.station.command("recent_telemetry", asker.label)
-        packets, lengths = answer.packets.tobytes(), answer.lengths.tolist()
-        return await asyncio.to_thread(spectra, packets, lengths, parts.vehicle, signal)
+        return await asyncio.to_thread(spectra, await recent(asker), signal)
+
+    @app.get("/api/spectrogram")
+    async def spectrogram(asker: Asker, signal: str) -> dict[str, Any]:
+        """Return the spectrogram of the last 5 s of a signal, as `/api/spectrum` does."""
+        return await asyncio.to_thread(live_spectrogram, await recent(asker), signal)

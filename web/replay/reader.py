@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from console.evaluation.spectrum import density_of, evenly, rotor_frequency, spectrogram
+from console.evaluation.spectrum import density_of, evenly, rotor_frequency, spectrogram_of
 from flight_log.columns.log_columns import kept_columns
 from flight_log.message_times import gaps
 from flight_log.run import run_of
@@ -28,7 +28,7 @@ from web.replay.signals import derived, members_of
 MOST_SAMPLES = 2_000_000
 """Largest number of samples under one spectrum."""
 MOST_COLUMNS = 300
-"""Columns of a spectrogram; of more, neighbours are averaged."""
+"""Columns of a spectrogram."""
 DETAIL = 2
 """Samples a point are drawn one by one."""
 BIN = 16
@@ -119,27 +119,13 @@ class Replay:
         return {"spectra": found, "rotors": rotors}
 
     def spectrogram(self, name: str, start: float, end: float) -> dict[str, Any]:
-        """Return the density of a signal over time and frequency, as `spectra` does: times (T,) in
-        s of the run, frequencies (M,) in Hz, `density` (T, M), and the rotors' frequencies (4, T).
+        """Return the density of a signal over time (s of the run) and frequency, see
+        `spectrogram_of`.
 
         Raises OutOfBoundsError and MeasurementError as `spectra` does.
         """
         first, rate, even = self._even(name, start, end)
-        time, frequency, density = spectrogram(rate, even)
-        apart = -(-len(time) // MOST_COLUMNS)
-        edges = np.arange(0, len(time), apart)
-        counts = np.diff(edges, append=len(time))
-        time = first + np.add.reduceat(time, edges) / counts
-        root = np.sqrt(0.5 * np.add.reduceat(density[:, 0], edges, axis=1) / counts)
-        return {
-            "times": time.round(4).tolist(),
-            "frequency": frequency.round(4).tolist(),
-            "density": [[float(f"{one:.3g}") for one in column] for column in root.T.tolist()],
-            "rotors": [
-                np.interp(time, at, turns).round(2).tolist()
-                for at, turns in self._rotors(start, end)
-            ],
-        }
+        return spectrogram_of(rate, even, first, self._rotors(start, end), MOST_COLUMNS)
 
     def at(self, names: Sequence[str], t: float) -> dict[str, list[float | None]]:
         """Return newest value at t (s) and its age (s) of each signal; None before the first

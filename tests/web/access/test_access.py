@@ -106,6 +106,7 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "POST /api/commands/simulation": (OPERATOR, {"action": "swap_battery"}),
     "POST /api/control": (OPERATOR, {"action": "ask"}),
     "GET /api/tuning": (VIEWER, None),
+    "GET /api/spectrogram": (VIEWER, None),
     "GET /api/spectrum": (VIEWER, None),
     "POST /api/tuning/run": (OPERATOR, {}),
     "GET /api/tuning/runs/{run_id}": (VIEWER, None),

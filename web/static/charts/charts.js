@@ -4,6 +4,7 @@ import { Chart } from "./chart.js";
 import { LiveSignals } from "./live_signals.js";
 import { pointingByKeys } from "./pointer.js";
 import { ChartMenu } from "./signal_menu.js";
+import { LiveSpectrogram, SpectrogramChart } from "./spectrogram.js";
 import { LiveSpectra, SpectrumChart } from "./spectrum.js";
 import { LayoutMenu } from "./layout_menu.js";
 import { BUILT_IN, Layouts, MOST_CHARTS } from "./layouts.js";
@@ -15,6 +16,10 @@ import { onKey } from "../core/keys.js";
 
 const WINDOWS = [5, 10, 30, 60, 120, 300, 600]; // s
 const RENEW = 1000; // ms between two spectra
+const KINDS = [
+  { name: "spectrum", symbol: "∿", says: "spectrum of the last 5 s", Source: LiveSpectra, Kind: SpectrumChart },
+  { name: "spectrogram", symbol: "▦", says: "spectrogram of the first signal", Source: LiveSpectrogram, Kind: SpectrogramChart },
+];
 const LOOK = 66; // ms; each chart knows when it is due
 
 export class Charts {
@@ -114,8 +119,8 @@ export class Charts {
     return new Chart(place, { axis: this.axis, source, names, scales });
   }
 
-  overFrequency(place, names, scales) {
-    const source = new LiveSpectra(this.signals), chart = new SpectrumChart(place, { axis: source.axis, source, names, scales });
+  overFrequency({ Source, Kind }, place, names, scales) {
+    const source = new Source(this.signals, this.axis), chart = new Kind(place, { axis: source.axis ?? this.axis, source, names, scales });
     const problem = element("output", { className: "state" });
     chart.tools.append(problem);
     source.addEventListener("window", () => chart.refresh());
@@ -124,12 +129,13 @@ export class Charts {
     return chart;
   }
 
-  toggleSpectrum(chart) {
+  // Over frequency, or over time again.
+  toggle(chart, kind) {
     if (this.menu.isOpen) this.menu.close();
     const at = this.charts.indexOf(chart), { place, names, scales, source } = chart;
     chart.close();
     place.replaceChildren();
-    const made = source instanceof LiveSpectra ? this.overTime(place, names, scales) : this.overFrequency(place, names, scales);
+    const made = source instanceof kind.Source ? this.overTime(place, names, scales) : this.overFrequency(kind, place, names, scales);
     this.charts.splice(at, 1);
     this.put(made, at);
     this.number();
@@ -137,10 +143,12 @@ export class Charts {
 
   // With its buttons, among the others.
   put(chart, at) {
-    const { place } = chart, isSpectrum = chart.source instanceof LiveSpectra;
+    const { place } = chart;
     pointingByKeys(chart);
-    const kind = element("button", { className: "icon", title: "spectrum of the last 5 s, from every sample of the flight loop, with the rotors' frequencies; and back",
-      ariaLabel: "spectrum", ariaPressed: String(isSpectrum), onclick: () => this.toggleSpectrum(chart) }, "∿");
+    const kinds = KINDS.map((kind) => element("button", { className: "icon",
+      title: `${kind.says}, from every sample of the flight loop, with the rotors' frequencies; and back`,
+      ariaLabel: kind.name, ariaPressed: String(chart.source instanceof kind.Source),
+      onclick: () => this.toggle(chart, kind) }, kind.symbol));
     const choose = element("button", { title: "choose signals, set scales", ariaExpanded: "false",
       onclick: () => this.menu.toggle(chart, choose, () => this.changed()) }, "Signals");
     chart.grow = element("button", { className: "icon", title: "over the 3D view, and back (Escape)",
@@ -148,7 +156,7 @@ export class Charts {
       onclick: () => this.expand(place.classList.contains("expanded") ? null : chart) }, "⤢");
     chart.less = element("button", { className: "icon", title: "take this chart away", ariaLabel: "remove chart",
       onclick: () => { this.removeChart(chart); this.changed(); } }, "×");
-    chart.tools.append(choose, kind, chart.grow, chart.less);
+    chart.tools.append(choose, ...kinds, chart.grow, chart.less);
     this.charts.splice(at, 0, chart);
   }
 
@@ -189,7 +197,7 @@ export class Charts {
 
   renew() {
     if (document.hidden || this.axis.paused) return;
-    for (const { source, isSeen } of this.charts) if (isSeen && source instanceof LiveSpectra) source.renew();
+    for (const { source, isSeen } of this.charts) if (isSeen) source.renew?.();
   }
 
   draw() {

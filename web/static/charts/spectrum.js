@@ -8,6 +8,7 @@ import { setText } from "../core/dom.js";
 
 const ROTOR = "var(--gold)", MOTORS = ["front", "left", "rear", "right"];
 export const rotorsOf = (name) => MOTORS.map((motor, rotor) => ({ name, motor, rotor, second: true, stroke: ROTOR, dash: [3, 3], width: 1 }));
+export const query = (names) => names.map((name) => `signal=${encodeURIComponent(name)}`).join("&");
 export const densityOf = (unit) => `${unit || "1"}/√Hz`;
 const LEAST = 1; // Hz, of a zoom
 const RETRY = 1000; // ms
@@ -117,7 +118,7 @@ export class Spectra extends Asked {
 export class LiveSpectra extends Spectra {
   constructor(signals) {
     super({ span: [0, 0] });
-    this.runs = [{ signals, shift: 0, spectrum: (names) => get(`/api/spectrum?${names.map((name) => `signal=${encodeURIComponent(name)}`).join("&")}`) }];
+    this.runs = [{ signals, shift: 0, spectrum: (names) => get(`/api/spectrum?${query(names)}`) }];
   }
 
   renew() {

@@ -2,10 +2,10 @@
 
 import { Chart } from "../charts/chart.js";
 import { ChartMenu } from "../charts/signal_menu.js";
+import { Spectrogram, SpectrogramChart } from "../charts/spectrogram.js";
 import { Spectra, SpectrumChart } from "../charts/spectrum.js";
 import { element } from "../core/dom.js";
 import { RecordedSignals } from "./recorded_signals.js";
-import { Spectrogram, SpectrogramChart } from "./spectrogram.js";
 
 const axes = (name) => ["x", "y", "z"].map((axis) => `${name}.${axis}`);
 const FIRST = [[...axes("state.position"), ...axes("reference.position")], axes("error.position")]; // of each chart

@@ -168,7 +168,12 @@ def test_a_chart_shows_the_spectrum_of_the_last_seconds_and_says_why_it_cannot(
         "() => [...document.querySelectorAll('#chart-0 .legend output')]"
         ".some((one) => Number(one.textContent) > 0.3)"
     )
-    page.click("#chart-0 button[aria-label='spectrum']")
+    page.click("#chart-0 button[aria-label='spectrogram']")
+    page.wait_for_selector("#chart-0 .plot[aria-label$='over time and frequency'] .heat")
+    page.wait_for_function(
+        "() => document.querySelector('#chart-0 .heat').textContent.includes('m/√Hz')"
+    )
+    page.click("#chart-0 button[aria-label='spectrogram']")
     page.wait_for_selector("#chart-0 .plot[aria-label$='over time'] canvas")
     assert chart_signals(page, 0)[0] == "state.position.x"
 

@@ -1,12 +1,14 @@
-// The spectrogram of the first signal of a replay's chart: its density over time and frequency as a heat
+// The spectrogram of a chart's first signal, live or of a replay: its density over time and frequency as a heat
 // map, with the rotors' frequencies as lines.
 
-import { Chart } from "../charts/chart.js";
+import { Chart } from "./chart.js";
+import { Asked, densityOf, query, rotorsOf } from "./spectrum.js";
+import { get } from "../core/api.js";
 import { element, setText } from "../core/dom.js";
-import { Asked, densityOf, rotorsOf } from "../charts/spectrum.js";
 
 const COLORS = [[18, 23, 28], [38, 56, 112], [31, 130, 139], [120, 190, 90], [253, 231, 76]]; // from low to high
 const DEPTH = 1e-3; // of the greatest density, which is the darkest
+const COLUMNS = 1500; // of a live one, 10 min and more
 const MOTION = 10; // Hz, up to which the vehicle's own motion is the strongest
 
 export class Spectrogram extends Asked {
@@ -50,6 +52,37 @@ export class Spectrogram extends Asked {
   }
 
   forget() { this.found = null; }
+}
+
+// Grows by the columns of the last seconds with each `renew`. Args: `axis` of the time.
+export class LiveSpectrogram extends Spectrogram {
+  offset = Infinity; name = ""; // s, page's time less the vehicle's: the least is that of the fastest answer
+
+  constructor(signals, axis) {
+    super(axis);
+    this.runs = [{ signals, shift: 0, spectrogram: (name) => get(`/api/spectrogram?${query([name])}`) }];
+  }
+
+  renew() { return this.fetch(); }
+
+  forget() {}
+
+  take(found) {
+    const [name] = this.names, last = this.name === name ? this.found : null;
+    this.name = name;
+    this.offset = Math.min(this.offset, this.range.now - found.newest);
+    const stamps = found.times, first = stamps[0], step = stamps.length > 1 ? stamps[1] - first : 0.5;
+    const isSame = last?.frequency.length === found.frequency.length;
+    const until = isSame ? last.stamps.findLastIndex((stamp) => stamp < first - 0.5 * step) + 1 : 0;
+    // What came before a gap is at another place of a picture whose columns are equally far apart.
+    const from = until && first - last.stamps[until - 1] < 2 * step ? Math.max(0, until - COLUMNS) : until;
+    const joined = (before, after) => [...(before ?? []).slice(from, until), ...after];
+    const all = joined(last?.stamps, stamps);
+    this.found = { frequency: found.frequency, stamps: all, times: all.map((stamp) => stamp + this.offset),
+      density: joined(last?.density, found.density),
+      rotors: found.rotors.map((turns, rotor) => joined(last?.rotors[rotor], turns)) };
+    this.greatest = Math.max(...this.found.density.flat());
+  }
 }
 
 export class SpectrogramChart extends Chart {
