@@ -58,6 +58,7 @@ class ParameterWitness:
         self._lock = threading.Lock()
         self._flight = ""
         self._is_armed: bool | None = None
+        self._newest: dict[str, tuple[int, int, ParameterValue]] = {}  # instance, revision, value
         last = history.flight()
         self._is_open = last is not None and not last.is_over
         self._queue: queue.SimpleQueue[_Item] = queue.SimpleQueue()
@@ -68,21 +69,22 @@ class ParameterWitness:
         self._thread.start()
 
     def changed(self, change: AppliedChange, received_ns: int) -> None:
-        """Write what an authority says it has changed."""
+        """Write what an authority says it has changed, and the change before it whose message was
+        lost, if any.
+        """
+        name, revision, sent_ns = change.name, change.revision, change.stamp_ns
         with self._lock:
-            if change.old != change.new:
-                self._put(
-                    ParameterChange(
-                        name=change.name,
-                        old=change.old,
-                        new=change.new,
-                        requester=change.requester,
-                        stamp_ns=received_ns,
-                        flight=self._flight,
-                        revision=change.revision,
-                        sent_ns=change.stamp_ns,
-                    )
+            instance, newest, known = self._newest.get(name, (0, 0, change.old))
+            if instance == change.instance and newest < revision - 1 and known != change.old:
+                self._write_later(
+                    name, known, change.old, NOT_HEARD, received_ns, sent_ns, revision - 1
                 )
+            if change.old != change.new:
+                self._write_later(
+                    name, change.old, change.new, change.requester, received_ns, sent_ns, revision
+                )
+            if instance != change.instance or revision > newest:
+                self._newest[name] = change.instance, revision, change.new
 
     def status(self, armed: bool, run: str) -> None:
         """Take over each status of the vehicle; a flight lasts from arming to disarming."""
@@ -105,7 +107,7 @@ class ParameterWitness:
             why = AT_START
         else:
             why = NOT_HEARD if before == snapshot.instance else AT_RESTART
-        self._adopt(snapshot.before, snapshot.values, snapshot.revision, why)
+        self._adopt(snapshot.before, snapshot.values, snapshot.revision, why, snapshot.instance)
 
     def begin(self, values: Mapping[str, ParameterValue]) -> None:
         """Take the station's own values at its start."""
@@ -126,26 +128,39 @@ class ParameterWitness:
         values: Mapping[str, ParameterValue],
         revision: int,
         why: str,
+        instance: int = 0,
     ) -> None:
         now_ns = time_ns()
         with self._lock:
             if unknown := {name: value for name, value in values.items() if name not in before}:
                 self._put(unknown)
             for name, value in values.items():
-                if (old := before.get(name, value)) == value:
-                    continue
-                self._put(
-                    ParameterChange(
-                        name=name,
-                        old=old,
-                        new=value,
-                        requester=why,
-                        stamp_ns=now_ns,
-                        sent_ns=now_ns,
-                        flight=self._flight,
-                        revision=revision,
-                    )
-                )
+                if (old := before.get(name, value)) != value:
+                    self._write_later(name, old, value, why, now_ns, now_ns, revision)
+                    self._newest[name] = instance, revision, value
+
+    def _write_later(
+        self,
+        name: str,
+        old: ParameterValue,
+        new: ParameterValue,
+        requester: str,
+        stamp_ns: int,
+        sent_ns: int,
+        revision: int,
+    ) -> None:
+        self._put(
+            ParameterChange(
+                name=name,
+                old=old,
+                new=new,
+                requester=requester,
+                stamp_ns=stamp_ns,
+                flight=self._flight,
+                revision=revision,
+                sent_ns=sent_ns,
+            )
+        )
 
     def _put(self, item: _Item) -> None:
         self._idle.clear()

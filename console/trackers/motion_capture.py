@@ -8,6 +8,7 @@ passes no stamps of the system on: frames are stamped where they are received.
 from __future__ import annotations
 
 import importlib.util
+import math
 import socket
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -66,13 +67,13 @@ class MotionCaptureSource:
         """Yield each frame with a body. Raises UnreachableError when none comes for PATIENCE."""
         came: list[Any] = []
         job = Job(_read, *self._order, niceness=0, report=came.append)
-        heard, connected = time.monotonic(), False
+        heard, connected = math.inf, False  # its client has not begun yet
         try:
             while not self._closed:
                 if job.look(POLL):
                     self._ended(job)
                 if came:
-                    heard, connected = time.monotonic(), True
+                    heard, connected = time.monotonic(), came[-1][1] is not None
                 for stamp, bodies in came:
                     if bodies:
                         yield Frame(None, stamp, tuple(map(_body, bodies)))
@@ -104,9 +105,12 @@ def _body(told: tuple[str, list[float], list[float]]) -> Body:
 
 
 def _read(system: str, settings: dict[str, str], report: Callable[[Any], None]) -> None:
-    """Report each frame as (host's steady clock in ns, bodies); runs in a process of its own."""
+    """Report each frame as (host's steady clock in ns, bodies), and None for the bodies when it
+    begins to connect; runs in a process of its own.
+    """
     import motioncapture
 
+    report((monotonic_ns(), None))
     try:
         client = motioncapture.connect(system, settings)
     except RuntimeError as error:

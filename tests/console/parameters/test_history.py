@@ -177,6 +177,26 @@ def test_a_vehicle_that_starts_anew_takes_its_changes_back(start: Callable[[], B
     ]
 
 
+def test_a_change_whose_message_was_lost_is_a_row_as_well(start: Callable[[], Bench]) -> None:
+    bench = start()
+    bench.look({KP: 4.0, KV: 3.0}, (1, 0))
+    bench.tell(KP, 4.0, 5.0, 1)
+    bench.tell(KP, 6.0, 7.0, 3)  # the second one's message was lost
+    bench.tell(KP, 4.0, 5.0, 1)  # again, by another way: nothing is missing before it
+    bench.tell(KP, 4.0, 4.5, 9, instance=2)  # of another process
+    bench.tell(KP, 4.5, 4.6, 10, instance=2)
+    assert bench.witness.wait_idle(BOUND)
+    rows = [(c.revision, c.old, c.new, c.requester) for c in reversed(bench.history.changes())]
+    assert rows == [
+        (1, 4.0, 5.0, "anna"),
+        (2, 5.0, 6.0, NOT_HEARD),
+        (3, 6.0, 7.0, "anna"),
+        (1, 4.0, 5.0, "anna"),
+        (9, 4.0, 4.5, "anna"),
+        (10, 4.5, 4.6, "anna"),
+    ]
+
+
 def test_a_station_that_was_away_says_so(start: Callable[[], Bench]) -> None:
     start().look({KP: 4.0}, (1, 0))
     bench = start()
