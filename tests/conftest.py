@@ -25,8 +25,8 @@ REAL_TIME = ("vehicle/comms/test_process.py::test_a_flight_goes_on_when_comms_is
 LABORATORIES = "system/"
 """Whole laboratories, whose simulated time waits for the machine: one after another in one process,
 beside other tests. They share one as long as it runs."""
-OWN_LABORATORIES = ("system/test_betaflight.py", "system/test_onboard_camera.py")
-"""Have one each: before the shared one begins, as two would starve each other."""
+OWN_LABORATORY = "system/test_betaflight.py"
+"""Has one to itself, before the shared one begins: two would starve each other."""
 LAST_FLIGHT = "system/test_shutdown.py"
 """Ends the laboratory that the others share."""
 LIVE = (
@@ -71,7 +71,7 @@ def _cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Generator[None]:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Pages first, for they take longest; what flies last."""
-    named = (*REAL_TIME, LABORATORIES, *OWN_LABORATORIES, LAST_FLIGHT, *LIVE, BROWSER, *LONG)
+    named = (*REAL_TIME, LABORATORIES, OWN_LABORATORY, LAST_FLIGHT, *LIVE, BROWSER, *LONG)
     gone = [name for name in named if not _path(name).exists()]
     if gone:
         raise pytest.UsageError(f"{__file__} names files that do not exist: {', '.join(gone)}")
@@ -80,7 +80,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         name = _name(item.nodeid)
         early = name.startswith((LABORATORIES, BROWSER, *LIVE, *LONG))
         is_alone = name.startswith(REAL_TIME)
-        place = name.startswith(LAST_FLIGHT) - name.startswith(OWN_LABORATORIES)
+        place = name.startswith(LAST_FLIGHT) - name.startswith(OWN_LABORATORY)
         return 2 if is_alone else 0 if early else 1, place
 
     items.sort(key=turn)

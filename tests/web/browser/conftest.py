@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -20,6 +20,8 @@ share a process: each would else start one of its own."""
 WITH_WEBGL = [*PLAIN, "--enable-unsafe-swiftshader"]
 """The card is emulated for the 3D view alone; the page around it is put together without."""
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
+BY_COLOUR = ["color-contrast", "link-in-text-block"]
+"""What another theme can change: the rest is looked at in one."""
 BOUND = 20_000  # ms, for a broken page only
 SCENE = (
     "<!doctype html><html lang=en><meta name=color-scheme content='light dark'>"
@@ -179,19 +181,19 @@ def flying_lab(
 
 
 @pytest.fixture(scope="module")
-def axe() -> Callable[[Any], list[str]]:
+def axe() -> Callable[..., list[str]]:
     """`axe(page)`: the serious and critical violations axe-core finds, one line each. The 3D view
     is viser's page, and left out."""
     package = pytest.importorskip("axe_playwright_python", reason="axe-core is not installed")
     script = (Path(package.__file__).parent / "axe.min.js").read_text()
 
-    def violations(page: Any) -> list[str]:
+    def violations(page: Any, rules: Sequence[str] = RULES) -> list[str]:
         if not page.evaluate("'axe' in window"):
             page.evaluate(script)
         found = page.evaluate(
             """(tags) => axe.run({ exclude: ["#scene"] },
             { runOnly: tags, resultTypes: ["violations"], iframes: false })""",
-            RULES,
+            list(rules),
         )
         return [
             f"{one['id']}: {' '.join(node['target'])} "
@@ -205,14 +207,16 @@ def axe() -> Callable[[Any], list[str]]:
 
 
 @pytest.fixture(scope="module")
-def axe_in_both_themes(axe: Callable[[Any], list[str]]) -> Callable[[Any], list[str]]:
-    """`axe` in the light and the dark theme; the page is left in the dark one."""
+def axe_in_both_themes(axe: Callable[..., list[str]]) -> Callable[[Any], list[str]]:
+    """`axe` in the light theme and, where colours count, in the dark one, in which the page is
+    left.
+    """
 
     def violations(page: Any) -> list[str]:
         found = []
-        for scheme in ("light", "dark"):
+        for scheme, rules in (("light", RULES), ("dark", BY_COLOUR)):
             page.emulate_media(color_scheme=scheme, reduced_motion="reduce")  # no half way
-            found += [f"{scheme}: {line}" for line in axe(page)]
+            found += [f"{scheme}: {line}" for line in axe(page, rules)]
         return found
 
     return violations

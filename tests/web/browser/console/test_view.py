@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -9,14 +10,24 @@ import pytest
 NEEDS_WEBGL = True
 
 
-def test_the_3d_view_shows_the_scene_and_reconnects(chromium: Any, site: Any, flying: Any) -> None:
+@pytest.fixture(scope="module")
+def drawn(chromium: Any, site: Any) -> Iterator[Any]:
+    """A page with the 3D view, which both tests use: to draw the first picture takes longest."""
+    with site.sign_in() as admin:
+        cookies = site.cookies_of(admin)
     context = chromium.new_context(viewport={"width": 640, "height": 400})
     context.set_default_timeout(60_000)
+    context.add_cookies(cookies)
     page = context.new_page()
-    page.goto(f"{site.base}/?token={site.token}")
-    page.wait_for_selector("#behaviors button")
     page.goto(f"{site.base}/?fixedDpr")
-    frame = page.query_selector("#scene").content_frame()
+    page.wait_for_selector("#behaviors button")
+    page.keyboard.press("Escape")  # the help of a first visit
+    yield page
+    context.close()
+
+
+def test_the_3d_view_shows_the_scene_and_reconnects(drawn: Any, site: Any, flying: Any) -> None:
+    page, frame = drawn, drawn.query_selector("#scene").content_frame()
     names = ["/vehicle", "/vehicle/rotor_3", "/truth", "/ground", "/flown/head", "/wanted/0"]
     names += ["/beacons/3/ball", "/beacons/0/id", "/rays", "/cones", "/estimate/covariance"]
     has = "(names) => names.every((n) => n in (window.__viserSceneTree?.getState() ?? {}))"
@@ -34,20 +45,12 @@ def test_the_3d_view_shows_the_scene_and_reconnects(chromium: Any, site: Any, fl
         page.wait_for_timeout(50)
     else:
         pytest.fail("the view did not reconnect")
-    context.close()
 
 
 def test_emergency_keys_and_help_work_after_a_click_into_the_drawn_view(
-    chromium: Any, site: Any, station: Any, flying: Any, until: Any
+    drawn: Any, station: Any, flying: Any, until: Any
 ) -> None:
-    context = chromium.new_context(viewport={"width": 640, "height": 400})
-    context.set_default_timeout(60_000)
-    page = context.new_page()
-    page.goto(f"{site.base}/?token={site.token}")
-    page.wait_for_selector("#behaviors button")
-    page.keyboard.press("Escape")  # the help of a first visit
-    page.goto(f"{site.base}/?fixedDpr")
-    frame = page.query_selector("#scene").content_frame()
+    page, frame = drawn, drawn.query_selector("#scene").content_frame()
     has = "() => '/vehicle' in (window.__viserSceneTree?.getState() ?? {})"
     frame.wait_for_function(has)
     frame.evaluate("window.reached = []; addEventListener('keydown', (e) => reached.push(e.key))")
@@ -68,4 +71,3 @@ def test_emergency_keys_and_help_work_after_a_click_into_the_drawn_view(
     page.keyboard.press("?")
     page.wait_for_selector("#help-panel[open]")
     assert frame.evaluate("reached") == ["w"], "ours must not move the camera as well"
-    context.close()
