@@ -16,12 +16,18 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import NoReturn
 
+from quadlab.commands.examples import examples_of
 from quadlab.commands.table import COMMANDS, Command, overview
 from quadlab.up.supervise import follow_parent
 from quadrotor.errors import QuadlabError, UsageError
 
 OF_SEVERAL = ("log", "link")
 """Commands that do nothing on their own: without a further word they print their help."""
+SHELLS = ("bash", "zsh", "tcsh")
+COMPLETION = (
+    "quadlab completion SHELL prints the completion for bash, zsh or tcsh: put "
+    '`eval "$(quadlab completion bash)"` into ~/.bashrc'
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -37,6 +43,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if words in ([name] for name in OF_SEVERAL):
         words.append("--help")
     try:
+        if words[0] == "completion":
+            words = ["--tyro-print-completion", _shell(words[1:])]
         return parse(words).run()
     except UsageError as error:
         print(f"quadlab: {error}", file=sys.stderr)
@@ -49,6 +57,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of our output, `head` for instance, has enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+
+
+def _shell(words: Sequence[str]) -> str:
+    if len(words) != 1 or words[0] not in SHELLS:
+        raise UsageError(f"completion {' '.join(words)!r} is not known; {COMPLETION}")
+    return words[0]
 
 
 def program() -> NoReturn:
@@ -83,6 +97,7 @@ def parse(words: Sequence[str]) -> Command:
             )
     except SystemExit as stop:
         if stop.code in (0, None):
+            print(examples_of(words[0]), end="")
             raise
         raise UsageError(_one_line(complaint.getvalue())) from None
     return command

@@ -57,7 +57,8 @@ Examples:
   quadlab fly figure_eight --report       fly the paper's 8 in simulated time
   quadlab log report LOG                  make a report of a recorded flight
 
-quadlab COMMAND --help lists the options of a command, quadlab --version prints the version.
+quadlab COMMAND --help lists the options of a command, with examples. quadlab completion SHELL
+prints the completion for bash, zsh or tcsh, and quadlab --version the version.
 """
 
 

@@ -6,6 +6,7 @@ import json
 import os
 import platform
 import re
+import shlex
 import socket
 import subprocess
 import sys
@@ -17,6 +18,7 @@ import pytest
 from control.margins import margins
 from control.presets import PRESETS, preset
 from quadlab.__main__ import main, parse
+from quadlab.commands.examples import EXAMPLES, examples_of
 from quadlab.commands.table import COMMANDS
 from quadlab.settings import parse_settings
 from quadlab.simulated.parameters import FlightParameters
@@ -258,6 +260,33 @@ def test_the_overview_has_every_command_in_a_line_of_its_own(
     assert main(words) == 0
     listed = re.findall(r"^  (\w+) +[A-Z]", capsys.readouterr().out, re.MULTILINE)
     assert sorted(listed) == sorted(COMMANDS)
+
+
+def test_every_command_has_examples_that_it_takes() -> None:
+    assert EXAMPLES.keys() == COMMANDS.keys()
+    for name, shown in EXAMPLES.items():
+        for example in shown:
+            program, *words = shlex.split(example)
+            assert (program, words[0]) == ("quadlab", name)
+            assert isinstance(parse(words), COMMANDS[name]), example
+
+
+def test_help_ends_with_the_examples(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["log", "info", "--help"])
+    assert capsys.readouterr().out.endswith(examples_of("log"))
+
+
+def test_bash_completes_words(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    with pytest.raises(SystemExit):
+        main(["completion", "bash"])
+    (tmp_path / "completion").write_text(capsys.readouterr().out)
+    script = f"""source {tmp_path}/completion
+        COMP_WORDS=(quadlab ca) COMP_CWORD=1 COMP_LINE="quadlab ca"
+        $(complete -p quadlab | sed "s/.*-F \\([^ ]*\\).*/\\1/"); echo ${{COMPREPLY[@]}}"""
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["calibrate", "camera"]
+    assert "for bash, zsh or tcsh" in complaint(capsys, ["completion", "fish"], 2)
 
 
 @pytest.mark.parametrize("words", [["log"], ["link"]])

@@ -1,0 +1,75 @@
+"""Examples of each command, printed below the options by `--help`."""
+
+from __future__ import annotations
+
+EXAMPLES: dict[str, dict[str, str]] = {
+    "up": {
+        "quadlab up": "fly a simulated vehicle under the page",
+        "quadlab up --set simulator.preset=rough": "… as rough as a real one",
+        "quadlab up --tracker natnet": "… on the poses of a simulated OptiTrack",
+    },
+    "fly": {
+        "quadlab fly figure_eight --report": "fly the paper's 8, and make a report of it",
+        "quadlab fly bearings --seed 3 --out flights": "fly on bearings, log into flights/",
+        "quadlab fly hover --set control.preset=stiff": "fly with other gains",
+    },
+    "calibrate": {
+        "quadlab calibrate": "print the calibrations in force",
+        "quadlab calibrate accelerometer": "calibrate, guided step by step",
+        "quadlab calibrate gyroscope --accept": "calibrate in a script",
+    },
+    "log": {
+        "quadlab log info --explain LOG": "print what happened in a flight",
+        "quadlab log import FLIGHT.ulg": "import a flight that PX4 recorded",
+        "quadlab log export LOG --format parquet": "convert a log for pandas",
+    },
+    "replay": {
+        "quadlab replay LOG": "run both estimators over a recorded flight",
+        "quadlab replay LOG --on bearings --estimator error_state": "run one, on bearings",
+    },
+    "link": {
+        "quadlab link enrol quad1 192.168.1.20": "create the certificates of a vehicle",
+        "quadlab link list --seek": "list known vehicles, and others on this network",
+        "quadlab link test quad1": "measure latency, loss and throughput",
+    },
+    "user": {
+        "quadlab user add anna": "add an account; asks for the password",
+        "quadlab user role anna operator": "change what an account may do",
+    },
+    "camera": {
+        "quadlab camera --device 0 --board 7x5 --square 0.04 --marker 0.03 --out camera.yaml": (
+            "calibrate a camera"
+        )
+    },
+    "gains": {
+        "quadlab gains": "print the margins of the named gain sets",
+        "quadlab gains --set control.position.kp_xy=5": "… and of one that differs",
+    },
+    "new": {"quadlab new law mine": "write a control law and its test into the data folder"},
+    "doctor": {"quadlab doctor": "print what a maintainer asks for"},
+    "vehicle": {
+        "quadlab vehicle --find": "list the serial devices, and what answers there",
+        "quadlab vehicle --check --serial auto": "check the board without propellers",
+        "quadlab vehicle --serial auto --rate 500": "fly",
+        "quadlab vehicle --board betaflight --serial /dev/ttyACM0 --check": "check its settings",
+    },
+    "simulator": {
+        "quadlab simulator --folder /tmp/quad": "simulate a vehicle behind /tmp/quad/mcu0"
+    },
+    "station": {"quadlab station --vehicle quad1": "run the station of one vehicle"},
+    "tracker": {
+        "quadlab tracker natnet --host 192.168.1.5 --body quad1=cf7": "track with OptiTrack",
+        "quadlab tracker camera --device 0 --intrinsics camera.yaml --tags tags.toml": (
+            "track with a USB camera"
+        ),
+    },
+    "web": {"quadlab web --port 8080": "serve the page of a running station"},
+}
+
+
+def examples_of(command: str) -> str:
+    """Return what `quadlab COMMAND --help` prints below the options."""
+    shown = EXAMPLES.get(command, {})
+    width = max(map(len, shown), default=0)
+    lines = [f"  {words:{width}}  {what}" for words, what in shown.items()]
+    return "\n".join(["Examples:", *lines, ""]) if lines else ""
