@@ -6,7 +6,10 @@ import asyncio
 from collections.abc import Coroutine
 from typing import Any
 
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketDisconnected
+
+GONE = (WebSocketDisconnect, WebSocketDisconnected, OSError)
+"""What a socket raises that the page has left: at once, or when it is used once more."""
 
 
 async def converse(
@@ -29,7 +32,7 @@ async def converse(
             task.cancel()
         ended = await asyncio.gather(*both, return_exceptions=True)
     for error in ended:
-        if isinstance(error, Exception) and not isinstance(error, WebSocketDisconnect | OSError):
+        if isinstance(error, Exception) and not isinstance(error, GONE):
             raise error
 
 

@@ -120,7 +120,8 @@ export class Charts {
   }
 
   overFrequency({ Source, Kind }, place, names, scales) {
-    const source = new Source(this.signals, this.axis), chart = new Kind(place, { axis: source.axis ?? this.axis, source, names, scales });
+    const source = new Source(this.signals, this.axis), chart = new Kind(place, { axis: source.axis ?? this.axis, source, scales });
+    chart.select(names);
     const problem = element("output", { className: "state" });
     chart.tools.append(problem);
     source.addEventListener("window", () => chart.refresh());
