@@ -16,6 +16,7 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 
+from benchmarks.flights.rough_world import WORLDS
 from benchmarks.flights.touch_down import Outcome, TouchDown
 from benchmarks.flights.watched_flight import WatchedFlight
 from quadrotor.errors import LinkError, QuadlabError
@@ -103,9 +104,12 @@ def fly_alone(seed: int, failure: str, start: str, board: str) -> Outcome:
     return outcome
 
 
-def fly_seed(seed: int, failures: tuple[str, ...], starts: tuple[str, ...]) -> list[Outcome]:
-    """Fly all failures from all starts under the conditions of one seed."""
-    settings = {f"simulator.{name}": value for name, value in conditions(seed).items()} | SETTINGS
+def fly_seed(
+    seed: int, failures: tuple[str, ...], starts: tuple[str, ...], world: str
+) -> list[Outcome]:
+    """Fly all failures from all starts under the conditions of one seed, in one of WORLDS."""
+    truth = {f"simulator.{name}": value for name, value in conditions(seed).items()}
+    settings = WORLDS[world] | truth | SETTINGS
     flight = FailingFlight(seed, settings)
     chance = np.random.default_rng((seed, 13))
     outcomes: list[Outcome] = []
@@ -241,11 +245,15 @@ def fly_all_alone(
     return sorted(found, key=lambda o: (failures.index(o.failure), starts.index(o.start), o.seed))
 
 
-def fly_all(seeds: int, failures: tuple[str, ...], starts: tuple[str, ...]) -> list[Outcome]:
-    """Fly seeds 1 to `seeds`, on all cores."""
+def fly_all(
+    seeds: int, failures: tuple[str, ...], starts: tuple[str, ...], world: str
+) -> list[Outcome]:
+    """Fly seeds 1 to `seeds` in one of WORLDS, on all cores."""
     fork = multiprocessing.get_context("fork")
     with ProcessPoolExecutor(mp_context=fork) as pool:
-        found = [pool.submit(fly_seed, seed, failures, starts) for seed in range(1, seeds + 1)]
+        found = [
+            pool.submit(fly_seed, seed, failures, starts, world) for seed in range(1, seeds + 1)
+        ]
         for number, one in enumerate(as_completed(found), start=1):
             flights = one.result()
             landed = sum(outcome.verdict == "landed" for outcome in flights)

@@ -2,6 +2,7 @@
 
     python -m benchmarks failures [--quick]
     python -m benchmarks.flights.failures [--seeds 20] [--real 2] [--only web,station] [--json FILE]
+    python -m benchmarks.flights.failures --world rough [--seeds 5]
     python -m benchmarks.flights.failures --board betaflight [--seeds 3]
 
 Seeds differ in the truth's noise, wind, motors and battery, and in the moment of the failure. In
@@ -23,6 +24,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from benchmarks.flights import failing_flights
+from benchmarks.flights.rough_world import CLEAN, WORLDS
 from benchmarks.flights.touch_down import IMPACT_MAX, UPRIGHT, Outcome
 from benchmarks.harness import Report, Row, Target
 from vehicle.boards.kind import BETAFLIGHT, MIKROKOPTER
@@ -50,8 +52,10 @@ def run(quick: bool = False) -> Report:
     return report(outcomes)
 
 
-def fly(seeds: int, real_seeds: int, only: Sequence[str]) -> list[Outcome]:
-    """Fly in simulated time first; then with the real processes, one flight after the other."""
+def fly(seeds: int, real_seeds: int, only: Sequence[str], world: str = CLEAN) -> list[Outcome]:
+    """Fly in simulated time first, in one of WORLDS; then with the real processes, one flight after
+    the other.
+    """
     names = dict.fromkeys(
         failing_flights.SILENT if name in ("flight", "frozen") else name
         for name in only
@@ -59,7 +63,7 @@ def fly(seeds: int, real_seeds: int, only: Sequence[str]) -> list[Outcome]:
     )
     outcomes = []
     if names and seeds:
-        outcomes += failing_flights.fly_all(seeds, tuple(names), failing_flights.STARTS)
+        outcomes += failing_flights.fly_all(seeds, tuple(names), failing_flights.STARTS, world)
     if real_seeds:
         from benchmarks.flights.failing_processes import STARTS, fly_real
 
@@ -150,6 +154,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=SEEDS, help="in simulated time")
     parser.add_argument("--real", type=int, default=REAL_SEEDS, help="seeds of real processes")
     parser.add_argument("--only", default=",".join(REAL_FAILURES), help="failures, by commas")
+    parser.add_argument("--world", choices=tuple(WORLDS), default=CLEAN, help="simulated time only")
     parser.add_argument("--board", choices=(MIKROKOPTER, BETAFLIGHT), default=MIKROKOPTER)
     parser.add_argument("--json", type=Path, help="write every flight there")
     options = parser.parse_args()
@@ -163,7 +168,8 @@ def main() -> int:
             options.seeds, OF_BETAFLIGHT, BETAFLIGHT_STARTS, BETAFLIGHT
         )
     else:
-        outcomes = fly(options.seeds, options.real, only)
+        real = options.real if options.world == CLEAN else 0
+        outcomes = fly(options.seeds, real, only, options.world)
     found = report(outcomes)
     print(found.as_markdown())
     if options.json:

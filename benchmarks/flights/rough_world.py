@@ -29,7 +29,8 @@ TUNED: Settings = {
     "estimation.error_state.gyroscope_noise": 0.047,
 }
 """The noise is that of the whole vibration, not of its broadband share alone."""
-WORLDS: dict[str, Settings] = {"clean": {}, "rough": ROUGH, "rough, tuned": TUNED}
+CLEAN = "clean"
+WORLDS: dict[str, Settings] = {CLEAN: {}, "rough": ROUGH, "rough, tuned": TUNED}
 EIGHT: Settings = {"experiment.manoeuvre": "figure_eight"}
 MARKER: Settings = {"estimation.estimator": "error_state", "tracker.positions_only": True}
 FLIGHTS: dict[str, tuple[str, Settings]] = {
