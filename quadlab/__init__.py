@@ -1,29 +1,35 @@
 """The command line: composition of vehicle, station, web and simulator; and what a notebook uses.
 
 `quadlab.open` returns a recorded run, `quadlab.fly` flies an experiment in simulated time,
-`quadlab.batch` flies many scenarios in compiled code.
+`quadlab.batch` flies many scenarios in compiled code, `quadlab.connect` signs in at a running
+laboratory.
 """
 
 import os
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from quadlab.laboratory import connect as connect
     from quadlab.run import fly as fly
     from quadlab.run import open as open
     from vehicle.closed_loop.batch import fly_batch as batch
 
-__all__ = ["batch", "fly", "open"]
+__all__ = ["batch", "connect", "fly", "open"]
 
 # Matrices here are small: a second thread of numpy's library would only be idle, in every process.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def __getattr__(name: str) -> Any:
-    """Load `open`, `fly` and `batch` at their first use: the command line needs none of them."""
+    """Load each function at its first use: the command line needs none of them."""
     if name == "batch":
         from vehicle.closed_loop.batch import fly_batch
 
         return fly_batch
+    if name == "connect":
+        from quadlab.laboratory import connect
+
+        return connect
     if name in ("open", "fly"):
         from quadlab import run
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+import quadlab
 from flight_log import read_attachments, read_log
 from quadlab.__main__ import main
 from vehicle_link.messages import decode
@@ -16,7 +18,7 @@ pytestmark = pytest.mark.timeout(240)
 
 
 def test_bearings_are_flown_from_the_page_judged_and_reported(
-    lab: Any, until: Callable[..., Any]
+    lab: Any, until: Callable[..., Any], tmp_path: Path
 ) -> None:
     lab.ready()
     calibrate(lab, until)
@@ -57,8 +59,10 @@ def test_bearings_are_flown_from_the_page_judged_and_reported(
     ]
     assert {m.phase for m in told if hasattr(m, "phase")} >= {"flying"}
     assert {m.requester for m in told if hasattr(m, "old_value")} == {run["operator"]}
-    values = {p["name"]: p["value"] for p in lab.get("/api/parameters")["parameters"]}
-    assert values["estimation.estimator"] == "complementary", "as it was found"
+    with quadlab.connect(lab.link()) as script:
+        assert script.parameters["estimation.estimator"] == "complementary", "as it was found"
+        assert script.open(run["id"], tmp_path)["state"]["time"][-1] > figures["judged_s"]
+        assert abs(next(script.stream("state.position.z"))["state.position.z"]) < 0.1
 
 
 def calibrate(lab: Any, until: Callable[..., Any]) -> None:

@@ -1,0 +1,283 @@
+"""A running laboratory for scripts and notebooks, over the interface of its page.
+
+with quadlab.connect("http://127.0.0.1:8080/?token=…") as lab:
+    lab.parameters["control.position.kp_xy"]
+    run = lab.fly("figure_eight", laps=2)              # the station flies, judges and records it
+    run.result.verdict, run["state"].pandas()
+"""
+
+from __future__ import annotations
+
+import json
+import ssl
+import struct
+import tempfile
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+import httpx
+from websockets.exceptions import ConnectionClosed, WebSocketException
+from websockets.sync.client import connect as open_socket
+from websockets.sync.connection import Connection
+
+from quadlab.calibration.dialogue import RUNNING
+from quadrotor.errors import LinkError, RefusedError, UnreachableError, UsageError
+from quadrotor.parameters import ParameterValue
+
+if TYPE_CHECKING:
+    from quadlab.run import Run
+
+REACH = 10.0
+"""s for an answer of the page's server."""
+RETRY = 0.5
+"""s between two attempts to connect again, and between two looks at an experiment."""
+STARTED = 10.0
+"""s within which an experiment that was accepted has begun, or has ended."""
+
+
+def connect(
+    url: str, name: str = "", password: str = "", *, authority: Path | None = None
+) -> Laboratory:
+    """Sign in at a running laboratory.
+
+    Args:
+        url: the sign-in link that `quadlab up` prints or a page makes (each is used once), or the
+            page's address, with the name and password of an account.
+        authority: the certificate (PEM) of the laboratory's own authority, of `--tls`.
+
+    Raises UnreachableError when nobody answers there, RefusedError when the link was used or the
+    password is wrong.
+    """
+    return Laboratory(url, name, password, authority)
+
+
+class Laboratory:
+    """The vehicle, station and runs behind one page; made by `connect`.
+
+    Commands are those of a person at the page: the first one takes control if nobody has it, and
+    control stays while this is open. Raises LinkError while something is not reached, RefusedError
+    with the reason of a command that is refused.
+
+    Attributes:
+        label: who this is, as the page shows it. role: viewer, operator or admin.
+    """
+
+    def __init__(self, url: str, name: str, password: str, authority: Path | None) -> None:
+        parts = urlsplit(url)
+        if parts.scheme not in ("http", "https") or not parts.netloc:
+            raise UsageError(f"{url!r} is no address; give http://HOST:PORT, or a sign-in link")
+        self._base = f"{parts.scheme}://{parts.netloc}"
+        is_tls = parts.scheme == "https"
+        self._tls = ssl.create_default_context(cafile=authority) if is_tls else None
+        self._client = httpx.Client(
+            base_url=self._base,
+            headers={"origin": self._base},
+            timeout=REACH,
+            verify=self._tls or True,
+            follow_redirects=True,
+            trust_env=False,  # no proxy
+        )
+        try:
+            if name:
+                self._ask("POST", "/login", data={"name": name, "password": password})
+            elif parts.query:
+                self._ask("GET", f"/?{parts.query}")
+            session = self._json("GET", "/api/session")
+        except RefusedError:
+            self._client.close()
+            raise RefusedError(
+                f"not signed in at {self._base}: a sign-in link is good once, and an open page "
+                "makes another; or give the name and password of an account"
+            ) from None
+        except LinkError:
+            self._client.close()
+            raise
+        self.label, self.role = str(session["label"]), str(session["role"])
+        self._closing = threading.Event()
+        self._presence: Connection | None = None
+        self._thread = threading.Thread(target=self._stay, name="laboratory", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Leave; what was started goes on, and control is free after some seconds."""
+        self._closing.set()
+        if self._presence is not None:
+            self._presence.close()
+        self._thread.join(REACH)
+        self._client.close()
+
+    def __enter__(self) -> Laboratory:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    # ------------------------------------------------------------------ looking
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Return the newest states: vehicle `status`, `link`, `battery`, `experiment`, ages."""
+        found: dict[str, Any] = self._json("GET", "/api/summary")
+        return found
+
+    @property
+    def parameters(self) -> dict[str, ParameterValue]:
+        """Return the confirmed values of vehicle, station and simulator."""
+        listed = self._json("GET", "/api/parameters")["parameters"]
+        return {one["name"]: one["value"] for one in listed}
+
+    @property
+    def signals(self) -> list[str]:
+        """Return the names that `stream` takes."""
+        return [one["name"] for one in self._json("GET", "/api/signals")["signals"]]
+
+    def stream(self, *signals: str) -> Iterator[dict[str, float]]:
+        """Yield telemetry as it comes, 25 times a second: `time` (s, epoch, of the station) and
+        each signal in its unit, NaN while it has no value.
+
+        Raises UsageError for an unknown signal, LinkError when the connection ends.
+        """
+        with self._socket("/ws/telemetry") as socket:
+            socket.send(json.dumps({"id": 1, "signals": list(signals)}))
+            try:
+                for frame in socket:
+                    if isinstance(frame, bytes) and frame[:2] == b"\1\0":
+                        yield _decoded(frame, signals)
+            except ConnectionClosed as error:
+                if error.rcvd is not None and error.rcvd.code == 1008:
+                    raise UsageError(f"telemetry: {error.rcvd.reason}") from None
+                raise LinkError(f"telemetry of {self._base} ended: {error}") from None
+
+    # ------------------------------------------------------------------ commands
+    def set(self, values: Mapping[str, ParameterValue]) -> dict[str, ParameterValue]:
+        """Change parameters, all or none; return what is in force."""
+        answer = self._json("PUT", "/api/parameters", json={"values": dict(values)})
+        applied: dict[str, ParameterValue] = answer["applied"]
+        return applied
+
+    def command(self, command: str, **fields: Any) -> None:
+        """Give a command of the page: arm, disarm, start_behavior, emergency …"""
+        self._json("POST", f"/api/commands/{command}", json=fields)
+
+    def start(self, behavior: str, **arguments: float | str | bool) -> None:
+        """Start a behavior: take_off (height), hover, go_to (x, y, z, yaw), land …"""
+        self.command("start_behavior", name=behavior, arguments=arguments)
+
+    def fly(self, experiment: str, **options: ParameterValue) -> Run:
+        """Let the station fly an experiment; return its run with the verdict when it has ended.
+
+        Raises RefusedError when it is refused, LinkError when it was stopped before its end.
+        """
+        from console.experiments.client import Result
+
+        before = self._experiment()
+        body = {"name": experiment, "options": options}
+        self._json("POST", "/api/experiments/start", json=body)
+        limit = time.monotonic() + STARTED
+        while (now := self._experiment()) == before and time.monotonic() < limit:
+            time.sleep(RETRY)
+        while (now := self._experiment())["phase"] in RUNNING:
+            time.sleep(RETRY)
+        if not now["verdict"] or not now["run_id"]:
+            raise LinkError(f"{experiment} has no verdict: {now['phase']}; {now['reason']}")
+        metrics = {one["name"]: one["value"] for one in now["metrics"]}
+        limits = {one["name"]: one["limit"] for one in now["metrics"] if one["limit"] is not None}
+        result = Result(now["verdict"], metrics, limits, now["reason"])
+        return self.open(now["run_id"], result=result)
+
+    # ------------------------------------------------------------------ runs
+    @property
+    def runs(self) -> list[dict[str, Any]]:
+        """Return the recorded runs, newest first: id, start, duration, operator, tags …"""
+        found: list[dict[str, Any]] = self._json("GET", "/api/runs")
+        return found
+
+    def open(self, run: str, folder: Path | None = None, result: Any = None) -> Run:
+        """Download a run and return it; into a temporary folder when none is given."""
+        from quadlab.run import Run
+
+        place = Path(tempfile.mkdtemp(prefix="quadlab-")) if folder is None else folder
+        file = place / f"{run}.mcap"
+        part = file.with_suffix(".part")
+        try:
+            with self._client.stream("GET", f"/api/runs/{run}/download") as answer:
+                if answer.status_code != httpx.codes.OK:
+                    answer.read()
+                    raise RefusedError(_reason(answer))
+                with part.open("wb") as out:
+                    for piece in answer.iter_bytes():
+                        out.write(piece)
+        except httpx.TransportError as error:
+            raise UnreachableError(f"{self._base} was lost in a download: {error}") from None
+        part.replace(file)
+        return Run(file, result)
+
+    # ------------------------------------------------------------------ the way there
+    def _experiment(self) -> dict[str, Any]:
+        return self.summary.get("experiment") or {}
+
+    def _json(self, method: str, path: str, **more: Any) -> Any:
+        return self._ask(method, path, **more).json()
+
+    def _ask(self, method: str, path: str, **more: Any) -> httpx.Response:
+        try:
+            answer = self._client.request(method, path, **more)
+        except httpx.TransportError as error:
+            raise UnreachableError(
+                f"no page answers at {self._base} ({error}); start `quadlab up`, or correct the "
+                "address"
+            ) from None
+        if answer.is_error:
+            kind = LinkError if answer.status_code in (502, 503, 504) else RefusedError
+            raise kind(_reason(answer))
+        return answer
+
+    def _socket(self, path: str) -> Connection:
+        cookies = "; ".join(f"{one.name}={one.value}" for one in self._client.cookies.jar)
+        address = f"{self._base.replace('http', 'ws', 1)}{path}"
+        try:
+            return open_socket(
+                address,
+                additional_headers={"Cookie": cookies},
+                origin=self._base,  # type: ignore[arg-type]  # a NewType of str
+                open_timeout=REACH,
+                max_size=None,
+                ssl=self._tls,
+                proxy=None,
+            )
+        except (OSError, WebSocketException) as error:
+            raise UnreachableError(f"{self._base}{path} is not reached: {error}") from None
+
+    def _stay(self) -> None:
+        """Be present, as a page that is open, for whom the station keeps control."""
+        while not self._closing.is_set():
+            try:
+                with self._socket("/ws/events") as socket:
+                    self._presence = socket
+                    for _ in socket:
+                        pass
+            except (UnreachableError, ConnectionClosed):
+                self._closing.wait(RETRY)
+
+
+def _decoded(frame: bytes, signals: Sequence[str]) -> dict[str, float]:
+    _, count, stamp = struct.unpack_from("<HHd", frame)
+    values = struct.unpack_from(f"<{count}f", frame, len(frame) - 4 * count)
+    return {"time": stamp, **dict(zip(signals, values, strict=True))}
+
+
+def _reason(answer: httpx.Response) -> str:
+    """Return why a request was refused, as the server puts it."""
+    try:
+        return str(answer.json()["error"])
+    except (ValueError, KeyError, TypeError):
+        return f"{answer.request.url.path}: {answer.status_code} {answer.reason_phrase}"

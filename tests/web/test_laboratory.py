@@ -1,0 +1,128 @@
+"""`quadlab.connect`: a script looks at a laboratory, changes it, and takes runs home."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import quadlab
+from benchmarks.logs.recorded_run import MadeRun, write_run
+from quadlab.laboratory import Laboratory
+from quadrotor.errors import RefusedError, UnreachableError, UsageError
+from tests.waiting import free_port
+from vehicle_link.messages import new
+
+RUN = "20260131T093042Z_quad1"
+KP = "gains.kp"
+
+
+@pytest.fixture
+def lab(site: Any, station: Any) -> Iterator[Laboratory]:
+    file = site.data / "runs" / f"{RUN}.mcap"
+    file.unlink()
+    write_run(file, MadeRun(2.0))
+    with quadlab.connect(f"{site.base}/?token={site.token}") as made:
+        yield made
+
+
+def test_it_is_signed_in_by_a_link_and_is_present_as_a_page_is(
+    lab: Laboratory, site: Any, until: Any
+) -> None:
+    assert (lab.role, lab.label.split()[0]) == ("admin", "admin")
+    until(lambda: lab.summary["pages"] == 1)
+    with pytest.raises(RefusedError, match="not signed in at http://127"):
+        quadlab.connect(site.base)
+    with pytest.raises(RefusedError, match="not signed in"):
+        quadlab.connect(f"{site.base}/?token=used")
+
+
+def test_what_is_no_laboratory_says_so() -> None:
+    with pytest.raises(UsageError, match="give http://HOST:PORT"):
+        quadlab.connect("localhost:8080")
+    with pytest.raises(UnreachableError, match="no page answers at http://127"):
+        quadlab.connect(f"http://127.0.0.1:{free_port()}")
+
+
+def test_parameters_are_read_and_changed_and_refusals_say_why(
+    lab: Laboratory, station: Any, until: Any
+) -> None:
+    def known() -> bool:
+        station.fly()
+        return KP in lab.parameters
+
+    until(known)
+    before = lab.parameters[KP]
+    assert lab.set({KP: 4.75}) == {KP: 4.75}
+    assert lab.parameters[KP] == 4.75
+    with pytest.raises(RefusedError, match=KP):
+        lab.set({KP: 1e9})
+    assert lab.parameters[KP] == 4.75
+    lab.set({KP: before})
+
+
+def test_commands_reach_the_station_in_its_name(lab: Laboratory, station: Any) -> None:
+    lab.command("arm")
+    lab.start("take_off", height=1.5)
+    (arm, one), (start, two) = station.requests
+    assert (arm, start, one.requester) == ("arm", "start_behavior", lab.label)
+    assert two.name == "take_off"
+    station.refusal = "the motors are off; arm the vehicle first"
+    with pytest.raises(RefusedError, match="arm the vehicle first"):
+        lab.start("take_off", height=1.5)
+
+
+def test_telemetry_comes_as_it_is_published(lab: Laboratory, station: Any) -> None:
+    assert "state.position.z" in lab.signals
+    station.fly(1.0, 2.0, 1.25)
+    stream = lab.stream("state.position.z", "battery.voltage")
+    for _, sample in zip(range(50), stream, strict=False):
+        if sample["state.position.z"] == 1.25:
+            break
+    else:
+        pytest.fail(f"it did not come: {sample}")
+    assert sample.keys() == {"time", "state.position.z", "battery.voltage"}
+    assert sample["time"] > 1e9
+    assert math.isnan(sample["battery.voltage"]) or sample["battery.voltage"] > 0.0
+    with pytest.raises(UsageError, match="unknown signal 'nonsense'"):
+        next(lab.stream("nonsense"))
+
+
+def test_runs_are_listed_and_taken_home(lab: Laboratory, tmp_path: Path) -> None:
+    assert RUN in [run["id"] for run in lab.runs]
+    run = lab.open(RUN, tmp_path)
+    assert run.path == tmp_path / f"{RUN}.mcap"
+    assert run.duration == pytest.approx(2.0, abs=0.1)
+    with pytest.raises(RefusedError, match="list them on the Runs page"):
+        lab.open("20200101T000000Z_quad1", tmp_path)
+    assert [file.name for file in tmp_path.iterdir()] == [f"{RUN}.mcap"]
+
+
+def test_an_experiment_is_waited_for_and_its_run_has_the_verdict(
+    lab: Laboratory, station: Any
+) -> None:
+    def told(phase: str, **more: Any) -> None:
+        fields = {"name": "hover", "phase": phase, "run_id": RUN, "requester": lab.label, **more}
+        station.put("experiment_status", new("quadlab_msgs/ExperimentStatus", **fields))
+
+    def flown() -> None:
+        while not any(name == "experiment" for name, _ in station.requests):
+            threading.Event().wait(0.01)
+        told("flying")
+        threading.Event().wait(1.0)  # the script looks twice a second
+        figures = {"metric_names": ["position_rms_m", "judged_s"], "metric_values": [0.002, 9.0]}
+        told("passed", verdict="passed", metric_limits=[0.005, math.nan], **figures)
+
+    told("stopped", reason="an earlier one")
+    flight = threading.Thread(target=flown)
+    flight.start()
+    run = lab.fly("hover", duration=9.0)
+    flight.join()
+    assert run.result is not None
+    assert (run.result.verdict, run.result.limits) == ("passed", {"position_rms_m": 0.005})
+    assert run.result.metrics == {"position_rms_m": 0.002, "judged_s": 9.0}
+    assert run.path.stem == RUN
