@@ -9,6 +9,7 @@ from typing import Any
 
 from quadlab.calibration.lines import beside, table, told
 from quadlab.calibration.screen import Screen
+from quadlab.commands.option_types import Flag
 from quadlab.station_client import StationClient
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, MeasurementError, RefusedError, UsageError
@@ -27,9 +28,9 @@ class Wanted:
 
     name: str
     options: dict[str, Any]
-    yes: bool = False
-    accept: bool = False
-    reject: bool = False
+    yes: Flag = False
+    accept: Flag = False
+    reject: Flag = False
 
 
 class _DeclinedError(Exception):

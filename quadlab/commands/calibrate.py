@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from quadlab.commands.processes import Settings
+from quadlab.commands.option_types import Flag, Settings
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import ParameterError, UsageError
 
@@ -24,11 +24,11 @@ class Calibrate:
     tracker_body, or one of a file of your own"""
     set: Settings = ()
     """an option of the calibration"""
-    yes: bool = False
+    yes: Flag = False
     """say yes to every question: propellers are off, the vehicle is fixed, …"""
-    accept: bool = False
+    accept: Flag = False
     """have the vehicle take over a result within its limits, without asking"""
-    reject: bool = False
+    reject: Flag = False
     """change nothing on the vehicle, without asking"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback; --link-port of `quadlab up`"""

@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+from quadlab.commands.option_types import optional
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ class Camera:
     """squares across and down"""
     device: int = 0
     """number of the camera, as in /dev/video0"""
-    video: Path | None = None
+    video: Annotated[Path | None, optional()] = None
     """a file in its place"""
 
     def run(self) -> int:

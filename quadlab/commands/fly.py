@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from quadlab.commands.processes import File, Folder, Settings
+from quadlab.commands.option_types import File, Flag, Folder, Settings
 from quadlab.simulated.beacon_file import beacon_words
 from quadrotor.errors import UsageError
 
@@ -44,11 +44,11 @@ class Fly:
     --set bearings.layout=NAME"""
     plugins: Folder = None
     """folder of control laws of your own (default: plugins in the data folder)"""
-    true_state: bool = False
+    true_state: Flag = False
     """let the controller see the true state instead of the estimate"""
-    report: bool = False
+    report: Flag = False
     """write the report (HTML and PDF) and the experiment's own plots beside the log"""
-    json: bool = False
+    json: Flag = False
     """print verdict, log and metrics as one line of JSON at the end"""
 
     def run(self) -> int:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from quadlab.commands.processes import Folder
+from quadlab.commands.option_types import Folder
 from quadlab.data_folder import open_data_folder
 from quadrotor.checkout import ROOT
 from quadrotor.errors import StorageError, UsageError

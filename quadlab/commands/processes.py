@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 
 import tyro
 
+from quadlab.commands.option_types import Flag, Folder, Names, Settings, optional
 from quadlab.data_folder import open_data_folder
 from quadlab.settings import check_laws, parse_board_options, parse_settings
 from quadlab.up import serial_ports
@@ -22,12 +23,6 @@ from quadrotor.errors import QuadlabError, UsageError
 from vehicle.boards.kind import MIKROKOPTER
 from vehicle_link.serial.identity import THE_ONE, Identity
 
-Settings = Annotated[
-    tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME=VALUE")
-]
-Folder = Annotated[Path | None, tyro.conf.arg(metavar="DIR")]
-File = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
-Names = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME")]
 WATCH_PERIOD = 0.2
 SIGN_IN_TOKEN = "QUADLAB_SIGN_IN_TOKEN"
 """Environment variable by which `up` hands `web` its one-time token."""
@@ -41,11 +36,11 @@ class Vehicle:
 
     serial: Annotated[tuple[str, ...], tyro.conf.arg(metavar="PORT[,PORT]")] = ()
     """the microcontroller's serial ports, one or two; auto looks for them behind all devices"""
-    check: bool = False
+    check: Flag = False
     """only test the connection and print what was found"""
     board: str = MIKROKOPTER
     """the board that turns the motors: mikrokopter, betaflight, or of a package (docs/boards)"""
-    find: bool = False
+    find: Flag = False
     """only look at all serial devices and print what is there"""
     robot_id: Annotated[int, tyro.conf.arg(metavar="ID")] = THE_ONE.robot_id
     """the number the microcontroller calls itself by; motors start with no other"""
@@ -53,10 +48,10 @@ class Vehicle:
     """revision of its firmware; motors start with no other"""
     data: Folder = None
     """data folder"""
-    rate: Annotated[int | None, tyro.conf.arg(metavar="HZ")] = None
+    rate: Annotated[int | None, optional("HZ")] = None
     """IMU samples and ticks a second, 60 to 1000; one port carries 338, two carry 677 (default:
     500, with one port 300)"""
-    in_process: bool = False
+    in_process: Flag = False
     """instead of --serial: fly a simulated vehicle inside the flight process, at any rate"""
     link_port: int = 7447
     """UDP port of the radio link to listen on"""

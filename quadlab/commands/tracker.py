@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from quadlab.commands.option_types import optional
 from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import LinkError, UsageError
 
@@ -37,7 +38,7 @@ class Tracker:
     of several vehicles the option once for each; of onboard_camera the vehicle that it is on"""
     host: str = ""
     """of the system; of udp the address to listen on"""
-    port: Annotated[int | None, tyro.conf.arg(metavar="PORT")] = None
+    port: Annotated[int | None, optional("PORT")] = None
     """where it is not the system's usual one (udp: 5005)"""
     unit: Literal["m", "mm"] = "m"
     """of the positions that the system sends"""
@@ -45,11 +46,11 @@ class Tracker:
     """the system's axis that points up"""
     device: int = 0
     """of a camera: its number, as in /dev/video0"""
-    video: Path | None = None
+    video: Annotated[Path | None, optional()] = None
     """of a camera: a file in its place"""
-    intrinsics: Path | None = None
+    intrinsics: Annotated[Path | None, optional()] = None
     """of a camera: the file that `quadlab camera` wrote"""
-    tags: Path | None = None
+    tags: Annotated[Path | None, optional()] = None
     """of a camera: the TOML file that says which tags are where"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback"""

@@ -15,14 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from quadlab.commands.processes import (
-    OPEN_BROWSER,
-    SIGN_IN_TOKEN,
-    WATCH_PERIOD,
-    Folder,
-    Settings,
-    check_tracker,
-)
+from quadlab.commands.option_types import Flag, Folder, Settings, optional
+from quadlab.commands.processes import OPEN_BROWSER, SIGN_IN_TOKEN, WATCH_PERIOD, check_tracker
 from quadlab.data_folder import open_data_folder, owned
 from quadlab.settings import check_laws, parse_board_options, parse_settings
 from quadlab.simulated.fleet import SimulatedFleet
@@ -54,18 +48,18 @@ class Up(PageOptions):
     """HTTP port of the page"""
     data: Folder = None
     """data folder (default: the platform's)"""
-    no_browser: bool = False
+    no_browser: Flag = False
     """do not open a browser"""
     link_port: int = 7447
     """port of the radio link (UDP) and of the station's loopback session (TCP)"""
     vehicles: Annotated[int, tyro.conf.arg(metavar="N")] = 1
     """simulated vehicles, 1 to 8: quad1, quad2, …; several fly at reduced rates"""
-    rate: Annotated[int | None, tyro.conf.arg(metavar="HZ")] = None
+    rate: Annotated[int | None, optional("HZ")] = None
     """ticks of each vehicle a second, 60 to 677: what two serial ports carry (default: 500; of
     two or three 100, of more 60)"""
     name: str = THE_VEHICLE
     """namespace of the vehicle's topics"""
-    real_time: bool = False
+    real_time: Flag = False
     """for timing tests: let the simulation go on by the computer's time, even when flight stack or
     station are late (default: it waits for them, and slows on a busy machine)"""
     tracker: Annotated[str, tyro.conf.arg(metavar="WORDS")] = ""

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import tyro
 
-from quadlab.commands.processes import Folder
+from quadlab.commands.option_types import Flag, Folder, optional
 from quadlab.data_folder import open_data_folder
 from quadrotor.errors import UsageError
 
@@ -39,10 +39,10 @@ class User:
         RoleName | None, tyro.conf.Positional, tyro.conf.arg(name="new-role", metavar="ROLE")
     ] = None
     """for role: the new one"""
-    role: RoleName | None = None
+    role: Annotated[RoleName | None, optional()] = None
     """for add: viewer watches, operator commands, admin also manages users (default: operator;
     the first account is an admin)"""
-    password_stdin: bool = False
+    password_stdin: Flag = False
     """read the password from standard input, one line"""
     data: Folder = None
     """data folder"""

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import tyro
 
-from quadlab.commands.processes import Folder
+from quadlab.commands.option_types import Folder, optional
 from quadlab.data_folder import open_data_folder
 from quadlab.link_commands.handing_over import THERE, hand_over, how_to_copy
 from quadlab.vehicle_names import check_name
@@ -26,7 +26,7 @@ class Enrol:
     """host name or address under which it is dialled, with :port unless it is 7447"""
     also: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="HOST")] = ()
     """a further name or address of it"""
-    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    out: Annotated[Path | None, optional("DIR")] = None
     """folder, or file ending in .tar, for what the vehicle needs"""
     data: Folder = None
     """data folder"""

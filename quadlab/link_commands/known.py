@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from quadlab.commands.processes import Folder
+from quadlab.commands.option_types import Flag, Folder
 from quadlab.data_folder import open_data_folder
 
 STATES = {
@@ -22,7 +22,7 @@ STATES = {
 class List:
     """The vehicles known here and whether they answer."""
 
-    seek: bool = False
+    seek: Flag = False
     """also knock at every address of this machine's networks"""
     data: Folder = None
     """data folder"""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from quadlab.commands.processes import Folder
+from quadlab.commands.option_types import Folder, optional
 from quadlab.data_folder import open_data_folder
 from quadlab.link_commands.handing_over import THERE, hand_over
 from quadrotor.errors import UsageError
@@ -28,7 +28,7 @@ MAY = {
 class _Station:
     name: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME")]
     """of the person or machine, like ben"""
-    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
+    out: Annotated[Path | None, optional("DIR")] = None
     """folder, or file ending in .tar, for what the station needs"""
     data: Folder = None
     """data folder"""

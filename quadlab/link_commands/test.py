@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from quadlab.commands.processes import Folder
+from quadlab.commands.option_types import Flag, Folder
 from quadlab.data_folder import open_data_folder
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import UsageError
@@ -33,7 +33,7 @@ class Test:
     """namespace of the vehicle's topics (default: what it calls itself)"""
     seconds: float = 8.0
     """how long to measure"""
-    json: bool = False
+    json: Flag = False
     """print the figures as JSON"""
     data: Folder = None
     """data folder"""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from quadlab.commands.option_types import Flag
 from quadlab.log_commands.progress import progress_of
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import LinkError, StorageError, UsageError
@@ -29,7 +30,7 @@ class Fetch:
 
     log: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = None
     """name of a log on board, or newest; without one they are listed"""
-    cancel: bool = False
+    cancel: Flag = False
     """stop fetching it, and throw away what came"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback; --link-port of `quadlab up`"""

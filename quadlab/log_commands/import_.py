@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from quadlab.commands.processes import File, Folder
+from quadlab.commands.option_types import File, Flag, Folder, optional
 from quadlab.data_folder import open_data_folder
 from quadlab.vehicle_names import check_name
 
@@ -20,13 +20,13 @@ class Import:
 
     file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")]
     """the recorded flight: ULog, a ROS bag, µSD of a Crazyflie, CSV, HDF5, NumPy"""
-    mapping: Annotated[str | None, tyro.conf.arg(metavar="NAME_OR_FILE")] = None
+    mapping: Annotated[str | None, optional("NAME_OR_FILE")] = None
     """which columns are what: one that comes with quadlab, or a TOML file of your own"""
     truth: File = None
     """file of the mapping's [truth], in place of the one it names"""
-    name: str | None = None
+    name: Annotated[str | None, optional()] = None
     """name of the vehicle (default: the mapping's)"""
-    torn: bool = False
+    torn: Flag = False
     """import a file that is cut off, up to there"""
     data: Folder = None
     """data folder whose runs it joins"""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from quadlab.commands.option_types import Flag
 from quadlab.log_commands.log_file import LogFile, check_log_file
 from quadlab.log_commands.progress import progress_of
 
@@ -22,9 +23,9 @@ class Info:
 
     file: LogFile
     """the MCAP file"""
-    json: bool = False
+    json: Flag = False
     """print it as one line of JSON"""
-    explain: bool = False
+    explain: Flag = False
     """also what happened in the flight, the heaviest first"""
 
     def run(self) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from quadlab.commands.processes import Folder
+from quadlab.commands.option_types import Flag, Folder
 from quadlab.log_commands.log_file import LogFile, check_log_file
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ class Report:
     """the MCAP file"""
     out: Folder = None
     """folder for it (default: beside the log)"""
-    no_pdf: bool = False
+    no_pdf: Flag = False
     """only the page"""
 
     def run(self) -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from quadlab.commands.processes import File, Settings
+from quadlab.commands.option_types import File, Flag, Names, Settings
 from quadlab.log_commands.log_file import check_log_file
 from quadlab.simulated.beacon_file import beacon_words
 from quadrotor.errors import LogFormatError, StorageError, UsageError
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from quadlab.replay.log import Recording
     from quadlab.replay.measurements import MeasurementStore
 
-Names = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME")]
 Runs = Annotated[
     tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="'NAME NAME=VALUE …'")
 ]
@@ -58,7 +57,7 @@ class Replay:
     beacons: File = None
     """beacons of a CSV file with the header id,x,y,z (m); layouts by name with
     --set bearings.layout=NAME"""
-    survey: bool = False
+    survey: Flag = False
     """first find where the beacons (or, of sweeps, the base stations) are from the flight itself,
     and give that to all runs; with --on both the tracker's poses say where, with bearings alone
     the IMU does"""
@@ -72,7 +71,7 @@ class Replay:
     """draw the position errors over time"""
     csv: File = None
     """write the table"""
-    json: bool = False
+    json: Flag = False
     """print the table as one line of JSON at the end"""
 
     def run(self) -> int:

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from quadlab.commands.option_types import File, Flag
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
     from web.access.tls import Tls
-
-File = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
 
 
 @dataclass
@@ -22,7 +21,7 @@ class PageOptions:
 
     host: Annotated[str, tyro.conf.arg(metavar="ADDRESS")] = "127.0.0.1"
     """address to listen on; others than loopback need TLS and an account"""
-    tls: bool = False
+    tls: Flag = False
     """serve https, with a certificate of the data folder's own authority"""
     tls_certificate: File = None
     """serve https with this certificate (PEM)"""

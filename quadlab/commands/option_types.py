@@ -1,0 +1,22 @@
+"""Types of the command line's options, as their help shows them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+
+def optional(metavar: str | None = None) -> Any:
+    """Return the settings of an option whose default says nothing, and is not shown."""
+    return tyro.conf.arg(metavar=metavar, help_behavior_hint="")
+
+
+Flag = Annotated[bool, optional()]
+Folder = Annotated[Path | None, optional("DIR")]
+File = Annotated[Path | None, optional("FILE")]
+Names = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME")]
+Settings = Annotated[
+    tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME=VALUE")
+]
