@@ -72,9 +72,8 @@ class BearingsGuard:
         if self._navigation.source == BEARINGS:
             height = self._parameters.beacons.height_min
             raise RefusedError(
-                f"not armed: {SOURCE} is bearings, and these are too weak near the ground; take "
-                f"off on the tracker ({SOURCE} = poses), then set it to bearings above "
-                f"{height:g} m"
+                "not armed: bearings are too weak near the ground; press Back to tracker "
+                f"({SOURCE} = poses), take off, and fly on bearings above {height:g} m"
             )
 
     def check(self, values: Mapping[str, ParameterValue], armed: bool) -> None:
@@ -84,7 +83,8 @@ class BearingsGuard:
             return
         if values.get(LAYOUT, p.layout) != p.layout and source != POSES:
             raise RefusedError(
-                f"{LAYOUT} stays as it is while bearings are flown on; set {SOURCE} = poses first"
+                f"{LAYOUT} cannot change while the vehicle flies on bearings: press Back to "
+                f"tracker first ({SOURCE} = poses)"
             )
         if hands_over(source, values):
             self._check_place()

@@ -183,8 +183,8 @@ def _taker(seats: Seats, wanted: Mapping[str, str]) -> Runner:
             return one
     running = ", ".join(str(one) for one in seats.in_parallel()) or NONE
     raise RefusedError(
-        f"estimator {name} on {source} does not run, and in flight only a running one may be "
-        f"chosen (now: {running}); set {SHADOW} = {name} and {SHADOW_SOURCE} = {source} first"
+        f"{name} on {source} does not run yet (running: {running}): press Run in parallel first "
+        f"({SHADOW} = {name}, {SHADOW_SOURCE} = {source})"
     )
 
 

@@ -84,7 +84,7 @@ def test_taking_off_on_bearings_is_refused_with_what_to_do() -> None:
     parameters.estimation.source = "bearings"
     parameters.estimation.estimator = "error_state"
     reason = refusal(Lab(parameters).ready().arm)
-    assert "take off on the tracker" in reason
+    assert "press Back to tracker" in reason
     assert "above 0.3 m" in reason
 
 
@@ -109,7 +109,7 @@ def test_what_does_not_run_or_has_not_converged_is_refused_with_numbers() -> Non
     lab.wait(1.0)
     reason = refused_unchanged(lab, HAND_OVER)
     assert "error_state on bearings does not run" in reason
-    assert "now: error_state on poses" in reason
+    assert "running: error_state on poses" in reason
     lab.change({"estimation.shadow_source": "bearings"})
     assert "no measurement" in refused_unchanged(lab, HAND_OVER)
     lab.wait(0.15)
@@ -246,7 +246,7 @@ def test_the_layout_is_checked_and_stays_while_bearings_are_flown_on() -> None:
     lab.hand_over()
     lab.wait(2.0)
     assert lab.error() < 0.06  # the places were taken over
-    assert "while bearings are flown on" in refused_unchanged(lab, {"beacons.layout": "paper"})
+    assert "press Back to tracker first" in refused_unchanged(lab, {"beacons.layout": "paper"})
     lab.change({"estimation.source": "poses"})
     lab.change({"beacons.layout": "paper"})
 
