@@ -15,6 +15,7 @@ from quadrotor.records import has_attitude, pose_sample
 from vehicle_link import topics
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import encode
+from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.topics import SCENE_TOPICS, TOPICS
 from vehicle_link.topics.table import SHARED
 from vehicle_link.transport.node import Node
@@ -137,7 +138,6 @@ class Outbox:
     ) -> None:
         """Publish a changed parameter for our own log and page, and for ROS 2."""
         stamp_ns = self._vehicle_ns()
-        change = topics.encode_parameter_change(
-            stamp_ns, name, old, value, requester, revision, self._standing.instance
-        )
-        self.put("parameter_changes", change, stamp_ns)
+        instance = self._standing.instance
+        change = ParameterChange(stamp_ns, name, old, value, requester, revision, instance)
+        self.put("parameter_changes", topics.encode_parameter_change(change), stamp_ns)

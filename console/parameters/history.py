@@ -66,7 +66,7 @@ class KnownRow(Base):
 
 
 @dataclass(frozen=True, slots=True)
-class ParameterChange:
+class RecordedChange:
     """One line of the history; `id` is 0 before it is written."""
 
     name: str
@@ -80,7 +80,7 @@ class ParameterChange:
     id: int = 0
 
 
-_COLUMNS = tuple(one.name for one in fields(ParameterChange) if one.name != "id")
+_COLUMNS = tuple(one.name for one in fields(RecordedChange) if one.name != "id")
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ class ParameterHistory:
     # ------------------------------------------------------------------ read
     def changes(
         self, name: str = "", flight: str | None = None, limit: int = 200, before: int = 0
-    ) -> list[ParameterChange]:
+    ) -> list[RecordedChange]:
         """Return the changes, newest first.
 
         Args:
@@ -154,7 +154,7 @@ class ParameterHistory:
             return {row.name: literal_value(row.value) for row in rows}
 
     # ------------------------------------------------------------------ write
-    def add(self, changes: Iterable[ParameterChange]) -> None:
+    def add(self, changes: Iterable[RecordedChange]) -> None:
         """Add changes in this order; one that exists already is not added again."""
         with self._session() as session:
             for change in changes:
@@ -188,7 +188,7 @@ class ParameterHistory:
         query = select(FlightRow).where(FlightRow.vehicle == self._vehicle)
         return session.scalars(query.order_by(FlightRow.id.desc()).limit(1)).first()
 
-    def _is_there(self, session: Session, change: ParameterChange) -> bool:
+    def _is_there(self, session: Session, change: RecordedChange) -> bool:
         query = select(ChangeRow.id).where(
             ChangeRow.vehicle == self._vehicle,
             ChangeRow.name == change.name,
@@ -202,7 +202,7 @@ class ParameterHistory:
             session.merge(KnownRow(vehicle=self._vehicle, name=name, value=repr(value)))
 
 
-def _change(row: ChangeRow) -> ParameterChange:
+def _change(row: ChangeRow) -> RecordedChange:
     values = {name: getattr(row, name) for name in ("id", *_COLUMNS)}
     values |= {"old": literal_value(row.old), "new": literal_value(row.new)}
-    return ParameterChange(**values)
+    return RecordedChange(**values)

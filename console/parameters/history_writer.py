@@ -13,11 +13,11 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from console.parameters.history import ParameterChange, ParameterHistory
+from console.parameters.history import ParameterHistory, RecordedChange
 from quadrotor.errors import StorageError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.clock import time_ns
-from vehicle_link.parameters.messages import AppliedChange
+from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.replica import Snapshot
 
 log = logging.getLogger(__name__)
@@ -42,7 +42,7 @@ class _End:
     stamp_ns: int
 
 
-_Item = ParameterChange | _Begin | _End | dict[str, ParameterValue] | None
+_Item = RecordedChange | _Begin | _End | dict[str, ParameterValue] | None
 
 
 class ParameterWitness:
@@ -68,7 +68,7 @@ class ParameterWitness:
         self._thread = threading.Thread(target=self._write, name="parameter history", daemon=True)
         self._thread.start()
 
-    def changed(self, change: AppliedChange, received_ns: int) -> None:
+    def changed(self, change: ParameterChange, received_ns: int) -> None:
         """Write what an authority says it has changed, and the change before it whose message was
         lost, if any.
         """
@@ -150,7 +150,7 @@ class ParameterWitness:
         revision: int,
     ) -> None:
         self._put(
-            ParameterChange(
+            RecordedChange(
                 name=name,
                 old=old,
                 new=new,
@@ -178,7 +178,7 @@ class ParameterWitness:
         """Write an item, trying until it works: a full disk or a busy database leaves no hole."""
         while True:
             try:
-                if isinstance(item, ParameterChange):
+                if isinstance(item, RecordedChange):
                     self._history.add([item])
                 elif isinstance(item, _Begin):
                     self._history.begin_flight(item.run, item.stamp_ns)

@@ -18,6 +18,7 @@ from vehicle.comms.publish import FLOWN_ON, Publisher
 from vehicle.processes import mailbox
 from vehicle_link import topics
 from vehicle_link.messages.cdr_layout import Records
+from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.transport.rmw_keys import full_name
 
 Array = npt.NDArray[np.float64]
@@ -91,7 +92,7 @@ class FlightLog:
         self._now_ns = self._newest_ns()
         self._publisher.event(event)
 
-    def parameter_change(self, change: mailbox.ParameterChange) -> None:
+    def parameter_change(self, change: ParameterChange) -> None:
         if change.name == FLOWN_ON:
             self._flush()  # the ticks before it were flown on the estimator before
         self._now_ns = self._newest_ns()

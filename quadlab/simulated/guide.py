@@ -26,6 +26,7 @@ from vehicle.processes import mailbox
 from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.topics import encode_bench_reading
 
 REQUESTER = "experiment"
@@ -180,7 +181,7 @@ class SimulatedGuide:
         for name, value in store.set(values).items():
             if value != old[name]:
                 outbox.append(
-                    mailbox.ParameterChange(
+                    ParameterChange(
                         stamp_ns=self.stack.stamp_ns,
                         name=name,
                         old=old[name],

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from vehicle.processes import mailbox
+from vehicle_link.parameters.change import ParameterChange
 
 
 class KeptLog:
@@ -12,7 +13,7 @@ class KeptLog:
 
     def __init__(self) -> None:
         self.events: list[mailbox.Event] = []
-        self.changes: list[mailbox.ParameterChange] = []
+        self.changes: list[ParameterChange] = []
 
     @property
     def texts(self) -> list[str]:
@@ -22,7 +23,7 @@ class KeptLog:
     def event(self, event: mailbox.Event) -> None:
         self.events.append(event)
 
-    def parameter_change(self, change: mailbox.ParameterChange) -> None:
+    def parameter_change(self, change: ParameterChange) -> None:
         self.changes.append(change)
 
     def __getattr__(self, _: str) -> Callable[..., None]:

@@ -16,7 +16,8 @@ from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, par
 from quadrotor.vehicle_model import VehicleModel
 from vehicle.calibration.imu import ImuCalibration
 from vehicle_link.messages import header, new
-from vehicle_link.parameters.messages import AppliedChange, to_descriptor
+from vehicle_link.parameters.change import ParameterChange
+from vehicle_link.parameters.messages import to_descriptor
 
 RUN = "20260131T093042Z_quad1"
 EARLIER = "20260101T080000Z_quad1"
@@ -228,7 +229,7 @@ class Bench:
         changed = {name: value for name, value in values.items() if store.get(name) != value}
         store.set(changed)
         for name, value in changed.items():
-            change = AppliedChange(0, name, value, value, requester, store.revision, 0)
+            change = ParameterChange(0, name, value, value, requester, store.revision, 0)
             self.station.on_change(change)
 
     def fly(self) -> None:

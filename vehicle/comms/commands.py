@@ -16,6 +16,7 @@ from vehicle.parameters import new_parameters
 from vehicle.processes import mailbox
 from vehicle.processes.config import Rings
 from vehicle_link.commands import Request
+from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.replica import ParameterReplica
 
 REPLY_TIMEOUT_S = 1.0
@@ -144,6 +145,6 @@ class FlightParameters:
             self.replica.load(reply.applied, reply.revision)
             self._fetched.set()
 
-    def changed(self, change: mailbox.ParameterChange) -> None:
+    def changed(self, change: ParameterChange) -> None:
         """Take over a change that the flight process applied."""
         self.replica.apply({change.name: change.new}, change.revision)

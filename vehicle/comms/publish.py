@@ -11,6 +11,7 @@ import time
 from collections.abc import Sequence
 from typing import Protocol
 
+import msgspec
 import numpy as np
 
 from control.behaviors.table import BehaviorName
@@ -19,6 +20,7 @@ from vehicle.flight.modes import ControlMode, Flag, Mode
 from vehicle.processes import mailbox
 from vehicle.processes.config import PACKETS_A_SECOND
 from vehicle_link import telemetry, topics
+from vehicle_link.parameters.change import ParameterChange
 
 NOMINAL_RATE = 500.0  # Hz, until the loop has measured its own
 PROBE_NS = 200_000_000
@@ -143,20 +145,12 @@ class Publisher:
         )
         self._send("events", payload, event.stamp_ns, always=True)
 
-    def parameter_change(self, change: mailbox.ParameterChange) -> None:
+    def parameter_change(self, change: ParameterChange) -> None:
         if change.name == FLOWN_ON:
             self.estimator = str(change.new)
-        stamp_ns = change.stamp_ns
-        payload = topics.encode_parameter_change(
-            stamp_ns,
-            change.name,
-            change.old,
-            change.new,
-            change.requester,
-            change.revision,
-            self.instance,
-        )
-        self._send("parameter_changes", payload, stamp_ns, always=True)
+        change = msgspec.structs.replace(change, instance=self.instance)
+        payload = topics.encode_parameter_change(change)
+        self._send("parameter_changes", payload, change.stamp_ns, always=True)
 
     def bearing_pose(self, payload: bytes, stamp_ns: int) -> None:
         self._send("bearing_pose", payload, stamp_ns)

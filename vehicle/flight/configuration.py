@@ -20,8 +20,8 @@ from vehicle.flight.modes import FLYING
 from vehicle.flight.outbox import Outbox
 from vehicle.flight.tick_record import TickRecord
 from vehicle.parameters import VehicleParameters, check_pairs
-from vehicle.processes import mailbox
 from vehicle.safety.ground_contact import GroundContact
+from vehicle_link.parameters.change import ParameterChange
 
 ROUNDING = 1e-9
 """Fraction of a step by which a value computed by the page may exceed it (rounding)."""
@@ -105,7 +105,7 @@ class Configuration:
         self.configure()
         for name, value in applied.items():
             self._outbox.add(
-                mailbox.ParameterChange(
+                ParameterChange(
                     stamp_ns=self._tick.stamp_ns,
                     name=name,
                     old=old[name],

@@ -11,6 +11,7 @@ import msgspec
 
 from quadrotor.parameters import ParameterValue
 from vehicle_link import commands
+from vehicle_link.parameters.change import ParameterChange
 
 Arm = commands.Arm
 Bench = commands.Bench
@@ -88,15 +89,6 @@ class Event(msgspec.Struct, frozen=True, tag="event"):
     stamp_ns: int
     level: int
     text: str
-
-
-class ParameterChange(msgspec.Struct, frozen=True, tag="parameter_change"):
-    stamp_ns: int
-    name: str
-    old: ParameterValue
-    new: ParameterValue
-    requester: str
-    revision: int
 
 
 class GyroscopeFound(msgspec.Struct, frozen=True, tag="gyroscope_found"):

@@ -155,6 +155,7 @@ def connect_to_station(
 
     def connect() -> tuple[Put, Callable[[], None]]:
         from vehicle_link.messages import Message, new
+        from vehicle_link.parameters.change import ParameterChange
         from vehicle_link.parameters.messages import from_parameters, to_parameters
         from vehicle_link.parameters.service import serve_parameters
         from vehicle_link.process_instance import new_instance
@@ -170,10 +171,8 @@ def connect_to_station(
             name: str, old: ParameterValue, value: ParameterValue, requester: str, revision: int
         ) -> None:
             stamp_ns = clock.time_ns()
-            change = encode_parameter_change(
-                stamp_ns, name, old, value, requester, revision, instance
-            )
-            changes.put(change, stamp_ns)
+            change = ParameterChange(stamp_ns, name, old, value, requester, revision, instance)
+            changes.put(encode_parameter_change(change), stamp_ns)
 
         def change(request: Message) -> Message:
             applied, revision = live.change(from_parameters(request.parameters), request.requester)

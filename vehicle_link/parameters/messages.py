@@ -9,37 +9,26 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 from quadrotor.errors import LinkError, WrongTypeError
 from quadrotor.parameters import ParameterDescription, ParameterValue
 from vehicle_link.messages import Message, decode, new, stamp_of
+from vehicle_link.parameters.change import ParameterChange
 
 NOT_SET, BOOL, INTEGER, DOUBLE, STRING = range(5)
 ROS_TYPES = {"bool": BOOL, "int": INTEGER, "float": DOUBLE, "str": STRING}
 _INT64 = 2**63
 
 
-class AppliedChange(NamedTuple):
-    """A change that an authority has applied, as it says on `parameter_changes`."""
-
-    stamp_ns: int
-    name: str
-    old: ParameterValue
-    new: ParameterValue
-    requester: str
-    revision: int
-    instance: int  # of the process that counts the revisions, 0 unknown
-
-
-def decode_change(payload: bytes) -> AppliedChange:
+def decode_change(payload: bytes) -> ParameterChange:
     """Decode a quadlab_msgs/ParameterChange. Raises LinkError."""
     change = decode(payload, "quadlab_msgs/ParameterChange")
     try:
         old, value = from_value(change.old_value), from_value(change.new_value)
     except WrongTypeError as error:
         raise LinkError(f"{change.name}: {error}") from error
-    return AppliedChange(
+    return ParameterChange(
         stamp_of(change),
         str(change.name),
         old,

@@ -7,10 +7,10 @@ from functools import cache
 
 import numpy as np
 
-from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
 from vehicle_link.messages import encode, header, new, time_message
 from vehicle_link.messages.cdr_layout import FixedLayout
+from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import to_value
 from vehicle_link.topics.ticks import VEHICLE, WORLD, body_frame, layout, set_stamps
 
@@ -161,29 +161,17 @@ def encode_event(stamp_ns: int, level: int, text: str, name: str) -> bytes:
     )
 
 
-def encode_parameter_change(
-    stamp_ns: int,
-    name: str,
-    old: ParameterValue,
-    new_value: ParameterValue,
-    requester: str,
-    revision: int,
-    instance: int = 0,
-) -> bytes:
-    """Encode `parameter_changes`: quadlab_msgs/ParameterChange.
-
-    Args:
-        instance: of the process that counts the revisions.
-    """
+def encode_parameter_change(change: ParameterChange) -> bytes:
+    """Encode `parameter_changes`: quadlab_msgs/ParameterChange."""
     return encode(
         new(
             "quadlab_msgs/ParameterChange",
-            header=header(stamp_ns),
-            name=name,
-            old_value=to_value(old),
-            new_value=to_value(new_value),
-            requester=requester,
-            revision=revision,
-            instance=instance,
+            header=header(change.stamp_ns),
+            name=change.name,
+            old_value=to_value(change.old),
+            new_value=to_value(change.new),
+            requester=change.requester,
+            revision=change.revision,
+            instance=change.instance,
         )
     )

@@ -19,12 +19,8 @@ from quadrotor.errors import LinkError, RefusedError, UnreachableError
 from quadrotor.parameters import ParameterDescription, ParameterValue
 from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import decode, encode, header, new, stamp_of
-from vehicle_link.parameters.messages import (
-    AppliedChange,
-    decode_change,
-    from_parameters,
-    to_parameters,
-)
+from vehicle_link.parameters.change import ParameterChange
+from vehicle_link.parameters.messages import decode_change, from_parameters, to_parameters
 from vehicle_link.topics.table import SERVICES, TOPICS
 from web.live.events import LEVELS, SUMMARY_NOW, EventHub, event
 from web.live.latest import FAST, STALE, Live
@@ -74,7 +70,7 @@ class Station:
         self._vehicle = vehicle
         self._live = live
         self._hub = hub
-        self.on_change: Callable[[AppliedChange], None] = lambda *_: None
+        self.on_change: Callable[[ParameterChange], None] = lambda *_: None
         self.on_stick_answer: Callable[[int, bool, str], None] = lambda *_: None
         self._link_said = ""
         self._node: Node | None = None

@@ -15,7 +15,7 @@ from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import Sight
 from quadrotor.errors import QuadlabError
 from vehicle_link.parameters.authority import SIMULATOR, STATION, VEHICLE, authority_of
-from vehicle_link.parameters.messages import AppliedChange
+from vehicle_link.parameters.change import ParameterChange
 from web.live.latest import Live
 from web.live.station import Station
 from web.parameters.replica import PageParameters
@@ -45,7 +45,7 @@ class ParameterFollower:
     def attach(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
 
-    def changed_from_thread(self, change: AppliedChange) -> None:
+    def changed_from_thread(self, change: ParameterChange) -> None:
         """Hand a `parameter_changes` message over to the event loop."""
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._replica.told, change)

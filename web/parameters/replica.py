@@ -14,7 +14,7 @@ from typing import Any
 from quadrotor.errors import LinkError, UnknownParameterError
 from quadrotor.parameters import ParameterDescription, ParameterValue, coerce
 from vehicle_link.clock import wall_time
-from vehicle_link.parameters.messages import AppliedChange
+from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.replica import ParameterReplica, Snapshot
 
 LAYOUT = "station.bearings.layout"
@@ -57,7 +57,7 @@ class PageParameters(ParameterReplica):
         """Take over the values of an answer and send every page those that are news."""
         self._tell(self.apply(values, revision), requester, revision)
 
-    def told(self, change: AppliedChange) -> None:
+    def told(self, change: ParameterChange) -> None:
         """Take over the message of an authority, as `confirm` does."""
         news = self.apply({change.name: change.new}, change.revision, change.instance)
         self._tell(news, change.requester, change.revision)

@@ -16,6 +16,7 @@ from flight_log import LogWriter
 from quadrotor.records import POSE_SAMPLE, STATE, TICK
 from vehicle_link import topics
 from vehicle_link.messages import encode, header, new
+from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.topics import TOPICS
 
 MS = 1_000_000
@@ -74,7 +75,9 @@ def write(
     ]
 
     def change(name: str, old: str, value: str, ms: int) -> None:
-        payload = topics.encode_parameter_change(ms * MS, name, old, value, "ada", 1)
+        payload = topics.encode_parameter_change(
+            ParameterChange(ms * MS, name, old, value, "ada", 1)
+        )
         messages.append(("parameter_changes", payload, ms * MS))
 
     def status(mode: str, ms: int) -> None:

@@ -22,6 +22,7 @@ from tests.support.station import LinkedStation
 from tests.waiting import LIMIT, until
 from vehicle_link import topics
 from vehicle_link.messages import decode, encode, header, new
+from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import from_descriptor, from_parameters, to_parameters
 from vehicle_link.parameters.service import serve_parameters
 from vehicle_link.telemetry import pack
@@ -110,11 +111,10 @@ class ScriptedVehicle:
     def _apply(self, values: dict[str, Any], requester: str) -> None:
         self.revision += 1
         for name, value in values.items():
-            change = topics.encode_parameter_change(
-                time.time_ns(), name, self.values_[name], value, requester, self.revision
-            )
+            now_ns, old = time.time_ns(), self.values_[name]
+            change = ParameterChange(now_ns, name, old, value, requester, self.revision)
             self.values_[name] = value
-            self._out["parameter_changes"].put(change)
+            self._out["parameter_changes"].put(topics.encode_parameter_change(change))
 
     def _on_joy(self, received: Received) -> None:
         self.joys.append(topics.decode_joy(received.payload))

@@ -16,7 +16,7 @@ from console.parameters.presets import ParameterPresets
 from console.parameters.store import StationStore
 from quadrotor.errors import RefusedError, StorageError
 from quadrotor.parameters import ParameterValue
-from vehicle_link.parameters.messages import AppliedChange
+from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.replica import ParameterReplica
 
 KP, KV, LAYOUT = "control.kp", "control.kv", "beacons.layout"
@@ -48,7 +48,7 @@ class Bench:
     ) -> None:
         self.stamp += 1
         stamp = stamp or self.stamp
-        change = AppliedChange(stamp, name, old, value, who, revision, instance)
+        change = ParameterChange(stamp, name, old, value, who, revision, instance)
         self.replica.apply({name: value}, revision, instance)
         self.witness.changed(change, self.stamp)
 

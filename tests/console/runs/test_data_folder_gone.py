@@ -14,7 +14,7 @@ import pytest
 
 from console.catalogue.catalogue import DATABASE, Catalogue
 from console.catalogue.notes import write_notes
-from console.parameters.history import ParameterChange, ParameterHistory
+from console.parameters.history import ParameterHistory, RecordedChange
 from console.parameters.presets import ParameterPresets
 from console.tuning.kept_runs import KeptRuns
 from quadrotor.checkout import ROOT
@@ -22,7 +22,7 @@ from quadrotor.errors import StorageError
 from tests.support.runs import run_entry
 
 REMEDY = "mount its disk or restore it, or restart quadlab to continue with what is there"
-CHANGE = ParameterChange("control.k_p", 1.0, 2.0, "ada", 1, 1, "", 1)
+CHANGE = RecordedChange("control.k_p", 1.0, 2.0, "ada", 1, 1, "", 1)
 
 
 class Keepers:

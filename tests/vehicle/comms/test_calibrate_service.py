@@ -12,6 +12,7 @@ from quadrotor.parameters import ParameterValue
 from vehicle.calibration.store import CalibrationStore
 from vehicle.comms.calibrations import ANSWER_BYTES, TYPE
 from vehicle.processes import mailbox
+from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.transport.idempotent import Idempotent, answering
 
 NS = 1_780_000_000_000_000_000
@@ -41,8 +42,8 @@ def test_it_is_applied_kept_and_told(wired: Any) -> None:
     )
 
 
-def changes(lab: Any) -> list[mailbox.ParameterChange]:
-    return [one for one in lab.stack.outbox if isinstance(one, mailbox.ParameterChange)]
+def changes(lab: Any) -> list[ParameterChange]:
+    return [one for one in lab.stack.outbox if isinstance(one, ParameterChange)]
 
 
 def test_steps_that_flight_would_not_allow_are_taken_on_the_ground(wired: Any) -> None:

@@ -24,6 +24,7 @@ from vehicle.flight.modes import Flag, Mode
 from vehicle.processes import mailbox
 from vehicle.processes.config import create_rings, open_rings
 from vehicle_link import messages, telemetry, topics
+from vehicle_link.parameters.change import ParameterChange
 
 MS = 1_000_000
 SECOND = 1000 * MS
@@ -174,7 +175,7 @@ def test_the_replica_gives_flights_answer() -> None:
     thread = answer(flight, True, applied={"model.mass": 1.4}, revision=7)
     assert parameters.change({"model.mass": 1.4}, "anna") == ({"model.mass": 1.4}, 7)
     thread.join()
-    parameters.changed(mailbox.ParameterChange(1, "model.mass", 1.2, 1.4, "anna", 7))
+    parameters.changed(ParameterChange(1, "model.mass", 1.2, 1.4, "anna", 7))
     assert (parameters.values()["model.mass"], parameters.replica.revision) == (1.4, 7)
     thread = answer(flight, False, "in flight at most 10 % a step")
     with pytest.raises(ParameterError, match="10 % a step"):
@@ -313,7 +314,7 @@ def test_status_speaks_words(sender: Sender) -> None:
 def test_the_estimator_flown_on_is_named(sender: Sender) -> None:
     sender.publisher.estimator = "complementary"
     sender.run(0.1)
-    change = mailbox.ParameterChange(START_NS, FLOWN_ON, "complementary", "mine", "anna", 2)
+    change = ParameterChange(START_NS, FLOWN_ON, "complementary", "mine", "anna", 2)
     sender.publisher.parameter_change(change)
     sender.run(0.1)
     names = [status.estimator for status in sender.radio.decoded("estimator")]
@@ -350,9 +351,7 @@ def test_events_leave_even_when_the_station_is_lost(sender: Sender) -> None:
 
 def test_a_parameter_change_has_its_values_and_who_counts(sender: Sender) -> None:
     sender.publisher.instance = 7
-    sender.publisher.parameter_change(
-        mailbox.ParameterChange(START_NS, "model.mass", 1.3, 1.4, "anna", 2)
-    )
+    sender.publisher.parameter_change(ParameterChange(START_NS, "model.mass", 1.3, 1.4, "anna", 2))
     (change,) = sender.radio.decoded("parameter_changes")
     assert (change.name, change.revision, change.instance) == ("model.mass", 2, 7)
     assert (change.old_value.double_value, change.new_value.double_value) == (1.3, 1.4)

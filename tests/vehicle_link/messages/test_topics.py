@@ -12,7 +12,8 @@ from quadrotor.errors import LinkError, MeasurementError
 from quadrotor.records import NO_ATTITUDE, POSE_SAMPLE, TICK, Record, beacon_ids_of
 from quadrotor.rotations import rotate_inverse
 from vehicle_link.messages import TYPESTORE, decode, encode, header, new, stamp_of, stored_name
-from vehicle_link.parameters.messages import AppliedChange, decode_change
+from vehicle_link.parameters.change import ParameterChange
+from vehicle_link.parameters.messages import decode_change
 from vehicle_link.topics import (
     SERVICES,
     TOPICS,
@@ -190,8 +191,8 @@ def test_events_and_parameter_changes() -> None:
     event = decode(encode_event(STAMP, 30, "link lost", "vehicle"), "rcl_interfaces/Log")
     assert (event.level, event.msg, stamp_of(event)) == (30, "link lost", STAMP)
     for old, value in ((3.0, 4.5), (1, 2), (False, True), ("1", "True")):
-        change = AppliedChange(STAMP, "position.kp_xy", old, value, "anna", 12, 2**64 - 1)
-        decoded = decode_change(encode_parameter_change(*change))
+        change = ParameterChange(STAMP, "position.kp_xy", old, value, "anna", 12, 2**64 - 1)
+        decoded = decode_change(encode_parameter_change(change))
         assert decoded == change
         assert type(decoded.new) is type(value)
 

@@ -19,7 +19,7 @@ from console.catalogue.catalogue import Catalogue
 from console.catalogue.notes import write_notes
 from console.catalogue.tags import change_tags
 from console.comparison.parameters import ComparisonParameters
-from console.parameters.history import ParameterChange, ParameterHistory
+from console.parameters.history import ParameterHistory, RecordedChange
 from console.runs.adoption import tidy_runs
 from control.behaviors.parameters import BehaviorParameters
 from control.parameters import ControlParameters
@@ -147,7 +147,7 @@ def _furnish(data: Path, catalogue: Catalogue) -> None:
     history.begin_flight("run9", began_ns)
     for k, (name, old, value) in enumerate(CHANGES):
         at_ns = began_ns + 15 * 10**9 * k
-        history.add([ParameterChange(name, old, value, NAME, at_ns, k, "run9", at_ns)])
+        history.add([RecordedChange(name, old, value, NAME, at_ns, k, "run9", at_ns)])
 
 
 @contextmanager

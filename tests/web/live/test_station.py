@@ -12,7 +12,8 @@ import pytest
 from quadrotor.errors import LinkError, RefusedError, UnreachableError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle_link.messages import decode, encode, header, new
-from vehicle_link.parameters.messages import AppliedChange, from_parameters, to_parameters, to_value
+from vehicle_link.parameters.change import ParameterChange
+from vehicle_link.parameters.messages import from_parameters, to_parameters, to_value
 from vehicle_link.parameters.service import serve_parameters
 from vehicle_link.topics import decode_joy
 from vehicle_link.topics.table import SERVICES, TOPICS
@@ -191,7 +192,7 @@ def test_events_and_parameter_changes_reach_the_page(
     until(both)
     line = client.hub.lines[0]
     assert (line["level"], line["text"], line["source"]) == ("warn", "battery low", "q")
-    assert changes[0] == AppliedChange(0, "gains.kp", 4.5, 5.5, "ros2 param", 3, 9)
+    assert changes[0] == ParameterChange(0, "gains.kp", 4.5, 5.5, "ros2 param", 3, 9)
 
 
 def test_forwarded_messages_come_as_they_are_and_only_while_they_are_wanted(

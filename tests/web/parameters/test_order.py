@@ -12,7 +12,7 @@ import pytest
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameters import ParameterValue
 from tests.support.parameters import described
-from vehicle_link.parameters.messages import AppliedChange
+from vehicle_link.parameters.change import ParameterChange
 from web.parameters.changes import GainPath
 from web.parameters.replica import PageParameters
 
@@ -72,12 +72,12 @@ def test_a_restart_begins_a_generation_in_which_lower_revisions_count() -> None:
 
 def test_a_station_that_restarts_unseen_is_known_by_its_own_news() -> None:
     replica = replica_of()
-    replica.told(AppliedChange(0, STATION, 0.0, 0.5, "x", 30, 1))
-    replica.told(AppliedChange(0, STATION, 0.0, 0.6, "x", 29, 1))
+    replica.told(ParameterChange(0, STATION, 0.0, 0.5, "x", 30, 1))
+    replica.told(ParameterChange(0, STATION, 0.0, 0.6, "x", 29, 1))
     assert replica.value(STATION) == 0.5, "late, of the same process"
-    replica.told(AppliedChange(0, STATION, 0.0, 0.7, "x", 1, 2))
+    replica.told(ParameterChange(0, STATION, 0.0, 0.7, "x", 1, 2))
     assert replica.value(STATION) == 0.7
-    replica.told(AppliedChange(0, KP, 4.0, 6.0, "x", 1, 3))
+    replica.told(ParameterChange(0, KP, 4.0, 6.0, "x", 1, 3))
     assert replica.value(KP) == 6.0
 
 

@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from console.catalogue.catalogue import Catalogue
-from console.parameters.history import ParameterChange, ParameterHistory
+from console.parameters.history import ParameterHistory, RecordedChange
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle.parameters import new_parameters
@@ -45,8 +45,8 @@ def history(site: Any) -> ParameterHistory:
         flight = "run7" if k == 3 else ""
         if flight:
             history.begin_flight(flight, 7_000_000_000)
-        history.add([ParameterChange(name, old, value, "anna", k * 10**9, k, flight, k)])
-    history.add([ParameterChange("beacons.layout", "paper", "wide", "anna", 9, 9, "run7", 9)])
+        history.add([RecordedChange(name, old, value, "anna", k * 10**9, k, flight, k)])
+    history.add([RecordedChange("beacons.layout", "paper", "wide", "anna", 9, 9, "run7", 9)])
     return history
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from console.catalogue.catalogue import Catalogue
-from console.parameters.history import ParameterChange, ParameterHistory
+from console.parameters.history import ParameterHistory, RecordedChange
 
 DEFAULTS = {"gains.kp": 4.0, "gains.laps": 3, "gains.exact": False, "gains.rate": "nominal"}
 KP = ".gain:has(input[aria-label='gains.kp'])"
@@ -226,7 +226,7 @@ def test_the_history_restores_and_a_flight_is_marked_and_taken_back(
     history.begin_flight("run9", now_ns)
     for k in range(5):  # one gesture
         step = ("gains.kp", 4.0 + k, 5.0 + k, "ben", now_ns + k * 10**8, now_ns + k, "run9", 50 + k)
-        history.add([ParameterChange(*step)])
+        history.add([RecordedChange(*step)])
     change(gains, {"gains.kp": 9.0})
     look.value(CELL, "9")
     gains.click("#parameter-views >> text=History")
