@@ -10,14 +10,8 @@ from console.experiment_running import readings_feed
 from console.experiment_running.readings_feed import ReadingsFeed
 from quadrotor.errors import LinkError
 from quadrotor.records import TICK
+from tests.support.clock import Clock
 from vehicle_link.messages import encode, header, new
-
-
-class Clock:
-    now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 @pytest.fixture

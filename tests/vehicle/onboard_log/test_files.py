@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from quadrotor.errors import StorageError
-from quadrotor.records import TICK, Record
+from quadrotor.records import Record
+from tests.support.ticks import START_NS, STEP_NS, level_ticks
 from vehicle.onboard_log.file import Batch, Message
 from vehicle.onboard_log.files import PART_BYTES, OnboardFiles
 from vehicle.onboard_log.onboard_log import OnboardLog
@@ -23,20 +24,15 @@ from vehicle_link.messages import decode, encode, new
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.idempotent import answering
 
-START_NS = 1_780_000_000_000_000_000
-STEP_NS = 2_000_000
 BATCH = 5
 BOUND = 10.0
 """s, after which a test that waits has failed."""
 
 
 def ticks(first: int, count: int, *, armed: bool = True) -> Record:
-    """Ticks numbered from `first`, 2 ms apart, whose numbers do not compress to nothing."""
-    made = np.zeros(count, TICK)
-    made["imu"]["stamp_ns"] = START_NS + STEP_NS * np.arange(first, first + count)
-    made["state"]["quaternion_wb"][:, 0] = 1.0
+    """Return ticks whose numbers do not compress to nothing."""
+    made = level_ticks(first, count, armed=armed)
     made["state"]["position_w"] = np.random.default_rng(first).normal(size=(count, 3))
-    made["status"]["armed"] = armed
     return made
 
 

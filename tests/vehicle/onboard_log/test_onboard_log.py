@@ -17,6 +17,7 @@ from flight_log import is_closed, read_attachments, read_log, read_metadata
 from quadrotor.errors import LinkError
 from quadrotor.records import TICK, Record
 from tests.support.narrowing import now
+from tests.support.ticks import START_NS, level_ticks
 from vehicle.onboard_log import disk_sync as onboard_sync
 from vehicle.onboard_log import onboard_log
 from vehicle.onboard_log.file import Batch
@@ -27,21 +28,15 @@ from vehicle_link import topics
 from vehicle_link.serial.identity import Identity
 
 FREE_BYTES_MIN = OnboardLogParameters().stop_bytes
-START_NS = 1_780_000_000_000_000_000
 MS = 1_000_000
 BOUND = 10.0
 """s, after which a test that waits has failed."""
 
 
 def ticks(first: int, count: int, *, armed: bool) -> Record:
-    """Ticks numbered from `first`, 2 ms apart."""
-    made = np.zeros(count, TICK)
-    numbers = np.arange(first, first + count)
-    made["sequence"] = numbers
-    made["imu"]["stamp_ns"] = START_NS + 2 * MS * numbers
-    made["state"]["quaternion_wb"][:, 0] = 1.0
-    made["state"]["position_w"][:, 2] = numbers * 1e-3
-    made["status"]["armed"] = armed
+    """Return ticks that rise by a millimetre each."""
+    made = level_ticks(first, count, armed=armed)
+    made["state"]["position_w"][:, 2] = 1e-3 * np.arange(first, first + count)
     return made
 
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from quadrotor.records import TICK, Record
+from quadrotor.records import Record
+from tests.support.ticks import START_NS, STEP_NS, level_ticks
 from vehicle.onboard_log import reader as onboard_reader
 from vehicle.onboard_log.file import Batch
 from vehicle.onboard_log.onboard_log import OnboardLog
@@ -21,21 +22,15 @@ from vehicle_link.topics import SERVICES
 from vehicle_link.transport.idempotent import answering
 
 TYPE = SERVICES["onboard_log"]
-START_NS = 1_780_000_000_000_000_000
-STEP_NS = 2_000_000
 HEIGHT, YAW, SCALING = "state.pose.pose.position.2", "reference.yaw", "actuators.scaling"
 
 
 def ticks(first: int, count: int, *, armed: bool = True) -> Record:
-    """Ticks numbered from `first`, 2 ms apart; numbers count up in each column."""
-    made = np.zeros(count, TICK)
-    numbers = np.arange(first, first + count)
-    made["imu"]["stamp_ns"] = START_NS + STEP_NS * numbers
-    made["state"]["quaternion_wb"][:, 0] = 1.0
+    """Return ticks whose numbers count up in each column."""
+    made, numbers = level_ticks(first, count, armed=armed), np.arange(first, first + count)
     made["state"]["position_w"][:, 2] = numbers
     made["reference"]["yaw"] = -numbers
     made["actuators"]["scaling"] = 0.5
-    made["status"]["armed"] = armed
     return made
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from quadrotor.errors import RefusedError, StorageError, UsageError
+from tests.support.clock import Clock
 from web.access.accounts import Accounts
 from web.access.database import NAME, AccessDatabase, count_accounts
 from web.access.passwords import LONGEST, SHORTEST, Passwords, check_password
@@ -20,16 +21,9 @@ WORDS = "correct horse battery"
 OTHER = "another staple here"
 
 
-class Clock:
-    now = 1_800_000_000.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
 @pytest.fixture
 def clock() -> Clock:
-    return Clock()
+    return Clock(1_800_000_000.0)
 
 
 @pytest.fixture

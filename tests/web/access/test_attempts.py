@@ -6,21 +6,15 @@ import random
 
 import pytest
 
+from tests.support.clock import Clock
 from web.access.attempts import FORGOTTEN, FREE, LONGEST_WAIT, REMEMBERED, Attempts
 
 HERE, THERE = "192.0.2.1", "192.0.2.2"
 
 
-class Clock:
-    now = 1000.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
 @pytest.fixture
 def clock() -> Clock:
-    return Clock()
+    return Clock(1000.0)
 
 
 @pytest.fixture

@@ -10,21 +10,15 @@ from typing import Any
 import pytest
 
 from quadrotor.errors import StorageError
+from tests.support.clock import Clock
 from web.access.database import AccessDatabase
 from web.access.door import Door
 from web.access.roles import Role, Session
 from web.access.sessions import SESSION_AGE, Sessions
 
 
-class Clock:
-    now = 1_800_000_000.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
 def open_door(folder: Path, given: str | None = None, clock: Clock | None = None) -> Door:
-    return Door(folder, Sessions(AccessDatabase(folder), clock or Clock()), given)
+    return Door(folder, Sessions(AccessDatabase(folder), clock or Clock(1_800_000_000.0)), given)
 
 
 def who(session: Session | None) -> tuple[str, Role] | None:
@@ -110,7 +104,7 @@ def test_a_cookie_of_another_data_folder_is_no_session(tmp_path: Path) -> None:
 def test_a_signed_cookie_whose_session_was_never_opened_is_none(tmp_path: Path) -> None:
     """The signing secret alone opens nothing."""
     door = open_door(tmp_path)
-    made_up = Session("admin 9", Role.ADMIN, "x", 0, int(Clock.now))
+    made_up = Session("admin 9", Role.ADMIN, "x", 0, 1_800_000_000)
     assert door.session(door.sign(made_up)) is None
 
 
@@ -128,7 +122,7 @@ def test_a_signed_cookie_that_says_more_than_its_session_is_none(
 
 
 def test_a_session_ends_with_its_age(tmp_path: Path) -> None:
-    clock = Clock()
+    clock = Clock(1_800_000_000.0)
     door = open_door(tmp_path, clock=clock)
     session = door.consume(door.token)
     assert session is not None

@@ -12,6 +12,7 @@ import pytest
 
 from bearing_sim.beacons import PAPER_BEACONS, PRESETS, parse_layout
 from quadrotor.errors import RefusedError
+from tests.support.clock import Clock
 from vehicle_link.parameters.messages import from_parameters
 from web.beacons.moves import BeaconMoves
 from web.beacons.routes import csv_of, layout_of, rows_of
@@ -207,13 +208,6 @@ def test_a_view_that_cannot_be_shown_is_refused(
 
 
 # ---------------------------------------------------------------------- drags
-class Clock:
-    now = 10.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
 class Gains:
     """A gain path that can be held and can refuse."""
 
@@ -249,7 +243,7 @@ async def dragged(steps: list[tuple[int, tuple[float, float, float]]], refusal: 
         replica,  # type: ignore[arg-type]
         hub,
         lambda: back.append(1),
-        Clock(),
+        Clock(10.0),
     )
     for id, place in steps:
         moves.moved(id, place, "operator 1")

@@ -11,6 +11,7 @@ import pytest
 
 from estimation import registry
 from estimation.parameters import PRESETS as GAINS
+from tests.support.clock import Clock
 from vehicle_link.messages import decode, encode, new
 from web.beacons.comparison_feed import RATE, as_json
 from web.live.latest import STALE, Live
@@ -106,15 +107,8 @@ def test_the_feed_speaks_when_there_is_news(
 
 
 # ---------------------------------------------------------------------- signals
-class Clock:
-    now = 10.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
 def test_signals_of_the_comparison() -> None:
-    live = Live(decode, clock := Clock())
+    live = Live(decode, clock := Clock(10.0))
     live.put("comparison", encode(comparison()))
 
     def values() -> dict[str, float]:
@@ -133,7 +127,7 @@ def test_signals_of_the_comparison() -> None:
 
 
 def test_signals_of_one_frame() -> None:
-    live = Live(decode, Clock())
+    live = Live(decode, Clock(10.0))
     covariance = [0.0] * 36
     covariance[0], covariance[7], covariance[14], covariance[21] = 4e-4, 4e-4, 1e-4, 7.0
     pose = {"pose": {"position": (1.0, 2.0, 3.0)}, "covariance": covariance}

@@ -16,6 +16,7 @@ import websockets.sync.client
 from bearing_sim.beacons import PAPER_BEACONS, PRESETS, Beacons
 from bearing_sim.observability import Sight, bound_map
 from quadrotor.errors import OutOfBoundsError
+from tests.support.clock import Clock
 from vehicle_link.messages import decode, encode, header, new
 from web.beacons.marks import SEEN, UNSEEN
 from web.beacons.scene import BeaconScene, BeaconView
@@ -26,14 +27,6 @@ from web.view.server import SECRET_HEADER, VIEW_HEADER, ViewServer
 SIGMA = math.radians(1.5)
 VOLUME = ((-3.0, 3.0), (-3.0, 3.0), (0.2, 3.0))
 BUDGET = 60_000  # bytes a second and client
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 @pytest.fixture(scope="module")

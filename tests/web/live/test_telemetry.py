@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import websockets.exceptions
 
+from tests.support.clock import Clock
 from vehicle_link import clock
 from vehicle_link.lockstep import Page
 from vehicle_link.messages import decode, encode, new
@@ -22,13 +23,6 @@ from web.live.telemetry import MOST_SIGNALS, NEVER, RATE, Ping, frame, parse, to
 from web.signals import INDEX, SIGNALS, describe, snapshot
 
 QUARTER = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))  # x, y, z, w: 90 degrees of yaw
-
-
-class Clock:
-    now = 10.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 def values(live: Live) -> dict[str, float]:
@@ -83,7 +77,7 @@ def test_the_tracking_error_is_state_minus_reference() -> None:
 
 
 def test_what_is_absent_or_stale_is_no_number() -> None:
-    clock = Clock()
+    clock = Clock(10.0)
     live = Live(decode, clock)
     assert all(math.isnan(value) for value in snapshot(live))
     live.put("state", odometry((1.0, 2.0, 3.0)))

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import websockets.sync.client
 
+from tests.support.clock import Clock
 from tests.support.narrowing import now
 from vehicle_link.messages import decode, encode, header, new
 from web.live.latest import Live
@@ -19,14 +20,6 @@ from web.view.scene import RATE, Scene, _edges
 from web.view.server import SECRET_HEADER, VIEW_HEADER, ViewServer
 
 BUDGET = 100_000  # bytes a second and client
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 def connect(server: ViewServer, name: str) -> Any:
