@@ -25,10 +25,8 @@ from vehicle_link.messages import decode
 
 MOST_LAYOUTS = 200
 """Tried for the payloads of one size in a block; a topic of stranger messages loses the rest."""
-
 MOST_FAILURES = 2000
 """Messages of a topic that are no such message, before the rest of it is left unread."""
-
 MOST_ROWS = 4096
 """Most messages of a topic in a piece: at 10 bytes a message a block has 100 000."""
 MOST_VALUES = 4_000_000
@@ -48,9 +46,8 @@ class Columns:
     type_name: str
     log_ns: Stamps  # (N,) reception at the writer
     publish_ns: Stamps  # (N,) the source's stamp
-    numbers: dict[str, Floats] = field(
-        default_factory=dict
-    )  # (N,) each, NaN where there is none; of whole ones beyond 2^53 the nearest
+    # (N,) each, NaN where there is none; of whole ones beyond 2^53 the nearest
+    numbers: dict[str, Floats] = field(default_factory=dict)
     texts: dict[str, list[tuple[int, str]]] = field(default_factory=dict)  # index, text from there
     payloads: list[bytes] = field(default_factory=list)  # of topics wanted whole
 

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from bearing_sim.beacons import parse_layout
 from console.evaluation.alignment import between
 from console.evaluation.bearings_bound import Frame, PoseBound, posterior_bound
+from console.evaluation.figures import rms
 from console.evaluation.log_columns import read_parameters
 from estimation.error_state.parameters import ErrorStateParameters
 from flight_log.attached import logged_value
@@ -92,12 +93,12 @@ class BearingsFlight:
         off = truth - estimate
         start, end = self.window
         metrics = {
-            "position_rms_m": _rms(tracking),
+            "position_rms_m": rms(tracking),
             "position_max_m": float(tracking.max()),
-            "estimate_position_rms_m": _rms(np.linalg.norm(off[:, :3], axis=1)),
-            "estimate_velocity_rms_m_s": _rms(np.linalg.norm(off[:, 3:6], axis=1)),
+            "estimate_position_rms_m": rms(np.linalg.norm(off[:, :3], axis=1)),
+            "estimate_velocity_rms_m_s": rms(np.linalg.norm(off[:, 3:6], axis=1)),
             "estimate_attitude_rms_deg": float(
-                np.degrees(_rms(np.linalg.norm(self.turns[rows], axis=1)))
+                np.degrees(rms(np.linalg.norm(self.turns[rows], axis=1)))
             ),
             "saturated_share": self.saturated,
             "fallbacks": float(len(self.fell_back)),
@@ -106,10 +107,6 @@ class BearingsFlight:
             "samples": float(rows.sum()),
         }
         return {name: value for name, value in metrics.items() if not np.isnan(value)}
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:

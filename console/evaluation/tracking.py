@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from console.evaluation.alignment import between
+from console.evaluation.figures import rms
 from flight_log.columns.log_columns import read_topics
 from flight_log.columns.topic import Topic
 from flight_log.payload_layout import HEADER_STAMP
@@ -41,9 +43,9 @@ class TrackingErrors:
         """Return rms and largest position error (m), rms yaw error (deg), number of samples."""
         distance = np.linalg.norm(self.position_w, axis=1)
         return {
-            "position_rms_m": float(np.sqrt(np.mean(distance**2))),
+            "position_rms_m": rms(distance),
             "position_max_m": float(distance.max()),
-            "yaw_rms_deg": float(np.degrees(np.sqrt(np.mean(self.yaw**2)))),
+            "yaw_rms_deg": math.degrees(rms(self.yaw)),
             "samples": float(len(distance)),
         }
 

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from console.evaluation.figures import allan_variance, rms
 from console.evaluation.log_columns import FlownParameters, read_columns, read_parameters
 from console.evaluation.spectrum import Line, evenly, lines_of, rotor_frequency, spectrum
 from flight_log.run import Series
@@ -89,7 +90,7 @@ class SensorNoise:
     @property
     def noise(self) -> float:
         """Return the density of all axes together."""
-        return float(np.sqrt(np.mean(self.hover**2)))
+        return rms(self.hover)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +123,7 @@ class Vibration:
         for name, one in self.sensors.items():
             found |= {
                 f"{name}_noise": one.noise,
-                f"{name}_noise_at_rest": float(np.sqrt(np.mean(one.rest**2))),
+                f"{name}_noise_at_rest": rms(one.rest),
                 f"{name}_vibration_rms": one.vibration,
                 f"{name}_bias_walk_at_most": one.walk,
                 f"{name}_uncertain_share": one.uncertain,
@@ -146,7 +147,7 @@ class Vibration:
             walk = "walk" if one.walks else "walk at most"
             figures += [
                 Quality(name=f"{name} vibration, rms", value=one.vibration, unit=unit),
-                Quality(name=f"{name} at rest", value=_together(one.rest), unit=f"{unit}/√Hz"),
+                Quality(name=f"{name} at rest", value=rms(one.rest), unit=f"{unit}/√Hz"),
                 Quality(name=f"{name} bias {walk}", value=one.walk, unit=f"{unit}/√s"),
             ]
             figures += [
@@ -240,14 +241,6 @@ def estimate_vibration(
     )
 
 
-def allan_variance(values: Array, count: int) -> Array:
-    """Return the overlapping Allan variance (K,) of (N, K) for means over `count` samples."""
-    sums = np.cumsum(np.vstack([np.zeros(values.shape[1]), values]), axis=0)
-    steps = sums[2 * count :] - 2.0 * sums[count:-count] + sums[: -2 * count]
-    variance: Array = 0.5 * np.mean((steps / count) ** 2, axis=0)
-    return variance
-
-
 def _sensor(rest: Array, rest_rate: float, hover: Array, rate: float, rotors: Array) -> SensorNoise:
     short = max(1, round(SHORT * rest_rate))
     white = allan_variance(rest, short) * short / rest_rate
@@ -289,10 +282,6 @@ def _check_rest(name: str, values: Array, rate: float, unit: str, factor: float)
             f"{factor * off:.2f} {unit}, allowed are {factor * MOVED[name]:.2f} {unit}; leave it "
             "standing and begin again"
         )
-
-
-def _together(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _window(imu: Series, start: float, end: float) -> tuple[Array, Array]:

@@ -286,12 +286,8 @@ def _silences(topics: Topics) -> Spans:
     if not has(topics, topic):
         return []
     time = topics[topic].time
-    return [(float(time[k]), float(time[k + 1] - time[k])) for k in _long(time)]
-
-
-def _long(time: Array) -> list[int]:
-    found: list[int] = np.flatnonzero(np.diff(time) > SILENCE).tolist()
-    return found
+    ends = np.flatnonzero(np.diff(time) > SILENCE).tolist()
+    return [(float(time[k]), float(time[k + 1] - time[k])) for k in ends]
 
 
 def _outlying(rows: Array) -> Array:
