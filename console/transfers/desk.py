@@ -17,12 +17,12 @@ from console.catalogue.catalogue import Catalogue
 from console.catalogue.completeness import Completeness, keep_completeness, open_runs
 from console.parameters.station import RecorderParameters
 from console.runs.adoption import enter_again
-from console.runs.disk import check_folder, folder_problem, free_bytes, make_again
 from console.transfers.download import Download
 from console.transfers.fetcher import ChangedError, Fetcher, Rate
 from console.transfers.job import CancelledError, Job, Kind, NotYetError
 from console.transfers.part_file import NoRoomError, discard, unwant, want, wanted_downloads
 from console.transfers.run_logs import complete_run, into_folder
+from console.transfers.transfer_disk import TransferDisk
 from console.transfers.vehicle_files import VehicleFiles, check_name
 from flight_log.index import is_closed
 from flight_log.run_folder import station_log
@@ -50,7 +50,6 @@ class TransferDesk:
     Args:
         files: of the vehicle.
         link_state: of the link to it, now.
-        clock_known: whether the vehicle was ever heard.
         say: takes (level, line) of an event.
     """
 
@@ -66,6 +65,7 @@ class TransferDesk:
         self._catalogue, self._vehicle, self._files = catalogue, vehicle, files
         self._link_state, self._parameters, self._say = link_state, parameters, say
         self.folder = catalogue.folder.parent / ONBOARD / vehicle
+        self._disk = TransferDisk(self.folder, catalogue, parameters)
         self._jobs: list[Job] = []
         self._ids = itertools.count(1)
         self._lock = threading.Lock()
@@ -96,7 +96,7 @@ class TransferDesk:
         """
         if kind == "download":
             check_name(name)
-            self._make_folder()
+            self._disk.make_folder()
             want(self.folder, name)
         elif by_person:
             self._catalogue.resolve(name)
@@ -192,7 +192,7 @@ class TransferDesk:
         try:
             job.check()
             try:
-                self._make_folder()
+                self._disk.make_folder()
             except StorageError as error:
                 raise NotYetError(f"{error}; it continues when it is there") from error
             if job.kind == "download":
@@ -244,7 +244,7 @@ class TransferDesk:
             self._say(WARN if found.missing else INFO, f"run {job.name}: {found.line}")
 
     def _download(self, job: Job, fetcher: Fetcher) -> Download:
-        return Download(job, self.folder, self._files, fetcher, self._room, self._wait)
+        return Download(job, self.folder, self._files, fetcher, self._disk.check_room, self._wait)
 
     def _cancelled(self, job: Job) -> None:
         if job.kind == "backfill":
@@ -275,33 +275,9 @@ class TransferDesk:
             self._check_open()
             self._pieces += 1
             if self._pieces % ROOM_EVERY == 0:
-                self._room(0)
+                self._disk.check_room(0)
 
         return came
-
-    def _make_folder(self) -> None:
-        """Make the folder where the data folder exists, as the recorder does: else its disk may be
-        away, and what is made now would lie in the folder below it. Raises StorageError.
-        """
-        if problem := self._catalogue.problem:
-            raise StorageError(problem)
-        make_again(self.folder.parent)
-        check_folder(self.folder, 0)
-
-    def _room(self, count: int) -> None:
-        """Raise NoRoomError when so many more bytes leave less than the recorder keeps free, and
-        NotYetError when the folder has vanished meanwhile.
-        """
-        keep = round(self._parameters.keep_free * 1e6)
-        found, advice = folder_problem(self.folder)
-        if found:
-            raise NotYetError(f"{found}; {advice}; it continues when it is there")
-        free = free_bytes(self.folder)
-        if free - count < keep:
-            raise NoRoomError(
-                f"only {free // 10**6} MB are free in {self.folder}, {keep // 10**6} MB are kept "
-                f"and {max(1, count // 10**6)} MB are needed; delete or move runs"
-            )
 
     def _wait(self, seconds: float) -> None:
         self._closing.wait(seconds)

@@ -17,6 +17,7 @@ from console.catalogue.completeness import Completeness, completeness_of, keep_c
 from console.parameters.station import RecorderParameters
 from console.runs.adoption import described
 from console.transfers import desk as desk_module
+from console.transfers import transfer_disk
 from console.transfers.desk import TransferDesk
 from console.transfers.download import Download
 from console.transfers.fetcher import ChangedError, Fetcher
@@ -500,7 +501,7 @@ def test_a_full_disk_is_said_and_waited_for(
 ) -> None:
     data = random_file(onboard, 40_000)
     free = [0]
-    monkeypatch.setattr(desk_module, "free_bytes", lambda folder: free[0])
+    monkeypatch.setattr(transfer_disk, "free_bytes", lambda folder: free[0])
     bench.desk.start()
     bench.desk.ask("download", "flight.mcap")
     assert until(lambda: "delete or move runs" in bench.desk.jobs()[0].problem)
