@@ -124,13 +124,18 @@ class ScriptedStation(Station):
         self._live.put(topic, encode(message))
 
     @property
+    def watched(self) -> set[str]:
+        """Return the topics that are received because somebody looks at them."""
+        return set(self._watched.wanted)
+
+    @property
     def forwarded(self) -> set[str]:
         """The topics that are handed on as they come."""
-        return set(self._wanted)
+        return set(self._forwarded.wanted)
 
     def deliver(self, topic: str, message: Any, received_ns: int = 1) -> None:
         """Hand on a message of such a topic, as Zenoh's thread does."""
-        self._wanted[topic](Received(encode(message), 1, received_ns, received_ns))
+        self._forwarded.wanted[topic](Received(encode(message), 1, received_ns, received_ns))
 
     def fly(self, x: float = 1.0, y: float = 2.0, z: float = 1.5) -> None:
         """One sample of everything, as of now."""

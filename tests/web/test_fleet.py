@@ -205,10 +205,10 @@ def test_what_comes_fast_is_taken_of_the_vehicle_that_is_looked_at(
     monkeypatch.setattr("web.fleet.fleet.LINGER", 0.0)
     first, second = fleet_site.stations
     with fleet_site.websocket("/v/quad2/ws/events", fleet_site.cookie(pilot)):
-        until(lambda: second._watched == SEEN and first._watched == frozenset())
+        until(lambda: second.watched == SEEN and not first.watched)
     with fleet_site.websocket("/ws/fleet?plot=1", fleet_site.cookie(pilot)):
-        until(lambda: first._watched == second._watched == {"state"})
-    until(lambda: first._watched == second._watched == frozenset())
+        until(lambda: first.watched == second.watched == {"state"})
+    until(lambda: not first.watched and not second.watched)
 
 
 def test_the_set_up_page_lists_every_vehicle_the_station_dials(pilot: httpx.Client) -> None:

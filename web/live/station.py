@@ -24,6 +24,7 @@ from vehicle_link.parameters.messages import decode_change, from_parameters, to_
 from vehicle_link.topics.table import SERVICES, TOPICS
 from web.live.events import LEVELS, SUMMARY_NOW, EventHub, event
 from web.live.latest import FAST, STALE, Live
+from web.live.optional_topics import OptionalTopics, subscribe_directly
 
 if TYPE_CHECKING:
     from vehicle_link.parameters.service import ParameterClient
@@ -63,10 +64,8 @@ class Station:
         close_session: Callable[[Any], None] = lambda session: session.close(),
     ) -> None:
         self._open_session, self._close_session = open_session, close_session
-        self._watched: frozenset[str] = frozenset()
-        self._views: dict[str, Node] = {}  # of what is watched, one a topic
-        self._forwarded: dict[str, Node] = {}  # of what is handed on as it comes, likewise
-        self._wanted: Mapping[str, Callable[[Received], None]] = {}
+        self._watched = OptionalTopics(vehicle, "web_")
+        self._forwarded = OptionalTopics(vehicle, "web_forwards_")
         self._vehicle = vehicle
         self._live = live
         self._hub = hub
@@ -100,20 +99,13 @@ class Station:
 
     def watch(self, topics: Collection[str]) -> None:
         """Take these of the topics in `FAST`, and no others of them. Blocks for some ms."""
-        wanted = frozenset(topics)
-        with self._making:
-            self._watched = wanted
-            if self._node is not None:
-                self._renew_views(self._node.session)
+        self._watched.want({topic: self._put(topic) for topic in topics})
 
     def forward(self, topics: Mapping[str, Callable[[Received], None]]) -> None:
         """Give each message of these topics to its function, on Zenoh's thread, and of no others.
         Blocks for some ms.
         """
-        with self._making:
-            self._wanted = dict(topics)
-            if self._node is not None:
-                self._renew_views(self._node.session)
+        self._forwarded.want(topics)
 
     async def command(self, service: str, requester: str, **fields: Any) -> Any:
         """Call one of the station's services and return its answer. Raises RefusedError with the
@@ -220,51 +212,22 @@ class Station:
 
         node = Node(session, f"/{self._vehicle}", "web")
         for topic in STALE.keys() - FAST - {"link_status"}:
-            self._take(node, topic, self._put(topic))
+            subscribe_directly(node, topic, self._put(topic))
         reactions = (
             ("events", self._on_event),
             ("parameter_changes", self._on_change),
             ("marks", self._on_mark),
             ("link_status", self._on_link),
+            ("stick_status", self._on_stick_status),
         )
         for topic, react in reactions:
             node.subscribe(topic, TOPICS[topic].type_name, react, qos=TOPICS[topic].qos)
         encode(new(JOY))  # serialisers are written on first use, which takes up to 0.1 s
-        status = TOPICS["stick_status"]
-        node.subscribe(status.name, status.type_name, self._on_stick_status, qos=status.qos)
         self._stick = node.advertise(TOPICS["stick"])
         self._presence = node.advertise(TOPICS["presence"])
-        with self._making:
-            self._renew_views(session)
-            self._node = node
-
-    def _renew_views(self, session: Any) -> None:
-        """Take what is watched or forwarded."""
-        watched = {topic: self._put(topic) for topic in self._watched}
-        self._renew(session, self._views, watched, "web_")
-        self._renew(session, self._forwarded, self._wanted, "web_forwards_")
-
-    def _renew(
-        self,
-        session: Any,
-        nodes: dict[str, Node],
-        wanted: Mapping[str, Callable[[Received], None]],
-        prefix: str,
-    ) -> None:
-        """Take these topics; each has a node, because a node closes as a whole."""
-        from vehicle_link.transport.node import Node
-
-        for topic in nodes.keys() - wanted.keys():
-            nodes.pop(topic).close()
-        for topic in wanted.keys() - nodes.keys():
-            name = f"{prefix}{topic.strip('/')}"
-            nodes[topic] = Node(session, f"/{self._vehicle}", name)
-            self._take(nodes[topic], topic, wanted[topic])
-
-    def _take(self, node: Node, topic: str, put: Callable[[Received], None]) -> None:
-        # On Zenoh's own thread: it only puts the bytes away.
-        row = TOPICS[topic]
-        node.subscribe(topic, row.type_name, put, qos=row.qos, direct=True)
+        self._watched.join(session)
+        self._forwarded.join(session)
+        self._node = node
 
     def _put(self, topic: str) -> Callable[[Received], None]:
         def put(received: Received) -> None:
@@ -299,8 +262,7 @@ class Station:
         self.on_change(decode_change(received.payload))
 
     def _close(self, node: Node) -> None:
-        with self._making:
-            for view in (*self._views.values(), *self._forwarded.values()):
-                view.close()
+        self._watched.close()
+        self._forwarded.close()
         node.close()
         self._close_session(node.session)

@@ -1,0 +1,71 @@
+"""Topics that are received only while somebody looks at them."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from vehicle_link.topics.table import TOPICS
+
+if TYPE_CHECKING:
+    from vehicle_link.transport.node import Node
+    from vehicle_link.transport.publisher import Received
+
+
+class OptionalTopics:
+    """Subscriptions that are renewed when others are wanted; thread-safe.
+
+    Each topic has a node, because a node closes as a whole.
+
+    Args:
+        prefix: of the nodes' names.
+
+    Attributes:
+        wanted: the topics wanted, each with its function.
+    """
+
+    def __init__(self, vehicle: str, prefix: str) -> None:
+        self._vehicle, self._prefix = vehicle, prefix
+        self.wanted: Mapping[str, Callable[[Received], None]] = {}
+        self._nodes: dict[str, Node] = {}
+        self._session: Any = None
+        self._lock = threading.Lock()
+
+    def want(self, topics: Mapping[str, Callable[[Received], None]]) -> None:
+        """Give each message of these topics to its function, on Zenoh's thread, and of no others.
+        Blocks for some ms.
+        """
+        with self._lock:
+            self.wanted = dict(topics)
+            self._renew()
+
+    def join(self, session: Any) -> None:
+        """Subscribe in this session from now on."""
+        with self._lock:
+            self._session = session
+            self._renew()
+
+    def close(self) -> None:
+        """End all subscriptions."""
+        with self._lock:
+            for node in self._nodes.values():
+                node.close()
+
+    def _renew(self) -> None:
+        from vehicle_link.transport.node import Node
+
+        if self._session is None:
+            return
+        for topic in self._nodes.keys() - self.wanted.keys():
+            self._nodes.pop(topic).close()
+        for topic in self.wanted.keys() - self._nodes.keys():
+            name = f"{self._prefix}{topic.strip('/')}"
+            self._nodes[topic] = Node(self._session, f"/{self._vehicle}", name)
+            subscribe_directly(self._nodes[topic], topic, self.wanted[topic])
+
+
+def subscribe_directly(node: Node, topic: str, put: Callable[[Received], None]) -> None:
+    """Subscribe on Zenoh's own thread: `put` only puts the bytes away."""
+    row = TOPICS[topic]
+    node.subscribe(topic, row.type_name, put, qos=row.qos, direct=True)
