@@ -144,9 +144,9 @@ class ControlParameters(Parameters):
     law: str = parameter(GEOMETRIC)
     """geometric (the paper's), near_hovering (its linear form), udp (a program that answers over
     UDP), or a file of the folder plugins without its ending; changed on the ground, in flight only
-    between geometric and a law that runs beside it"""
+    between geometric and a law that runs next to it"""
     shadow_law: str = parameter(NONE)
-    """an external law (udp or a file of plugins) that runs beside the one in use and is compared
+    """an external law (udp or a file of plugins) that runs next to the one in use and is compared
     with it; none: no law"""
     position: PositionGains = PositionGains()
     attitude: AttitudeGains = AttitudeGains()

@@ -1,8 +1,8 @@
 """The body rates and the throttle that carry out a wrench, for boards with an inner loop.
 
 Eq. 5 demands J K_w (E w_d - w) for the rates, and everything else of it (attitude error, integral,
-feed-forward) as a torque beside that. A board that holds rates by itself, with about the stiffness
-K_w, applies the same torque when it is given the rates
+feed-forward) as a torque on top of that. A board that holds rates by itself, with about the
+stiffness K_w, applies the same torque when it is given the rates
 
     w_c = w + K_w^-1 J^-1 (tau - w x J w),
 

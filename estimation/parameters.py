@@ -66,7 +66,7 @@ class EstimationParameters(Parameters):
     """measurements of the shadow; on bearings it may be handed over to in flight"""
     rescue: bool = parameter(True)
     """a shadow on the same measurements takes over from an error-state filter that is inconsistent
-    and hands back; on poses the complementary one runs beside it for that"""
+    and hands back; on poses the complementary one runs next to it for that"""
     source: str = parameter("poses", choices=("poses", "bearings", "both"))
     """measurements used: the tracker's poses, bearings to beacons, or both"""
 

@@ -2,7 +2,7 @@
 
 One flight a seed goes from hover at 1, 2 and 3 m over the figure 8 to the lap from rest to rest
 that leans furthest. At a moment of its own in each it forks once for each failure: the copy flies
-that failure to its end, the flight itself goes on. A board that is a process beside it (Betaflight)
+that failure to its end, the flight itself goes on. A board that is another process (Betaflight)
 cannot be forked: there each failure has a flight of its own, hover or figure 8.
 """
 

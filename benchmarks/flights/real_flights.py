@@ -96,8 +96,8 @@ def run(*, quick: bool = False, data: Path | None = None) -> Report:
 
 
 def flights(data: Path) -> Iterator[tuple[Path, str | None, Path | None]]:
-    """Yield each flight of a folder with its mapping (FILE.toml beside it, else by its ending) and
-    the file of its truth: mocapNN.npy beside a Crazyflie's logNN.
+    """Yield each flight of a folder with its mapping (FILE.toml next to it, else by its ending) and
+    the file of its truth: mocapNN.npy next to a Crazyflie's logNN.
     """
     for path in sorted(data.rglob("*")):
         own = path.with_name(f"{path.name}.toml")

@@ -303,7 +303,7 @@ def measure(count: int, words: tuple[str, ...]) -> Report:
         [
             f"`quadlab up {' '.join(words)}`, figure_eight, {LAPS} lap, each from the ground to "
             "the ground; rights of an ordinary user",
-            f"starved: {BUSY_A_CORE} busy loops a core and the page drawn in software beside it",
+            f"starved: {BUSY_A_CORE} busy loops a core and the page drawn in software next to it",
         ],
     )
     alone = flights(min(UNLOADED, count), words, starved=False)

@@ -68,7 +68,7 @@ def links(quick: bool = False) -> Report:
         "link",
         "The link, impaired",
         [
-            f"{seconds:.0f} s each; telemetry of 1048 B and poses at 100 Hz beside as many bytes "
+            f"{seconds:.0f} s each; telemetry of 1048 B and poses at 100 Hz next to as many bytes "
             "by plain UDP, half a period later",
             "delay of what came; age of the newest, each ms, telemetry at the station and poses "
             "at the vehicle; 5 calls a second, asked again after 1 s",

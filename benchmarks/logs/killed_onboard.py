@@ -171,7 +171,7 @@ def _dead(data: Path, log: Path, flight: Flight) -> Dead:
         if numbers[topic] != list(range(ticks[0], ticks[-1] + 1)):
             problems.append(f"{topic}: what is left is not every tick up to its end")
     if not {"status", "estimator", "battery", "pressure"} <= set(numbers):
-        problems.append("topics beside those of every tick are missing")
+        problems.append("topics next to those of every tick are missing")
     problems += problems_of(log, sum(map(len, numbers.values())))
     return Dead(taken, ticks[0], ticks[-1], tuple(problems))
 

@@ -43,7 +43,7 @@ def run(quick: bool = False) -> Report:
     seconds = QUICK_SECONDS if quick else SECONDS
     report = Report(
         "loop",
-        "The flight loop beside two busy processes",
+        "The flight loop next to two busy processes",
         [
             f"figure 8 in real time, {seconds} s, simulated vehicle inside the flight process",
             f"{HOGS} busy processes of ordinary priority",

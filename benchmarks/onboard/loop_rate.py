@@ -51,7 +51,7 @@ def run(quick: bool = False) -> Report:
             f"the 8: 1 m × 1 m in {PERIOD:g} s, z ± 0.2 m, yaw ± 1 rad, steady laps; hover: "
             f"{HOVER:g} s at 1 m",
             "noise: the same deviation a sample at every rate, as of a converter that is only read "
-            "less often; beside it the same density, deviation times √(rate / 500 Hz)",
+            "less often; next to it the same density, deviation times √(rate / 500 Hz)",
         ],
     )
     eight: dict[int, float] = {}

@@ -52,7 +52,7 @@ def run(quick: bool = False) -> Report:
             "flight ready: everything the vehicle's tick calls with its default estimator and law, "
             "compiled or loaded and called once; two processes compile",
             "every kernel: also bearing poses, error-state filter and near-hovering law, which "
-            "compile beside at idle priority",
+            "compile in the background at idle priority",
             f"cold: an empty folder of compiled code; {rounds} rounds each",
         ],
     )

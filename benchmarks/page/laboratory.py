@@ -173,7 +173,7 @@ def until(look: Any, patience: float = 60.0) -> Any:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cold", action="store_true", help="compile everything anew")
+    parser.add_argument("--cold", action="store_true", help="compile everything again")
     parser.add_argument("--port", type=int, default=28080)
     parser.add_argument("--link-port", type=int, default=28447)
     options = parser.parse_args()

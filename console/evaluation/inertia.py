@@ -31,7 +31,7 @@ TORQUE_MIN = 0.003
 LATE = 1.0
 """s after the last excitation that still count."""
 GAP = 2.5
-"""Periods; after a longer gap between ticks the filters begin anew, once the motors' lag has
+"""Periods; after a longer gap between ticks the filters begin again, once the motors' lag has
 forgotten what was commanded in it."""
 FORGOTTEN = 5.0
 """Time constants of the motors until then."""

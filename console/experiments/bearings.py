@@ -1,7 +1,7 @@
 """Flight on bearings to beacons alone (Secs. 6.2 and 7, Fig. 6), with hand-overs in flight.
 
-The vehicle takes off on the tracker, an estimator runs beside on the bearings until the vehicle
-accepts it, a manoeuvre is flown on it, and the tracker takes over again for the landing.
+The vehicle takes off on the tracker, an estimator runs in parallel on the bearings until the
+vehicle accepts it, a manoeuvre is flown on it, and the tracker takes over again for the landing.
 """
 
 from __future__ import annotations

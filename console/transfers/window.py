@@ -22,7 +22,7 @@ ROUND = 8
 SLOW = 2.0
 """Times the round trip that was found, beyond which the link has got narrower."""
 HOLD = 60.0
-"""s until it is found anew: on a narrow link telemetry waits some 0.2 s of them."""
+"""s until it is found again: on a narrow link telemetry waits some 0.2 s of them."""
 
 
 class Window:

@@ -152,7 +152,7 @@ def coarse_fit(
     to a hundredth of a second. Raises MeasurementError for too little motion.
     """
     if len(pose_time) < 2 or len(time) < 2:
-        raise MeasurementError("there are no poses of the tracker beside the IMU; is it running?")
+        raise MeasurementError("there are no poses of the tracker next to the IMU; is it running?")
     grid = common_grid(time, pose_time)
     if len(grid) * STEP < SHORTEST:
         raise MeasurementError(

@@ -34,7 +34,7 @@ RUN_GAP = 0.5
 RUN_SPEED, RUN_RATE = 10.0, 3.0
 """m/s, rad/s: how fast a lost estimate may leave the poses."""
 RUN_DEVIATIONS = 6.0
-"""Deviations of two poses of a run from each other, beside what speed and rate allow."""
+"""Deviations of two poses of a run from each other, on top of what speed and rate allow."""
 
 
 @compiled(inner=True)

@@ -103,7 +103,7 @@ def linearize(m: Any, slot: int, x: Array, g: Any) -> int:
 def linearize_marker(m: Any, slot: int, x: Array, g: Any) -> int:
     """Write row, rest and variance of a marker's position; how many pairs.
 
-    The last number has an empty row beside it; the rest of an attitude is 0, for runs.
+    The last number has an empty row next to it; the rest of an attitude is 0, for runs.
     """
     lever = to_world(axes_of((x[6], x[7], x[8], x[9])), (g.marker_x, g.marker_y, g.marker_z))
     for i in range(POSE_ERRORS):
@@ -124,7 +124,7 @@ def linearize_marker(m: Any, slot: int, x: Array, g: Any) -> int:
 def linearize_sweeps(m: Any, slot: int, x: Array) -> int:
     """Write row, rest and variance of the sensors that one plane met, two a pair; how many pairs.
 
-    The last of an odd number has an empty row beside it.
+    The last of an odd number has an empty row next to it.
     """
     data, axes = m.event_data[slot], axes_of((x[6], x[7], x[8], x[9]))
     count = m.event_beacons[slot] - PLANE_ROWS

@@ -1,7 +1,7 @@
 """A log read once: its topics as columns, out of Arrow files that are made at the first reading.
 
 They belong to the log's file, its size and its time of change: when it grows or is mended, they are
-made again, and so are damaged ones. They lie in the folder `.columns` beside the runs where there
+made again, and so are damaged ones. They lie in the folder `.columns` next to the runs where there
 is one, else in the user's cache folder; where neither can be written, they last as long as their
 reader.
 """

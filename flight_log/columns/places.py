@@ -14,7 +14,7 @@ from flight_log.columns.writer import INDEX
 from quadrotor.errors import StorageError
 
 CACHES = ".columns"
-"""Folder of the runs' columns, beside the runs."""
+"""Folder of the runs' columns, next to the runs."""
 LARGEST = 4_000_000_000
 """Bytes of all columns in a cache folder; those looked at longest ago go first."""
 ON_ITS_WAY = ".new"

@@ -2,7 +2,7 @@
 
 A topic is one Arrow IPC file, uncompressed, so that it can be mapped: `received_ns`, `stamp_ns`,
 float64 numbers by path, `payload` of the topics in WHOLE. What hardly ever changes (most numbers of
-most topics, texts) stands beside them in `log.json`, by the row where it changes.
+most topics, texts) stands next to them in `log.json`, by the row where it changes.
 """
 
 from __future__ import annotations

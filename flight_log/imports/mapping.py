@@ -34,7 +34,7 @@ class Strict(BaseModel):
 class Rows(Strict):
     """Rows of a table with their time."""
 
-    file: str = ""  # beside the file that is imported; default: that one
+    file: str = ""  # next to the file that is imported; default: that one
     table: str = ""
     time: str | int | None = None
     time_unit: Literal["s", "ms", "us", "ns"] = "s"

@@ -53,7 +53,7 @@ def read_sweeps(source: Source, base: float, notes: list[str]) -> Record | None:
     if ANGLES not in source.tables():
         return None
     if not path.is_file():
-        notes.append(f"[{ANGLES}] is left out: {GEOMETRY}, with the base stations, is not beside")
+        notes.append(f"[{ANGLES}] is left out: {GEOMETRY}, with the base stations, is not with it")
         return None
     make, planes = read_stations(path)
     columns = ["timestamp", "basestation", "sweep", "sensor", "angle"]
@@ -110,7 +110,7 @@ def read_stations(path: Path) -> tuple[int, dict[int, Record]]:
                 planes[2 * int(station) + sweep] = plane
     except (OSError, YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
         raise LogFormatError(
-            f"{path.name} beside the log is no configuration of base stations: {error!r:.80}"
+            f"{path.name} next to the log is no configuration of base stations: {error!r:.80}"
         ) from None
     return make, planes
 

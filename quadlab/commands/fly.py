@@ -47,7 +47,7 @@ class Fly:
     true_state: Flag = False
     """let the controller see the true state instead of the estimate"""
     report: Flag = False
-    """write the report (HTML and PDF) and the experiment's own plots beside the log"""
+    """write the report (HTML and PDF) and the experiment's own plots next to the log"""
     json: Flag = False
     """print verdict, log and metrics as one line of JSON at the end"""
 

@@ -121,7 +121,7 @@ def check_tracker(words: str) -> None:
     if command.of_bearings:
         raise UsageError(
             f"--tracker {words!r}: it provides bearings and no poses; run quadlab tracker "
-            "onboard_camera by itself, beside the station"
+            "onboard_camera by itself, next to the station"
         )
 
 

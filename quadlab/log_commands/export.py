@@ -22,7 +22,7 @@ class Export:
     format: Literal["csv", "parquet", "mat"] = "csv"
     """csv, parquet: a file a topic, units in its header or the fields' metadata; mat: one file"""
     out: Folder = None
-    """new folder for the files (default: beside the log, named after it and the format)"""
+    """new folder for the files (default: next to the log, named after it and the format)"""
     topics: Annotated[tuple[str, ...], tyro.conf.arg(metavar="TOPIC")] = ()
     """only these, by the last part of their names, like: --topics state imu"""
     begin: Annotated[float, tyro.conf.arg(name="from", metavar="S")] = 0.0

@@ -19,7 +19,7 @@ class Report:
     file: LogFile
     """the MCAP file"""
     out: Folder = None
-    """folder for it (default: beside the log)"""
+    """folder for it (default: next to the log)"""
     no_pdf: Flag = False
     """only the page"""
 

@@ -49,10 +49,10 @@ class Replay:
     """set estimation.NAME, bearings.NAME or tracker.NAME in all runs; the flight's are the
     defaults; estimation.preset=NAME sets the gains of a named set"""
     on: On = "auto"
-    """what the estimators are given: bearings made anew from the truth, those recorded, the
-    tracker's poses (made anew where a tracker.NAME is set), poses and bearings, or the sweeps of
+    """what the estimators are given: bearings made again from the truth, those recorded, the
+    tracker's poses (made again where a tracker.NAME is set), poses and bearings, or the sweeps of
     Lighthouse base stations that an imported flight has; auto: the
-    bearings recorded if there are any and no bearings.NAME is set, else made anew, but what was
+    bearings recorded if there are any and no bearings.NAME is set, else made again, but what was
     flown on without --estimator and --run; estimation.source=… in a run has precedence"""
     beacons: File = None
     """beacons of a CSV file with the header id,x,y,z (m); layouts by name with

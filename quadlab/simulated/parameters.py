@@ -33,7 +33,7 @@ class CameraParameters(Parameters):
 
 
 class FlightParameters(VehicleParameters):
-    """The vehicle's tree and, beside it, what only a simulated flight has."""
+    """The vehicle's tree and, next to it, what only a simulated flight has."""
 
     simulator: SimulatorParameters = SimulatorParameters()
     tracker: TrackerParameters = TrackerParameters()

@@ -70,6 +70,6 @@ def say_authority(tls: Tls) -> None:
         print(
             f"https with a certificate of this data folder's own authority. Trust it once in each "
             f"browser (settings, certificates, authorities, import):\n  {tls.authority}\n"
-            "It may be passed on; ca.key beside it must not.",
+            "It may be passed on; ca.key next to it must not.",
             flush=True,
         )

@@ -340,7 +340,7 @@ def test_a_base_that_lost_its_authority_says_so_and_keeps_what_is_left(
     for words in (("enrol", "quad2", "10.0.0.2"), ("observer", "ben"), ("test",)):
         assert _link(tmp_path, *words) == 1
         said = capsys.readouterr().err
-        assert said.startswith(f"quadlab: {folder}/ca.pem is missing beside ca.key, vehicle.pem")
+        assert said.startswith(f"quadlab: {folder}/ca.pem is missing next to ca.key, vehicle.pem")
         assert said.count("\n") == 1
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
     assert KnownVehicles(tmp_path).all() == {}

@@ -41,7 +41,7 @@ CASE = np.dtype(
     ],
     align=True,
 )
-"""One vehicle of a batch beside its PLANT and ONBOARD records."""
+"""One vehicle of a batch next to its PLANT and ONBOARD records."""
 
 OUTCOME = np.dtype(
     [

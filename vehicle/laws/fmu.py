@@ -2,7 +2,7 @@
 
 Its inputs and outputs are named as the fields of `vehicle.laws.contract`. A vector is an array of
 the same size (FMI 3), or numbers `NAME[1]`, `NAME[2]`, … as Simulink and Modelica export them.
-Inputs that the FMU does not have are not set. It is unpacked beside its file.
+Inputs that the FMU does not have are not set. It is unpacked next to its file.
 """
 
 from __future__ import annotations

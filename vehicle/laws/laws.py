@@ -64,7 +64,7 @@ class Laws:
                 )
         if law not in BUILT_IN and shadow not in (NONE, law):
             raise RefusedError(
-                f"{SHADOW_LAW} = {shadow} beside {LAW} = {law}: one external law runs at a "
+                f"{SHADOW_LAW} = {shadow} next to {LAW} = {law}: one external law runs at a "
                 f"time; set one of them to {NONE} or {GEOMETRIC}"
             )
 

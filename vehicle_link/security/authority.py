@@ -236,7 +236,7 @@ def _make_authority(files: TlsFiles) -> None:
     if there not in ([], [files.authority_key]):
         names = ", ".join(path.name for path in there)
         raise LinkError(
-            f"{files.authority} is missing beside {names}; {remedy_of_authority(files)}"
+            f"{files.authority} is missing next to {names}; {remedy_of_authority(files)}"
         )
     if there:
         key = authority_key(files)

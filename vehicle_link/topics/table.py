@@ -24,7 +24,7 @@ class Topic:
     rate: float  # Hz; 0 = on change
     priority: Priority = "data"
     qos: Qos = SENSOR_DATA
-    lane: int = 0  # its number in datagrams beside QUIC; 0: it has none
+    lane: int = 0  # its number in datagrams next to QUIC; 0: it has none
     one_source: bool = False  # the vehicle follows one sender at a time
     recorded: bool = False  # by the station: what it sends as sent, what others send as received
     newest: int = 0  # so many wait at most at the station, late ones are worthless; 0: all

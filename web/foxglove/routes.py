@@ -166,7 +166,7 @@ class _Conversation:
             self._client.tell(protocol.answer_frame(call, payload))
 
     def _begin(self, work: Coroutine[Any, Any, None]) -> None:
-        """Run beside the conversation. Raises ValueError when too much is under way."""
+        """Run next to the conversation. Raises ValueError when too much is under way."""
         if len(self._tasks) >= AT_ONCE:
             work.close()
             raise ValueError(f"{AT_ONCE} requests are under way; wait for their answers")

@@ -33,7 +33,7 @@ class Making(Work):
 
 
 def make_report(log: Path, report: Callable[[float], None]) -> None:
-    """Write a run's report beside its result: the job."""
+    """Write a run's report next to its result: the job."""
     from console.reports.report import write_report  # with matplotlib, which the page does not need
 
     write_report(log, report_folder(log), tell=report)

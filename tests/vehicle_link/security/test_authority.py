@@ -108,7 +108,7 @@ def test_without_ca_pem_nothing_is_made_beside_what_is_left(whole: Path, tmp_pat
         with pytest.raises(LinkError) as caught:
             ensure_certificates(tls.folder, ["quad1.local"])
         beside = ", ".join(path.name for path in tls.present())
-        assert str(caught.value).startswith(f"{tls.authority} is missing beside {beside}; copy it")
+        assert str(caught.value).startswith(f"{tls.authority} is missing next to {beside}; copy it")
         assert f"or move {tls.folder} away to start over, and then enrol" in str(caught.value)
         assert _contents(tls) == before
 
@@ -143,7 +143,7 @@ def test_an_enrolled_vehicle_that_lost_ca_pem_keeps_its_certificate(tmp_path: Pa
     vehicle = issue_vehicle(tmp_path / "base", tmp_path / "vehicle", "quad1", [])
     ca = vehicle.authority.read_bytes()
     vehicle.authority.unlink()
-    with pytest.raises(LinkError, match=r"ca\.pem is missing beside vehicle\.pem, vehicle\.key; "):
+    with pytest.raises(LinkError, match=r"ca\.pem is missing next to vehicle\.pem, vehicle\.key; "):
         ensure_certificates(vehicle.folder)
     vehicle.authority.write_bytes(ca)
     ensure_certificates(vehicle.folder)
