@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from scipy import stats
 
 from bearing_sim import PAPER_BEACONS, BearingEmulator, BearingMeasurement, BearingParameters
 from bearing_sim.chance import Draws, hidden, pair
@@ -50,7 +49,15 @@ def deviations(seen: list[BearingMeasurement]) -> Array:
     return angle
 
 
-def test_each_tangent_axis_is_normal_with_the_sigma_asked_for(seed: int) -> None:
+@pytest.fixture(scope="module")
+def stats() -> Any:
+    """Return scipy.stats, imported by the process that needs it and not by all that collect."""
+    from scipy import stats
+
+    return stats
+
+
+def test_each_tangent_axis_is_normal_with_the_sigma_asked_for(seed: int, stats: Any) -> None:
     sigma = math.radians(1.5)
     found = deviations(frames(seed=seed)) / sigma
     assert found.shape == (FRAMES, 4, 2)
@@ -70,13 +77,13 @@ def test_each_tangent_axis_is_normal_with_the_sigma_asked_for(seed: int) -> None
 
 
 @pytest.mark.parametrize("sigma", [0.05, 20.0])
-def test_the_smallest_and_the_largest_sigma_are_kept(seed: int, sigma: float) -> None:
+def test_the_smallest_and_the_largest_sigma_are_kept(seed: int, sigma: float, stats: Any) -> None:
     found = deviations(frames(4000, seed=seed, sigma=sigma)) / math.radians(sigma)
     for axis in range(2):
         assert stats.kstest(found[:, :, axis].ravel(), "norm").pvalue > SURE
 
 
-def test_student_t_has_the_same_sigma_and_heavy_tails(seed: int) -> None:
+def test_student_t_has_the_same_sigma_and_heavy_tails(seed: int, stats: Any) -> None:
     freedom = 8.0
     values: dict[str, Any] = {"distribution": "student_t", "degrees_of_freedom": freedom}
     found = deviations(frames(seed=seed, **values)) / math.radians(1.5)
@@ -93,7 +100,9 @@ def test_student_t_has_the_same_sigma_and_heavy_tails(seed: int) -> None:
     assert together > 0.1
 
 
-def test_both_distributions_are_isotropic_and_student_tends_to_the_gaussian(seed: int) -> None:
+def test_both_distributions_are_isotropic_and_student_tends_to_the_gaussian(
+    seed: int, stats: Any
+) -> None:
     for freedom in (3.0, math.inf):
         draws = Draws(seed)
         drawn = np.array([pair(draws, freedom) for _ in range(50_000)])
@@ -104,7 +113,7 @@ def test_both_distributions_are_isotropic_and_student_tends_to_the_gaussian(seed
         np.testing.assert_allclose(one, other, rtol=1e-6)
 
 
-def test_draws_are_uniform_and_their_keys_independent(seed: int) -> None:
+def test_draws_are_uniform_and_their_keys_independent(seed: int, stats: Any) -> None:
     first = np.array([Draws(seed, k).uniform() for k in range(100_000)])
     assert stats.kstest(first, "uniform").pvalue > SURE
     assert abs(np.corrcoef(first[1:], first[:-1])[0, 1]) < 4.5 / math.sqrt(len(first))

@@ -13,7 +13,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2
 
 from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.error_state.filter import apply, predict, take_frames
@@ -170,6 +169,8 @@ def test_exact_sensors_give_the_exact_state(laboratory: Any) -> None:
 
 def test_errors_and_innovations_are_as_large_as_the_filter_says(laboratory: Any, seed: int) -> None:
     """NEES of 9 states at 8 times far apart, NIS of all frames, over 12 flights."""
+    from scipy.stats import chi2
+
     truth = laboratory.figure_eight(10.0, 500.0)
     nees, nis, freedom = [], 0.0, 0
     p = parameters()  # biases are constant here

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2
 
 from estimation.poses.frame_solution import FALSE_REFUSAL, chi_square
 from estimation.poses.planar_pose import PlanarPose, PlanarPoseSolver
@@ -123,5 +122,7 @@ def test_a_fit_that_noise_does_not_explain_is_refused(
 
 @pytest.mark.parametrize("freedom", range(2, 59, 2))
 def test_the_bound_of_the_fit_is_that_of_its_probability(freedom: int) -> None:
+    from scipy.stats import chi2
+
     missed = chi2.sf(chi_square(float(freedom)), freedom)
     assert 0.1 * FALSE_REFUSAL < missed < FALSE_REFUSAL

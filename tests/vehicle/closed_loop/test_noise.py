@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from vehicle.closed_loop.noise import EDGES, LAYERS, TAIL, normals, seeded, uniform, word
 
@@ -17,6 +17,14 @@ def drawn(seed: int, count: int) -> np.ndarray:
     out = np.empty(count)
     normals(seeded([seed])[0], out)
     return out
+
+
+@pytest.fixture(scope="module")
+def stats() -> Any:
+    """Return scipy.stats, imported by the process that needs it and not by all that collect."""
+    from scipy import stats
+
+    return stats
 
 
 def test_words_are_those_of_xoshiro256pp() -> None:
@@ -57,7 +65,7 @@ def test_layers_have_one_area() -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_normal_numbers_have_the_moments_of_a_normal_distribution(seed: int) -> None:
+def test_normal_numbers_have_the_moments_of_a_normal_distribution(seed: int, stats: Any) -> None:
     print("seed", seed)
     n = 1_000_000
     x = drawn(seed, n)
@@ -77,7 +85,7 @@ def test_neighbouring_seeds_are_not_alike() -> None:
     assert np.abs(correlation).max() < 5 / math.sqrt(20_000)
 
 
-def test_uniform_numbers_fill_0_to_1() -> None:
+def test_uniform_numbers_fill_0_to_1(stats: Any) -> None:
     generator = seeded([7])[0]
     x = np.array([uniform(generator) for _ in range(20_000)])
     assert 0.0 <= x.min() < 1e-3

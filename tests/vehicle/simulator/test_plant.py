@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.signal import welch
 
 from quadrotor.records import STATE, Record
 from quadrotor.rigid_body import derivative
@@ -311,6 +310,8 @@ def test_wind_carries_what_has_drag() -> None:
 
 
 def test_gusts_have_dryden_s_deviation_and_spectra() -> None:
+    from scipy.signal import welch
+
     deviation, time, dt, count = 2.0, 0.5, 0.01, 400_000
     plant = new_plant(SimulatorParameters(gust=deviation, gust_time=time, wind_y=1.0))
     noise = np.random.default_rng(4).standard_normal((count, 3))

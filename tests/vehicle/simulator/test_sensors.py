@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import pytest
-from scipy.signal import welch
 
 from quadrotor.constants import THRUST_PER_TURN
 from quadrotor.records import Record
@@ -95,6 +94,8 @@ def test_the_same_seed_gives_the_same_noise_in_every_block() -> None:
 
 
 def test_vibration_has_its_rms_at_hover_lines_at_the_rotors_speeds_and_none_at_rest() -> None:
+    from scipy.signal import welch
+
     parameters = SimulatorParameters.model_validate(
         QUIET | {"vibration": 2.0, "vibration_gyroscope": 10.0}
     )
