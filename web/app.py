@@ -40,6 +40,7 @@ from web.fleet.fleet import Fleet
 from web.fleet.routes import add_fleet
 from web.foxglove.routes import add_foxglove
 from web.live import events
+from web.live.pictures import add_pictures
 from web.live.spectra import add_spectra
 from web.live.summary import Summary
 from web.parameters.routes import add_parameters
@@ -101,6 +102,7 @@ def create_app(
     add_spectra(app, parts)
     add_fleet(app, fleet)
     add_foxglove(app, parts)
+    add_pictures(app, parts)
     return app
 
 

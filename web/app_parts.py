@@ -13,8 +13,8 @@ from web.access.tls import Tls
 from web.commands.control import Control
 from web.commands.emergency import EmergencyDesk
 from web.commands.sticks import StickOutput
-from web.foxglove.forwarding import Forwarding
 from web.live.events import EventHub
+from web.live.forwarding import Forwarding
 from web.live.latest import Live
 from web.live.station import Station
 from web.live.telemetry import TelemetryFeed
@@ -52,6 +52,6 @@ class Parts:
     stick: StickOutput
     control: Control
     emergency: EmergencyDesk
-    foxglove: Forwarding
+    forwarding: Forwarding
     tls: Tls | None = None
     """The page's certificate; None without TLS."""

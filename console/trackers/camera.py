@@ -7,14 +7,16 @@ picture's time in a file.
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from console.trackers.camera_view import CameraView
 from console.trackers.source import Body, Frame
-from estimation.tags.detector import Picture
+from estimation.tags.detector import Picture, Tags
 from estimation.tags.intrinsics import Intrinsics, load_intrinsics
 from estimation.tags.tag_layout import load_tags
 from estimation.tags.tag_tracker import TagTracker
@@ -27,33 +29,69 @@ LATEST_NS = 200 * MS
 newest one."""
 
 
-class CameraSource:
+class TagSource(ABC):
+    """A camera, or a video file, with tags in its pictures.
+
+    Args:
+        pictures: read, and closed with it.
+        view: told of each picture after what was read in it is on its way.
+        late_ns: from the middle of the exposure to the driver's stamp.
+    """
+
+    def __init__(self, pictures: Pictures, view: CameraView, late_ns: int = 0) -> None:
+        self._pictures, self._view, self._late_ns = pictures, view, late_ns
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield a frame a picture. Raises MeasurementError, UnreachableError, UsageError."""
+        for stamp_ns, received_ns, grey in self._pictures:
+            taken_ns = received_ns - self._late_ns
+            late = None if stamp_ns is None else stamp_ns - self._late_ns
+            try:
+                frame = self._read(grey)
+                yield frame._replace(stamp_ns=late, received_ns=taken_ns)
+            finally:  # also of a picture that is refused: it shows why
+                self._view.take(taken_ns, grey, *self._seen())
+
+    @abstractmethod
+    def _read(self, grey: Picture) -> Frame:
+        """Return what is read in a picture, without its stamps. Raises MeasurementError."""
+
+    @abstractmethod
+    def _seen(self) -> tuple[Tags, Collection[int], float]:
+        """Return the tags of the newest picture, the numbers of those that something is known of,
+        and by how much they are from their places, pixels rms.
+        """
+
+    def close(self) -> None:
+        self._pictures.close()
+
+
+class CameraSource(TagSource):
     """Bodies with tags, as one camera sees them.
 
     Args:
         camera: a device's number, or a video file, which is played at its own pace.
         intrinsics, tags: files of the camera's intrinsics and of the layout of the tags.
+        view: for people.
 
     Raises StorageError, MeasurementError, UnreachableError.
     """
 
-    def __init__(self, camera: int | Path, intrinsics: Path, tags: Path) -> None:
+    def __init__(
+        self, camera: int | Path, intrinsics: Path, tags: Path, view: CameraView | None = None
+    ) -> None:
         lens = load_intrinsics(intrinsics)
         self._tracker = TagTracker(load_tags(tags), lens)
-        self._pictures = Pictures(camera, lens)
+        super().__init__(Pictures(camera, lens), view or CameraView())
 
-    def frames(self) -> Iterator[Frame]:
-        """Yield a frame a picture. Raises MeasurementError, UnreachableError, UsageError."""
-        for stamp_ns, received_ns, grey in self._pictures:
-            bodies = self._tracker.take(grey)
-            yield Frame(
-                stamp_ns,
-                received_ns,
-                tuple(Body(name, place, turn) for name, (place, turn) in bodies.items()),
-            )
+    def _read(self, grey: Picture) -> Frame:
+        bodies = self._tracker.take(grey)
+        return Frame(
+            None, 0, tuple(Body(name, place, turn) for name, (place, turn) in bodies.items())
+        )
 
-    def close(self) -> None:
-        self._pictures.close()
+    def _seen(self) -> tuple[Tags, Collection[int], float]:
+        return self._tracker.tags, self._tracker.numbers, self._tracker.residual
 
 
 class Pictures:

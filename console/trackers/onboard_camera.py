@@ -7,7 +7,8 @@ they can be surveyed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -15,9 +16,12 @@ import numpy as np
 
 from bearing_sim import parse_layout
 from console.beacon_layout import OURS
-from console.trackers.camera import Pictures
-from console.trackers.process import Tracker, Vehicle, to_epoch
+from console.trackers.camera import Pictures, TagSource
+from console.trackers.camera_view import CameraView
+from console.trackers.process import Tracker, to_epoch
 from console.trackers.source import Frame
+from console.trackers.tracked_vehicle import Vehicle
+from estimation.tags.detector import Picture, Tags
 from estimation.tags.intrinsics import load_intrinsics
 from estimation.tags.tag_bearings import TagBearings, load_beacon_tags
 from vehicle_link import topics
@@ -73,47 +77,55 @@ class StationsBeacons:
         )
 
 
-class OnboardCameraSource:
+class OnboardCameraSource(TagSource):
     """Beacons in the pictures of a camera, or a video file.
 
     Args:
-        camera, intrinsics, tags: as of `console.trackers.camera.CameraSource`; the tags as
+        camera, intrinsics, tags, view: as of `console.trackers.camera.CameraSource`; the tags as
             `estimation.tags.tag_bearings` reads them.
         beacons: closed with it.
 
     Raises StorageError, MeasurementError, UnreachableError.
     """
 
-    def __init__(self, camera: int | Path, intrinsics: Path, tags: Path, beacons: Beacons) -> None:
+    def __init__(
+        self,
+        camera: int | Path,
+        intrinsics: Path,
+        tags: Path,
+        beacons: Beacons,
+        view: CameraView | None = None,
+    ) -> None:
         lens, told = load_intrinsics(intrinsics), load_beacon_tags(tags)
         self._reader, self._beacons = TagBearings(told, lens), beacons
-        self._late_ns = round(1e9 * told.delay)
-        self._pictures = Pictures(camera, lens)
+        self._left = math.nan
+        super().__init__(Pictures(camera, lens), view or CameraView(), round(1e9 * told.delay))
 
-    def frames(self) -> Iterator[Frame]:
-        """Yield a frame a picture. Raises MeasurementError, UnreachableError, UsageError."""
-        for stamp_ns, received_ns, grey in self._pictures:
-            seen = self._reader.take(grey)
-            left = self._reader.misfit(seen, self._beacons.places)
-            doubt = (
-                f"beacons are {left:.0f} pixels from their places in the layout, allowed "
-                f"{FAR_OFF:g}: survey them (quadlab replay LOG --survey), or the intrinsics are of "
-                "another camera"
-                if left > FAR_OFF
-                else ""
-            )
-            late = None if stamp_ns is None else stamp_ns - self._late_ns
-            yield Frame(late, received_ns - self._late_ns, beacons=seen, doubt=doubt)
+    def _read(self, grey: Picture) -> Frame:
+        self._left = math.nan
+        seen = self._reader.take(grey)
+        self._left = self._reader.misfit(seen, self._beacons.places)
+        doubt = (
+            f"beacons are {self._left:.0f} pixels from their places in the layout, allowed "
+            f"{FAR_OFF:g}: survey them (quadlab replay LOG --survey), or the intrinsics are of "
+            "another camera"
+            if self._left > FAR_OFF
+            else ""
+        )
+        return Frame(None, 0, beacons=seen, doubt=doubt)
+
+    def _seen(self) -> tuple[Tags, Collection[int], float]:
+        return self._reader.tags, self._beacons.places.keys(), self._left
 
     def close(self) -> None:
-        self._pictures.close()
+        super().close()
         self._beacons.close()
 
 
 class BearingsTracker(Tracker):
     """Publishes the bearings of a camera on one vehicle, and how it does."""
 
-    measured, told_on = "camera_bearings", "camera_status"
+    measured, told_on, shown_on = "camera_bearings", "camera_status", "camera_picture"
     unseen_for = 1.0
 
     def _take_seen(self, frame: Frame, taken_ns: int | None, now: float) -> None:

@@ -17,9 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from console.trackers.health import BodyHealth, Unit, Up, to_world
+from console.trackers.camera_figures import Figures, camera_words
+from console.trackers.camera_view import CameraView, Seen
+from console.trackers.health import Unit, Up, to_world
 from console.trackers.source import Body, Frame, Source
 from console.trackers.system_clock import SystemClock
+from console.trackers.tracked_vehicle import Vehicle
 from quadrotor.errors import MeasurementError, QuadlabError, RefusedError, UsageError
 from quadrotor.plain_rotations import Array
 from quadrotor.records import NO_ATTITUDE, pose_sample
@@ -50,28 +53,6 @@ SEEN_MOST = 8
 _FIGURES = re.compile(r"[\d.]+")
 
 
-class Vehicle:
-    """One vehicle's body: what of it was published, and how it is.
-
-    Args:
-        measured, told: topics of its measurements, and of how it is.
-    """
-
-    def __init__(self, session: Any, vehicle: str, body: str, measured: str, told: str) -> None:
-        self.vehicle, self.body = vehicle, body
-        self.health = BodyHealth()
-        self.seen = monotonic()
-        self.gaps = 0
-        self.is_missing = self.is_doubled = False
-        self.told = ""
-        self._node = Node(session, f"/{vehicle}", "tracker")
-        self.measured = self._node.advertise(TOPICS[measured])
-        self.status = self._node.advertise(TOPICS[told])
-
-    def close(self) -> None:
-        self._node.close()
-
-
 class Tracker:
     """Publishes the poses of a tracking system's bodies, and how they are.
 
@@ -81,9 +62,10 @@ class Tracker:
         bodies: the system's name of each vehicle's body.
         session: with the station.
         unit, up: of the positions that the system sends, and its axis that points up.
+        view: of a camera, which its source tells; None of another system.
     """
 
-    measured, told_on = "tracker_body", "tracker_status"
+    measured, told_on, shown_on = "tracker_body", "tracker_status", "tracker_picture"
     unseen_for = GAP
 
     def __init__(
@@ -94,13 +76,17 @@ class Tracker:
         session: Any,
         unit: Unit = "m",
         up: Up = "z",
+        view: CameraView | None = None,
     ) -> None:
         self._words, self._open_source, self._unit, self._up = words, open_source, unit, up
         self._vehicles = [
-            Vehicle(session, vehicle, body, self.measured, self.told_on)
+            Vehicle(session, vehicle, body, self.measured, self.told_on, self.shown_on)
             for vehicle, body in bodies.items()
         ]
-        self._session = session
+        self._session, self._view = session, view
+        self._shown: Seen | None = None
+        if view is not None:
+            topics.encode_picture(0, b"", "")  # its serialiser is written now: that takes a second
         self._clock = SystemClock()
         self._came: queue.Queue[Frame | Exception] = queue.Queue(KEPT)
         self._closing = threading.Event()
@@ -137,6 +123,7 @@ class Tracker:
                     else:
                         self._trouble = str(item)
                 self._tell()
+                self._show()
         finally:
             self._closing.set()
             if self._source is not None:
@@ -247,11 +234,38 @@ class Tracker:
                 problem = one.told  # the same with other figures
             if problem and problem != one.told:
                 print(f"tracker: {one.vehicle}: {problem}", flush=True)
+            self._tell_well(one, problem, now)
             if is_due or problem != one.told:
                 one.told = problem
                 one.status.put(encode(self._status(one, problem)))
         if is_due:
             self._told = now
+
+    def _tell_well(self, one: Vehicle, problem: str, now: float) -> None:
+        """Print how well a camera sees, once it has seen without a problem for a while."""
+        if problem:
+            one.troubled, one.is_well_told = now, False
+        elif not one.is_well_told and now - one.troubled > RECENT:
+            one.is_well_told = True
+            if words := camera_words(self._figures):
+                print(f"tracker: {one.vehicle}: {words}", flush=True)
+
+    @property
+    def _figures(self) -> Figures:
+        return Figures() if self._view is None else self._view.figures()
+
+    def _show(self) -> None:
+        """Publish a camera's newest picture to who looks or records."""
+        if self._view is None:
+            return
+        watched = [one for one in self._vehicles if one.picture.is_heard]
+        self._view.is_watched = bool(watched)
+        newest = self._view.newest
+        if newest is None or newest is self._shown:
+            return
+        self._shown, stamp_ns = newest, to_epoch(newest.taken_ns)
+        for one in watched:
+            one.picture.put(topics.encode_picture(stamp_ns, newest.jpeg, one.vehicle), stamp_ns)
 
     def _problem(self, one: Vehicle, now: float) -> str:
         """Return what is wrong for one vehicle, the first cause of all; "" when nothing is."""
@@ -294,6 +308,7 @@ class Tracker:
             clock_jumps=self._clock.jumps,
             problem=problem,
             withheld=bool(one.health.withheld) or one.is_doubled,
+            **self._figures._asdict(),
         )
 
 

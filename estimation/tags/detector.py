@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from estimation.tags.corners import refine_corners
+from estimation.tags.exposure import wrong_exposure
 from estimation.tags.intrinsics import Intrinsics
 from quadrotor.errors import MeasurementError
 
@@ -23,8 +24,6 @@ Picture = npt.NDArray[np.uint8]
 Tags = dict[int, Array]
 """Corners (4, 2), pixels, of each tag seen."""
 
-DARK, BRIGHT = 12.0, 243.0
-"""Mean grey levels beyond which the exposure is wrong."""
 DEFAULT_FAMILY = "APRILTAG_36h11"
 
 READ_AT = 1920
@@ -98,8 +97,7 @@ class TagDetector:
                 "there once"
             )
         mean = float(grey.mean())
-        if not found and not DARK < mean < BRIGHT:
-            what = "black" if mean <= DARK else "white"
+        if not found and (what := wrong_exposure(mean)):
             raise MeasurementError(
                 f"the picture is {what} (mean grey level {mean:.0f} of 255): look at the lens's "
                 "cap, the light and the exposure"

@@ -79,18 +79,25 @@ def load_beacon_tags(path: Path) -> BeaconTags:
 
 
 class TagBearings:
-    """Finds the beacons in pictures. Raises MeasurementError for an unknown family."""
+    """Finds the beacons in pictures. Raises MeasurementError for an unknown family.
+
+    Attributes:
+        tags: seen in the newest picture.
+    """
 
     def __init__(self, tags: BeaconTags, lens: Intrinsics) -> None:
         self._told, self._lens = tags, lens
         self._detector = TagDetector(lens, tags.family)
+        self.tags: Tags = {}
         self._R_bc, self._lens_b = tags.camera.axes_b, np.array(tags.camera.position)
 
     def take(self, grey: Picture) -> Sighting:
         """Return what is seen in a picture. Raises MeasurementError when the picture, a tag in it
         or the intrinsics are wrong.
         """
-        return self.seen(self._detector.tags(grey))
+        self.tags = {}
+        self.tags = self._detector.tags(grey)
+        return self.seen(self.tags)
 
     def seen(self, tags: Tags) -> Sighting:
         """Return the bearings to tags, at most as many as a frame holds. Raises MeasurementError
@@ -111,11 +118,11 @@ class TagBearings:
 
     def misfit(self, seen: Sighting, places_w: Mapping[int, Sequence[float] | Array]) -> float:
         """Return by how much beacons leave the places they should have, pixels rms, of the camera
-        that fits best; 0 where too few of them are seen.
+        that fits best; NaN where too few of them are seen.
         """
         known = [k for k, number in enumerate(seen.beacon_ids) if number in places_w]
         if len(known) < LEAST:
-            return 0.0
+            return math.nan
         places = np.array([places_w[seen.beacon_ids[k]] for k in known], float)
         poses = poses_of(places, seen.pixels[known], self._lens)
         return poses[0].residual if poses else math.inf

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -29,12 +31,21 @@ class TagTracker:
         layout: of the tags.
         lens: of the camera.
 
+    Attributes:
+        numbers: of all tags in the layout.
+        tags: seen in the newest picture.
+        residual: pixels rms by which the tags of the body that fits worst are from their places, of
+            the newest picture; NaN without a body.
+
     Raises MeasurementError for an unknown family.
     """
 
     def __init__(self, layout: TagLayout, lens: Intrinsics) -> None:
         self._layout, self._lens = layout, lens
         self._detector = TagDetector(lens, layout.family)
+        self.numbers = frozenset(layout.world).union(*layout.bodies.values())
+        self.tags: Tags = {}
+        self.residual = math.nan
         self._seen: list[Tags] = []  # tags of the world while the camera is being placed
         self._stood: Tags = {}  # where they were then
         self._place: tuple[Array, Array] | None = None  # position_w and R_wc
@@ -49,12 +60,14 @@ class TagTracker:
         Raises MeasurementError when the picture, the tags in it or the intrinsics are wrong.
         """
         self._count += 1
-        tags = self._detector.tags(grey)
+        self.tags, self.residual = {}, math.nan
+        self.tags = tags = self._detector.tags(grey)
         position_w, R_wc = self._camera(tags)
         bodies = {}
         for name, places in self._layout.bodies.items():
             pose = self._pose(name, places, tags, R_wc)
             if pose is not None:
+                self.residual = max(pose.residual, np.nan_to_num(self.residual))
                 R_wb = R_wc @ pose.R_cb
                 self._attitude[name] = self._count, R_wb
                 place = position_w + R_wc @ pose.position_c

@@ -14,6 +14,7 @@ from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import LinkError, UsageError
 
 if TYPE_CHECKING:
+    from console.trackers.camera_view import CameraView
     from console.trackers.source import Source
 
 UDP_PORT = 5005
@@ -89,6 +90,7 @@ class Tracker:
 
     def run(self) -> int:
         bodies = self.check()
+        from console.trackers.camera_view import CameraView
         from console.trackers.motion_capture import SYSTEMS
         from console.trackers.onboard_camera import BearingsTracker
         from console.trackers.process import Tracker as Poses
@@ -120,18 +122,22 @@ class Tracker:
             clock.follow(page_at(self.loopback_port))
         print(f"tracker: {self.system}{where}, for {', '.join(bodies)}", flush=True)
         kind = BearingsTracker if self.of_bearings else Poses
+        view = CameraView() if self.system in CAMERAS else None
         kind(
             f"{self.system}{where}",
-            lambda: self._source(host, port, session, list(bodies.values())),
+            lambda: self._source(host, port, session, list(bodies.values()), view),
             bodies,
             session,
             self.unit,
             self.up,
+            view,
         ).run(stopping)
         session.close()
         return 0
 
-    def _source(self, host: str, port: int, session: Any, bodies: Sequence[str]) -> Source:
+    def _source(
+        self, host: str, port: int, session: Any, bodies: Sequence[str], view: CameraView | None
+    ) -> Source:
         """Connect. Raises QuadlabError."""
         if self.system == "udp":
             from console.trackers.udp import UdpSource
@@ -149,9 +155,9 @@ class Tracker:
 
             camera = self.device if self.video is None else self.video
             if not self.of_bearings:
-                return CameraSource(camera, self.intrinsics, self.tags)
+                return CameraSource(camera, self.intrinsics, self.tags, view)
             beacons = StationsBeacons(session, bodies[0])
-            return OnboardCameraSource(camera, self.intrinsics, self.tags, beacons)
+            return OnboardCameraSource(camera, self.intrinsics, self.tags, beacons, view)
         from console.trackers.motion_capture import MotionCaptureSource
 
         return MotionCaptureSource(self.system, host, port)

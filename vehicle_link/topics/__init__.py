@@ -22,6 +22,7 @@ from vehicle_link.topics.measurements import (
     position_messages,
     sweep_messages,
 )
+from vehicle_link.topics.pictures import PICTURE, decode_picture, encode_picture
 from vehicle_link.topics.scene import SCENE_TOPICS, SceneMessages
 from vehicle_link.topics.status import (
     UNHEARD,
@@ -51,6 +52,7 @@ from vehicle_link.topics.ticks import (
 )
 
 __all__ = [
+    "PICTURE",
     "SCENE_TOPICS",
     "SERVICES",
     "TOPICS",
@@ -67,6 +69,7 @@ __all__ = [
     "decode_imu",
     "decode_joy",
     "decode_odometry",
+    "decode_picture",
     "decode_pose",
     "decode_position",
     "decode_reference",
@@ -83,6 +86,7 @@ __all__ = [
     "encode_joy",
     "encode_odometries",
     "encode_parameter_change",
+    "encode_picture",
     "encode_poses",
     "encode_positions",
     "encode_pressures",

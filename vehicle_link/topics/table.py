@@ -201,9 +201,12 @@ _ROWS = (
     # Of the tracker process; stamps are of the station's clock.
     Topic("tracker_body", "geometry_msgs/PoseStamped", "tracker", 100, "real_time", newest=50),
     Topic("tracker_status", "quadlab_msgs/TrackerStatus", "tracker", 10, recorded=True, stale=1.5),
+    # Pictures for people, tags marked: made only while somebody looks or records.
+    Topic("tracker_picture", "sensor_msgs/CompressedImage", "tracker", 10, newest=2),
     # Of a camera on the vehicle, from a process of its own; stamps as above.
     Topic("camera_bearings", "quadlab_msgs/BearingArray", "tracker", 30, "real_time", newest=50),
     Topic("camera_status", "quadlab_msgs/TrackerStatus", "tracker", 10, recorded=True, stale=1.5),
+    Topic("camera_picture", "sensor_msgs/CompressedImage", "tracker", 10, newest=2),
     # In imported flights alone: Lighthouse base stations.
     Topic("sweeps", "quadlab_msgs/SweepArray", "simulator", 120),
     Topic("stick", "sensor_msgs/Joy", "web", 50),

@@ -94,7 +94,7 @@ async def serve(socket: WebSocket, parts: Parts) -> None:
     )
     client.tell(protocol.text("advertise", channels=channels(parts.vehicle)))
     client.tell(protocol.text("advertiseServices", services=offered(parts.vehicle)))
-    with parts.foxglove.serving(client):
+    with parts.forwarding.serving(client):
         await converse(socket, client.talk(), conversation.listen(socket))
 
 

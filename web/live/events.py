@@ -17,6 +17,7 @@ from typing import Any
 import msgspec
 from fastapi import WebSocket
 
+from console.trackers.camera_figures import camera_words
 from vehicle_link.clock import real_time_factor, wall_time
 from web.access.roles import Session
 from web.live.conversation import converse
@@ -145,7 +146,8 @@ def summarize(live: Live) -> Message:
         "status": _fields(live.newest("status")),
         "station": _station(live.newest("station_status")),
         "link": _fields(live.newest("link_status")),
-        "tracker": _fields(live.newest("tracker_status")),
+        "tracker": _tracker(live.newest("tracker_status")),
+        "camera": _tracker(live.newest("camera_status")),
         "battery": _battery(live.newest("battery")),
         "estimate": _estimate(live.newest("estimator")),
     }
@@ -161,6 +163,12 @@ def _station(message: Any) -> Message | None:
     """
     fields, factor = _fields(message), real_time_factor()
     return {**fields, "real_time_factor": factor} if fields and factor else fields
+
+
+def _tracker(message: Any) -> Message | None:
+    """Return its fields, and how well a camera sees in the words of its process."""
+    fields = _fields(message)
+    return {**fields, "sees": camera_words(message)} if fields else fields
 
 
 def _battery(message: Any) -> Message | None:

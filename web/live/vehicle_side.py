@@ -21,8 +21,8 @@ from web.app_parts import Parts
 from web.commands.control import Control
 from web.commands.emergency import EmergencyDesk
 from web.commands.sticks import StickOutput
-from web.foxglove.forwarding import Forwarding
 from web.live.events import EventHub, Message
+from web.live.forwarding import Forwarding
 from web.live.latest import Live
 from web.live.station import Station
 from web.live.telemetry import TelemetryFeed
@@ -71,13 +71,13 @@ class VehicleSide:
 
         def tell(message: Message) -> None:
             hub.publish(message)
-            foxglove.told(message, replica.values)
+            forwarding.told(message, replica.values)
 
         replica = PageParameters(tell)
         scene = Scene(view_server, live)
         self._view_server = view_server
         self.station = station = connect(name, live, hub)
-        foxglove = Forwarding(station.forward)
+        forwarding = Forwarding(station.forward)
         self._follower = ParameterFollower(replica, station, live, scene, f"/{name}")
         station.on_change = self._follower.changed_from_thread
         self._stick = StickOutput(station.publish_stick)
@@ -91,7 +91,7 @@ class VehicleSide:
             return status is not None and bool(status.airborne)
 
         engine = shared.catalogue.engine
-        self.loops: Iterable[Runs] = (scene, feed, self._follower, control, foxglove)
+        self.loops: Iterable[Runs] = (scene, feed, self._follower, control, forwarding)
         self.parts = Parts(
             vehicle=name,
             base_url=shared.base_url,
@@ -121,7 +121,7 @@ class VehicleSide:
                 chosen=lambda: replica.value("safety.emergency_land"),
             ),
             control=control,
-            foxglove=foxglove,
+            forwarding=forwarding,
         )
 
     @property

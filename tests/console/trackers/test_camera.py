@@ -11,10 +11,13 @@ import pytest
 
 from console.trackers import camera
 from console.trackers.camera import CameraSource, Pictures
+from console.trackers.camera_figures import camera_words
+from console.trackers.camera_view import CameraView
 from console.trackers.source import Frame
 from quadlab.commands.tracker import Tracker
 from quadrotor.errors import MeasurementError, StorageError, UnreachableError, UsageError
 from tests.estimation.tags.rendered import CAMERA, LENS, a_scene
+from vehicle_link.topics.pictures import JPEG
 
 TAGS = """
 [bodies.cf7.3]
@@ -124,6 +127,23 @@ def test_a_camera_that_is_unplugged_or_not_there_is_told(monkeypatch: pytest.Mon
     assert stamp_ns is None  # the driver gave none
     with pytest.raises(UnreachableError, match="camera 0 delivers no more pictures"):
         next(pictures)
+
+
+def test_a_picture_that_is_refused_is_shown_all_the_same(
+    lens: Path, tags: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "dark.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), RATE, (640, 480))
+    for _ in range(3):
+        writer.write(np.zeros((480, 640, 3), np.uint8))
+    writer.release()
+    view = CameraView()
+    view.is_watched = True
+    with pytest.raises(MeasurementError, match="the picture is black"):
+        next(CameraSource(path, lens, tags, view).frames())
+    assert view.newest is not None
+    assert view.newest.jpeg.startswith(JPEG)
+    assert "(black), tags in 0% of them" in camera_words(view.figures())
 
 
 def test_files_that_are_no_videos_and_sizes_that_do_not_fit_are_told(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,8 @@ import numpy.typing as npt
 import pytest
 
 from bearing_sim import BearingParameters
+from console.trackers.camera_figures import camera_words
+from console.trackers.camera_view import CameraView
 from console.trackers.onboard_camera import (
     BearingsTracker,
     OnboardCameraSource,
@@ -30,7 +33,8 @@ from tests.console.trackers.test_tracker_process import AHEAD_NS, Bench
 from tests.waiting import wait_for
 from vehicle_link import topics
 from vehicle_link.messages import decode
-from vehicle_link.topics import TOPICS
+from vehicle_link.topics import PICTURE, TOPICS, decode_picture
+from vehicle_link.transport.node import Node
 
 Array = npt.NDArray[np.float64]
 
@@ -61,9 +65,9 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def write(path: Path, pictures: list[Any]) -> None:
+def write(path: Path, pictures: list[Any], rate: float = RATE) -> None:
     size = pictures[0].shape[::-1]
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), RATE, size)
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), rate, size)
     for grey in pictures:
         writer.write(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR))
     writer.release()
@@ -137,6 +141,7 @@ def test_a_video_becomes_the_vehicles_bearings_and_its_silence_is_told(
     bench: Bench, files: Path
 ) -> None:
     statuses: list[Any] = []
+    pictures: list[bytes] = []
     type_name = TOPICS["camera_status"].type_name
     bench.page.subscribe(
         "camera_status", type_name, lambda r: statuses.append(decode(r.payload, type_name))
@@ -146,10 +151,11 @@ def test_a_video_becomes_the_vehicles_bearings_and_its_silence_is_told(
     def source() -> OnboardCameraSource:
         beacons = StationsBeacons(session, "quad1")
         return OnboardCameraSource(
-            files / "hover.avi", files / "camera.yaml", files / "beacons.toml", beacons
+            files / "hover.avi", files / "camera.yaml", files / "beacons.toml", beacons, view
         )
 
-    tracker = BearingsTracker("a camera", source, {"quad1": "quad1"}, session)
+    view = CameraView()
+    tracker = BearingsTracker("a camera", source, {"quad1": "quad1"}, session, view=view)
     thread = threading.Thread(target=tracker.run, args=(ending,), daemon=True)
     thread.start()
     wait_for(lambda: len(bench.frames) > 5)
@@ -163,6 +169,50 @@ def test_a_video_becomes_the_vehicles_bearings_and_its_silence_is_told(
     wait_for(lambda: bench.told("pixels from their places in the layout"))
     wait_for(lambda: len(statuses[-1].seen) == 4)
     assert sorted(statuses[-1].seen) == [f"beacon {number}" for number in (1, 2, 3, 4)]
+    assert not view.is_watched  # and nobody's picture was made
+    assert view.newest is None
+    watching = Node(session, "/quad1", "page")
+    watching.subscribe(
+        "camera_picture", PICTURE, lambda r: pictures.append(decode_picture(r.payload))
+    )
+    wait_for(lambda: pictures)
+    watching.close()
+    wait_for(lambda: not view.is_watched)
+    assert statuses[-1].is_camera
+    assert statuses[-1].tags_share == 1.0
+    assert statuses[-1].residual > 3.0  # pixels: the layout is another
+    words = camera_words(statuses[-1])
+    assert re.fullmatch(
+        r"\d pictures/s, mean grey level \d+ of 255, tags in 100% of them, \d+\.\d\d pixels from "
+        "their places",
+        words,
+    )
     ending.set()
     thread.join(20)
     wait_for(lambda: bench.told("camera on board: its process is silent"))
+
+
+def test_the_process_prints_how_well_the_camera_sees_once_nothing_is_wrong(
+    bench: Bench, files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    grey = CAMERA.picture(PLACE, np.eye(3), np.zeros(3), np.zeros(3))
+    write(files / "quick.avi", [grey] * 400, 20.0)
+    view, ending, said = CameraView(), threading.Event(), [""]
+
+    def source() -> OnboardCameraSource:
+        video, lens, tags = (files / one for one in ("quick.avi", "camera.yaml", "beacons.toml"))
+        return OnboardCameraSource(video, lens, tags, Told(BEACONS), view)
+
+    tracker = BearingsTracker("a camera", source, {"quad1": "quad1"}, bench.page.session, view=view)
+    thread = threading.Thread(target=tracker.run, args=(ending,), daemon=True)
+    thread.start()
+
+    def is_told() -> bool:
+        said[0] += capsys.readouterr().out
+        return "pixels from their places\n" in said[0]
+
+    wait_for(is_told)
+    ending.set()
+    thread.join(20)
+    [line] = [one for one in said[0].splitlines() if "their places" in one]
+    assert re.fullmatch(r"tracker: quad1: \d+ pictures/s, .* 0\.\d\d pixels from .*", line)

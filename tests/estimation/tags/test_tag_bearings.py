@@ -89,7 +89,7 @@ def test_beacons_leave_their_places_with_the_intrinsics_of_another_camera() -> N
     assert 1.0 < off[0] < off[1]
     with pytest.raises(MeasurementError, match=r"corners of tag \d do not fit .* another camera"):
         _of_another(0.5).take(grey)  # each tag by itself says so
-    assert good.misfit(good.take(grey), {1: PLACES[1]}) == 0.0  # too few to say
+    assert math.isnan(good.misfit(good.take(grey), {1: PLACES[1]}))  # too few to say
 
 
 def _of_another(scale: float) -> TagBearings:

@@ -136,6 +136,7 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "WEBSOCKET /ws/events": (VIEWER, None),
     "WEBSOCKET /ws/stick": (OPERATOR, None),
     "WEBSOCKET /ws/comparison": (VIEWER, None),
+    "WEBSOCKET /ws/picture/{camera}": (VIEWER, None),
     "WEBSOCKET /ws/fleet": (VIEWER, None),
     "WEBSOCKET /foxglove": (VIEWER, None),
 }
@@ -211,7 +212,7 @@ def browser(site: Any) -> Iterator[httpx.Client]:
 def path_of(route: str) -> str:
     path = route.split(" ", 1)[1]
     name = "uPlot.iife.js" if "vendor" in path else "nobody"
-    return path.replace("{run_id}", RUN).replace("{name}", name)
+    return path.replace("{run_id}", RUN).replace("{name}", name).replace("{camera}", "tracker")
 
 
 def ask(browser: httpx.Client, route: str, cookie: str | None, **headers: str) -> httpx.Response:

@@ -2,6 +2,7 @@
 // While the tab is hidden it has no socket and no signals, and draws nothing.
 
 import { get } from "../core/api.js";
+import { CameraPicture } from "../camera/picture.js";
 import { ErrorChart } from "./chart.js";
 import { Errors } from "./errors.js";
 import { Layout } from "./layout.js";
@@ -10,7 +11,7 @@ import { Sensor } from "./sensor.js";
 import { Session } from "./session.js";
 import { BeaconView } from "./view.js";
 import { Socket } from "../core/sockets.js";
-import { $ } from "../core/dom.js";
+import { $, element } from "../core/dom.js";
 
 const LAYOUT = "station.bearings.layout";
 const PERIOD = 200; // ms
@@ -27,6 +28,8 @@ export class Beacons {
     this.presets = {};
     this.chosen = "vehicle"; // whose residuals are shown
     this.session = new Session($("beacons-session"), shared);
+    $("beacons-camera").append(element("h2", {}, "Camera on board"));
+    new CameraPicture($("beacons-camera"), events, "camera", "the camera on board");
     this.residuals = new Residuals($("beacons-residuals"));
     this.errors = new Errors($("beacons-errors"), { ...shared, choose: (name) => this.choose(name) });
     this.chart = new ErrorChart($("beacons-chart"), history, description);

@@ -1,5 +1,6 @@
 // The tracking system: what comes from it, how old it is at the vehicle, and its parameters.
 
+import { CameraPicture } from "../camera/picture.js";
 import { element } from "../core/dom.js";
 import { fixed, NONE } from "../core/format.js";
 import { Fields } from "./parameters.js";
@@ -17,7 +18,9 @@ export class TrackerSection {
     this.latencies = element("figure", { hidden: true }, this.bars, element("figcaption", {}, "frames of the last seconds by their latency above the smallest, in steps of 1 ms; the last bar: all longer ones"));
     const fields = element("div");
     this.simulated = element("div", {}, element("p", { className: "hint" }, "Poses of the simulated tracking system, made by the station from the simulator's truth; what is set here is what its measurements suffer."), fields);
-    place.append(this.facts, this.problem, this.latencies, this.simulated);
+    const picture = element("div", { hidden: true });
+    place.append(this.facts, this.problem, picture, this.latencies, this.simulated);
+    new CameraPicture(picture, events, "tracker", "the tracker's camera");
     new Fields(fields, parameters, LABELS.map(([name, label]) => [`station.tracker.${name}`, label]));
     this.timer = setInterval(() => this.draw(), PERIOD);
     this.draw();

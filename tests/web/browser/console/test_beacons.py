@@ -8,7 +8,13 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+import numpy as np
 import pytest
+
+from console.trackers.camera_figures import Figures
+from estimation.tags.marked_picture import marked_picture
+from vehicle_link.messages import decode, new
+from vehicle_link.topics import PICTURE, encode_picture
 
 LAYOUT = "station.bearings.layout"
 COMPARED = "station.comparison.estimators"
@@ -317,3 +323,31 @@ def test_a_hidden_tab_has_no_socket_and_no_signals(
     page.click("[data-tab=beacons]")
     until(lambda: bool(compared()))
     assert [one.is_closed() for one in feeds()] == [True, False]
+
+
+# ---------------------------------------------------------------------- the camera on board
+def test_the_cameras_picture_is_shown_while_the_tab_is_open_and_its_silence_is_told(
+    page: Any, look: Any, station: Any, until: Callable[..., None]
+) -> None:
+    figures = Figures(True, 30.0, 1.0, 121.0, 0.2)
+    status = new("quadlab_msgs/TrackerStatus", system="onboard_camera 0", **figures._asdict())
+    grey, corners = np.full((48, 64), 90, np.uint8), np.array([[9, 9], [29, 9], [29, 29], [9, 29]])
+    jpeg = marked_picture(grey, {3: corners.astype(float)}, {3})
+    picture = decode(encode_picture(1, jpeg, "quad1"), PICTURE)
+    tab, canvas = opened(page), "#beacons-camera canvas"
+    assert tab.is_hidden("#beacons-camera")
+    station.put("camera_status", status)
+    until(lambda: station.forwarded == {"camera_picture"})
+    station.deliver("camera_picture", picture)
+    tab.wait_for_selector(f"{canvas}[width='64']")
+    colour = tab.evaluate(
+        f"[...document.querySelector('{canvas}').getContext('2d').getImageData(19, 29, 1, 1).data]"
+    )
+    assert colour[1] > colour[0] + 50, "the tag's outline is green"
+    look.text("#beacons-camera figcaption", r"^30 pictures/s, .* 0\.20 pixels from their places$")
+    # No more come, and then no more statuses.
+    look.text("#beacons-camera .quiet", r"^No picture for [3-9] s$")
+    look.text("#beacons-camera figcaption", "process is silent")
+    look.has_class("#beacons-camera", "stale")
+    tab.click("[data-tab=fly]")
+    until(lambda: station.forwarded == set())

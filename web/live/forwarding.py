@@ -9,19 +9,36 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 from quadrotor.errors import LinkError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.transport.publisher import Received
-from web.foxglove.client import FoxgloveClient
 
 PERIOD = 0.02  # s
 MOST_WAITING = 20_000  # messages, while the event loop stands still
 
 Forward = Callable[[Mapping[str, Callable[[Received], None]]], None]
+
+
+class ForwardingClient(Protocol):
+    """One that takes topics as they come: a program that speaks Foxglove's protocol, or a page that
+    looks at a camera.
+    """
+
+    @property
+    def topics(self) -> Collection[str]: ...
+
+    def put(self, topic: str, received_ns: int, payload: bytes) -> None:
+        """Take a message of any client's topic."""
+
+    def wake(self) -> None:
+        """Send what was put."""
+
+    def changed(self, values: dict[str, ParameterValue]) -> None:
+        """Take new values of parameters."""
 
 
 class Forwarding:
@@ -32,10 +49,10 @@ class Forwarding:
         self._arrived: deque[tuple[str, Received]] = deque(maxlen=MOST_WAITING)
         self._taken: frozenset[str] = frozenset()
         self._present = asyncio.Event()
-        self.clients: set[FoxgloveClient] = set()
+        self.clients: set[ForwardingClient] = set()
 
     @contextlib.contextmanager
-    def serving(self, client: FoxgloveClient) -> Iterator[None]:
+    def serving(self, client: ForwardingClient) -> Iterator[None]:
         """Give the client its messages within the block."""
         self.clients.add(client)
         self._present.set()

@@ -1,0 +1,40 @@
+"""How well a camera sees: figures, and the words in which process and page tell them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from estimation.tags.exposure import wrong_exposure
+
+
+class Figures(NamedTuple):
+    """How well a camera saw in the last second; NaN: not known.
+
+    Attributes:
+        is_camera: False of a system without one.
+        picture_rate: pictures a second, also of those that were not used; Hz.
+        tags_share: of these pictures, those with a tag; 0 to 1.
+        grey_level: mean of the newest picture, 0 black to 255 white.
+        residual: of tags from where they should be, pixels rms, the median of the pictures.
+    """
+
+    is_camera: bool = False
+    picture_rate: float = math.nan
+    tags_share: float = math.nan
+    grey_level: float = math.nan
+    residual: float = math.nan
+
+
+def camera_words(figures: Figures | Any) -> str:
+    """Return the figures, of a TrackerStatus too, in one line; "" of a system without a camera."""
+    if not figures.is_camera:
+        return ""
+    if not figures.picture_rate:
+        return "no pictures"
+    exposure, left = wrong_exposure(figures.grey_level), figures.residual
+    off = f", {left:.2f} pixels from their places" if math.isfinite(left) else ""
+    return (
+        f"{figures.picture_rate:.0f} pictures/s, mean grey level {figures.grey_level:.0f} of 255"
+        f"{exposure and f' ({exposure})'}, tags in {figures.tags_share:.0%} of them{off}"
+    )

@@ -1,0 +1,87 @@
+"""What a camera sees, for people: its newest picture with the tags marked, and how well it sees.
+
+Pictures are made only while somebody looks or records, and no faster than the page shows them.
+They go over the station's loopback and never over the vehicle's radio (`vehicle_link.topics`).
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+from collections.abc import Collection
+from typing import NamedTuple
+
+import numpy as np
+
+from console.trackers.camera_figures import Figures
+from estimation.tags.detector import Picture, Tags
+from estimation.tags.marked_picture import marked_picture
+from vehicle_link.clock import monotonic_ns
+from vehicle_link.topics import TOPICS
+
+RECENT_NS = 1_000_000_000
+"""Time over which the figures are taken."""
+PERIOD_NS = round(0.95e9 / TOPICS["tracker_picture"].rate)
+"""Shortest time between two pictures; a little less than of the rate, for jitter."""
+
+
+class Seen(NamedTuple):
+    """A picture for people."""
+
+    taken_ns: int
+    """On the host's steady clock."""
+    jpeg: bytes
+
+
+class CameraView:
+    """Thread-safe.
+
+    Attributes:
+        is_watched: whether pictures are made; set by who sends them.
+        newest: the newest picture that was made.
+    """
+
+    def __init__(self) -> None:
+        self.is_watched = False
+        self.newest: Seen | None = None
+        self._lock = threading.Lock()
+        self._recent: deque[tuple[int, bool, float, float]] = deque()
+
+    def take(
+        self, taken_ns: int, grey: Picture, tags: Tags, used: Collection[int], residual: float
+    ) -> None:
+        """Take a picture, and what was found in it.
+
+        Args:
+            taken_ns: when, on the host's steady clock.
+            used: numbers of the tags that something is known of.
+            residual: pixels rms; NaN when not known.
+        """
+        with self._lock:
+            self._recent.append((taken_ns, bool(tags), float(grey.mean()), residual))
+            self._forget(taken_ns)
+        last = self.newest
+        if self.is_watched and (last is None or abs(taken_ns - last.taken_ns) >= PERIOD_NS):
+            self.newest = Seen(taken_ns, marked_picture(grey, tags, used))
+
+    def figures(self) -> Figures:
+        """Return how well the camera sees now."""
+        with self._lock:
+            self._forget(monotonic_ns())
+            recent = list(self._recent)
+        if not recent:
+            return Figures(is_camera=True, picture_rate=0.0)
+        _, found, levels, residuals = zip(*recent, strict=True)
+        known = [one for one in residuals if math.isfinite(one)]
+        return Figures(
+            True,
+            len(recent) / (1e-9 * RECENT_NS),
+            sum(found) / len(found),
+            levels[-1],
+            float(np.median(known)) if known else math.nan,
+        )
+
+    def _forget(self, now_ns: int) -> None:
+        while self._recent and now_ns - self._recent[0][0] > RECENT_NS:
+            self._recent.popleft()

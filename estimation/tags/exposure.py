@@ -1,0 +1,11 @@
+"""Whether a picture is black or white."""
+
+from __future__ import annotations
+
+DARK, BRIGHT = 12.0, 243.0
+"""Mean grey levels beyond which the exposure is wrong."""
+
+
+def wrong_exposure(level: float) -> str:
+    """Return "black" or "white" for a mean grey level (0 to 255) beyond use, else ""."""
+    return "black" if level <= DARK else "white" if level >= BRIGHT else ""
