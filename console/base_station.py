@@ -42,6 +42,7 @@ from console.parameters.vehicle import VehicleParameters
 from console.reception import Reception
 from console.runs.housekeeping import PERIOD, Housekeeping
 from console.runs.marks import MarkService
+from console.runs.pictures import PictureRecording
 from console.runs.runs import RunKeeper
 from console.tracker_feed import TrackerFeed
 from console.transfers.service import Transfers
@@ -275,6 +276,7 @@ class BaseStation:
             self._outbox.beats,
             self._closing,
         )
+        self._pictures = PictureRecording(session, vehicle, self._recorder, parameters.recorder)
         self.checks.start()
         self._threads = [
             threading.Thread(target=target, name=name, daemon=True)
@@ -310,6 +312,7 @@ class BaseStation:
         self._comparison.close()
         for thread in self._threads:
             thread.join(CLOSE_PATIENCE)
+        self._pictures.close()
         self._subscriptions.close()
         self._node.close()
         self._witness.close()
@@ -367,6 +370,7 @@ class BaseStation:
                 self._alarms.set(key, None)  # another problem is told as well
             self._alarms.set(key, line)
         self.runs.tick()
+        self._pictures.tick()
         self.control.tick(count)
         self.experiments.tick(count)
         self._transfers.tick(count)

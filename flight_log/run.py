@@ -106,6 +106,10 @@ class Series:
             if index < len(payloads):
                 yield time, text_fields(payloads[index], self._topic.decodable_name)
 
+    def payload(self, index: int) -> bytes:
+        """Return one message of a topic that is kept whole, in the order of their time."""
+        return self._topic.payload(index if self._order is None else int(self._order[index]))
+
     @property
     def gaps(self) -> list[tuple[float, float]]:
         """Return start and length (s) of its silences."""

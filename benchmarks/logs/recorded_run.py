@@ -22,6 +22,7 @@ from flight_log.writer import Batch
 from quadrotor.records import TICK
 from vehicle_link.messages import encode, header, new
 from vehicle_link.parameters.messages import to_value
+from vehicle_link.topics import PICTURE
 from vehicle_link.topics import ticks as topic_ticks
 
 RATE = 500  # Hz
@@ -42,6 +43,7 @@ class MadeRun:
     silence: tuple[float, float] | None = None  # no tick reaches the station in between
     marks: Sequence[tuple[float, str]] = ()
     changes: Sequence[tuple[float, str, Any, Any]] = ()  # t, parameter, old and new value
+    pictures: Sequence[tuple[float, bytes]] = ()  # t, JPEG of the camera on board
     noise: float = 1e-3
     clock_ns: int = 0  # the vehicle's clock less the station's
     late: float = 0.0  # s the take-off comes later
@@ -197,6 +199,7 @@ class _Writer:
         once = sorted(
             [(t, "mark", text) for t, text in run.marks]
             + [(t, "change", change) for t, *change in run.changes]
+            + [(t, "picture", jpeg) for t, jpeg in run.pictures]
             + [(run.take_off, "event", "take_off by anna")],
             key=lambda one: one[0],
         )
@@ -279,6 +282,9 @@ def _single(kind: str, content: Any, head: Any, number: int, at: float) -> tuple
             requester="anna",
             revision=number,
         )
+    if kind == "picture":
+        data = np.frombuffer(content, np.uint8)
+        return "camera_picture", new(PICTURE, header=head, format="jpeg", data=data)
     return "events", new(
         "rcl_interfaces/Log", stamp=head.stamp, level=20, name="quad1", msg=content
     )

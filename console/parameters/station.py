@@ -21,6 +21,8 @@ class RecorderParameters(Parameters):
     """deleted runs can be brought back for this long"""
     backfill: bool = parameter(True)
     """after each run, fetch what it lacks from the vehicle's own log"""
+    pictures: float = parameter(5.0, unit="Hz", ge=0, le=10, step=1)
+    """pictures a second of each camera that a run has at most; 0 records none"""
 
 
 class StickParameters(Parameters):

@@ -112,6 +112,10 @@ class Topic:
         found: list[bytes] = self.arrow[PAYLOAD].to_pylist()
         return found
 
+    def payload(self, index: int) -> bytes:
+        """Return one message of a topic that is kept whole."""
+        return bytes(self.arrow[PAYLOAD][index].as_py())
+
     def values(self, name: str, first: int = 0, last: int | None = None) -> Floats:
         """Return a number of the messages from `first` to before `last`, (N,), NaN where there is
         none; not to be written into.

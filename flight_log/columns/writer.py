@@ -26,8 +26,10 @@ INDEX = "log.json"
 WHOLE = (
     *("/events", "/marks", "/parameter_changes"),
     *("/tracker_pose", "/tracker_position", "/bearings", "/sweeps"),
+    *("/tracker_picture", "/camera_picture"),
 )
-"""Ends of the names of topics whose messages are decoded one by one, so that payloads are kept."""
+"""Ends of the names of topics whose messages are looked at one by one, so that payloads are
+kept."""
 RECEIVED, STAMP, HEADER, PAYLOAD = "received_ns", "stamp_ns", "header_delay_ns", "payload"
 ROWS = 1 << 20
 """Rows of a file that are written at once, and lie in one piece."""

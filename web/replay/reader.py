@@ -22,6 +22,7 @@ from flight_log.columns.log_columns import kept_columns
 from flight_log.message_times import gaps
 from flight_log.run import run_of
 from quadrotor.errors import MeasurementError, OutOfBoundsError, StorageError
+from vehicle_link.topics.pictures import PICTURE, decode_picture
 from web.replay.build import INDEX, TRACK, VERSION
 from web.replay.signals import derived, members_of
 
@@ -142,6 +143,24 @@ class Replay:
                 age = t - float(times[index])
                 found[name] = [value if np.isfinite(value) else None, round(age, 4)]
         return found
+
+    def picture(self, topic: str, t: float) -> tuple[float, bytes] | None:
+        """Return a camera's newest picture at t (s), a JPEG, and when it was taken (s); None before
+        the first one.
+
+        Raises OutOfBoundsError for a run without this camera, MeasurementError or LinkError for a
+        message that is no JPEG.
+        """
+        series = self._run.topics.get(topic)
+        if series is None or series.type_name.replace("/msg/", "/") != PICTURE:
+            there = [name for name in self._run.topics if name.endswith("_picture")]
+            raise OutOfBoundsError(
+                f"no pictures on {topic} in this run; it has {', '.join(there) or 'none at all'}"
+            )
+        index = _before(series.time, t) - 1
+        if index < 0:
+            return None
+        return float(series.time[index]), decode_picture(series.payload(index))
 
     def _even(self, name: str, start: float, end: float) -> tuple[float, float, Array]:
         """Return the time of the first sample (s), the rate (Hz) and samples at it, (N, 1)."""

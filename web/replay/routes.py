@@ -16,6 +16,7 @@ from fastapi.responses import HTMLResponse, Response
 from console.catalogue.catalogue import SUFFIX, Catalogue
 from flight_log.file import is_being_written
 from quadrotor.errors import StorageError
+from web.live.pictures import Camera
 from web.replay.store import Building, ReplayStore
 from web.static_files import FILES
 
@@ -111,6 +112,17 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
     def spectrogram(run_id: str, start: Seconds, end: Seconds, signal: str) -> dict[str, Any]:
         """Return a signal's density over time and frequency, and the rotors' frequencies."""
         return store.opened(find(run_id)).spectrogram(signal, start, end)
+
+    @app.get("/api/replay/{run_id}/picture", response_class=Response)
+    def picture(run_id: str, camera: Camera, t: Seconds) -> Response:
+        """Return a camera's newest picture at t (s), a JPEG, with the time (s) at which it was
+        taken in the header `x-time`; nothing (204) before the first one.
+        """
+        found = store.opened(find(run_id)).picture(f"{camera}_picture", t)
+        if found is None:
+            return Response(status_code=204)
+        taken, jpeg = found
+        return Response(jpeg, media_type="image/jpeg", headers={"x-time": f"{taken:.4f}"})
 
     @app.get("/api/replay/{run_id}/at")
     def at(run_id: str, t: Seconds, signal: Names) -> dict[str, list[float | None]]:

@@ -90,6 +90,7 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "GET /api/replay/{run_id}/window": (VIEWER, None),
     "GET /api/replay/{run_id}/spectrogram": (VIEWER, None),
     "GET /api/replay/{run_id}/spectrum": (VIEWER, None),
+    "GET /api/replay/{run_id}/picture": (VIEWER, None),
     "GET /api/replay/{run_id}/at": (VIEWER, None),
     "GET /api/experiments": (VIEWER, None),
     "POST /api/experiments/start": (OPERATOR, {}),

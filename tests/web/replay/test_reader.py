@@ -14,8 +14,9 @@ import pytest
 from benchmarks.logs.recorded_run import STEP_NS, MadeRun, position_at, write_run
 from flight_log import LogWriter, read_log
 from flight_log.message_times import common_stamps, gaps
-from quadrotor.errors import LogFormatError, OutOfBoundsError
+from quadrotor.errors import LogFormatError, MeasurementError, OutOfBoundsError
 from vehicle_link.messages import decode, encode, header, new
+from vehicle_link.topics import PICTURE, encode_picture
 from web.replay.build import build_replay
 from web.replay.reader import BIN, Replay, coarser
 from web.replay.track import PARTS, WIDTH
@@ -288,6 +289,28 @@ def test_of_each_mark_the_newest_text_counts_at_the_marks_own_time(tmp_path: Pat
         {"t": t, "text": text, "who": "anna"}
         for t, text in ((2.0, ""), (3.0, "a door"), (4.0, "wind"))
     ]
+
+
+def test_a_picture_is_the_newest_one_at_an_instant_to_the_byte(tmp_path: Path) -> None:
+    log, jpeg = tmp_path / "a.mcap", b"\xff\xd8"
+    taken = {2.0: jpeg + b"two" * 500, 3.0: jpeg + b"three", 2.5: jpeg, 5.0: b"GIF89a"}
+    with LogWriter(log, {"vehicle": "quad1"}, {}) as writer:
+        note = encode(new("std_msgs/String", data="x"))
+        writer.write("/quad1/note", "std_msgs/String", note, *(2 * [SECOND]))
+        for t, data in taken.items():  # one comes late
+            stamp_ns = SECOND + _ns(t)
+            payload = encode_picture(stamp_ns, data, "quad1")
+            writer.write("/quad1/tracker_picture", PICTURE, payload, SECOND + _ns(t), stamp_ns)
+    replay = shown(log)
+    assert replay.picture("tracker_picture", 1.9) is None
+    for t, at in ((2.0, 2.0), (2.4, 2.0), (2.5, 2.5), (2.99, 2.5), (4.0, 3.0)):
+        assert replay.picture("tracker_picture", t) == (at, taken[at])
+    with pytest.raises(MeasurementError, match="no JPEG"):
+        replay.picture("tracker_picture", 6.0)
+    told = "no pictures on camera_picture in this run; it has tracker_picture"
+    with pytest.raises(OutOfBoundsError, match=told):
+        replay.picture("camera_picture", 2.0)
+    assert replay.described()["topics"]["tracker_picture"]["count"] == 4
 
 
 def _ns(seconds: float) -> int:

@@ -19,7 +19,7 @@ from web.replay.store import Building, ReplayStore
 
 Until = Callable[..., None]
 RUN, SECOND, TORN = "20260131T093042Z_quad1", "20260131T100000Z_quad1", "20260131T110000Z_quad1"
-SHORT = MadeRun(7.0, marks=[(5.0, "gust")])
+SHORT = MadeRun(7.0, marks=[(5.0, "gust")], pictures=[(3.0, b"\xff\xd8 one"), (4.0, b"\xff\xd8")])
 
 
 @pytest.fixture(scope="module")
@@ -130,6 +130,24 @@ def test_a_spectrogram_has_the_density_at_each_time_and_the_rotors(
         f"/api/replay/{RUN}/spectrogram", params={**query, "signal": "imu/nothing"}
     )
     assert "no signal" in wrong.json()["error"]
+
+
+def test_a_viewer_gets_the_picture_at_an_instant_or_why_there_is_none(
+    viewer_there: httpx.Client, until: Until
+) -> None:
+    described(viewer_there, RUN, until)
+
+    def asked(camera: str, t: float) -> httpx.Response:
+        place = f"/api/replay/{RUN}/picture"
+        return viewer_there.get(place, params={"camera": camera, "t": t})
+
+    found = asked("camera", 3.9)
+    assert (found.content, found.headers["content-type"]) == (b"\xff\xd8 one", "image/jpeg")
+    assert float(found.headers["x-time"]) == pytest.approx(3.0, abs=0.02)
+    assert asked("camera", 1.0).status_code == 204
+    assert asked("tracker", 3.9).status_code == 422
+    assert "it has camera_picture" in asked("tracker", 3.9).json()["error"]
+    assert asked("kitchen", 3.9).status_code == 422
 
 
 def test_the_vehicles_own_logs_are_listed(viewer_there: httpx.Client) -> None:

@@ -5,6 +5,7 @@ import { $, element } from "../core/dom.js";
 import { head } from "../core/page_header.js";
 import { Alignment } from "./align.js";
 import { ReplayChart } from "./chart.js";
+import { ReplayPictures } from "./pictures.js";
 import { PlayHead } from "./play_head.js";
 import { TimeLine } from "./timeline.js";
 import { ReplayPanel } from "./panel.js";
@@ -50,6 +51,7 @@ class Page {
     this.runs = runs;
     const clock = (this.clock = new PlayHead()), range = (this.range = new Range(clock));
     this.scene = new ReplayScene($("view"), clock);
+    this.pictures = new ReplayPictures($("view"), clock);
     this.charts = [0, 1].map((index) => new ReplayChart($(`chart-${index}`), index, clock, range));
     this.table = new ReplayTable($("table"));
     this.line = new TimeLine($("line"), clock, range);
@@ -64,6 +66,7 @@ class Page {
     this.table.setRuns(runs);
     this.panel.setRuns(runs);
     this.scene.setRuns(runs);
+    this.pictures.setRuns(runs);
     this.line.setRuns(runs);
     this.transport.setRuns(runs);
     for (const chart of this.charts) {

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 from benchmarks.logs.recorded_run import MadeRun, write_run
 from console.catalogue.catalogue import Catalogue
 from console.runs.adoption import tidy_runs
+from estimation.tags.marked_picture import marked_picture
 
 RUN, LATER = "20260131T093042Z_quad1", "20260131T100000Z_quad1"
 MADE = MadeRun(
@@ -26,7 +28,11 @@ BAR = "#line .bar"
 def replay_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[type], Any]]:
     data = tmp_path_factory.mktemp("data")
     write_run(data / "runs" / f"{RUN}.mcap", MADE)
-    write_run(data / "runs" / f"{LATER}.mcap", MadeRun(18.0, late=2.0), seed=2)
+    grey = np.full((48, 64), 90, np.uint8)
+    wide = np.full((48, 96), 90, np.uint8)
+    pictures = [(6.0, marked_picture(grey, {}, ())), (8.0, marked_picture(wide, {}, ()))]
+    made = MadeRun(18.0, late=2.0, pictures=pictures)
+    write_run(data / "runs" / f"{LATER}.mcap", made, seed=2)
     catalogue = Catalogue(data)
     tidy_runs(catalogue)
     running: list[Any] = []
@@ -330,3 +336,20 @@ def test_a_finding_opens_its_moment_with_its_signals(
     look.text("#chart-0 .legend", r"front.*rear")
     page.wait_for_function("() => location.hash.startsWith('#t=6.000&w=10')", timeout=BOUND)
     assert page.evaluate("localStorage.getItem('replay.chart.0')") is None
+
+
+def test_a_cameras_picture_follows_the_play_head(open_replay: Any) -> None:
+    page = open_replay(f"{LATER}#t=7")
+    canvas, quiet = "#view .pictures canvas", "#view .pictures .quiet"
+    page.wait_for_selector(f"{canvas}[width='64']")
+    assert page.is_hidden(quiet)
+    page.keyboard.press("Shift+ArrowRight")
+    page.keyboard.press("Shift+ArrowRight")
+    page.wait_for_selector(f"{canvas}[width='96']")
+    page.keyboard.press("End")
+    page.wait_for_selector(f"{quiet} >> text=No picture for 9 s")
+    page.wait_for_selector("#view .pictures figure.old")
+    page.keyboard.press("Home")
+    page.wait_for_selector(f"{quiet} >> text=No picture yet")
+    assert page.inner_text("#view .pictures figcaption") == "Camera on board"
+    assert open_replay(f"{RUN}#t=5").locator("#view .pictures canvas").count() == 0
