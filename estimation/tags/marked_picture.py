@@ -41,9 +41,9 @@ def marked_picture(grey: Picture, tags: Tags, used: Collection[int]) -> bytes:
         cv2.circle(picture, outline[0].tolist(), 4, colour, -1, cv2.LINE_AA)
         right, middle = outline[:, 0].max(), outline[:, 1].mean()
         place = (int(right) + 5, int(middle) + 5)
-        for shade, width in ((SHADE, 4), (colour, 1)):
+        for shade, width in ((SHADE, 5), (colour, 2)):
             font = cv2.FONT_HERSHEY_SIMPLEX
-            cv2.putText(picture, str(number), place, font, 0.55, shade, width, cv2.LINE_AA)
+            cv2.putText(picture, str(number), place, font, 0.8, shade, width, cv2.LINE_AA)
     done, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     if not done:
         raise MeasurementError(f"a picture of {picture.shape} cannot be made a JPEG")
