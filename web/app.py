@@ -27,6 +27,7 @@ from web.access.roles import Role, Session
 from web.access.users import add_users
 from web.app_parts import Parts
 from web.beacons.routes import add_beacons
+from web.beacons.survey import add_survey
 from web.commands import sticks
 from web.commands.behaviors import described as described_behaviors
 from web.commands.bodies import FollowBody, InvitationBody
@@ -98,6 +99,7 @@ def create_app(
     add_calibration(app, parts)
     add_reports(app, parts)
     add_beacons(app, parts)
+    add_survey(app, parts)
     add_tuning(app, parts)
     add_spectra(app, parts)
     add_fleet(app, fleet)

@@ -10,6 +10,7 @@ from console.parameters.presets import ParameterPresets
 from web.access.people import People
 from web.access.signed_links import SignedLinks
 from web.access.tls import Tls
+from web.beacons.survey import SurveyDesk
 from web.commands.control import Control
 from web.commands.emergency import EmergencyDesk
 from web.commands.sticks import StickOutput
@@ -53,5 +54,6 @@ class Parts:
     control: Control
     emergency: EmergencyDesk
     forwarding: Forwarding
+    survey: SurveyDesk
     tls: Tls | None = None
     """The page's certificate; None without TLS."""

@@ -21,6 +21,7 @@ from web.access.people import open_people
 from web.access.signed_links import SignedLinks
 from web.access.tls import Tls
 from web.app import create_app
+from web.beacons.survey import SurveyRun
 from web.fleet.fleet import Fleet
 from web.fleet.vehicle_of_request import ByVehicle
 from web.live.events import EventHub
@@ -49,6 +50,7 @@ def assemble(
     tls: Tls | None = None,
     attempts: Attempts | None = None,
     passwords: Passwords | None = None,
+    survey: SurveyRun | None = None,
 ) -> ASGIApp:
     """Assemble the whole application behind its gate.
 
@@ -59,6 +61,7 @@ def assemble(
         names: of hosts that mean us, next to that of `base_url` and loopback's.
         tls: the page's certificate, to be looked at by the start-up checks.
         attempts, passwords: other than usual, for tests.
+        survey: finds where the beacons are from a run's log; without it the page does not.
 
     Raises StorageError.
     """
@@ -81,7 +84,15 @@ def assemble(
     )
     links = SignedLinks(data / "web")
     shared = Shared(
-        base_url, people, catalogue, links, ViserExports(), ReportMaking(), ReplayStore(), tls
+        base_url,
+        people,
+        catalogue,
+        links,
+        ViserExports(),
+        ReportMaking(),
+        ReplayStore(),
+        tls,
+        survey,
     )
     sides = [VehicleSide(name, shared, connect, hubs[name], new_view_server()) for name in vehicles]
     fleet = Fleet(sides)

@@ -16,6 +16,7 @@ from starlette.types import ASGIApp
 
 from web.access.tls import Tls, own_names, shown_host
 from web.assembly import assemble
+from web.beacons.survey import SurveyRun
 from web.live.events import EventHub
 from web.live.latest import Live
 from web.live.sockets import LiveWebSocket, listen
@@ -39,6 +40,7 @@ def run_web(
     host: str = "127.0.0.1",
     open_browser: bool = False,
     tls: Tls | None = None,
+    survey: SurveyRun | None = None,
 ) -> None:
     """Serve the page until SIGINT or SIGTERM. Runs in the main thread.
 
@@ -50,6 +52,7 @@ def run_web(
         token: a first sign-in token chosen by the caller; one is made if None.
         host: where to listen; whether it may is `web.access.reach.check_reach`.
         tls: serve https with this certificate.
+        survey: as of `web.assembly.assemble`.
         open_browser: open the page in a browser, unless `token` was used before: then this is
             a restart, and the page is open already.
 
@@ -89,6 +92,7 @@ def run_web(
             show_link=show_link,
             names=(*own_names(host), *(tls.names if tls else ())),
             tls=tls,
+            survey=survey,
         )
         # uvicorn stops in order at SIGTERM and SIGINT and then raises them once more.
         signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))

@@ -261,6 +261,7 @@ class Web(PageOptions):
         tls = self.check_page(data)
         if tls is not None:
             say_authority(tls)
+        from quadlab.replay.proposal import propose_layout
         from web.process import run_web
 
         run_web(
@@ -272,5 +273,6 @@ class Web(PageOptions):
             open_browser=bool(os.environ.get(OPEN_BROWSER)),
             host=self.host,
             tls=tls,
+            survey=propose_layout,
         )
         return 0

@@ -44,6 +44,8 @@ LEAST = 100
 """Measurements that a survey takes."""
 SETTLED_NS = 2_000_000_000
 """Time after the filter's start from which its paths are compared."""
+USUAL = 5
+"""Steps that a survey usually takes."""
 BLOCKS = 30
 """Blocks of a flight whose errors are taken as independent."""
 
@@ -110,11 +112,18 @@ def survey_stations(recording: Recording, run: Run) -> Survey:
 
 
 def survey_beacons(
-    recording: Recording, run: Run, arrivals: list[Arrival]
+    recording: Recording,
+    run: Run,
+    arrivals: list[Arrival],
+    tell: Callable[[float], None] = lambda share: None,
 ) -> tuple[Beacons, Survey]:
     """Return where the beacons of the run's layout are, to the mm, and how that was found.
 
-    Raises MeasurementError when there are too few frames of bearings.
+    Args:
+        tell: called with the share that is done, 0 to 1.
+
+    Raises MeasurementError when there are too few frames of bearings, and for a layout that fits no
+    better than the run's.
     """
     believed = parse_layout(run.parameters.beacons.layout)
     numbers = believed.ids.tolist()
@@ -122,7 +131,12 @@ def survey_beacons(
     def placed(moved: Array) -> Beacons:
         return Beacons(numbers, (believed.positions_w + moved.reshape(-1, 3)).tolist())
 
+    flights = 0
+
     def fly(moved: Array) -> _Steady:
+        nonlocal flights
+        flights += 1
+        tell(min(0.99, flights / (USUAL * (moved.size + 1))))
         return _Steady(recording, run, placed(moved)).flown(arrivals)
 
     moved, found = _fit(fly, believed.positions_w, 3, numbers, run)
@@ -202,7 +216,14 @@ def _fit(
 
     found = least_squares(residual, np.zeros(size), derivatives, ftol=1e-6, xtol=1e-2, max_nfev=12)
     moved, last = found.x.reshape(-1, each), fly(found.x)
-    rms = [_rms(np.concatenate(one.innovations)) for one in (first, last)]
+    deviations = np.full((len(numbers), 3), np.nan)
+    if run.source == "both":
+        deviations = _deviations(found.jac, found.fun).reshape(-1, each)[:, :3]
+    else:
+        moved = _in_place(places_w, moved, first.path_w, last.path_w)
+    moved[:, :3] = (places_w + moved[:, :3]).round(3) - places_w
+    # Of what is proposed, not of what it was made from.
+    rms = [_rms(np.concatenate(one.innovations)) for one in (first, fly(moved.ravel()))]
     if not ((np.abs(found.x) < FARTHEST * scale).all() and rms[1] < rms[0]):
         raise MeasurementError(
             f"the survey of {run.label!r} finds no layout near the one it began with that fits "
@@ -210,11 +231,6 @@ def _fit(
             f"by up to {np.abs(moved[:, :3]).max():.2f} m; is the layout right to about 0.1 m, and "
             "the flight a lively one of 20 s or more?"
         )
-    deviations = np.full((len(numbers), 3), np.nan)
-    if run.source == "both":
-        deviations = _deviations(found.jac, found.fun).reshape(-1, each)[:, :3]
-    else:
-        moved = _in_place(places_w, moved, first.path_w, last.path_w)
     turned = np.zeros_like(deviations) if each == 3 else moved[:, 3:]
     places = map(Place, numbers, moved[:, :3], turned, deviations)
     return moved, Survey(list(places), *rms)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
+from quadlab.replay import survey
 from quadlab.replay.lines import Run, plan_runs
 from quadlab.replay.log import Arrival, Recording
 from quadlab.replay.run import replay
@@ -84,3 +87,22 @@ def test_a_survey_of_few_sweeps_is_refused() -> None:
     [run] = plan_runs(recording, (), ["error_state"], (), "sweeps")
     with pytest.raises(MeasurementError, match=r"\b\d+ sweeps .* it takes 100"):
         survey_stations(recording, run)
+
+
+def test_a_survey_that_worsens_what_it_began_with_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    recording, _ = circling(4.0)
+    [run] = plan_runs(recording, (), ["error_state"], (), "sweeps")
+    monkeypatch.setattr(survey, "LEAST", 10)
+
+    def worse(residual: Any, began: npt.NDArray[np.float64], *_: Any, **__: Any) -> Any:
+        return SimpleNamespace(x=began + np.tile([0.0, 0.0, 0.2, 0.0, 0.0, 0.0], 2))
+
+    monkeypatch.setattr(survey, "least_squares", worse)
+    before = [one.measurement.copy() for one in recording.sweeps]
+    with pytest.raises(MeasurementError, match=r"finds no layout near .* that fits better"):
+        survey_stations(recording, run)
+    assert all(
+        (old == new.measurement).all() for old, new in zip(before, recording.sweeps, strict=True)
+    )

@@ -27,6 +27,7 @@ from estimation.parameters import EstimationParameters
 from quadrotor.errors import LinkError, QuadlabError, UnreachableError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from tests.support.runs import run_entry
+from tests.support.survey import survey
 from tests.waiting import wait_for
 from vehicle_link.messages import encode, header, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters
@@ -462,6 +463,7 @@ class serving:  # noqa: N801 - used as `with serving(...)`
             catalogue=catalogue,
             show_link=show,
             new_view_server=new_view_server,
+            survey=survey,
         )
         self._server: uvicorn.Server = server(_with_view(app), tls)
         self._thread = threading.Thread(

@@ -18,6 +18,7 @@ from web.access.people import People
 from web.access.signed_links import SignedLinks
 from web.access.tls import Tls
 from web.app_parts import Parts
+from web.beacons.survey import SurveyDesk, SurveyRun
 from web.commands.control import Control
 from web.commands.emergency import EmergencyDesk
 from web.commands.sticks import StickOutput
@@ -57,6 +58,7 @@ class Shared:
     reports: ReportMaking
     replays: ReplayStore
     tls: Tls | None
+    survey: SurveyRun | None = None
 
 
 class VehicleSide:
@@ -122,6 +124,7 @@ class VehicleSide:
             ),
             control=control,
             forwarding=forwarding,
+            survey=SurveyDesk(shared.survey),
         )
 
     @property
@@ -134,5 +137,6 @@ class VehicleSide:
             part.attach(loop)
 
     def stop(self) -> None:
+        self.parts.survey.stop()
         self.station.stop()
         self._view_server.stop()

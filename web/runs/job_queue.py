@@ -26,6 +26,7 @@ class Work:
     name: WorkName = "waiting"
     progress: float = 0.0  # 0 to 1
     reason: str = ""  # of a failure
+    result: Any = None  # what the job returned
 
     @property
     def is_under_way(self) -> bool:
@@ -47,7 +48,7 @@ class Workshop:
         seconds: one may take.
     """
 
-    def __init__(self, function: Callable[..., None], what: str, seconds: float = math.inf) -> None:
+    def __init__(self, function: Callable[..., Any], what: str, seconds: float = math.inf) -> None:
         self._function, self._what, self._seconds = function, what, seconds
         self._lock = threading.Lock()
         self._orders: queue.Queue[_Order | None] = queue.Queue()
@@ -105,7 +106,9 @@ class Workshop:
             work.progress = share
 
         try:
-            run(self._function, *arguments, seconds=self._seconds, check=check, report=report)
+            work.result = run(
+                self._function, *arguments, seconds=self._seconds, check=check, report=report
+            )
         except QuadlabError as error:
             return str(error)[:REASON_LENGTH]
         return ""

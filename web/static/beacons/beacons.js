@@ -9,6 +9,7 @@ import { Layout } from "./layout.js";
 import { Residuals } from "./residuals.js";
 import { Sensor } from "./sensor.js";
 import { Session } from "./session.js";
+import { Survey } from "./survey.js";
 import { BeaconView } from "./view.js";
 import { Socket } from "../core/sockets.js";
 import { $, element } from "../core/dom.js";
@@ -35,6 +36,7 @@ export class Beacons {
     this.chart = new ErrorChart($("beacons-chart"), history, description);
     this.view = new BeaconView($("beacons-view"), { isOperator, chosen: (name) => this.follow(name) });
     this.layout = new Layout($("beacons-layout"), isOperator);
+    this.survey = new Survey($("beacons-survey"), isOperator);
     this.sensor = new Sensor($("beacons-sensor"), shared);
     document.addEventListener("tab", ({ detail }) => (detail === "beacons" ? this.show() : this.hide()));
     gains.addEventListener("read", () => this.isOpen && this.parameters());
@@ -56,6 +58,7 @@ export class Beacons {
     if (!this.isOpen) return;
     this.isOpen = false;
     this.socket.close();
+    this.survey.hide();
     clearInterval(this.timer);
     this.names = "";
     this.chart.compare([]);
@@ -64,6 +67,7 @@ export class Beacons {
   async load() {
     const read = await get("/api/beacons").catch(() => null);
     if (read === null) return; // web is away; the hello of its return loads again
+    this.survey.load();
     this.presets = read.presets;
     this.view.show(read);
     this.session.load(read.gains);

@@ -11,7 +11,6 @@ const SILENT = 1.5; // s without a status of the camera's process
 export class CameraPicture {
   /** @type {Socket | null} */
   socket = null;
-  isSeen = false;
   painted = -Infinity; // ms
   opened = 0; // ms
 
@@ -26,16 +25,20 @@ export class CameraPicture {
     this.quiet = element("p", { className: "quiet", hidden: true });
     this.sees = element("figcaption", {});
     place.append(element("figure", { className: "picture" }, this.canvas, this.quiet, this.sees));
-    new IntersectionObserver((entries) => { this.isSeen = entries.at(-1)?.isIntersecting ?? false; this.draw(); }).observe(place);
     document.addEventListener("visibilitychange", () => this.draw());
     setInterval(() => this.draw(), PERIOD);
     this.draw();
   }
 
+  get isSeen() {
+    const { top, bottom, height } = this.place.getBoundingClientRect(); // no height in a tab that is closed
+    return !document.hidden && height > 0 && bottom > 0 && top < innerHeight;
+  }
+
   draw() {
     const told = this.events.summary[this.camera], isCamera = Boolean(told?.sees);
     hide(this.place, !isCamera);
-    if (isCamera && this.isSeen && !document.hidden) this.open(); else this.close();
+    if (isCamera && this.isSeen) this.open(); else this.close();
     if (!this.socket) return;
     const silent = !(this.events.age(`${this.camera}_status`) < SILENT);
     const waited = (performance.now() - Math.max(this.painted, this.opened)) / 1e3, isQuiet = waited > QUIET;

@@ -11,14 +11,17 @@ from urllib.parse import parse_qs, urlsplit
 import numpy as np
 import pytest
 
+from console.catalogue.catalogue import Catalogue
 from console.trackers.camera_figures import Figures
 from estimation.tags.marked_picture import marked_picture
+from tests.support.runs import run_entry
 from vehicle_link.messages import decode, new
 from vehicle_link.topics import PICTURE, encode_picture
 
 LAYOUT = "station.bearings.layout"
 COMPARED = "station.comparison.estimators"
 CELLS = "#beacons-layout tbody input"
+FLIGHT = "20260130T093042Z_quad1"
 FOURTH = ".residual[data-id='4']"
 
 
@@ -338,8 +341,13 @@ def test_the_cameras_picture_is_shown_while_the_tab_is_open_and_its_silence_is_t
     assert tab.is_hidden("#beacons-camera")
     station.put("camera_status", status)
     until(lambda: station.forwarded == {"camera_picture"})
-    station.deliver("camera_picture", picture)
-    tab.wait_for_selector(f"{canvas}[width='64']")
+
+    def painted() -> bool:
+        if "camera_picture" in station.forwarded:
+            station.deliver("camera_picture", picture)
+        return bool(tab.locator(f"{canvas}[width='64']").count())
+
+    until(painted)
     colour = tab.evaluate(
         f"[...document.querySelector('{canvas}').getContext('2d').getImageData(19, 29, 1, 1).data]"
     )
@@ -351,3 +359,21 @@ def test_the_cameras_picture_is_shown_while_the_tab_is_open_and_its_silence_is_t
     look.has_class("#beacons-camera", "stale")
     tab.click("[data-tab=fly]")
     until(lambda: station.forwarded == set())
+
+
+# ---------------------------------------------------------------------- a survey
+def test_a_surveyed_layout_is_shown_with_its_residuals_and_set_when_accepted(
+    page: Any, site: Any, look: Any, station: Any
+) -> None:
+    (Path(site.data) / "runs" / f"{FLIGHT}.mcap").write_bytes(b"a log")
+    Catalogue(site.data).add(run_entry(FLIGHT, start_ns=1, bytes=5))
+    tab, rows = opened(page), "#beacons-survey tbody tr"
+    tab.select_option("#beacons-survey select", FLIGHT)
+    tab.click("#beacons-survey button >> text=Survey")
+    look.text(f"{rows} >> nth=0", "^1 *1.020 *0.980 *0.100 *20, -20, 0 *–$")
+    look.text("#beacons-survey .empty", "5.20 mrad rms with the flight's layout, 1.30 mrad")
+    assert values(station)[LAYOUT] == "paper"
+    tab.click("#beacons-survey button >> text=Accept")
+    look.text("#beacons-survey .said", "Accepted. It is the layout in use")
+    look.value(f"{CELLS} >> nth=1", "1.020")
+    assert tab.is_hidden("#beacons-survey button >> text=Accept")

@@ -1,0 +1,195 @@
+"""Where a recorded flight says that the beacons are: asked for, judged, and accepted or rejected.
+
+The survey itself (quadlab.replay.survey) runs in a process of its own, for it flies the run some
+hundred times. What is accepted is set as every layout is: station and vehicle check it.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fastapi import FastAPI
+from pydantic import Field
+
+from bearing_sim.beacons import Beacons, format_layout, parse_layout
+from flight_log.file import is_being_written
+from quadrotor.errors import RefusedError, StorageError
+from web.body import Body
+from web.parameters.replica import LAYOUT
+from web.requester import Operator
+from web.runs.job_queue import Work, Workshop
+
+if TYPE_CHECKING:
+    from web.app_parts import Parts
+
+SECONDS = 1800.0
+"""One survey may take."""
+
+
+@dataclass
+class SurveyedBeacon:
+    """A beacon's place, how far it is from where the flight had it, and its deviations; m."""
+
+    id: int
+    position_w: list[float]
+    moved_w: list[float]
+    deviation_w: list[float]
+
+
+@dataclass
+class LayoutProposal:
+    """What a survey found.
+
+    Attributes:
+        began: the flight's layout, as `bearing_sim.beacons.parse_layout` reads it.
+        before, after: what the error-state filter does not predict of the bearings with that
+            layout and with the one found, rad rms.
+    """
+
+    began: str
+    beacons: list[SurveyedBeacon]
+    before: float
+    after: float
+
+    @property
+    def layout(self) -> str:
+        """Return the layout found, as the parameter has it."""
+        ids, places = [one.id for one in self.beacons], [one.position_w for one in self.beacons]
+        return format_layout(Beacons(ids, places))
+
+
+SurveyRun = Callable[..., LayoutProposal]
+"""A job (vehicle_link.jobs) that takes the log and reports its progress, 0 to 1."""
+
+
+class SurveyBody(Body):
+    run_id: str = Field(min_length=1, max_length=200, description="the flight")
+
+
+class SurveyDesk:
+    """The newest survey of one vehicle. Thread-safe. Args: `survey`, without which none is made."""
+
+    def __init__(self, survey: SurveyRun | None) -> None:
+        self._workshop = None if survey is None else Workshop(survey, "surveys", SECONDS)
+        self._lock = threading.Lock()
+        self._work = Work("none")
+        self._run_id = self._decision = ""
+
+    def ask(self, run_id: str, log: Path) -> None:
+        """Begin a survey, which replaces the one before. Raises RefusedError, StorageError."""
+        try:
+            if is_being_written(log):
+                raise RefusedError(f"run {run_id} is being recorded; survey it when it has ended")
+        except OSError as error:
+            raise StorageError(f"cannot read {log}: {error.strerror}") from error
+        with self._lock:
+            if self._workshop is None:
+                raise RefusedError("this page makes no surveys; start it with `quadlab`")
+            if self._work.is_under_way:
+                raise RefusedError(f"run {self._run_id} is being surveyed; wait for its end")
+            work = Work()
+            self._workshop.put(work, (log,))
+            self._work, self._run_id, self._decision = work, run_id, ""
+
+    def proposal(self) -> LayoutProposal:
+        """Return what waits for a decision. Raises RefusedError when nothing does."""
+        with self._lock:
+            if self._decision:
+                raise RefusedError(f"the survey of run {self._run_id} is {self._decision} already")
+            if self._work.name != "ready":
+                raise RefusedError("no survey proposes anything; survey a flight first")
+            proposal: LayoutProposal = self._work.result
+            return proposal
+
+    def decide(self, decision: str) -> None:
+        """Note what became of the proposal: accepted or rejected. Raises RefusedError."""
+        self.proposal()
+        with self._lock:
+            self._decision = decision
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the state for the page: places in m, moves in mm, residuals in mrad."""
+        with self._lock:
+            work, proposal = self._work, self._work.result
+            return {
+                "state": work.name,
+                "progress": round(work.progress, 3),
+                "reason": work.reason,
+                "run_id": self._run_id,
+                "decision": self._decision,
+                "proposal": None if proposal is None else _fields(proposal),
+            }
+
+    def stop(self) -> None:
+        if self._workshop is not None:
+            self._workshop.stop()
+
+
+def _fields(proposal: LayoutProposal) -> dict[str, Any]:
+    return {
+        "began": proposal.began,
+        "layout": proposal.layout,
+        "before": round(1e3 * proposal.before, 3),
+        "after": round(1e3 * proposal.after, 3),
+        "beacons": [
+            {
+                "id": one.id,
+                "position": one.position_w,
+                "moved": [round(1e3 * along, 1) for along in one.moved_w],
+                "deviation": round(1e3 * max(one.deviation_w), 1)
+                if all(map(math.isfinite, one.deviation_w))
+                else None,
+            }
+            for one in proposal.beacons
+        ],
+    }
+
+
+def add_survey(app: FastAPI, parts: Parts) -> None:
+    """Add the routes below /api/beacons/survey."""
+    desk = parts.survey
+
+    @app.get("/api/beacons/survey")
+    def state() -> dict[str, Any]:
+        """Return the newest survey: none, waiting, working, ready or failed, and what it proposes,
+        in m, mm and mrad.
+        """
+        return desk.as_json()
+
+    @app.post("/api/beacons/survey")
+    def begin(body: SurveyBody, _: Operator) -> dict[str, Any]:
+        """Find where the beacons are from a recorded flight; nothing changes until accepted."""
+        desk.ask(body.run_id, parts.catalogue.resolve(body.run_id))
+        return desk.as_json()
+
+    @app.post("/api/beacons/survey/accept")
+    async def accept(session: Operator) -> dict[str, Any]:
+        """Set the layout that is proposed; station and vehicle check it."""
+        proposal, in_use = desk.proposal(), parts.replica.value(LAYOUT)
+        if isinstance(in_use, str):
+            ours, found = (
+                sorted(map(int, parse_layout(one).ids)) for one in (in_use, proposal.layout)
+            )
+            if ours != found:
+                raise RefusedError(
+                    f"the survey is of beacons {_listed(found)}, but those in use are "
+                    f"{_listed(ours)}: survey a flight with these"
+                )
+        await parts.gains.change({LAYOUT: proposal.layout}, session.label)
+        desk.decide("accepted")
+        return desk.as_json()
+
+    @app.post("/api/beacons/survey/reject")
+    def reject(_: Operator) -> dict[str, Any]:
+        """Discard the proposal."""
+        desk.decide("rejected")
+        return desk.as_json()
+
+
+def _listed(ids: list[int]) -> str:
+    return ", ".join(map(str, ids))

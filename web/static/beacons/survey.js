@@ -1,0 +1,77 @@
+// Where a recorded flight says that the beacons are: asked for, judged, accepted or rejected.
+
+import { get, request } from "../core/api.js";
+import { element, hide, setText } from "../core/dom.js";
+
+const POLL = 1000; // ms, while a survey is under way
+const NEWEST = 20; // runs to choose from
+const SAID = {
+  "": "Nothing is changed until it is accepted.",
+  accepted: "✓ Accepted. It is the layout in use.",
+  rejected: "Rejected. Nothing was changed.",
+};
+
+export class Survey {
+  /** @type {any} */
+  timer;
+
+  constructor(place, isOperator) {
+    this.isOperator = isOperator;
+    this.run = element("select", { ariaLabel: "flight to survey", disabled: !isOperator });
+    this.begin = element("button", { title: "replays the flight some hundred times, which takes minutes; nothing changes", onclick: () => this.ask("", { run_id: this.run.value }) }, "Survey");
+    this.accept = element("button", { title: "station and vehicle check the layout", onclick: () => this.ask("/accept") }, "Accept");
+    this.reject = element("button", { title: "discard the result; nothing changes", onclick: () => this.ask("/reject") }, "Reject");
+    this.said = element("p", { className: "said", role: "status", hidden: true });
+    this.reason = element("div", { className: "reason", role: "alert", hidden: true });
+    this.body = element("tbody");
+    const head = ["id", "x [m]", "y [m]", "z [m]", "moved [mm]", "± [mm]"].map((title) => element("th", {}, title));
+    this.table = element("table", { className: "layout surveyed", hidden: true }, element("thead", {}, element("tr", {}, ...head)), this.body);
+    this.left = element("p", { className: "empty", hidden: true });
+    this.acts = element("div", { className: "line", hidden: true }, element("i"), this.reject, this.accept);
+    place.append(element("h2", {}, "Survey from a flight"),
+      element("div", { className: "line" }, element("label", {}, "Run", this.run), this.begin),
+      this.said, this.reason, this.table, this.left, this.acts);
+  }
+
+  // While the tab is open; both may have changed meanwhile.
+  async load() {
+    const [runs, state] = await Promise.all([get("/api/runs").catch(() => []), get("/api/beacons/survey").catch(() => null)]);
+    const ids = (Array.isArray(runs) ? runs : runs.runs ?? []).map(({ id }) => id).slice(0, NEWEST), chosen = this.run.value;
+    this.run.replaceChildren(...ids.map((id) => element("option", { value: id }, id)));
+    if (ids.includes(chosen)) this.run.value = chosen;
+    if (state) this.show(state);
+  }
+
+  hide() { clearTimeout(this.timer); }
+
+  async ask(action, body = {}) {
+    try { this.show(await request("POST", `/api/beacons/survey${action}`, body)); } catch (error) { this.refuse(error.message); }
+  }
+
+  refuse(text) { setText(this.reason, text); hide(this.reason, !text); }
+
+  async poll() {
+    const state = await get("/api/beacons/survey").catch(() => null);
+    if (state) this.show(state); else this.again();
+  }
+
+  again() { clearTimeout(this.timer); this.timer = setTimeout(() => this.poll(), POLL); }
+
+  show({ state, progress, reason, run_id: run, decision, proposal }) {
+    const isUnderWay = state === "waiting" || state === "working";
+    const words = isUnderWay ? `Surveying ${run}: ${Math.round(100 * progress)} %` : proposal ? `${run}: ${SAID[decision]}` : "";
+    setText(this.said, words);
+    hide(this.said, !words);
+    this.refuse(state === "failed" ? `${run}: ${reason}` : "");
+    this.begin.disabled = !this.isOperator || isUnderWay || !this.run.options.length;
+    for (const one of [this.accept, this.reject]) one.disabled = !this.isOperator;
+    for (const one of [this.table, this.left]) hide(one, !proposal);
+    hide(this.acts, !proposal || Boolean(decision));
+    if (proposal) {
+      setText(this.left, `Not predicted of the bearings: ${proposal.before.toFixed(2)} mrad rms with the flight's layout, ${proposal.after.toFixed(2)} mrad with this one.`);
+      this.body.replaceChildren(...proposal.beacons.map(({ id, position, moved, deviation }) => element("tr", {},
+        ...[String(id), ...position.map((metres) => metres.toFixed(3)), moved.map((one) => one.toFixed(0)).join(", "), deviation === null ? "–" : deviation.toFixed(0)].map((text) => element("td", {}, text)))));
+    }
+    if (isUnderWay) this.again();
+  }
+}
