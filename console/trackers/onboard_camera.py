@@ -107,8 +107,7 @@ class OnboardCameraSource(TagSource):
         self._left = self._reader.misfit(seen, self._beacons.places)
         doubt = (
             f"beacons are {self._left:.0f} pixels from their places in the layout, allowed "
-            f"{FAR_OFF:g}: survey them (quadlab replay LOG --survey), or the intrinsics are of "
-            "another camera"
+            f"{FAR_OFF:g}: survey them (Beacons tab), or the intrinsics are of another camera"
             if self._left > FAR_OFF
             else ""
         )

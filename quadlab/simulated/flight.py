@@ -196,6 +196,9 @@ class SimulatedFlight(SimulatedGuide):
             seen = bearings_sample(frame.stamp_ns, frame.beacon_ids, frame.bearings_b, frame.sigma)
             self.stack.measure(seen)
             self._solve(seen, now_ns)
+        if isinstance(self._bearings, OnboardCamera):
+            for stamp_ns, jpeg in self._bearings.shown():
+                self._log.picture(stamp_ns, jpeg, now_ns)
         self._next_station_ns = now_ns - now_ns % TRUTH_NS + TRUTH_NS
         for arrival_ns in (self._tracker.next_ns, self._bearings.next_ns):
             if arrival_ns is not None and arrival_ns < self._next_station_ns:

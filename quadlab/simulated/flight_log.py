@@ -119,6 +119,11 @@ class FlightLog:
         )
         self._put("bearings", payload, frame.stamp_ns, log_ns)
 
+    def picture(self, stamp_ns: int, jpeg: bytes, log_ns: int) -> None:
+        """Log a picture of the camera on board that was read at `log_ns`."""
+        payload = topics.encode_picture(stamp_ns, jpeg, self._vehicle)
+        self._put("camera_picture", payload, stamp_ns, log_ns)
+
     def bearing_pose(self, stamp_ns: int, payload: bytes, log_ns: int) -> None:
         """Log the one-frame pose solved from a frame of bearings, encoded."""
         self._put("bearing_pose", payload, stamp_ns, log_ns)

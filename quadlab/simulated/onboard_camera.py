@@ -17,6 +17,7 @@ from bearing_sim.rendered_camera import Pattern, RenderedCamera
 from bearing_sim.sampling import SECOND_NS, DelayLine, InstantGrid
 from estimation.tags.detector import Picture, TagDetector
 from estimation.tags.intrinsics import Intrinsics
+from estimation.tags.marked_picture import marked_picture
 from estimation.tags.tag_bearings import BeaconTags, Mount, TagBearings
 from quadlab.simulated.parameters import CameraParameters
 from quadrotor.errors import MeasurementError
@@ -25,6 +26,8 @@ from quadrotor.rotations import quaternion_to_matrix, rotation_log
 Array = npt.NDArray[np.float64]
 
 WIDTH, HEIGHT = 640, 480
+IN_TIME = 0.9
+"""Share of the period after which a picture for people is in time."""
 MIDDLE = np.array([0.0, 0.0, 1.0])
 """m, world axes: of the room."""
 
@@ -61,6 +64,13 @@ class OnboardCamera:
         self._line: DelayLine[BearingMeasurement] = DelayLine()
         self._last: tuple[int, Array, Array] | None = None
         self.pictures = self.unread = 0
+        self._shown: list[tuple[int, bytes]] = []
+        self._shown_ns: int | None = None
+
+    def shown(self) -> list[tuple[int, bytes]]:
+        """Return stamps and JPEGs of the pictures for people since the last call."""
+        shown, self._shown = self._shown, []
+        return shown
 
     def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
         """Observe the true pose, as `BearingEmulator.observe`."""
@@ -122,6 +132,8 @@ class OnboardCamera:
         except MeasurementError:  # withheld, as by the tracker process
             self.unread += 1
             return
+        finally:
+            self._show(stamp_ns, grey)
         self.unread += not seen.beacon_ids
         frame = BearingMeasurement(
             stamp_ns + round(p.stamp_error * SECOND_NS),
@@ -132,6 +144,13 @@ class OnboardCamera:
         )
         late = p.delay + p.jitter * self._random.random()
         self._line.put(stamp_ns + round(late * SECOND_NS), frame)
+
+    def _show(self, stamp_ns: int, grey: Picture) -> None:
+        rate, last = self._camera.pictures, self._shown_ns
+        if rate and (last is None or stamp_ns - last >= IN_TIME * SECOND_NS / rate):
+            used = self.beacons.ids.tolist()
+            self._shown.append((stamp_ns, marked_picture(grey, self._reader.tags, used)))
+            self._shown_ns = stamp_ns
 
 
 def _facing(beacons: Beacons) -> Array:

@@ -30,6 +30,8 @@ class CameraParameters(Parameters):
     """of a rolling shutter, of all rows"""
     sigma: float = parameter(0.2, unit="deg", ge=0.01, le=20, step=0.01)
     """stated in addition to the corners' noise"""
+    pictures: float = parameter(5.0, unit="Hz", ge=0, le=30, step=1)
+    """pictures a second that the log has at most, tags marked; 0 has none"""
 
 
 class FlightParameters(VehicleParameters):

@@ -9,6 +9,7 @@ from bearing_sim import BearingParameters
 from quadlab.simulated.onboard_camera import OnboardCamera
 from quadlab.simulated.parameters import CameraParameters
 from quadrotor.rotations import quaternion_from_matrix, rotation_exp
+from vehicle_link.topics.pictures import JPEG
 
 VELOCITY, TURNING = np.array([0.8, 0.5, -0.3]), np.array([0.3, -0.4, 0.5])
 START, TICK_NS = np.array([0.0, 0.0, 1.0]), 10_000_000
@@ -42,6 +43,19 @@ def test_bearings_of_a_moving_vehicle_are_those_of_its_pose_at_their_stamp(
     off = seen.bearings_b - away / np.linalg.norm(away, axis=1)[:, None]
     assert np.abs(off).max() < 1e-3
     assert seen.beacons == camera.beacons
+
+
+@pytest.mark.parametrize(("rate", "taken"), [(0.0, 0), (5.0, 2), (30.0, 7)])
+def test_the_log_gets_pictures_at_the_rate_that_is_set(rate: float, taken: int) -> None:
+    bearings = BearingParameters(layout="wall", mount_pitch=-90.0, rate=20.0)
+    camera = OnboardCamera(bearings, CameraParameters(pictures=rate))
+    shown = []
+    for k in range(37):
+        camera.observe(k * TICK_NS, START, np.array([1.0, 0.0, 0.0, 0.0]))
+        shown += camera.shown()
+    assert len(shown) == taken
+    assert all(jpeg.startswith(JPEG) for _, jpeg in shown)
+    assert [stamp_ns for stamp_ns, _ in shown] == sorted({stamp_ns for stamp_ns, _ in shown})
 
 
 def test_nothing_in_view_is_a_frame_without_bearings() -> None:

@@ -24,7 +24,8 @@ export class CameraPicture {
     this.canvas.setAttribute("role", "img");
     this.quiet = element("p", { className: "quiet", hidden: true });
     this.sees = element("figcaption", {});
-    place.append(element("figure", { className: "picture" }, this.canvas, this.quiet, this.sees));
+    this.problem = element("p", { className: "reason", hidden: true });
+    place.append(element("figure", { className: "picture" }, this.canvas, this.quiet, this.sees), this.problem);
     document.addEventListener("visibilitychange", () => this.draw());
     setInterval(() => this.draw(), PERIOD);
     this.draw();
@@ -43,6 +44,8 @@ export class CameraPicture {
     const silent = !(this.events.age(`${this.camera}_status`) < SILENT);
     const waited = (performance.now() - Math.max(this.painted, this.opened)) / 1e3, isQuiet = waited > QUIET;
     setText(this.sees, silent ? "The camera's process is silent: start quadlab tracker, or read its lines." : told.sees);
+    setText(this.problem, silent || this.camera === "tracker" ? "" : told.problem); // the tracker's stands above
+    hide(this.problem, !this.problem.textContent);
     setText(this.quiet, isQuiet ? `No picture for ${Math.floor(waited)} s` : this.refused ?? "");
     hide(this.quiet, !this.quiet.textContent);
     this.place.classList.toggle("stale", isQuiet || silent);

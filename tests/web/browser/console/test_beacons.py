@@ -21,6 +21,7 @@ from vehicle_link.topics import PICTURE, encode_picture
 LAYOUT = "station.bearings.layout"
 COMPARED = "station.comparison.estimators"
 CELLS = "#beacons-layout tbody input"
+TWICE = "tag 3 is seen twice"
 FLIGHT = "20260130T093042Z_quad1"
 FOURTH = ".residual[data-id='4']"
 
@@ -333,7 +334,9 @@ def test_the_cameras_picture_is_shown_while_the_tab_is_open_and_its_silence_is_t
     page: Any, look: Any, station: Any, until: Callable[..., None]
 ) -> None:
     figures = Figures(True, 30.0, 1.0, 121.0, 0.2)
-    status = new("quadlab_msgs/TrackerStatus", system="onboard_camera 0", **figures._asdict())
+    status = new(
+        "quadlab_msgs/TrackerStatus", system="onboard_camera 0", problem=TWICE, **figures._asdict()
+    )
     grey, corners = np.full((48, 64), 90, np.uint8), np.array([[9, 9], [29, 9], [29, 29], [9, 29]])
     jpeg = marked_picture(grey, {3: corners.astype(float)}, {3})
     picture = decode(encode_picture(1, jpeg, "quad1"), PICTURE)
@@ -353,6 +356,7 @@ def test_the_cameras_picture_is_shown_while_the_tab_is_open_and_its_silence_is_t
     )
     assert colour[1] > colour[0] + 50, "the tag's outline is green"
     look.text("#beacons-camera figcaption", r"^30 pictures/s, .* 0\.20 pixels from their places$")
+    look.text("#beacons-camera .reason", "^tag 3 is seen twice$")
     # No more come, and then no more statuses.
     look.text("#beacons-camera .quiet", r"^No picture for [3-9] s$")
     look.text("#beacons-camera figcaption", "process is silent")
