@@ -18,9 +18,9 @@ export class Survey {
   constructor(place, isOperator) {
     this.isOperator = isOperator;
     this.run = element("select", { ariaLabel: "flight to survey", disabled: !isOperator });
-    this.begin = element("button", { title: "replays the flight some hundred times, which takes minutes; nothing changes", onclick: () => this.ask("", { run_id: this.run.value }) }, "Survey");
-    this.accept = element("button", { title: "station and vehicle check the layout", onclick: () => this.ask("/accept") }, "Accept");
-    this.reject = element("button", { title: "discard the result; nothing changes", onclick: () => this.ask("/reject") }, "Reject");
+    this.begin = element("button", { disabled: true, title: "replays the flight some hundred times, which takes minutes; nothing changes", onclick: () => this.ask("", { run_id: this.run.value }) }, "Survey");
+    this.accept = element("button", { disabled: true, title: "station and vehicle check the layout", onclick: () => this.ask("/accept") }, "Accept");
+    this.reject = element("button", { disabled: true, title: "discard the result; nothing changes", onclick: () => this.ask("/reject") }, "Reject");
     this.said = element("p", { className: "said", role: "status", hidden: true });
     this.reason = element("div", { className: "reason", role: "alert", hidden: true });
     this.body = element("tbody");
