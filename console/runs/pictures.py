@@ -8,7 +8,8 @@ from typing import Any
 from console.parameters.station import RecorderParameters
 from console.runs.recorder import Recorder
 from vehicle_link.topics import PICTURE, TOPICS
-from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
 
 PICTURES = tuple(name for name, row in TOPICS.items() if row.type_name == PICTURE)
 JITTER = 0.9
@@ -27,8 +28,8 @@ class PictureRecording:
         self._last: dict[str, int] = {}
 
     def tick(self) -> None:
-        """Subscribe when a run has begun, and leave when it has ended: no pictures are made for
-        nobody. Raises LinkError when the session is closed.
+        """Subscribe when a run has begun, and leave when it has ended: no pictures are made
+        when nobody wants them. Raises LinkError when the session is closed.
         """
         is_wanted = bool(self._recorder.run_id) and self._parameters.pictures > 0.0
         if is_wanted and self._node is None:
