@@ -72,12 +72,6 @@ class ClockOffset:
         exchanges = self._exchanges
         return exchanges[-1].round_trip_ns if exchanges else 0
 
-    @property
-    def jitter_ns(self) -> int:
-        """Return largest minus smallest round trip in the window."""
-        trips = [exchange.round_trip_ns for exchange in self._exchanges]
-        return max(trips) - min(trips) if trips else 0
-
     def add(self, exchange: Exchange) -> None:
         """Add an exchange; a server whose clock was set again (it restarted) empties the window."""
         kept = self._exchanges if self._exchanges and self._agrees(exchange) else ()

@@ -44,7 +44,7 @@ def test_a_killed_child_is_started_again_and_stopped_when_asked(tmp_path: Path) 
 
 
 def test_a_child_that_keeps_dying_is_given_up_with_its_name() -> None:
-    child = Child("broken", ["fly", "no_such_experiment"])
+    child = Child("broken", ["no_such_command"])
     child.start()
     said: list[str] = []
 

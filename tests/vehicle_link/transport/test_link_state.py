@@ -48,7 +48,6 @@ def test_the_smallest_round_trip_of_the_window_decides() -> None:
     clock.add(_exchange(31_000 * MS, 55 * MS, MS, MS + 2000))
     assert clock.offset_ns == pytest.approx(55 * MS, abs=1000)
     assert clock.round_trip_ns == 2 * MS + 2000
-    assert clock.jitter_ns > 0
     assert clock.to_client(clock.to_server(123)) == 123
 
 
