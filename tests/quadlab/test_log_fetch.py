@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,14 +12,12 @@ import pytest
 
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.completeness import Completeness, keep_completeness
-from console.parameters.station import RecorderParameters
-from console.transfers.service import Transfers
 from flight_log.writer import FILLED_METADATA, LogWriter
 from quadlab.__main__ import main
 from tests.flight_log.drop_outs import Flight, flown
+from tests.support.transfers import new_transfers
 from tests.waiting import free_port
 from vehicle.onboard_log.files import OnboardFiles
-from vehicle_link.transport.heartbeat import LinkState
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.session import hub_session, loopback_session
 
@@ -39,15 +36,7 @@ def port(tmp_path: Path) -> Iterator[int]:
     )
     OnboardFiles(tmp_path / "board", list).serve(vehicle)
     catalogue = Catalogue(tmp_path / "data")
-    transfers = Transfers(
-        station,
-        catalogue,
-        "quad1",
-        RecorderParameters(keep_free=10.0),
-        lambda: LinkState.GOOD,
-        lambda level, line: None,
-        time.time_ns,
-    )
+    transfers = new_transfers(station, catalogue)
     closing = threading.Event()
 
     def beat() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,7 +23,6 @@ from console.transfers.fetcher import ChangedError, Fetcher
 from console.transfers.job import Job, NotYetError
 from console.transfers.part_file import NoRoomError, PartFile
 from console.transfers.run_logs import complete_run
-from console.transfers.service import Transfers
 from console.transfers.vehicle_files import VehicleFiles
 from flight_log import read_log, read_metadata, recover
 from flight_log.run_folder import MERGED, STATION, VEHICLE, run_bytes
@@ -33,6 +31,7 @@ from flight_log.writer import FILLED_METADATA
 from quadrotor.errors import LinkError, RefusedError, StorageError
 from quadrotor.records import TICK
 from tests.flight_log.drop_outs import START_NS, Flight, flown, with_holes
+from tests.support.transfers import new_transfers
 from tests.waiting import free_port, until
 from vehicle.onboard_log.files import OnboardFiles
 from vehicle_link.messages import decode, new
@@ -623,15 +622,7 @@ def test_over_the_link_the_service_fetches_and_the_topic_tells(
     station, vehicle, page = nodes
     OnboardFiles(onboard, list).serve(vehicle)
     catalogue = Catalogue(tmp_path / "data")
-    transfers = Transfers(
-        station,
-        catalogue,
-        "quad1",
-        RecorderParameters(keep_free=10.0),
-        lambda: LinkState.GOOD,
-        lambda level, line: None,
-        time.time_ns,
-    )
+    transfers = new_transfers(station, catalogue)
     heard: list[Any] = []
     topic = TOPICS["transfers"]
     page.subscribe(

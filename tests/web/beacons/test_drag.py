@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from bearing_sim.beacons import PAPER_BEACONS, PRESETS
+from tests.support.camera_message import camera_message
 from vehicle_link.messages import decode
 from web.access.roles import Role, Session
 from web.beacons.drag import SETTLING, BeaconDrags, Drag, drag_of
@@ -23,18 +24,7 @@ from web.view.server import ViewServer
 encode = msgspec.msgpack.encode
 HANDLE = "/beacons/0/handle"
 EYE = (-2.0, -2.0, 3.0)
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": [1.0, 0.0, 0.0, 0.0],
-    "position": list(EYE),
-    "fov": 1.0,
-    "near": 0.01,
-    "far": 100.0,
-    "image_height": 400,
-    "image_width": 640,
-    "look_at": [0.0, 0.0, 0.0],
-    "up_direction": [0.0, 0.0, 1.0],
-}
+CAMERA = camera_message(EYE)
 
 
 def message(

@@ -20,23 +20,13 @@ import websockets.sync.client
 import zstandard
 from viser import _messages
 
+from tests.support.camera_message import camera_message
 from web.access.roles import Role, Session
 from web.process import CLOSING_TIME
 from web.view import proxy as pump
 from web.view.server import ViewServer
 
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": [1.0, 0.0, 0.0, 0.0],
-    "position": [1.0, 1.0, 1.0],
-    "fov": 1.0,
-    "near": 0.01,
-    "far": 100.0,
-    "image_height": 400,
-    "image_width": 640,
-    "look_at": [0.0, 0.0, 0.0],
-    "up_direction": [0.0, 0.0, 1.0],
-}
+CAMERA = camera_message((1.0, 1.0, 1.0))
 HARMFUL = [
     {"type": "GuiUpdateMessage", "uuid": "u", "updates": {"value": 1e6}},
     {"type": "GuiUpdateMessage", "uuid": "u", "updates": {"update_cb": []}},
