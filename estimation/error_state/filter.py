@@ -191,13 +191,6 @@ def predict(memory: Record, imu: Record, noise: Record, dt: float, state: Record
 
 
 @compiled(inner=True)
-def take_poses(memory: Record, pose: Record, valid: npt.NDArray[np.bool_]) -> None:
-    """Run `take_pose` for each of (N,) ERROR_STATE_MEMORY and POSE_SAMPLE; valid (N,) written."""
-    for k in range(memory.shape[0]):
-        valid[k] = take_pose(memory[k], pose[k])
-
-
-@compiled(inner=True)
 def take_frames(memory: Record, bearings: Record, valid: npt.NDArray[np.bool_]) -> None:
     """Run `take_bearings` for each of (N,) ERROR_STATE_MEMORY and BEARINGS_SAMPLE."""
     for k in range(memory.shape[0]):
