@@ -55,6 +55,7 @@ def pytest_configure(config: pytest.Config) -> None:
     leaves it to the test that waits for it, and not to all other tests."""
     if hasattr(config, "workerinput"):
         os.setsid()
+        gc.disable()  # until the tests are collected: all of them stay
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -96,6 +97,7 @@ def pytest_collection_finish() -> None:
     """Thousands of tests stay to the end: no collection of garbage need look at them."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.hookimpl(optionalhook=True)
