@@ -1,4 +1,4 @@
-"""Which tests may run beside which, when two processes share them (`scripts/test`)."""
+"""Orders the tests, and says which of them may run next to each other (`scripts/test`)."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """What flies has the machine to itself, whichever of several processes it is in."""
+    """Give what flies in real time the machine to itself, whichever process it is in."""
     run = getattr(item.config, "workerinput", {}).get("testrunuid")
     if run is None:
         return (yield)
@@ -132,8 +132,8 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """What flies in real time and fails while the host of a virtual machine takes its processors
-    away says nothing of us: it is tried once more, and then not judged, with the figure."""
+    """Skip a real-time flight that failed twice while the host of a virtual machine took the
+    processors away, and say how much it took: such a failure says nothing of us."""
     if call.when == "setup":
         item.stash[BEFORE] = processor_time()
     report = yield
@@ -148,7 +148,7 @@ def pytest_runtest_makereport(
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """What made a test run again, in a line: its second run hides the first's report."""
+    """Print what made a test run again: its second run hides the first's report."""
     for report in terminalreporter.stats.get("rerun", []):
         crash = getattr(report.longrepr, "reprcrash", None)
         reason = crash.message.split("\n")[0] if crash else str(report.longrepr)[:200]
@@ -156,7 +156,7 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
 
 
 def processor_time(stat: Path = Path("/proc/stat")) -> tuple[int, int]:
-    """In ticks since the start of this machine: had, and wanted but given to others by its host."""
+    """Return ticks since the machine's start: had, and wanted but given to others by its host."""
     user, nice, system, _, _, irq, softirq, steal = map(int, stat.read_text().split()[1:9])
     return user + nice + system + irq + softirq, steal
 

@@ -1,4 +1,4 @@
-"""How well a camera sees: figures, and the words in which process and page tell them."""
+"""Figures of how well a camera sees, and the words in which process and page show them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from estimation.tags.exposure import wrong_exposure
 
 
 class Figures(NamedTuple):
-    """How well a camera saw in the last second; NaN: not known.
+    """The figures of a camera's last second; NaN: not known.
 
     Attributes:
         is_camera: False of a system without one.

@@ -1,4 +1,4 @@
-"""What a camera sees, for people: its newest picture with the tags marked, and how well it sees.
+"""A camera's newest picture for people, with the tags marked, and figures of how well it sees.
 
 Pictures are made only while somebody looks or records, and no faster than the page shows them.
 They go over the station's loopback and never over the vehicle's radio (`vehicle_link.topics`).

@@ -1,4 +1,4 @@
-"""What a tracker process publishes of one vehicle."""
+"""One vehicle of a tracker process: what it publishes, and the state of its body."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a picture is black or white."""
+"""The exposure of a picture: black, white or usable."""
 
 from __future__ import annotations
 

@@ -211,7 +211,7 @@ class Laboratory:
 
     # ------------------------------------------------------------------ processes
     def pid(self, command: str) -> int | None:
-        """Of the child that runs `quadlab <command>` or is the vehicle's `vehicle.<command>`."""
+        """Return the process id of `quadlab <command>`, or of the vehicle's `vehicle.<command>`."""
         for pid, words in self.processes().items():
             if words[1:4] == ["-m", "quadlab", command] or words[1:3] == [
                 "-m",

@@ -1,4 +1,4 @@
-"""What a user does, in a real browser: sign in, fly, tune, land, take the log home."""
+"""A user signs in with a real browser, flies, tunes, lands and takes the log home."""
 
 from __future__ import annotations
 

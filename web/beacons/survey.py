@@ -1,4 +1,4 @@
-"""Where a recorded flight says that the beacons are: asked for, judged, and accepted or rejected.
+"""Surveys of the beacons from recorded flights: asked for, judged, accepted or rejected.
 
 The survey itself (quadlab.replay.survey) runs in a process of its own, for it flies the run some
 hundred times. What is accepted is set as every layout is: station and vehicle check it.
@@ -43,7 +43,7 @@ class SurveyedBeacon:
 
 @dataclass
 class LayoutProposal:
-    """What a survey found.
+    """The layout that a survey found.
 
     Attributes:
         began: the flight's layout, as `bearing_sim.beacons.parse_layout` reads it.

@@ -1,4 +1,4 @@
-"""What a camera sees, for people: pictures for who looks, figures always."""
+"""A camera makes pictures only while somebody looks, and figures always."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ SCENE = (
 
 
 class Look:
-    """What a person would look for on the page; each waits until it is so."""
+    """Looks for what a person would look for on the page; each method waits until it is so."""
 
     def __init__(self, page: Any) -> None:
         from playwright.sync_api import expect
@@ -127,7 +127,7 @@ def forget(profile: Any) -> Callable[[], None]:
 
 @pytest.fixture
 def context(profile: Any, forget: Callable[[], None]) -> Iterator[Any]:
-    """For a test's pages: signed in nowhere, and nothing else kept than files."""
+    """Yield a context for a test's pages: signed in nowhere, with nothing kept but files."""
     yield profile
     forget()
 

@@ -1,4 +1,4 @@
-"""What became of a command: pending while its answer is late, then by answer or by the vehicle."""
+"""A command is pending while its answer is late, then settled by the answer or the vehicle."""
 
 from __future__ import annotations
 

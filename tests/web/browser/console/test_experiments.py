@@ -81,7 +81,7 @@ def report(site: Any) -> Iterator[Path]:
 
 
 def tell(station: Any, **fields: Any) -> None:
-    """What the station says from now on, again and again."""
+    """Let the station say this from now on, again and again."""
     station.told = fields
 
 

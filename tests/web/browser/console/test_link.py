@@ -14,7 +14,7 @@ MARK = "getComputedStyle(document.querySelector('{}'), '::before').content"
 
 
 def marked(page: Any, selector: str) -> bool:
-    """Whether it carries the sign of what is old, beside its colour."""
+    """Return whether it carries the sign of what is old, next to its colour."""
     return bool(page.evaluate(MARK.format(selector)) == '"○"')
 
 

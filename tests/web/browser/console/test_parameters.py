@@ -64,7 +64,7 @@ def look(gains: Any, look_at: Any) -> Any:
 
 
 def change(page: Any, values: dict[str, Any]) -> None:
-    """By another page of the same person, so to say."""
+    """Change a parameter as another page of the same person would."""
     page.evaluate(
         "(values) => fetch('/api/parameters', { method: 'PUT', body: JSON.stringify({ values }),"
         " headers: { 'Content-Type': 'application/json' } })",

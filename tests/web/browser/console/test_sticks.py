@@ -138,7 +138,7 @@ class Cockpit:
 
     @property
     def flies(self) -> bool:
-        """Whether the last order to the vehicle is to obey the sticks."""
+        """Return whether the last order to the vehicle is to obey the sticks."""
         return bool(self.joys) and self.joys[-1].enabled
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""What a page needs to be there: few requests, and for an emergency no script at all."""
+"""A page loads with few requests, and the emergency page without any script."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def replay_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[
 
 @pytest.fixture
 def open_replay(replay_site: Any, serve: type, context: Any) -> Iterator[Callable[..., Any]]:
-    """As a viewer; an error in a page's scripts, or a websocket to the live scene, is a failure."""
+    """Open replays as a viewer; errors in scripts and websockets to the live scene are failures."""
     problems: list[str] = []
     sockets: list[str] = []
     site = replay_site(serve)

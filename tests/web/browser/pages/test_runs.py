@@ -54,7 +54,7 @@ def enter(catalogue: Catalogue, count: int) -> None:
 
 @pytest.fixture
 def runs(tmp_path: Path) -> Iterator[Catalogue]:
-    """What is in the catalogue."""
+    """Return what is in the catalogue."""
     catalogue = Catalogue(tmp_path)
     enter(catalogue, MANY)
     yield catalogue

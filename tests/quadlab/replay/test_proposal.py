@@ -1,4 +1,4 @@
-"""What the page's survey proposes of a run, and of which runs it proposes nothing."""
+"""The page's survey proposes a layout from a run, and nothing from runs that do not tell."""
 
 from __future__ import annotations
 
