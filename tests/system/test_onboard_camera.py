@@ -107,3 +107,6 @@ def test_its_bearings_reach_the_vehicle_in_time_while_simulated_time_waits_for_o
 
     line = "camera on board: its process is silent"
     until("the alarm about its end", lambda: any(line in said for said in laboratory.lines))
+    # Bearings are emulated again by a station that has not known the camera.
+    laboratory.restarted("station", laboratory.kill("station"))
+    laboratory.ready()

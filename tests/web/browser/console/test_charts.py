@@ -141,7 +141,7 @@ def test_a_chart_keeps_what_it_had_when_its_signals_change(modules: Any) -> None
 
 
 def test_a_chart_shows_the_spectrum_of_the_last_seconds_and_says_why_it_cannot(
-    page: Any, site: Any, flying: Any
+    page: Any, site: Any, flying: Any, until: Any
 ) -> None:
     count = 2500
     ticks = np.zeros(count, TICK)
@@ -163,11 +163,15 @@ def test_a_chart_shows_the_spectrum_of_the_last_seconds_and_says_why_it_cannot(
         "() => document.querySelector('#chart-0 output.state').textContent === ''"
     )
     box = page.locator("#chart-0 .u-over").bounding_box()
-    page.mouse.move(box["x"] + 40.0 / 250.0 * box["width"], box["y"] + 0.5 * box["height"])
-    page.wait_for_function(
-        "() => [...document.querySelectorAll('#chart-0 .legend output')]"
-        ".some((one) => Number(one.textContent) > 0.3)"
-    )
+    at = box["x"] + 40.0 / 250.0 * box["width"], box["y"] + 0.5 * box["height"]
+
+    def reads_the_line() -> bool:
+        page.mouse.move(at[0] - 30.0, at[1])  # the cursor is where the axis was at that moment
+        page.mouse.move(*at)
+        shown = page.locator("#chart-0 .legend output").all_inner_texts()
+        return any(float(text or 0.0) > 0.3 for text in shown)
+
+    until(reads_the_line)
     page.click("#chart-0 button[aria-label='spectrogram']")
     page.wait_for_selector("#chart-0 .plot[aria-label$='over time and frequency'] .heat")
     page.wait_for_function(
