@@ -76,7 +76,7 @@ test("a spectrogram asks for the first signal and tells where it is strongest at
   assert.equal(output.textContent, "");
 });
 
-test("a live spectrogram grows by what is new, takes corrections, and begins anew after a gap", () => {
+test("a live spectrogram grows by what is new, takes corrections, and leaves a gap empty", () => {
   const made = new LiveSpectrogram(new Map(), { now: 1001.5, span: [990, 1001.5], cursor: null });
   const answer = (from, count, value) => ({ times: Array.from({ length: count }, (_, k) => from + 0.5 * k), frequency: [0, 20],
     density: Array.from({ length: count }, () => [1, value]), rotors: [Array.from({ length: count }, () => value)], newest: from + 0.5 * count });
@@ -88,8 +88,9 @@ test("a live spectrogram grows by what is new, takes corrections, and begins ane
   made.take(answer(0.5, 2, 4));
   assert.deepEqual(shown(), [[1000.5, 1001, 1001.5], [3, 4, 4], [3, 4, 4]]);
   made.range.now = 1005;
-  made.take(answer(4, 1, 5)); // by the fastest answer
-  assert.deepEqual(shown(), [[1004.5], [5], [5]]);
+  made.take(answer(2.5, 2, 5)); // by the fastest answer
+  assert.deepEqual(shown(), [[1000.5, 1001, 1001.5, 1002, 1002.5, 1003, 1003.5], ...Array(2).fill([3, 4, 4, NaN, NaN, 5, 5])]);
+  assert.equal(made.greatest, 5);
 });
 
 test("colours go by the logarithm, from the ground to yellow", () => {

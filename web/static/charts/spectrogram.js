@@ -48,7 +48,7 @@ export class Spectrogram extends Asked {
 
   take(found, shift) {
     this.found = { ...found, times: found.times.map((t) => t - shift) };
-    this.greatest = Math.max(...found.density.flat());
+    this.greatest = greatestOf(found.density);
   }
 
   forget() { this.found = null; }
@@ -74,14 +74,15 @@ export class LiveSpectrogram extends Spectrogram {
     const stamps = found.times, first = stamps[0], step = stamps.length > 1 ? stamps[1] - first : 0.5;
     const isSame = last?.frequency.length === found.frequency.length;
     const until = isSame ? last.stamps.findLastIndex((stamp) => stamp < first - 0.5 * step) + 1 : 0;
-    // What came before a gap is at another place of a picture whose columns are equally far apart.
-    const from = until && first - last.stamps[until - 1] < 2 * step ? Math.max(0, until - COLUMNS) : until;
-    const joined = (before, after) => [...(before ?? []).slice(from, until), ...after];
-    const all = joined(last?.stamps, stamps);
+    const from = Math.max(0, until - COLUMNS), newest = until ? last.stamps[until - 1] : first;
+    // Columns are equally far apart: a gap has empty ones.
+    const gap = Array.from({ length: Math.min(COLUMNS, Math.max(0, Math.round((first - newest) / step) - 1)) }, (_, k) => k + 1);
+    const joined = (before, empty, after) => [...(before ?? []).slice(from, until), ...gap.map(empty), ...after];
+    const all = joined(last?.stamps, (k) => newest + k * step, stamps);
     this.found = { frequency: found.frequency, stamps: all, times: all.map((stamp) => stamp + this.offset),
-      density: joined(last?.density, found.density),
-      rotors: found.rotors.map((turns, rotor) => joined(last?.rotors[rotor], turns)) };
-    this.greatest = Math.max(...this.found.density.flat());
+      density: joined(last?.density, () => found.frequency.map(() => NaN), found.density),
+      rotors: found.rotors.map((turns, rotor) => joined(last?.rotors[rotor], () => NaN, turns)) };
+    this.greatest = greatestOf(this.found.density);
   }
 }
 
@@ -120,12 +121,14 @@ export class SpectrogramChart extends Chart {
   }
 }
 
-// A pixel a value, times to the right and frequencies up.
+const greatestOf = (density) => density.reduce((most, column) => Math.max(most, ...column.filter((value) => value > 0)), 0);
+
+// A pixel a value, times to the right and frequencies up; none where there is no value.
 function pictureOf(columns, greatest) {
   const height = columns[0].length, canvas = element("canvas", { width: columns.length, height });
   const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d")), picture = context.createImageData(columns.length, height);
   columns.forEach((column, x) => column.forEach((value, y) => {
-    picture.data.set([...colorOf(value, greatest), 255], 4 * ((height - 1 - y) * columns.length + x));
+    picture.data.set([...colorOf(value, greatest), Number.isNaN(value) ? 0 : 255], 4 * ((height - 1 - y) * columns.length + x));
   }));
   context.putImageData(picture, 0, 0);
   return canvas;
