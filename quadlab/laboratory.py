@@ -73,7 +73,10 @@ class Laboratory:
             raise UsageError(f"{url!r} is no address; give http://HOST:PORT, or a sign-in link")
         self._base = f"{parts.scheme}://{parts.netloc}"
         is_tls = parts.scheme == "https"
-        self._tls = ssl.create_default_context(cafile=authority) if is_tls else None
+        try:
+            self._tls = ssl.create_default_context(cafile=authority) if is_tls else None
+        except OSError as error:  # ssl.SSLError is one
+            raise UsageError(f"{authority} is no certificate (PEM) to read: {error}") from None
         self._client = httpx.Client(
             base_url=self._base,
             headers={"origin": self._base},
@@ -88,11 +91,11 @@ class Laboratory:
             elif parts.query:
                 self._ask("GET", f"/?{parts.query}")
             session = self._json("GET", "/api/session")
-        except RefusedError:
+        except RefusedError as error:
             self._client.close()
             raise RefusedError(
-                f"not signed in at {self._base}: a sign-in link is good once, and an open page "
-                "makes another; or give the name and password of an account"
+                f"not signed in at {self._base} ({error}): a sign-in link is good once, an open "
+                "page makes another; or give the name and password of an account"
             ) from None
         except LinkError:
             self._client.close()
@@ -179,16 +182,27 @@ class Laboratory:
         """
         from console.experiments.client import Result
 
-        before = self._experiment()
+        before = self._experiment().get("run_id", "")
         body = {"name": experiment, "options": options}
         self._json("POST", "/api/experiments/start", json=body)
         limit = time.monotonic() + STARTED
-        while (now := self._experiment()) == before and time.monotonic() < limit:
+        has_begun = False
+        while True:
+            summary = self.summary
+            now, age = summary.get("experiment") or {}, summary["age"].get("experiment_status")
+            if has_begun and (age is None or age > REACH):
+                raise LinkError(f"{experiment} is flown on unseen: the station is silent")
+            is_ours = (now.get("name"), now.get("requester")) == (experiment, self.label)
+            is_running = is_ours and now["phase"] in RUNNING
+            has_begun = has_begun or is_running
+            if not is_running and (has_begun or (is_ours and now["run_id"] not in ("", before))):
+                break  # what ended before this one has another run
+            if not has_begun and time.monotonic() > limit:
+                break
             time.sleep(RETRY)
-        while (now := self._experiment())["phase"] in RUNNING:
-            time.sleep(RETRY)
-        if not now["verdict"] or not now["run_id"]:
-            raise LinkError(f"{experiment} has no verdict: {now['phase']}; {now['reason']}")
+        if not is_ours or not now["verdict"] or now["run_id"] in ("", before):
+            found = f"{now.get('phase', 'unknown')}; {now.get('reason', '')}"
+            raise LinkError(f"{experiment} has no verdict; the station's experiment is: {found}")
         metrics = {one["name"]: one["value"] for one in now["metrics"]}
         limits = {one["name"]: one["limit"] for one in now["metrics"] if one["limit"] is not None}
         result = Result(now["verdict"], metrics, limits, now["reason"])
@@ -217,6 +231,7 @@ class Laboratory:
                     for piece in answer.iter_bytes():
                         out.write(piece)
         except httpx.TransportError as error:
+            part.unlink(missing_ok=True)
             raise UnreachableError(f"{self._base} was lost in a download: {error}") from None
         part.replace(file)
         return Run(file, result)

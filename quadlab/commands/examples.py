@@ -53,9 +53,7 @@ EXAMPLES: dict[str, dict[str, str]] = {
         "quadlab vehicle --serial auto --rate 500": "fly",
         "quadlab vehicle --board betaflight --serial /dev/ttyACM0 --check": "check its settings",
     },
-    "simulator": {
-        "quadlab simulator --folder /tmp/quad": "simulate a vehicle behind /tmp/quad/mcu0"
-    },
+    "simulator": {"quadlab simulator --folder quad": "simulate a vehicle behind quad/mcu0"},
     "station": {"quadlab station --vehicle quad1": "run the station of one vehicle"},
     "tracker": {
         "quadlab tracker natnet --host 192.168.1.5 --body quad1=cf7": "track with OptiTrack",

@@ -13,7 +13,7 @@ import pytest
 import quadlab
 from benchmarks.logs.recorded_run import MadeRun, write_run
 from quadlab.laboratory import Laboratory
-from quadrotor.errors import RefusedError, UnreachableError, UsageError
+from quadrotor.errors import LinkError, RefusedError, UnreachableError, UsageError
 from tests.waiting import free_port
 from vehicle_link.messages import new
 
@@ -41,7 +41,9 @@ def test_it_is_signed_in_by_a_link_and_is_present_as_a_page_is(
         quadlab.connect(f"{site.base}/?token=used")
 
 
-def test_what_is_no_laboratory_says_so() -> None:
+def test_what_is_no_laboratory_says_so(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="is no certificate"):
+        quadlab.connect("https://127.0.0.1:1", authority=tmp_path / "missing.pem")
     with pytest.raises(UsageError, match="give http://HOST:PORT"):
         quadlab.connect("localhost:8080")
     with pytest.raises(UnreachableError, match="no page answers at http://127"):
@@ -117,7 +119,8 @@ def test_an_experiment_is_waited_for_and_its_run_has_the_verdict(
         figures = {"metric_names": ["position_rms_m", "judged_s"], "metric_values": [0.002, 9.0]}
         told("passed", verdict="passed", metric_limits=[0.005, math.nan], **figures)
 
-    told("stopped", reason="an earlier one")
+    earlier = {"run_id": "20250101T000000Z_quad1", "verdict": "failed"}
+    told("failed", **earlier)  # of the same name and person: not this one's
     flight = threading.Thread(target=flown)
     flight.start()
     run = lab.fly("hover", duration=9.0)
@@ -126,3 +129,14 @@ def test_an_experiment_is_waited_for_and_its_run_has_the_verdict(
     assert (run.result.verdict, run.result.limits) == ("passed", {"position_rms_m": 0.005})
     assert run.result.metrics == {"position_rms_m": 0.002, "judged_s": 9.0}
     assert run.path.stem == RUN
+
+
+def test_the_verdict_of_an_earlier_experiment_is_not_taken_for_a_new_one(
+    lab: Laboratory, station: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("quadlab.laboratory.STARTED", 0.5)
+    fields = {"name": "hover", "run_id": RUN, "requester": lab.label, "phase": "passed"}
+    status = new("quadlab_msgs/ExperimentStatus", **fields, verdict="passed")
+    station.put("experiment_status", status)
+    with pytest.raises(LinkError, match="hover has no verdict"):
+        lab.fly("hover")
