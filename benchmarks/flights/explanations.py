@@ -38,12 +38,14 @@ NAMES = {
     "tracker gaps": ("tracker_gaps",),
     "outliers": ("tracker_outliers",),
     "biased beacon": ("beacon_off",),
+    "turned bearings": ("bearings_disagree", "fell_back"),
     "link cut": ("link_lost",),
     "battery": ("battery_sag",),
     "gust": ("off_reference", "saturation"),
     "vibration": ("vibration",),
 }
 """A fault and the kinds of finding that name it."""
+ON_BEARINGS = ("biased beacon", "turned bearings")
 NONE = "nothing"
 
 
@@ -72,9 +74,10 @@ def confusion(seeds: list[int]) -> Report:
             f"simulated time, {len(seeds)} seeds of each fault, in turns in the clean and the "
             "rough world and in hover, figure 8 and flight by sticks",
             "motor 10 to 20 % weaker; poses 60 to 100 ms late; gaps of 0.5 to 0.9 s; 5 to 20 % "
-            "outliers of 0.5 m; a beacon 0.15 to 0.3 m from its place, flown on bearings; link cut "
-            "for 1 to 3 s; battery 4.5 to 7 % full; a push of 6 to 12 N for 1 s; vibration of 4 to "
-            "8 m/s²",
+            "outliers of 0.5 m; link cut for 1 to 3 s; battery 4.5 to 7 % full; a push of 6 to "
+            "12 N for 1 s; vibration of 4 to 8 m/s²",
+            "flown on bearings: a beacon 0.15 to 0.3 m from its place; all bearings turned by 2.5 "
+            "to 5° about z",
         ],
     )
     right = total = 0
@@ -117,8 +120,9 @@ def fly(fault: str, seed: int, world: str, manoeuvre: str) -> list[Finding]:
     parameters = FlightParameters().model_copy(deep=True)
     parameters.seed(seed)
     settings = dict(WORLDS[world])
-    if fault == "biased beacon":
+    if fault in ON_BEARINGS:
         settings |= {"estimation.shadow": "error_state", "estimation.shadow_source": "bearings"}
+    if fault == "biased beacon":
         away = 1.0 + random.Random(seed).uniform(0.15, 0.3)
         settings["beacons.layout"] = f"1 1 1 0; 2 -1 1 0; 3 -1 -1 0; 4 {away:.3f} -1 0"
     store = ParameterStore(parameters)
@@ -129,7 +133,7 @@ def fly(fault: str, seed: int, world: str, manoeuvre: str) -> list[Finding]:
         log = FlightLog(path, "quad1", store, {"run_id": "flight"})
         flight = FaultyFlight(parameters, robot, log)
         try:
-            _take_off(flight, manoeuvre, on_bearings=fault == "biased beacon")
+            _take_off(flight, manoeuvre, on_bearings=fault in ON_BEARINGS)
         except RefusedError:
             log.close()
             raise
@@ -195,6 +199,8 @@ def _faulty(fault: str, flight: FaultyFlight, chance: random.Random) -> Iterator
         tracker.outliers = chance.uniform(0.05, 0.2)
     elif fault == "battery":
         disturb(battery_charge=chance.uniform(0.045, 0.07))
+    elif fault == "turned bearings":
+        flight.parameters.bearings.bias_z = chance.choice((-1.0, 1.0)) * chance.uniform(2.5, 5.0)
     elif fault == "vibration":
         disturb(vibration=chance.uniform(4.0, 8.0))
     elif fault == "tracker gaps":

@@ -43,8 +43,6 @@ SILENCE = 0.2
 """s between two poses."""
 OUTLIERS, OUTLIER_DISTANCE = 0.02, 0.1
 """Share of the poses that are this far (m) from the estimate."""
-BEACON_OFF = 1.0
-"""deg between the bearings of a beacon and those expected from the others."""
 CELL_WARNING, CELL_LAND, CELL_FULL = 3.45, 3.275, 4.25
 """V, of one cell of a battery whose limits the log does not have."""
 
@@ -195,33 +193,6 @@ def tracker_outliers(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Fi
             seen.time,
             distance,
         )
-
-
-def beacon_off(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
-    """Find a beacon whose bearings do not fit the others."""
-    suspected = [s for s in flagged(topics, "beacon_off") if overlaps(spans, *s)]
-    if not suspected or not has(topics, "status", "suspect_offset", "suspect_beacon"):
-        return
-    series = topics["status"]
-    offset = np.degrees(series.values("suspect_offset"))
-    start, end = suspected[0][0], suspected[-1][1]
-    inside = (series.time >= start) & (series.time <= end)
-    worst = np.nan_to_num(np.where(inside, offset, -1.0), nan=-1.0).argmax()
-    most, beacon = float(offset[worst]), int(series.values("suspect_beacon")[worst])
-    yield Finding(
-        "beacon_off",
-        max(1.0, most / BEACON_OFF),
-        start,
-        end,
-        f"Bearings of beacon {beacon} were {most:.1f}° off those of the others: it is not where "
-        "the layout says, or its bearings are biased.",
-        ("status/suspect_offset", "status/suspect_beacon"),
-        f"offset of beacon {beacon}",
-        "°",
-        BEACON_OFF,
-        series.time,
-        offset,
-    )
 
 
 def link_lost(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Finding]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from console.evaluation.explanation import causes, consequences
+from console.evaluation.explanation import bearings, causes, consequences
 from console.evaluation.explanation.finding import Finding, Parameters, Spans, Topics, airborne
 from flight_log.attached import parameters_of
 from flight_log.run import read_run
@@ -16,7 +16,9 @@ DETECTORS: tuple[Callable[[Topics, Parameters, Spans], Iterator[Finding]], ...] 
     causes.tracker_late,
     causes.tracker_gaps,
     causes.tracker_outliers,
-    causes.beacon_off,
+    bearings.beacon_off,
+    bearings.bearings_disagree,
+    bearings.fell_back,
     causes.link_lost,
     causes.battery_sag,
     consequences.off_reference,

@@ -27,8 +27,10 @@ def axes(stem: str, names: str = "xyz") -> tuple[str, ...]:
 
 ACCELERATION = axes("linear_acceleration")
 POSITION = axes("pose.pose.position")
-ROLL_PITCH = axes("pose.pose.orientation", "xy")
+ATTITUDE = axes("pose.pose.orientation", "xyzw")
+ROLL_PITCH = ATTITUDE[:2]
 TRACKED, MARKED = axes("pose.position"), axes("point")
+TRACKED_ATTITUDE = axes("pose.orientation", "xyzw")
 REFERENCE = axes("position")
 THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
 

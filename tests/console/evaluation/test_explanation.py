@@ -13,12 +13,13 @@ import pytest
 from console.evaluation.explanation.explain import explain, explain_log
 from console.evaluation.explanation.finding import (
     ACCELERATION,
+    ATTITUDE,
     MARKED,
     POSITION,
     REFERENCE,
-    ROLL_PITCH,
     THRUSTS,
     TRACKED,
+    TRACKED_ATTITUDE,
     Finding,
 )
 from console.reports.report import write_report
@@ -32,8 +33,8 @@ TIMES = {rate: np.arange(0.0, END, 1.0 / rate) for rate in (2, 10, 50, 100, 500)
 THRUST = 3.2
 COLUMNS = {
     "imu": ACCELERATION,
-    "state": (*POSITION, *ROLL_PITCH),
-    "tracker_pose": TRACKED,
+    "state": (*POSITION, *ATTITUDE),
+    "tracker_pose": (*TRACKED, *TRACKED_ATTITUDE),
     "tracker_position": MARKED,
     "reference": REFERENCE,
     "actuators": (*THRUSTS, "scaling"),
@@ -79,6 +80,7 @@ def flight(**changed: Mapping[str, Any]) -> dict[str, Made]:
         "estimator": {"consistency": 1.0},
         "battery": {"voltage": 15.2},
     }
+    plain |= {"state": {ATTITUDE[-1]: 1.0}, "tracker_pose": {TRACKED_ATTITUDE[-1]: 1.0}}
     plain |= {"actuators": {**{f"thrusts[{k}]": THRUST for k in range(4)}, "scaling": 1.0}}
     plain |= {"status": {"airborne": (TIMES[10] > 5.0) & (TIMES[10] < 35.0)}}
     made: dict[str, Made] = {}
@@ -95,6 +97,13 @@ def during(rate: int, start: float, end: float, value: float, usual: float = 0.0
     return np.where((time >= start) & (time < end), value, usual)
 
 
+def turned_by(yaw: float) -> dict[str, Any]:
+    """Return attitudes turned about z by an angle (deg)."""
+    half = np.radians(yaw) / 2.0
+    return {TRACKED_ATTITUDE[2]: np.sin(half), TRACKED_ATTITUDE[3]: np.cos(half)}
+
+
+ON_BEARINGS = [(0.0, ""), (10.0, "on_bearings")]
 NOISE = np.random.default_rng(1).normal(size=len(TIMES[500]))
 FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any], float, str]] = {
     # kind: columns with the fault, columns just below the limit, weight, figure in the claim
@@ -133,6 +142,12 @@ FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any], float, str]] = {
         {"status": {"flags": [(0.0, "on_bearings")]}},
         4.0,
         "beacon 3 were 4.0°",
+    ),
+    "bearings_disagree": (
+        {"status": {"flags": ON_BEARINGS}, "tracker_pose": turned_by(3.0)},
+        {"status": {"flags": ON_BEARINGS}, "tracker_pose": turned_by(1.4)},
+        2.0,
+        "by 3.0° and moved by 0.00 m",
     ),
     "link_lost": (
         {"status": {"flags": [(0.0, ""), (15.0, "link_lost"), (17.0, "")]}},
@@ -219,6 +234,31 @@ def test_two_flights_in_a_log_are_not_one_finding() -> None:
     [found] = explained({"actuators": weak, "status": {"airborne": flown}})
     assert found.kind == "motor_weak"
     assert 25.0 <= found.start < found.end <= 35.1  # the longer one, not from 11 s on
+
+
+def test_a_flight_on_bearings_far_from_the_tracker_is_named_unless_one_beacon_explains_it() -> None:
+    moved: dict[str, Any] = {"tracker_pose": {TRACKED[1]: 0.25}}
+    assert explained(moved) == []  # it flies on the poses: what is off then is another's to say
+    [found] = explained({**moved, "status": {"flags": ON_BEARINGS}})
+    assert (found.kind, found.follows) == ("bearings_disagree", False)
+    assert "by 0.0° and moved by 0.25 m" in found.claim
+    off = {"flags": [(0.0, ""), (10.0, "on_bearings, beacon_off")], "suspect_beacon": 3.0}
+    both = explained({**moved, "status": {**off, "suspect_offset": np.radians(2.0)}})
+    assert [one.kind for one in both] == ["beacon_off", "bearings_disagree"]
+    unknown = {**moved["tracker_pose"], TRACKED_ATTITUDE[3]: 0.0}  # poses without an attitude
+    assert explained({"tracker_pose": unknown, "status": {"flags": ON_BEARINGS}}) == []
+
+
+def test_a_vehicle_that_left_its_bearings_by_itself_says_why() -> None:
+    back = {"flags": [(0.0, "on_bearings"), (20.0, "fell_back"), (30.0, "")]}
+    topics = flight(status=back)
+    [found] = explain(topics, {})
+    assert (found.kind, found.start, found.end) == ("fell_back", 20.0, 30.0)
+    assert found.claim == "The vehicle fell back to the tracker."
+    reason = "fell back to the tracker: innovations 3.1 times their expected square, allowed 3"
+    events = Made(2, {}, [(10.0, "hover by admin"), (20.0, reason)])
+    [told] = explain({**topics, "events": events}, {})
+    assert told.claim == f"The vehicle {reason}."
 
 
 def test_the_beacon_with_the_largest_offset_is_named() -> None:
