@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -126,3 +127,22 @@ def test_names_as_ros_and_as_zenoh_write_them() -> None:
     assert dds_name("quadlab_msgs/srv/Command") == "quadlab_msgs::srv::dds_::Command_"
     with pytest.raises(UsageError, match="no type name"):
         ros_name("Odometry")
+
+
+def test_the_ros_package_lists_every_interface_and_each_package_that_they_need() -> None:
+    folder = FOLDER / "quadlab_msgs"
+    files = [*folder.glob("msg/*.msg"), *folder.glob("srv/*.srv")]
+    lines = (folder / "CMakeLists.txt").read_text()
+    listed = re.findall(r'^  "(\S+)"$', lines, re.MULTILINE)
+    assert sorted(listed) == sorted(str(path.relative_to(folder)) for path in files)
+    types = re.compile(r"^([a-z_]+)/[A-Z]\w*(?:\[[^]]*\])? ", re.MULTILINE)
+    needed = {package for path in files for package in types.findall(path.read_text())}
+    needed -= {"quadlab_msgs"}
+    package = ElementTree.parse(folder / "package.xml").getroot()
+    assert {depend.text for depend in package.findall("depend")} == needed
+    [dependencies] = re.findall(r"^  DEPENDENCIES (.+)$", lines, re.MULTILINE)
+    assert set(dependencies.split()) == needed
+    assert set(re.findall(r"find_package\((\w+) REQUIRED\)", lines)) == needed | {
+        "ament_cmake",
+        "rosidl_default_generators",
+    }
