@@ -1,4 +1,4 @@
-"""Making messages: `new` fills what is not given with zeros, down to the last nested field."""
+"""Making messages: `new` fills fields that are not given with zeros, at every level of nesting."""
 
 from __future__ import annotations
 
