@@ -1,1 +1,2 @@
-"""Recorded flights of others: their formats are read into one record, checked, written as a run."""
+"""Import of flights recorded by other systems: each format is read, checked, and written as a
+run."""
