@@ -145,9 +145,7 @@ def _checked_positions(positions_w: npt.ArrayLike, ids: npt.NDArray[np.int32]) -
 
 
 def _plane(places: Array) -> tuple[Array, Array]:
-    """Return centre and unit normal of the nearest plane. Raises DegenerateGeometryError if there
-    is none.
-    """
+    """Return centre and unit normal of the nearest plane. Raises DegenerateGeometryError."""
     center = places.mean(axis=0)
     from_center = places - center
     _, singular, axes = np.linalg.svd(from_center, full_matrices=False)

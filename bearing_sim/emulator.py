@@ -50,8 +50,7 @@ class _Layout(NamedTuple):
 
 
 class BearingEmulator:
-    """Emulator of the bearing sensor: `observe` feeds poses, `due` returns frames, which may be
-    empty.
+    """Emulator of the bearing sensor: `observe` feeds poses, `due` returns frames, maybe empty.
 
     Frames are taken at k/rate on the clock of the stamps, whatever the poses' own stamps: the pose
     at that instant is interpolated once the first pose at or after it has arrived. There are no

@@ -22,9 +22,7 @@ class KnownBeacons:
         return sorted(self._places)
 
     def place(self, seen: Record) -> Record:
-        """Return a BEARINGS_SAMPLE (1,) with the positions of its beacons, without unknown
-        beacons.
-        """
+        """Return a BEARINGS_SAMPLE (1,) with beacon positions, without unknown beacons."""
         places, ids = self._places, beacon_ids_of(seen)
         known = [k for k, one in enumerate(ids) if one in places]
         frame = with_rows(seen, known)

@@ -80,9 +80,7 @@ class PoseTrack:
 
 
 def _curvature(first: Pose, second: Pose, third: Pose) -> Triple | None:
-    """Return the curvature; None when the first spacing is so short that noise of the poses would
-    be amplified.
-    """
+    """Return the curvature; None if the first spacing is so short that noise is amplified."""
     early, late = second.stamp_ns - first.stamp_ns, third.stamp_ns - second.stamp_ns
     if 4 * early < late:
         return None

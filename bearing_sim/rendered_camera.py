@@ -138,9 +138,7 @@ class RenderedCamera:
         return box
 
     def _samples(self) -> Iterator[tuple[float, float, float]]:
-        """Yield positions in a pixel, in pixels from its centre, and instants in its exposure,
-        s.
-        """
+        """Yield positions in a pixel (pixels from its centre) and instants in its exposure (s)."""
         n = self.fine
         for i in range(n):
             for j in range(n):
@@ -164,9 +162,7 @@ class RenderedCamera:
 
 
 def _moved(pattern: Pattern, dt: Array) -> Array:
-    """Return (…, 3, 3): from (x, y, 1) on the pattern to camera axes, dt (…) s later, to first
-    order.
-    """
+    """Return (…, 3, 3): (x, y, 1) on the pattern to camera axes, dt (…) s later, first order."""
     at = np.column_stack([pattern.R_cp[:, :2], pattern.position_c])
     turning = np.cross(pattern.angular_velocity_c, pattern.R_cp[:, :2].T).T
     rate = np.column_stack([turning, pattern.velocity_c])

@@ -13,8 +13,7 @@ SECOND_NS = 1_000_000_000
 
 
 class SampleGrid:
-    """Selector of the observations, at any rate, that come first after the points of a sensor's
-    grid.
+    """Selector of the observations, at any rate, that are next after a sensor's sampling instants.
 
     A tolerance of a tenth of a period keeps jittered stamps at the sensor's own rate from being
     skipped; the grid does not drift, so the mean rate is exact.
@@ -45,9 +44,7 @@ class InstantGrid:
         self._scale, self._per = 1, 1  # the k-th instant is at k · scale / per ns
 
     def between(self, after_ns: int, until_ns: int, rate: float) -> Iterator[int]:
-        """Yield the instants after `after_ns` up to and including `until_ns`, in order; `rate` in
-        Hz.
-        """
+        """Yield the instants in (after_ns, until_ns], in order; `rate` in Hz."""
         if rate != self._rate:
             exact = Fraction(rate).limit_denominator(1000)
             self._rate = rate
@@ -60,9 +57,7 @@ class InstantGrid:
 
 
 class DelayLine(Generic[T]):
-    """Measurements in transit, which stay in order; those in transit when the source restarts are
-    lost.
-    """
+    """Measurements in transit, kept in order; a restart of the source loses those in transit."""
 
     def __init__(self) -> None:
         self._travelling: deque[tuple[int, T]] = deque()

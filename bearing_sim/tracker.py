@@ -67,9 +67,7 @@ class SimulatedTracker:
         self._line: DelayLine[PoseMeasurement] = DelayLine()
 
     def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
-        """Observe the true pose at `stamp_ns`: (3,) m, (4,) unit; at the tracker's rate or any
-        higher one.
-        """
+        """Observe the true pose at `stamp_ns`: (3,) m, (4,) unit; at the tracker's rate or more."""
         p = self.parameters
         if not self._grid.takes(stamp_ns, p.rate):
             return

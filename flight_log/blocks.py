@@ -131,9 +131,7 @@ class BlockReader:
             self.damaged_records += opcode != Opcode.CHUNK
 
     def _take_index(self, data: bytes) -> None:
-        """Read an index of the preceding chunk; discard them if the chunk has no room for so
-        many.
-        """
+        """Read an index of the preceding chunk; discard all if they exceed the chunk's size."""
         channel, length = MESSAGE_INDEX.unpack_from(data)
         if length and self._entries is not None:
             self._entries[channel] = data[MESSAGE_INDEX.size : MESSAGE_INDEX.size + length]
@@ -155,9 +153,7 @@ class BlockReader:
             self._add(b"".join(loose), None)
 
     def _add(self, data: bytes, entries: dict[int, bytes] | None) -> None:
-        """Add a chunk; `entries` are pairs of log time and offset, by channel; None when
-        unknown.
-        """
+        """Add a chunk; `entries` are pairs of log time and offset by channel, None if unknown."""
         if entries is None or not (self._begin or entries.keys() <= self.channels.keys()):
             entries = self._walk(data)
         if not self._begin and not entries.keys() <= self._described:

@@ -1,6 +1,4 @@
-"""A check whether a log is sound: complete, consistent with its index, readable, and without
-gaps.
-"""
+"""A check whether a log is sound: complete, consistent with its index, readable, without gaps."""
 
 from __future__ import annotations
 
@@ -21,8 +19,7 @@ from vehicle_link.topics.table import SHARED, TOPICS
 GAP = 5.0
 """Number of a topic's periods without a message that make a gap."""
 SHORTEST_GAP_S = 0.1
-"""Shortest gap in s that is reported; it matters for topics of which it is more than GAP
-periods."""
+"""Shortest gap, in s, that is reported, whatever the topic's period."""
 OVERTAKEN = frozenset(row.name for row in TOPICS.values() if row.on_radio and not row.qos.reliable)
 """Topics whose messages may overtake one another on the radio; recorded in order of arrival."""
 RATE_MIN = 1.0
@@ -206,8 +203,7 @@ def _judge(found: LogCheck) -> None:
 
 
 def damage(path: Path) -> list[str]:
-    """Return a line for each damaged chunk or other record: its place, and the time of its
-    messages.
+    """Return a line for each damaged chunk or other record: its place and its messages' times.
 
     Reads the whole file. Raises LogFormatError or StorageError.
     """

@@ -100,9 +100,7 @@ class LogFile:
                 raise StorageError(f"cannot write {self.path}: {error.strerror}") from error
 
     def is_in_place(self) -> bool:
-        """Return False when the file was removed or its folder vanished, so that further writes
-        would be lost.
-        """
+        """Return False if the file or its folder was removed, so that further writes are lost."""
         try:
             return os.path.samestat(os.fstat(self._fd), os.stat(self.path))
         except OSError:

@@ -102,8 +102,7 @@ def _footer(read: Read, size: int) -> tuple[int, int, int]:
 
 
 def index_records(read: Read, size: int, wanted: Collection[int]) -> Iterator[tuple[int, bytes]]:
-    """Yield opcode and content of the `wanted` records; none when the log was closed without an
-    index.
+    """Yield opcode and content of the `wanted` records; none if the log has no index.
 
     Raises one of UNREADABLE for an index that is not sound or holds too large a record, and any
     exception of `read`.

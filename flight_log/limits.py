@@ -32,9 +32,7 @@ FRAME = 64
 
 
 def check_record(name: str, size: int, place: int) -> None:
-    """Check a record; `place` is its offset in the file. Raises LogFormatError if it is too
-    large.
-    """
+    """Check a record; `place` is its offset in the file. Raises LogFormatError if too large."""
     if size > MOST_BYTES:
         raise LogFormatError(
             f"{name} has a record of {size / 1e6:.0f} MB at byte {place}; "

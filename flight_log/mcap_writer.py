@@ -141,9 +141,7 @@ class McapWriter:
         return channel.id
 
     def add_attachment(self, record: Attachment) -> None:
-        """Write an attachment at the current position of the file, before the chunk being
-        filled.
-        """
+        """Write an attachment at the file's current position, before the chunk being filled."""
         data = _packed(record)
         self._attachments.append(
             AttachmentIndex(

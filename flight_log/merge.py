@@ -33,8 +33,7 @@ from quadrotor.errors import LogFormatError, StorageError
 from vehicle_link.topics.table import SHARED
 
 LEAD_NS = 2_000_000_000
-"""Nanoseconds by which the vehicle's log may begin before the run: the station learns of arming a
-little later."""
+"""Nanoseconds by which the vehicle's log may begin before the run, as arming is received later."""
 SLACK_NS = 2_000_000_000
 """Largest deviation, in ns, of the messages of a log from the order of their receptions."""
 

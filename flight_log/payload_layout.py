@@ -23,13 +23,11 @@ from quadrotor.errors import LogFormatError, UsageError
 from vehicle_link.messages import stored_name, typestore
 
 MOST_ITEMS = 64
-"""Longest array whose items become signals; those of longer ones (pictures, point clouds) do
-not."""
+"""Longest array whose items become signals; those of longer ones, like pictures, do not."""
 MOST_MESSAGES = 1000
 """Largest number of messages in a sequence."""
 MOST_PARTS = 20_000
-"""Most messages and texts of one payload that are walked: an empty type may occur any number of
-times."""
+"""Most messages and texts walked in one payload; an empty type may occur any number of times."""
 MOST_NUMBERS = 4000
 """Most numbers of one payload that become signals."""
 MOST_TEXT = 1_000_000

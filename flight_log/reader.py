@@ -79,8 +79,7 @@ def read_attachments(path: Path) -> dict[str, bytes]:
 
 
 def read_metadata(path: Path) -> dict[str, dict[str, str]]:
-    """Return every metadata record of the file (`quadlab.run`, `quadlab.recovered`); reads all of
-    it.
+    """Return every metadata record (`quadlab.run`, `quadlab.recovered`); reads the whole file.
 
     Raises LogFormatError or StorageError.
     """
@@ -120,9 +119,7 @@ def read_topic(path: Path, name: str) -> Iterator[bytes]:
 
 
 def _chunk_with(index: bytes, wanted: Collection[int]) -> int | None:
-    """Return the chunk's offset if it has, or may have, messages of these channels; otherwise
-    None.
-    """
+    """Return the chunk's offset if it has, or may have, messages of these channels, else None."""
     _, _, place, _, length = CHUNK_INDEX.unpack_from(index)
     channels = {
         channel

@@ -60,8 +60,9 @@ class Series:
         return None if found is None else float(np.array(found, self._topic.dtype))
 
     def values(self, name: str, first: int = 0, last: int | None = None) -> Floats:
-        """Return one number of the messages `first` to `last` - 1, (N,), NaN if the log has none;
-        read-only.
+        """Return one number of the messages `first` to `last` - 1, (N,), NaN if missing.
+
+        The array is read-only.
         """
         if self._order is None:
             return self._topic.values(name, first, last)
@@ -96,8 +97,7 @@ class Series:
         return sorted((float(self.time[place[index]]), text) for index, text in told)
 
     def lines(self, most: int) -> Iterator[tuple[float, dict[str, Any]]]:
-        """Yield time (s) and fields of the `most` messages logged first, of a topic with stored
-        payloads.
+        """Yield time (s) and fields of the `most` messages logged first; payloads must be stored.
 
         Messages of the same instant stay in the order of the log: a mark's later text has the same
         stamp.

@@ -281,9 +281,7 @@ def _joined(rows: Bytes, pieces: list[tuple[int, int]]) -> npt.NDArray[Any]:
 
 
 def text_fields(payload: bytes, type_name: str) -> dict[str, Any]:
-    """Return a message's own texts, numbers and parameter values, by name; empty if it is
-    unreadable.
-    """
+    """Return a message's own texts, numbers and parameter values; empty if unreadable."""
     try:
         message = decode(payload, type_name)
     except (LinkError, KeyError):

@@ -82,9 +82,7 @@ class Log:
 
     @property
     def span(self) -> tuple[int, int]:
-        """Return the stamps of the first and last tick; without ticks the first is the later
-        one.
-        """
+        """Return the stamps of the first and last tick; without ticks, first > last."""
         stamps = stamps_of(self, "state")
         return int(stamps.min(initial=LATEST)), int(stamps.max(initial=EARLIEST))
 

@@ -158,9 +158,7 @@ class LogWriter:
             self._close_old_chunk(max(int(batch.log_ns[-1]) for batch in batches))
 
     def close_chunk(self) -> None:
-        """Pass everything written so far to the kernel, so that a killed process does not lose
-        it.
-        """
+        """Pass everything written so far to the kernel, so that a killed process keeps it."""
         with self._guarded():
             self._writer.flush()
 

@@ -116,9 +116,7 @@ def _one_setting_each(words: Sequence[str]) -> list[str]:
 
 
 def _one_line(boxed: str) -> str:
-    """Return tyro's boxed complaint as one sentence: what is wrong, and the nearest allowed
-    word.
-    """
+    """Return tyro's boxed complaint as one sentence: the mistake and the nearest allowed word."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", boxed)
     sections: list[list[str]] = [[]]
     for framed in plain.splitlines()[1:]:

@@ -75,9 +75,7 @@ class StationClient:
         return heard
 
     def newest(self, topic: str) -> Callable[[], Any]:
-        """Return a function for the newest message of a topic, decoded when called; None before the
-        first.
-        """
+        """Return a function that decodes a topic's newest message; None before the first."""
         row, payloads = TOPICS[topic], deque[bytes](maxlen=1)
         self._node.subscribe(
             row.name,

@@ -28,8 +28,7 @@ from quadrotor.checkout import ROOT
 Function = TypeVar("Function", bound=Callable[..., object])
 
 KEPT = 3
-"""Number of versions of a module whose machine code is kept, so that two branches do not evict
-each other."""
+"""Number of versions of a module to keep, so that two branches do not evict each other."""
 
 _IMPORT = re.compile(
     rb"^\s*(?:from|import) "
@@ -116,9 +115,7 @@ def digest(module: str) -> str:
 
 @cache
 def _source(module: str) -> tuple[bytes, tuple[str, ...]]:
-    """Return hash and project imports of a module; for a package, all its modules count as
-    imported.
-    """
+    """Return a module's hash and project imports; a package counts as importing its modules."""
     path = ROOT.joinpath(*module.split("."))
     file = getattr(sys.modules.get(module), "__file__", None) or path.with_suffix(".py")
     if path.is_dir():
@@ -149,9 +146,7 @@ def _folder(module: str, chosen: str) -> Path:
 
 @cache
 def _default_root() -> Path:
-    """Return a folder next to Python's own compiled files, or in the user's cache if that is not
-    writable.
-    """
+    """Return a folder next to Python's compiled files, or in the user's cache if not writable."""
     root = ROOT / "__pycache__" / "kernels"
     try:
         root.mkdir(parents=True, exist_ok=True)

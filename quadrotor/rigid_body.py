@@ -194,17 +194,13 @@ def store_motion(motion: Motion, x: Array) -> None:
 
 @compiled(inner=True)
 def drag_torque(lever: float, force_b: Vector) -> Vector:
-    """Return the torque (N m) of a drag force (N) that acts `lever` (m) above the centre of
-    mass.
-    """
+    """Return the torque (N m) of a drag force (N) acting `lever` (m) above the centre of mass."""
     return -lever * force_b[1], lever * force_b[0], 0.0
 
 
 @compiled(inner=True)
 def motor_share(time_constant: float, dt: float) -> float:
-    """Return the share of the way to a held reference that a rotor covers in dt (s): exact for any
-    dt.
-    """
+    """Return the share of the way to a held reference that a rotor covers in any dt (s): exact."""
     return 1.0 - math.exp(-dt / time_constant)
 
 

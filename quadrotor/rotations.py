@@ -104,9 +104,7 @@ def quaternion_exp(phi: Array) -> Array:
 
 @compiled
 def quaternion_log(q: Array) -> Array:
-    """Return the rotation vector (rad, length <= pi) of a unit quaternion; the same for q and
-    -q.
-    """
+    """Return the rotation vector (rad, length <= pi) of a unit quaternion; q and -q agree."""
     sign = 1.0 if q[0] >= 0.0 else -1.0
     sine = math.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     scale = 2.0 * sign if sine < _SMALL_ANGLE else 2.0 * sign * math.atan2(sine, sign * q[0]) / sine

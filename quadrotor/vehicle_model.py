@@ -163,7 +163,5 @@ def thrust_of_reference(reference: float, slope: float, offset: float) -> float:
 
 @compiled
 def reference_of_thrust(thrust: float, slope: float, offset: float) -> float:
-    """Return the motor reference (counts) of a thrust (N), at least 0; for 0 N and less, the law's
-    zero.
-    """
+    """Return the motor reference (counts, >= 0) of a thrust (N); the law's zero up to 0 N."""
     return max(0.0, math.sqrt(max(0.0, thrust)) / slope - offset)

@@ -132,9 +132,7 @@ class Job(Generic[T]):
         self._process.terminate()
 
     def stop(self, patience: float = 0.0) -> None:
-        """End the process: by SIGTERM if `patience` (s) is given, and by SIGKILL after that
-        time.
-        """
+        """End the process by SIGKILL; with `patience` (s), by SIGTERM before."""
         if patience:
             self.terminate()
             with suppress(subprocess.TimeoutExpired):

@@ -91,8 +91,7 @@ def page_at(port: int) -> Path | None:
 
 
 class Part:
-    """The progress of one process with one vehicle, read by the simulator; without lockstep nothing
-    reads it.
+    """The progress of one process with one vehicle, for the simulator; unused without lockstep.
 
     Attributes:
         in_lockstep: whether a simulator waits for this process.
@@ -106,9 +105,7 @@ class Part:
         self._epoch_ns = 0 if words is None else words[clock.EPOCH]
 
     def is_this_process(self, at: int) -> None:
-        """Store this process's id in `at`, one of the words …_PROCESS, so that its death is
-        noticed.
-        """
+        """Store this process's id in `at`, a word …_PROCESS, so that its death is noticed."""
         self._words[at] = os.getpid()
 
     def answered(self, line: int, milliseconds: int) -> None:

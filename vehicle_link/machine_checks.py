@@ -127,9 +127,7 @@ def real_time_check(
 def memory_lock_check(
     place: Place, limit: int | None = None, *, capable: bool | None = None
 ) -> Check:
-    """Check whether memory may be locked, so that no page is swapped out. `limit` is in bytes, -1
-    for none.
-    """
+    """Check whether memory may be locked against swapping. `limit` is in bytes, -1 for none."""
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] if limit is None else limit
     capable = _has_capability(_LOCK_MEMORY) if capable is None else capable
     name, wanted = "locked memory", "no limit"
@@ -156,9 +154,7 @@ class ClockWatch:
         self.largest = 0.0
 
     def look(self) -> None:
-        """Compare the clocks; call it several times a minute, so that slewing does not count as a
-        jump.
-        """
+        """Compare the clocks, several times a minute: slewing between two calls is not a jump."""
         ahead = self._wall() - self._steady()
         jump, self._ahead = ahead - self._ahead, ahead
         if abs(jump) >= self.SMALLEST:

@@ -1,6 +1,4 @@
-"""The instance of a process, by which the other end recognises it: a random number made at its
-start.
-"""
+"""The instance of a process: a random number made at its start, by which others recognise it."""
 
 from __future__ import annotations
 

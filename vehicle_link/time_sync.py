@@ -73,9 +73,7 @@ class ClockOffset:
         return exchanges[-1].round_trip_ns if exchanges else 0
 
     def add(self, exchange: Exchange) -> None:
-        """Add an exchange; empty the window if the server's clock was set, for instance by a
-        restart.
-        """
+        """Add an exchange; empty the window if the server's clock was set, as by a restart."""
         kept = self._exchanges if self._exchanges and self._agrees(exchange) else ()
         self._exchanges = (*kept, exchange)[-self._window :]
         self._offset_ns = min(self._exchanges, key=lambda e: e.round_trip_ns).offset_ns

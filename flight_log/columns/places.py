@@ -65,9 +65,7 @@ def _is_alive(columns: Path) -> bool:
 
 
 def _looked_at(columns: Path) -> float:
-    """Return the time of the last use, s; 0 for columns that are damaged or whose run was
-    removed.
-    """
+    """Return the time of the last use, s; 0 for damaged columns and for those of a removed run."""
     runs = columns.parent.parent
     run = runs / columns.name
     if columns.parent.name == CACHES and not (

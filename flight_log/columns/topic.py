@@ -117,8 +117,9 @@ class Topic:
         return bytes(self.arrow[PAYLOAD][index].as_py())
 
     def values(self, name: str, first: int = 0, last: int | None = None) -> Floats:
-        """Return one number of the messages `first` to `last` - 1, (N,), NaN where it is missing;
-        read-only.
+        """Return one number of the messages `first` to `last` - 1, (N,), NaN if missing.
+
+        The array is read-only.
         """
         if name in HEADER_STAMP and name in self:
             seconds, rest = np.divmod(self.header_ns[first:last], 1_000_000_000)

@@ -1,2 +1,1 @@
-"""Import of flights recorded by other systems: each format is read, checked, and written as a
-run."""
+"""Import of other systems' recorded flights: each is read, checked, and written as a run."""

@@ -20,8 +20,7 @@ Array = npt.NDArray[np.float64]
 
 WAYS = ("body to world", "world to body")
 FITS = 0.6
-"""Least share of explained rotation, or correlation of accelerations, of data that belong
-together."""
+"""Least share of explained rotation, or correlation of accelerations, of matching data."""
 STILL = 0.03
 """rad/s rms below which rotation is too slow to judge by."""
 GRAVITY = 9.80665

@@ -76,9 +76,7 @@ class CrazyflieTables(FileTables):
 
 
 def _kinds(data: bytes) -> tuple[dict[int, tuple[str, np.dtype[np.void]]], int, float]:
-    """Return name and record of every kind of event, the offset of the first event, and the time's
-    unit in ms.
-    """
+    """Return name and record of each kind of event, the first event's offset, the time unit, ms."""
     version, count = struct.unpack_from("<HH", data, 1)
     time, at = VERSIONS[version], 5
     found: dict[int, tuple[str, np.dtype[np.void]]] = {}

@@ -87,9 +87,7 @@ class _Files:
     def read(
         self, rows: Rows, section: str, columns: dict[str, tuple[Columns, int]]
     ) -> list[Array]:
-        """Return the times (N,), s, then each of `columns`, which gives names and number of
-        each.
-        """
+        """Return the times (N,), s, then each of `columns`, given by names and count."""
         source = self.source(rows)
         where = f"{source.path.name}, [{section}]"
         if rows.table not in source.tables():

@@ -200,9 +200,7 @@ class Checked:
                 )
 
     def _fit_position(self) -> None:
-        """Determine world and unit of the positions from the acceleration in the attitudes'
-        world.
-        """
+        """Determine world and unit of the positions from accelerations in the attitudes' world."""
         raw, rows = self.raw, self.raw.rows
         assert raw.quaternion is not None
         at = raw.seconds + self._offset

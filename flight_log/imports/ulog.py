@@ -1,5 +1,4 @@
-"""ULog, the log of PX4, read by PX4's library; a table for each topic, NAME#K for its instance
-K."""
+"""ULog, the log of PX4, read by PX4's library; a table for each topic, its instance K as NAME#K."""
 
 from __future__ import annotations
 

@@ -209,9 +209,7 @@ class Dialogue:
             self._screen.say(line)
 
     def _chosen(self, question: str, words: str) -> str:
-        """Return one of the words, typed in full or abbreviated; at the end of the input, the last
-        one.
-        """
+        """Return one of the words, typed in full or abbreviated; the last one if the input ends."""
         known = words.split(", ")
         while True:
             typed = self._screen.ask(f"{question} [{words}]", lambda: True)

@@ -198,9 +198,7 @@ class Up(PageOptions):
         ]
 
     def _tracker_words(self, fleet: SimulatedFleet) -> str:
-        """Return the words of `quadlab tracker`, with a body named like each vehicle unless
-        given.
-        """
+        """Return the words of `quadlab tracker`; by default each body is named like its vehicle."""
         if "--body" in self.tracker:
             return self.tracker
         return " ".join([self.tracker, *(f"--body {name}={name}" for name in fleet.names)])

@@ -145,9 +145,7 @@ class Replay:
             check_plot(self.plot)
 
     def _survey(self, recording: Recording, runs: list[Run], store: MeasurementStore) -> list[str]:
-        """Find the positions of base stations or beacons, and use them in the runs; return lines
-        about them.
-        """
+        """Find the positions of base stations or beacons for the runs; return lines about them."""
         from bearing_sim.beacons import format_layout
         from quadlab.replay.lines import BELIEVED_LAYOUT, SWEEPS
         from quadlab.replay.survey import survey_beacons, survey_stations

@@ -24,9 +24,7 @@ POSE, ALL = 6, 9
 
 @dataclass(frozen=True)
 class Posterior:
-    """An estimate right after a measurement, with the covariance that the estimator states for
-    it.
-    """
+    """An estimate right after a measurement, with the estimator's covariance of it."""
 
     stamp_ns: int
     position_w: Array  # (3,) m
@@ -56,9 +54,7 @@ def of_innovations(nis: Array, freedom: Array) -> Consistency | None:
 
 
 def of_errors(truth: Truth, posteriors: list[Posterior]) -> Consistency | None:
-    """Return the NEES of estimates that the truth covers; of the pose only if true velocities are
-    missing.
-    """
+    """Return the NEES of estimates that the truth covers; without true velocities, of the pose."""
     stamps: Stamps = np.array([one.stamp_ns for one in posteriors], np.int64)
     covered = truth.covers(stamps) if len(stamps) else np.zeros(0, bool)
     chosen = [one for one, known in zip(posteriors, covered, strict=True) if known]

@@ -68,9 +68,7 @@ class Change(NamedTuple):
 
 @dataclass
 class Recording:
-    """One vehicle's flight; stamps are in ns on its clock, times in s since its first IMU
-    sample.
-    """
+    """One vehicle's flight; stamps in ns on its clock, times in s since its first IMU sample."""
 
     path: Path
     vehicle: str
@@ -99,9 +97,7 @@ class Recording:
 
 
 def read_recording(path: Path) -> Recording:
-    """Read a log for a replay. Raises StorageError, or LogFormatError with what is missing or how
-    to repair it.
-    """
+    """Read a log for a replay. Raises StorageError, LogFormatError with what to do."""
     log = read_columns(path, dtype=np.float64)
     found = log.topics
     _check_whole(path, log)

@@ -200,9 +200,7 @@ class FlightLog:
     def _batch(
         self, topic: str, payloads: Records, stamps: Stamps, log_ns: Stamps | None = None
     ) -> Batch:
-        """Return messages with the stamps of their source, logged at `log_ns`, by default at those
-        stamps.
-        """
+        """Return messages with their source stamps, logged at `log_ns`, by default at these."""
         type_name = topics.TOPICS[topic].type_name
         arrivals = stamps if log_ns is None else log_ns
         name = full_name(f"/{self._vehicle}", topic)

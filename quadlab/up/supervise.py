@@ -28,9 +28,7 @@ RESTART_WINDOW = 30.0
 
 
 def follow_parent() -> None:
-    """Have this process end by SIGTERM when its parent ends in any way; only in a child of
-    `Child`.
-    """
+    """Have SIGTERM end this process when its parent ends, in whatever way; only for a `Child`."""
     parent, niceness = os.environ.pop(PARENT, ""), os.environ.pop(NICENESS, "")
     if parent:
         die_with_parent(int(parent))
@@ -79,9 +77,7 @@ class Child:
         return self._process.pid if self._process else None
 
     def watch(self) -> str | None:
-        """Restart the child if it died; return a sentence when it was. Raises QuadlabError when it
-        keeps dying.
-        """
+        """Restart the child if it died; return a line if so. Raises QuadlabError if it gives up."""
         process = self._process
         if process is None or process.poll() is None:
             return None

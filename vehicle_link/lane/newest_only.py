@@ -23,9 +23,7 @@ class NewestOnly:
         self.late = 0
 
     def is_newer(self, topic: str, received: Received) -> bool:
-        """Return whether the message is newer than all others of its publisher; count it in `late`
-        if not.
-        """
+        """Return whether the message is the publisher's newest; count it in `late` if not."""
         with self._lock:
             newest = self._newest.setdefault(topic, OrderedDict())
             if received.sequence <= newest.get(received.gid, 0):

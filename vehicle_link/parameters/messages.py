@@ -40,9 +40,7 @@ def decode_change(payload: bytes) -> ParameterChange:
 
 
 def to_value(value: object) -> Message:
-    """Encode as rcl_interfaces/ParameterValue. Raises WrongTypeError for a value without a ROS
-    scalar type.
-    """
+    """Encode as rcl_interfaces/ParameterValue. Raises WrongTypeError without a ROS scalar type."""
     if isinstance(value, bool):
         return new("rcl_interfaces/ParameterValue", type=BOOL, bool_value=value)
     if isinstance(value, int) and -_INT64 <= value < _INT64:
@@ -57,9 +55,7 @@ def to_value(value: object) -> Message:
 
 
 def from_value(message: Message) -> ParameterValue:
-    """Return the value of a ParameterValue. Raises WrongTypeError for an array or a value that is
-    not set.
-    """
+    """Return the value of a ParameterValue. Raises WrongTypeError if it is an array or not set."""
     if message.type == BOOL:
         return bool(message.bool_value)
     if message.type == INTEGER:

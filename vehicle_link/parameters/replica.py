@@ -16,8 +16,7 @@ from vehicle_link.clock import monotonic
 from vehicle_link.parameters.authority import VEHICLE, authority_of
 
 MISSED = 0.5
-"""Seconds after which a revision in the vehicle's status calls for a snapshot if changes up to it
-are missing."""
+"""Seconds for which changes up to the vehicle's revision may be missing without a snapshot."""
 
 
 class Snapshot(NamedTuple):
@@ -150,9 +149,7 @@ class ParameterReplica:
 
     @property
     def is_due(self) -> bool:
-        """Return whether a snapshot is needed: the first one, one of another process, or one for a
-        missed change.
-        """
+        """Return whether a snapshot is due: the first, of another process, or for a lost change."""
         with self._lock:
             if self.shown is None:
                 return False

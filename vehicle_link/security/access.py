@@ -41,9 +41,7 @@ _UP = ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveline
 
 
 def access_control() -> dict[str, Any]:
-    """Return the access control of the vehicle's session for Zenoh; other certificates have no
-    rights.
-    """
+    """Return the vehicle's access control for Zenoh; other certificates have no rights."""
     topics = [row.name for row in TOPICS.values() if row.sender == "vehicle"]
     open_to_all = [*(f"*/*/{name}/**" for name in (*topics, *TELLING)), _TOKENS]
     return {

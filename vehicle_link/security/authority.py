@@ -162,8 +162,7 @@ def issue(
     subject: str = "",
     owner: str = "",
 ) -> TlsFiles:
-    """Issue a certificate into a folder for another machine, with its key and the authority's
-    certificate.
+    """Issue a certificate for another machine into a folder, with key and authority certificate.
 
     Args:
             folder: made when missing, mode 0700; what was issued into it before is replaced.
@@ -225,9 +224,7 @@ def _names(files: TlsFiles, role: Role) -> set[str]:
 
 
 def _make_authority(files: TlsFiles) -> None:
-    """Make an authority in a folder without any file, or with only the key, left by an interrupted
-    start.
-    """
+    """Make an authority in a folder that is empty or has only the key of an interrupted start."""
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec
 

@@ -52,8 +52,7 @@ class WhoAmI:
         return self._clients[1].wait(0.0)
 
     def ask(self, timeout: float = 1.0) -> Message:
-        """Return quadlab_msgs/srv/WhoAmI's response, of the service with the widest access that
-        answers.
+        """Return quadlab_msgs/srv/WhoAmI's response, of the available service of widest access.
 
         Raises LinkError when there is no answer.
         """

@@ -27,9 +27,7 @@ _PADDED = {COMMAND: 6, SET: 9, REQUEST: 6, MIRROR: 15, VALUE: 6, DATA: 21, MIRRO
 
 
 class Instruction(msgspec.Struct, frozen=True):
-    """A frame's instruction to the microcontroller; `ids` only in `l`, `id` in `s` and `u`, `value`
-    in `s`.
-    """
+    """A frame's instruction; `ids` only in `l`, `id` in `s` and `u`, `value` in `s`."""
 
     kind: int
     references: tuple[int, int, int, int]

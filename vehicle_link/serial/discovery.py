@@ -67,9 +67,7 @@ class Clock(msgspec.Struct, frozen=True):
     high: float = -math.inf
 
     def updated(self, value_ms: int, asked_s: float, answered_s: float) -> Clock:
-        """Return the clock narrowed by one more answer; bounds are taken modulo 60 s, near the
-        current ones.
-        """
+        """Return the clock narrowed by one more answer; bounds are modulo 60 s, near these."""
         low, high = value_ms - 1e3 * answered_s, value_ms - 1e3 * asked_s + STALE_MS
         if math.isfinite(self.low):
             turns = TIME_PERIOD_MS * round((self.low - low) / TIME_PERIOD_MS)

@@ -109,9 +109,7 @@ class Exchange:
         return None
 
     def _report(self, in_vain: Sequence[Request]) -> None:
-        """Report a line for each request whose last try was in vain; one line for all without an
-        answer.
-        """
+        """Report a line for each request tried in vain; a single one for all without an answer."""
         unheard = [request for request in in_vain if request.answer == "nothing"]
         heard = [[request] for request in in_vain if request.answer != "nothing"]
         for group in ([unheard] if unheard else []) + heard:

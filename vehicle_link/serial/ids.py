@@ -112,5 +112,4 @@ MIRROR = (
     Id.MOTOR_STATE,
     Id.PRESSURE,
 )
-"""Values that one `D` frame carries here: everything that a tick needs, so that samples are
-complete."""
+"""Values in one `D` frame: everything that a tick needs, so that samples are complete."""

@@ -36,9 +36,7 @@ class PortProblem(Enum):
 
 
 class PortError(LinkError):
-    """A serial device cannot be opened, or is no longer there. `why` is the message without
-    path.
-    """
+    """A serial device cannot be opened, or was lost. `why` is the message without the path."""
 
     def __init__(self, problem: PortProblem, path: str, why: str) -> None:
         verb = "is gone" if problem is PortProblem.GONE else "cannot be opened"
@@ -51,9 +49,7 @@ class Port(Protocol):
     """One serial line, read and written without ever waiting."""
 
     def read(self) -> bytes:
-        """Return everything that has arrived, maybe nothing. Raises LinkError when the line is
-        lost.
-        """
+        """Return everything that has arrived, maybe nothing. Raises LinkError if the line broke."""
 
     def write(self, data: bytes) -> None:
         """Send, or drop when the line is congested. Raises LinkError when the line is lost."""
@@ -172,9 +168,7 @@ class MemoryPort:
         self._arrived = b""
 
     def unplug(self) -> None:
-        """Unplug the other end's adapter: reading there fails, and this end receives nothing
-        more.
-        """
+        """Unplug the other end's adapter: reading there fails, and nothing more arrives here."""
         if self._plugged is None:
             self._plugged, self._peer = self._peer, MemoryPort()
             self._plugged._gone = True

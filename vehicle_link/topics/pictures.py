@@ -19,9 +19,7 @@ def encode_picture(stamp_ns: int, jpeg: bytes, frame_id: str) -> bytes:
 
 
 def decode_picture(payload: bytes) -> bytes:
-    """Return the JPEG. Raises LinkError; MeasurementError when it is not one, as from another
-    node.
-    """
+    """Return the JPEG. Raises LinkError; MeasurementError if another node sent no JPEG."""
     jpeg = decode(payload, PICTURE).data.tobytes()
     if not jpeg.startswith(JPEG):
         raise MeasurementError(f"a picture of {len(jpeg)} bytes that is no JPEG; send JPEG")

@@ -1,6 +1,4 @@
-"""Measurement of the quality of a link to a vehicle, by a separate station that runs alone or next
-to another.
-"""
+"""Measurement of the quality of a link to a vehicle, by a separate station."""
 
 from __future__ import annotations
 

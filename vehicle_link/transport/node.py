@@ -178,8 +178,7 @@ class Node:
         direct: bool = False,
         at_once: int = 1,
     ) -> None:
-        """Answer requests of a service, one after the other; the module docstring describes the
-        threads.
+        """Answer requests of a service one by one; the module docstring describes the threads.
 
         With `at_once` above 1 that many are handled at the same time, so none waits for a slow one.
 
@@ -261,9 +260,7 @@ def _each(samples: Any, deliver: Callable[[tuple[zenoh.Sample, int]], None]) -> 
 
 
 def _undeclare(entity: Any) -> None:
-    """Undeclare; wait for a `put` of another thread, as Zenoh's object cannot be closed during
-    one.
-    """
+    """Undeclare; wait for a `put` of another thread, during which Zenoh cannot close it."""
     until = time.monotonic() + PUT_LONGEST
     while True:
         try:

@@ -25,9 +25,7 @@ AT_STATION = {"mark", "experiment", "control", "transfer"} | {
 
 @cache
 def protocol() -> str:
-    """Return eight hex digits that identify the definitions of all topics and services on the
-    radio.
-    """
+    """Return eight hex digits: a hash of all definitions of topics and services on the radio."""
     rows = [f"tick {TICK.descr}"]  # the contents of telemetry are not a ROS type
     for row in TOPICS.values():
         if row.on_radio:

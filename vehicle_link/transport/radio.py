@@ -129,9 +129,7 @@ class Radio:
         return self._stands.wait(timeout)
 
     def names(self) -> set[str]:
-        """Return the namespaces of the nodes at the other end; asks the vehicle, for at most a
-        second.
-        """
+        """Return the namespaces of the nodes at the other end; asks it, for at most a second."""
         session = self._session
         return set() if session is None else namespaces(session)
 
@@ -146,9 +144,7 @@ class Radio:
         return self._unopened
 
     def close(self, patience: float = 0.0) -> None:
-        """Hang up, waiting at most `patience` seconds: if the vehicle has gone away it can take
-        ten.
-        """
+        """Hang up, waiting at most `patience` seconds; it may take ten if the vehicle is away."""
         self._closing.set()
         self._thread.join(patience)
 

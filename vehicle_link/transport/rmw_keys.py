@@ -76,9 +76,7 @@ def data_key(domain: int, topic: str, type_name: str) -> str:
 
 
 def full_name(namespace: str, name: str) -> str:
-    """Return the full name: `state` in `/quad1` → `/quad1/state`; one with a leading slash as it
-    is.
-    """
+    """Return the full name: `state` in `/quad1` → `/quad1/state`; `/state` → `/state`."""
     return name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
 
 

@@ -87,8 +87,7 @@ def radio_session(
     loopback_port: int | None = None,
     loopback_host: str = "127.0.0.1",
 ) -> zenoh.Session:
-    """Open a session that keeps dialling a vehicle, and routes between it and the hub, if one is
-    named.
+    """Open a session that keeps dialling a vehicle, and routes between it and the hub, if named.
 
     Returns within a second, whether or not the vehicle answers.
 
@@ -153,9 +152,7 @@ def loopback_session(
 
 
 def wait_connected(session: zenoh.Session, timeout: float) -> bool:
-    """Wait at most `timeout` seconds for the QUIC link of a session; return whether it is
-    connected.
-    """
+    """Wait at most `timeout` seconds for a session's QUIC link; return whether it is connected."""
     import zenoh
 
     stands = threading.Event()
