@@ -27,11 +27,11 @@ MOST_ITEMS = 64
 MOST_MESSAGES = 1000
 """Largest number of messages in a sequence."""
 MOST_PARTS = 20_000
-"""Most messages and texts walked in one payload; an empty type may occur any number of times."""
+"""Limit of messages and texts in one payload, as an empty type may occur any number of times."""
 MOST_NUMBERS = 4000
-"""Most numbers of one payload that become signals."""
+"""Largest number of one payload's numbers that become signals."""
 MOST_TEXT = 1_000_000
-"""Most bytes of one text, and of a sequence's texts together."""
+"""Largest size of one text, and of a sequence's texts together, in bytes."""
 HEADERS = frozenset({"header", "stamp"})
 """Fields that are not signals: times are handled separately."""
 HEADER_STAMP = ("header.stamp.sec", "header.stamp.nanosec")

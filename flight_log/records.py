@@ -24,7 +24,7 @@ from quadrotor.errors import LogFormatError, StorageError
 AT_ONCE = 1_000_000
 """Largest size, in bytes, of a chunk whose messages are made together."""
 MOST_DAMAGED = 1000
-"""Most skipped records that are reported one by one."""
+"""Largest number of skipped records that are reported one by one."""
 
 
 _KEPT = (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.ATTACHMENT, Opcode.METADATA)

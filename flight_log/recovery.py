@@ -26,7 +26,7 @@ class Recovery:
     path: Path
     torn: bool  # False: the file was closed properly and was left alone
     messages: int = 0  # kept
-    lost_bytes: int = 0  # after the last whole record
+    lost_bytes: int = 0  # after the last intact record
     damaged_chunks: int = 0  # left out
     reason: str = ""
     kept: Path | None = None  # the original file, if more than zeros followed the tear

@@ -24,13 +24,13 @@ from quadrotor.errors import LinkError, LogFormatError
 from vehicle_link.messages import decode
 
 MOST_LAYOUTS = 200
-"""Most layouts tried for the payloads of one size in a block; messages beyond them are lost."""
+"""Number of layouts tried for a block's payloads of one size; messages beyond them are lost."""
 MOST_FAILURES = 2000
 """Number of unreadable messages of a topic after which the rest of it is skipped."""
 MOST_ROWS = 4096
-"""Most messages of a topic in a piece: at 10 bytes each, a block has 100 000."""
+"""Largest number of a topic's messages in a piece: at 10 bytes each, a block has 100 000."""
 MOST_VALUES = 4_000_000
-"""Most values in the pieces that are yielded together."""
+"""Largest number of values in the pieces that are yielded together."""
 
 NO_SCHEMA = Schema(id=0, name="", encoding="", data=b"")
 
@@ -40,7 +40,7 @@ Stamps = npt.NDArray[np.int64]
 
 @dataclass
 class Columns:
-    """N messages of one topic, in the order they were written."""
+    """N messages of one topic, in the order in which they were written."""
 
     topic: str
     type_name: str

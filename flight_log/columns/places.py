@@ -16,7 +16,7 @@ from quadrotor.errors import StorageError
 CACHES = ".columns"
 """Folder of the runs' columns, next to the runs."""
 LARGEST = 4_000_000_000
-"""Most bytes of all columns in a cache folder; the least recently used are removed first."""
+"""Largest size of a cache folder, in bytes; the least recently used are removed first."""
 ON_ITS_WAY = ".new"
 
 

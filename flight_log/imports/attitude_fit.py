@@ -27,7 +27,7 @@ GRAVITY = 9.80665
 NEARLY = 0.85
 """Share of the best score below which the stated order is wrong."""
 ROWS = 3000
-"""Most attitudes that are used to find the direction of gravity."""
+"""Largest number of attitudes used to find the direction of gravity."""
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ class CrazyflieTables(FileTables):
     """The tables of the kinds of events that were written at least once."""
 
     def __init__(self, path: Path) -> None:
-        """Raises LogFormatError."""
+        """Read the log. Raises LogFormatError."""
         super().__init__(path)
         data = path.read_bytes()
         try:

@@ -18,14 +18,14 @@ Array = npt.NDArray[np.float64]
 LOGGED = "logged"
 """The column with the time at which a message was written, s; `stamp` is its header's."""
 MOST_ITEMS = 40
-"""Most numbers of an array that become columns."""
+"""Largest number of an array's items that become columns."""
 
 
 class BagTables(FileTables):
     """The topics `wanted` of a bag; stamps in s."""
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
-        """Raises LogFormatError."""
+        """Read the bag. Raises LogFormatError."""
         from rosbags.highlevel import AnyReader, AnyReaderError
         from rosbags.typesys import Stores, get_typestore
 

@@ -18,7 +18,7 @@ HEAD_LINES = 2000
 LONGEST_LINE = 1 << 20
 """Longest line in characters; a file with a longer one is not a table."""
 MOST_VALUES = 16_000_000
-"""Most numbers read from a table, 128 MB: half an hour of an IMU at 1000 Hz."""
+"""Largest number of values read from a table, 128 MB: half an hour of an IMU at 1000 Hz."""
 
 
 class Source(Protocol):
@@ -58,7 +58,7 @@ class TextTable(FileTables):
     """CSV, also with ; or spaces; columns by their header, else by their number from 0."""
 
     def __init__(self, path: Path) -> None:
-        """Raises LogFormatError."""
+        """Open the file. Raises LogFormatError."""
         super().__init__(path)
         with path.open(encoding="utf-8-sig", errors="replace") as file:
             before: list[str] = []
@@ -145,7 +145,7 @@ class Hdf5Table(FileTables):
     """HDF5 file: every dataset is a column; one with K columns becomes NAME[0], NAME[1], …"""
 
     def __init__(self, path: Path) -> None:
-        """Raises LogFormatError."""
+        """Open the file. Raises LogFormatError."""
         import h5py
 
         super().__init__(path)
@@ -197,7 +197,7 @@ class NumpyTable(FileTables):
     """Array (N, K) of a .npy file; columns by their number from 0, or by their names."""
 
     def __init__(self, path: Path) -> None:
-        """Raises LogFormatError."""
+        """Open the file. Raises LogFormatError."""
         super().__init__(path)
         try:
             found = np.load(path, mmap_mode="r", allow_pickle=False)

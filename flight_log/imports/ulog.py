@@ -39,7 +39,7 @@ class UlogTables(FileTables):
     """The topics `wanted` that the log has."""
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
-        """Raises LogFormatError or StorageError."""
+        """Read the log. Raises LogFormatError or StorageError."""
         from pyulog import ULog
         from pyulog.exceptions import ULogException
 

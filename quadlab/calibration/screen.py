@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 SHOWN = 8
-"""Most live figures that are shown."""
+"""Largest number of live figures shown."""
 HIDDEN = ("pose ", "next ")
 """Prefixes of live figures that are points of a drawing."""
 BAR = 30

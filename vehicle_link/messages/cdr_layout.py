@@ -2,8 +2,8 @@
 
 A ROS message whose texts and sequence lengths never change has every field at a fixed place.
 `FixedLayout` finds those places by walking the message's definition with CDR's alignment (a
-primitive of n bytes starts at a multiple of n, counted from behind the 4-byte header) and offers
-them as a numpy structured type: filling N messages is one assignment a field.
+primitive of n bytes starts at a multiple of n, counted from the end of the 4-byte header) and
+offers them as a numpy structured type: filling N messages is one assignment per field.
 """
 
 from __future__ import annotations

@@ -61,7 +61,7 @@ class ParameterReplica:
         self.shown: tuple[int, int] | None = None
         self.clock = 0
 
-    # ------------------------------------------------------------------ fed
+    # ------------------------------------------------------------------ updates
     def show(self, instance: int, revision: int) -> None:
         """Store the instance and revision that the vehicle reports in its status."""
         with self._lock:
@@ -140,7 +140,7 @@ class ParameterReplica:
             self._close_ranks()
         return news
 
-    # ------------------------------------------------------------------ read
+    # ------------------------------------------------------------------ queries
     @property
     def in_step(self) -> bool:
         """Return whether the values are those that the vehicle reports."""
@@ -171,7 +171,7 @@ class ParameterReplica:
         """Return the revision at which `name` was applied, -1 if unknown."""
         return self._revisions.get(name, -1)
 
-    # ------------------------------------------------------------------ inside
+    # ------------------------------------------------------------------ internals
     def _is_behind(self) -> bool:
         instance, revision = self.shown or (None, -1)
         return self.instance is None or instance != self.instance or revision > self._complete

@@ -12,8 +12,8 @@ from vehicle_link.transport.protocol import protocol, version
 
 TYPE = SERVICES[WHOAMI]
 SHOWN_WITHIN = 0.3
-"""Seconds between the discovery of one service and of the other, unless that one is hidden: both
-are announced at once."""
+"""Seconds to wait for the pilot's service once the other is discovered: both are announced at once,
+unless one is hidden."""
 DOORS: dict[Access, str] = {"pilot": PILOT_WHOAMI, "observer": WHOAMI}
 
 

@@ -217,7 +217,7 @@ class _Probe:
         if id == Id.TIME and self._questions < CLOCK_QUESTIONS:
             self._exchange.put(ask(Id.TIME))
 
-    # ------------------------------------------------------------------ what it comes to
+    # ------------------------------------------------------------------ the result
     def device(self, robot_id: int, firmware: int, limit_s: float) -> Device:
         """Return the result of the search behind this device."""
         finding, text = self._judge(robot_id, firmware, limit_s)

@@ -138,7 +138,7 @@ class MemoryPort:
         self.dropped = 0
         self._arrived = b""
         self._peer = self
-        self._plugged: MemoryPort | None = None  # the other end while it is pulled out
+        self._plugged: MemoryPort | None = None  # the other end while it is unplugged
         self._gone = False
 
     def read(self) -> bytes:

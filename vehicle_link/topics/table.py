@@ -106,7 +106,7 @@ _ROWS = (
     ),
     Topic("events", "rcl_interfaces/Log", "vehicle", 0, qos=RELIABLE, recorded=True),
     Topic("vehicle_heartbeat", "quadlab_msgs/Heartbeat", "vehicle", 20, "real_time", lane=2),
-    # On the radio, from the station; stamps are of the vehicle's clock.
+    # On the radio, from the station; stamps are on the vehicle's clock.
     Topic(
         "tracker_pose",
         "geometry_msgs/PoseStamped",

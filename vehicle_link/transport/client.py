@@ -21,7 +21,7 @@ TIMEOUT = 1.0
 rather than waited for longer."""
 
 NOBODY = 0.1
-"""Seconds within which a question that reaches no service ends. One that ends later may have been
+"""Seconds within which a request that reaches no service fails; one that fails later may have been
 executed."""
 
 KINDS: dict[str, type[LinkError]] = {"no answer": NoAnswerError, "unreachable": UnreachableError}

@@ -1,4 +1,4 @@
-"""The state of the link, from the time when the other end was last received. Pure: gets times."""
+"""The state of the link, by when the other end was last received. Pure: times are arguments."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class LinkState(StrEnum):
 
 
 class HeartbeatMonitor:
-    """Judge of the link by the time since the last sign of life; lost before the first.
+    """Monitor of the link by the time since the last sign of life; lost before the first.
 
     Args:
         degraded_after, lost_after: seconds without a sign of life.

@@ -55,7 +55,7 @@ _counters_lock = threading.Lock()
 _published = Topics()
 PUT_LONGEST = 2.0  # s
 MOST_THREADS = 64
-"""Most threads of a node: more than the subscriptions and services that are active at one time."""
+"""Limit of a node's threads: more than subscriptions and services are active at one time."""
 
 
 class Node:
@@ -63,7 +63,7 @@ class Node:
 
     Args:
         namespace: `/quad1`, or empty.
-        name: for instance `vehicle`; may hold no slash.
+        name: for instance `vehicle`; must not contain a slash.
     """
 
     def __init__(self, session: zenoh.Session, namespace: str, name: str, domain: int = 0) -> None:
