@@ -125,7 +125,7 @@ class Laboratory:
     ) -> None:
         self.close()
 
-    # ------------------------------------------------------------------ looking
+    # ------------------------------------------------------------------ queries
     @property
     def summary(self) -> dict[str, Any]:
         """Return the newest states: vehicle `status`, `link`, `battery`, `experiment`, ages."""
@@ -236,7 +236,7 @@ class Laboratory:
         part.replace(file)
         return Run(file, result)
 
-    # ------------------------------------------------------------------ the way there
+    # ------------------------------------------------------------------ requests
     def _experiment(self) -> dict[str, Any]:
         return self.summary.get("experiment") or {}
 

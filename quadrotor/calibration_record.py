@@ -20,7 +20,7 @@ class Quality(BaseModel):
     value: float
     unit: str = Field(default="", max_length=16)
     limit: float | None = None
-    """Largest good value (in magnitude, for a residual); None if there is no limit."""
+    """Largest good value, for instance of a residual; None if there is no limit."""
 
     @property
     def good(self) -> bool:

@@ -54,7 +54,7 @@ class Inner(CPUDispatcher):
     """A compiled function that other compiled functions call.
 
     Without entry points for Python and C it compiles in two thirds of the time. Python may still
-    call it, for a test or at a prompt: the first call then compiles an entry.
+    call it, for a test or at a prompt: the first call then compiles an entry point.
     """
 
     def __call__(self, *arguments: Any) -> Any:

@@ -99,7 +99,7 @@ class Dialogue:
             return None if self._chosen("repeat it?", "repeat, quit") == "repeat" else 1
         return 1
 
-    # ------------------------------------------------------------------ while it runs
+    # ------------------------------------------------------------------ during the calibration
     def _start(self) -> None:
         """Start the calibration, and wait for its first status."""
         while not self._client.statuses.empty():
@@ -173,7 +173,7 @@ class Dialogue:
         except (RefusedError, LinkError) as error:
             print(f"quadlab: {error}", flush=True)
 
-    # ------------------------------------------------------------------ after it
+    # ------------------------------------------------------------------ after the calibration
     def _decide(self, status: Any) -> int | None:
         record = parse_record(str(status.proposal))
         self._show(record)

@@ -59,8 +59,7 @@ class FlightLog:
         }
         self._writer = LogWriter(path, metadata, attachments, chunk_age_ns=1_000_000_000)
         # Messages since the last batch was written. Records are stored as bytes: copying a
-        # structured
-        # record field by field takes ten times as long.
+        # structured record field by field takes ten times as long.
         self._ticks: list[bytes] = []
         self._truths: list[bytes] = []
         self._truth_stamps: list[int] = []
