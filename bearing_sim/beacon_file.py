@@ -1,6 +1,6 @@
-"""Beacons from a CSV file: a header `id,x,y,z`, one beacon a line, positions in m.
+"""Beacons from a CSV file: a header `id,x,y,z`, one beacon on each line, positions in m.
 
-Blank lines and lines that begin with # are passed over. The header may name its unit: `x [m]`.
+Blank lines and lines that begin with # are skipped. The header may name its unit: `x [m]`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from quadrotor.errors import MeasurementError, StorageError
 
 COLUMNS = ("id", "x", "y", "z")
 LARGEST = 100_000
-"""bytes; a set of MAX_BEACONS takes some 2 kB."""
+"""Largest file in bytes; a set of MAX_BEACONS takes about 2 kB."""
 
 _HEADER = re.compile(r"(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?")
 
@@ -23,8 +23,8 @@ _HEADER = re.compile(r"(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?")
 def load_beacons(path: str | Path) -> Beacons:
     """Return the beacons of a CSV file.
 
-    Raises StorageError when it cannot be read; MeasurementError naming line and column when it is
-    not such a file, and DegenerateGeometryError as `Beacons`.
+    Raises StorageError when it cannot be read; MeasurementError with line and column when its
+    content is wrong, and DegenerateGeometryError as `Beacons` does.
     """
     path = Path(path)
     try:
@@ -38,9 +38,9 @@ def load_beacons(path: str | Path) -> Beacons:
 
 
 def read_beacons(data: bytes, name: str | Path) -> Beacons:
-    """Return the beacons in the bytes of such a file; `name` is its name in errors.
+    """Return the beacons in the bytes of such a file; `name` is used in error messages.
 
-    Raises MeasurementError and DegenerateGeometryError, as `load_beacons`.
+    Raises MeasurementError and DegenerateGeometryError as `load_beacons` does.
     """
     if len(data) > LARGEST:
         raise MeasurementError(
@@ -55,7 +55,7 @@ def read_beacons(data: bytes, name: str | Path) -> Beacons:
 
 
 class _Reader:
-    """Reads one file, with errors that name the line."""
+    """Reader of one file, with errors that name the line."""
 
     def __init__(self, name: str | Path) -> None:
         self._name = name
@@ -103,7 +103,7 @@ class _Reader:
         return text.replace("\r\n", "\n").replace("\r", "\n")
 
     def _cells(self, number: int, line: str) -> list[tuple[int, str]]:
-        """Return (column at which it begins, text) of the four of a line."""
+        """Return (column at which it begins, text) of each of the four cells of a line."""
         cells, at = [], 0
         for part in line.split(","):
             cells.append((at + 1 + len(part) - len(part.lstrip()), part.strip()))

@@ -16,28 +16,27 @@ from quadrotor.records import MAX_BEACONS
 Array = npt.NDArray[np.float64]
 
 LEAST = 4
-"""Beacons of a set: a pose of one frame needs as many in view."""
+"""Least number of beacons of a set: a pose from one frame needs as many in view."""
 ID_MAX = 2**31 - 1
 FARTHEST = 1000.0
-"""m from the world's origin on each axis; more is a wrong unit."""
+"""Largest distance in m from the world's origin on each axis; more means a wrong unit."""
 IN_LINE = 1e-3
-"""Share of the extent within which a set counts as lying on one line."""
+"""Share of the extent below which a set counts as lying on one line."""
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False, slots=True)
 class Beacons:
-    """N beacons with known identity and position; never changed, equal by value.
+    """N beacons with known identity and position; immutable, equal by value.
 
     Args:
-        ids: (N,), whole numbers 0 … 2³¹ − 1, each once; 4 <= N <= MAX_BEACONS. Lists will do.
-        positions_w: (N, 3) m, world axes; not on one line. Lists will do. An estimator that
-            needs them in one plane refuses what is not (`estimation.poses.beacon_plane`).
+        ids: (N,), integers 0 … 2³¹ − 1, each once; 4 <= N <= MAX_BEACONS; lists are accepted.
+        positions_w: (N, 3) m, world axes; not on one line; lists are accepted. An estimator that
+            needs them in one plane refuses others (`estimation.poses.beacon_plane`).
 
     Attributes:
         ids, positions_w: int32 and float64, copies, read-only as all arrays here.
         center_w: (3,) m, their mean.
-        normal_w: (3,) unit normal of the plane nearest to them, the one with its largest component
-            above 0.
+        normal_w: (3,) unit normal of the nearest plane, with its largest component positive.
 
     Raises MeasurementError when malformed; DegenerateGeometryError when they are too few or on
     one line.
@@ -57,7 +56,7 @@ class Beacons:
             object.__setattr__(self, name, array)
 
     def moved(self, id: int, position_w: npt.ArrayLike) -> Beacons:
-        """Return the set with one beacon elsewhere: (3,) m. Raises as the constructor does."""
+        """Return the set with one beacon moved to (3,) m. Raises as the constructor does."""
         places = self.positions_w.copy()
         try:
             places[self._index(id)] = np.asarray(position_w, dtype=float).reshape(3)
@@ -68,9 +67,7 @@ class Beacons:
         return Beacons(self.ids, places)
 
     def place(self, id: int) -> tuple[float, float, float]:
-        """Return a beacon's position in world axes, in m. Raises MeasurementError for an unknown
-        id.
-        """
+        """Return a beacon's position, m, world axes. Raises MeasurementError for an unknown id."""
         x, y, z = self.positions_w[self._index(id)].tolist()
         return x, y, z
 
@@ -148,9 +145,7 @@ def _checked_positions(positions_w: npt.ArrayLike, ids: npt.NDArray[np.int32]) -
 
 
 def _plane(places: Array) -> tuple[Array, Array]:
-    """Return centre and unit normal of the nearest plane. Raises DegenerateGeometryError when none
-    is.
-    """
+    """Return centre and unit normal of the nearest plane. Raises DegenerateGeometryError."""
     center = places.mean(axis=0)
     from_center = places - center
     _, singular, axes = np.linalg.svd(from_center, full_matrices=False)

@@ -1,4 +1,4 @@
-"""Layouts of beacons: presets by name, and the one line of text that a parameter holds.
+"""Layouts of beacons: presets by name, and the line of text that a parameter holds.
 
     paper
     1 1.0 1.0 0.1; 2 -1.0 1.0 0.1; 3 -1.0 -1.0 0.1; 4 1.0 -1.0 0.1
@@ -18,9 +18,9 @@ from quadrotor.errors import MeasurementError
 __all__ = ["PAPER_BEACONS", "PRESETS", "Beacons", "format_layout", "load_beacons", "parse_layout"]
 
 LONGEST = 4096
-"""Characters of a layout; MAX_BEACONS at full precision take half of it."""
+"""Longest layout in characters; MAX_BEACONS in full precision take half of it."""
 _SHOWN = 40
-"""Characters of a wrong text that its refusal repeats."""
+"""Number of characters of a wrong text that its error message repeats."""
 
 
 def _square(half: float, height: float) -> Beacons:
@@ -49,8 +49,8 @@ PRESETS: dict[str, Beacons] = {
         [1, 2, 3, 4], [(2.5, 1.0, 0.5), (2.5, -1.0, 0.5), (2.5, -1.0, 2.0), (2.5, 1.0, 2.0)]
     ),
 }
-"""Layouts by name: the paper's square, one of 4 m, eight on a circle of 3 m, a square overhead, a
-wall."""
+"""Layouts by name: the paper's square, one of 4 m, eight on a circle of 3 m diameter, a square
+overhead, a wall."""
 
 
 def parse_layout(text: str) -> Beacons:
@@ -78,7 +78,7 @@ def parse_layout(text: str) -> Beacons:
 
 
 def format_layout(beacons: Beacons) -> str:
-    """Return one line that `parse_layout` reads back as the same set: a preset's name when it is
+    """Return the line from which `parse_layout` makes the same set; a preset's name if it is
     one.
     """
     for name, preset in PRESETS.items():
@@ -91,7 +91,7 @@ def format_layout(beacons: Beacons) -> str:
 
 
 def _beacon(number: int, part: str) -> tuple[int, float, float, float]:
-    """Return one `id x y z`; commas may separate too."""
+    """Return one `id x y z`; commas are accepted as separators too."""
     words = part.replace(",", " ").split()
     try:
         id, x, y, z = words
@@ -104,6 +104,6 @@ def _beacon(number: int, part: str) -> tuple[int, float, float, float]:
 
 
 def _shown(text: str) -> str:
-    """Cut as it is written: an escaped character takes up to ten."""
+    """Shorten the text as it is written: an escaped character takes up to ten."""
     shown = repr(text)
     return shown if len(shown) <= _SHOWN else f"{shown[:_SHOWN]}…{shown[0]}"

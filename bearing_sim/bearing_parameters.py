@@ -1,4 +1,4 @@
-"""Parameters of the emulated bearing sensor, each live: a change acts at the next frame."""
+"""Parameters of the emulated bearing sensor; all are live: a change acts at the next frame."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from quadrotor.plain_rotations import Triple
 
 EVERY_BEACON = "all"
 BIAS_MAX = 20.0
-"""deg, of a beacon's own bias, on each axis."""
+"""Largest bias of a single beacon, in deg, on each axis."""
 
 
 class BearingParameters(Parameters):
-    """The bearing sensor that is not on the vehicle.
+    """Parameters of the emulated bearing sensor.
 
     Texts are checked on each assignment: a wrong one raises OutOfBoundsError and changes nothing.
-    That `range_min` is not beyond `range_max` is checked by a ParameterStore, for both at once.
+    That `range_min` does not exceed `range_max` is checked by a ParameterStore, for both at once.
     """
 
     model_config = ConfigDict(validate_assignment=True)
@@ -89,7 +89,7 @@ class BearingParameters(Parameters):
         try:
             parse_layout(text)
         except MeasurementError as error:
-            # A QuadlabError passes through pydantic as it is.
+            # A QuadlabError passes through pydantic unchanged.
             raise OutOfBoundsError(f"layout of the beacons: {error}") from None
         return text
 
@@ -120,7 +120,7 @@ def parse_lost(text: str) -> frozenset[int] | None:
 
 
 def parse_beacon_bias(text: str) -> dict[int, Triple]:
-    """Return the rotation vector (deg, body axes) by id of a text like `2 5 0 0; 3 0 1 0`.
+    """Return, by id, the rotation vectors (deg, body axes) of a text like `2 5 0 0; 3 0 1 0`.
 
     Raises OutOfBoundsError.
     """

@@ -1,7 +1,7 @@
-"""Random numbers that are a function of seed, instant and beacon, and of nothing else.
+"""Random numbers that depend only on seed, instant and beacon.
 
-What a frame draws does not depend on the frames before it, on what is seen, or on the other
-beacons: the same seed and the same truth give the same bearings however the poses came.
+The draws of a frame do not depend on the frames before it, on what is visible, or on the other
+beacons: the same seed and the same truth give the same bearings whatever the stamps of the poses.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ class Draws:
         self._state = state
 
     def uniform(self) -> float:
-        """Return the next one, in (0, 1]."""
+        """Return the next number, in (0, 1]."""
         self._state = self._state + STEP & ALL
         return ((mixed(self._state) >> 11) + 1) * _UNIT
 
 
 def mixed(z: int) -> int:
-    """Return the word that SplitMix64 makes of a state."""
+    """Return the word that SplitMix64 derives from a state."""
     z = ((z ^ z >> 30) * 0xBF58_476D_1CE4_E5B9) & ALL
     z = ((z ^ z >> 27) * 0x94D0_49BB_1331_11EB) & ALL
     return z ^ z >> 31
@@ -43,7 +43,7 @@ def pair(draws: Draws, degrees_of_freedom: float) -> tuple[float, float]:
 
     Independent N(0, 1) when `degrees_of_freedom` is infinite (Box and Muller, 1958). Otherwise,
     above 2, the bivariate Student t scaled to unit variance: each number is
-    t_ν √((ν − 2)/ν), and both are large together, as an outlier of a direction is. Its radius
+    t_ν √((ν − 2)/ν), and both are large together, as for an outlier of a direction. Its radius
     √(ν (u^(−2/ν) − 1)) tends to the Gaussian's √(−2 ln u).
     """
     u, angle = draws.uniform(), 2.0 * math.pi * draws.uniform()
@@ -56,11 +56,11 @@ def pair(draws: Draws, degrees_of_freedom: float) -> tuple[float, float]:
 
 
 def hidden(seed: int, beacon_id: int, stamp_ns: int, share: float, spell_ns: int) -> bool:
-    """Return whether a beacon is hidden at an instant: `share` of the time, in spells of
+    """Return whether a beacon is hidden at an instant: for `share` of the time, in spells of
     `spell_ns`.
 
-    Time is cut into periods of spell/share, shifted for each beacon, with one spell in each at a
-    random place; two spells may meet.
+    Time is divided into periods of spell/share, shifted for each beacon, with one spell at a random
+    position in each; two spells may adjoin.
     """
     if share <= 0.0:
         return False

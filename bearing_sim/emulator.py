@@ -24,7 +24,7 @@ __all__ = ["BearingEmulator", "BearingMeasurement", "BearingParameters", "pertur
 class BearingMeasurement(NamedTuple):
     """One frame: stamp (ns), ids (n,), unit vectors (n, 3) in body axes, sigma in rad.
 
-    `beacons` is the set that stood there when it was taken, None when the maker does not know.
+    `beacons` is the set in place when the frame was taken; None if unknown.
     """
 
     stamp_ns: int
@@ -35,7 +35,7 @@ class BearingMeasurement(NamedTuple):
 
 
 class _Layout(NamedTuple):
-    """The beacons of a text, listed once."""
+    """The beacons of a layout text, parsed once."""
 
     text: str
     beacons: Beacons
@@ -50,12 +50,12 @@ class _Layout(NamedTuple):
 
 
 class BearingEmulator:
-    """Feed poses with `observe`, take frames with `due`; a frame may hold no bearing at all.
+    """Emulator of the bearing sensor: `observe` feeds poses, `due` returns frames, maybe empty.
 
-    Frames are taken at k/rate of the stamps' clock, whatever the poses' own stamps: the pose there
-    is interpolated when the first pose at or after the instant has come. There are none in a gap
-    of the poses (PoseTrack). Nothing but range, field of view, spells and `lost` hides a beacon:
-    neither the ground nor the vehicle's own frame.
+    Frames are taken at k/rate on the clock of the stamps, whatever the poses' own stamps: the pose
+    at that instant is interpolated once the first pose at or after it has arrived. There are no
+    frames in a gap of the poses (PoseTrack). Only range, field of view, spells and `lost` hide a
+    beacon: neither the ground nor the vehicle's frame does.
 
     `parameters` may be changed between calls.
     """
@@ -69,14 +69,14 @@ class BearingEmulator:
 
     @property
     def beacons(self) -> Beacons:
-        """Return the set that `parameters.layout` describes; any thread may ask."""
+        """Return the set that `parameters.layout` describes; thread-safe."""
         return self._present_layout().beacons
 
     def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
         """Observe the pose at `stamp_ns`: (3,) m, (4,) unit quaternion body to world.
 
-        A pose that is not newer than the newest is passed over; one more than 0.1 s older begins
-        again.
+        A pose that is not newer than the newest is ignored; one more than 0.1 s older restarts the
+        emulator.
         """
         if self._track.went_back(stamp_ns):
             self._track, self._line = PoseTrack(), DelayLine()
@@ -93,7 +93,7 @@ class BearingEmulator:
 
     @property
     def next_ns(self) -> int | None:
-        """Return the arrival time of the next frame under way, None when there is none."""
+        """Return the arrival time of the next frame in transit; None when there is none."""
         return self._line.next_ns
 
     def _take(self, stamp_ns: int, position_w: Triple, quaternion_wb: Quadruple) -> None:
@@ -114,7 +114,7 @@ class BearingEmulator:
         (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = rows_of(quaternion_wb)
         seen_ids: list[int] = []
         seen: list[Triple] = []
-        # Plain floats: on four beacons, numpy's calls cost more than the arithmetic.
+        # Plain floats: for four beacons, numpy's calls cost more than the arithmetic.
         for told, (id, (px, py, pz)) in zip(ids, layout.places, strict=True):
             u, v, w = px - x, py - y, pz - z
             distance = math.sqrt(u * u + v * v + w * w)
@@ -156,7 +156,7 @@ class BearingEmulator:
 
 
 def _identities(ids: list[int], swap: float, draws: Draws) -> list[int]:
-    """Return the ids as they are reported: in `swap` of the frames, two of them are exchanged."""
+    """Return the reported ids: in a share `swap` of the frames, two of them are exchanged."""
     swapped, first, second = (1.0 - draws.uniform() for _ in range(3))
     if swapped < swap:
         one = int(first * len(ids))
@@ -166,7 +166,7 @@ def _identities(ids: list[int], swap: float, draws: Draws) -> list[int]:
 
 
 def _axis_of(p: BearingParameters) -> Triple:
-    """Return the sensor's axis in body axes: -z of axes turned by roll, pitch and yaw (ZYX)."""
+    """Return the sensor's axis in body axes: -z of axes rotated by roll, pitch and yaw (ZYX)."""
     if p.mount_roll == p.mount_pitch == p.mount_yaw == 0.0:
         return 0.0, 0.0, -1.0
     roll, pitch, yaw = (math.radians(a) for a in (p.mount_roll, p.mount_pitch, p.mount_yaw))
@@ -179,14 +179,14 @@ def _axis_of(p: BearingParameters) -> Triple:
 
 
 def _bias_of(p: BearingParameters) -> tuple[Triple, Triple, Triple] | None:
-    """Return the rows of the constant rotation of all bearings, None for no bias."""
+    """Return the rows of the constant rotation of all bearings; None for no bias."""
     if p.bias_x == p.bias_y == p.bias_z == 0.0:
         return None
     return _turn_of((p.bias_x, p.bias_y, p.bias_z))
 
 
 def _turn_of(vector_deg: Triple) -> tuple[Triple, Triple, Triple]:
-    """Return the rows of the rotation by a vector, deg."""
+    """Return the rows of the rotation by a rotation vector, deg."""
     x, y, z = (math.radians(a) for a in vector_deg)
     return rows_of(quaternion_of(x, y, z))
 

@@ -1,4 +1,4 @@
-"""The positions of beacons by id, and the rows of a frame of bearings to them."""
+"""The positions of beacons by id, added to the rows of a frame of bearings."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from bearing_sim.beacons import Beacons
 from quadrotor.records import BEARINGS_SAMPLE, Record, beacon_ids_of
 
 ROWS = ("beacon_w", "bearing_b", "beacon_id")
-"""Fields of a BEARINGS_SAMPLE with a row a beacon."""
+"""Fields of a BEARINGS_SAMPLE with one row for each beacon."""
 
 
 class KnownBeacons:
-    """Knows where the beacons are."""
+    """The positions of a set of beacons by id."""
 
     def __init__(self, beacons: Beacons) -> None:
         self._places = dict(zip(beacons.ids.tolist(), beacons.positions_w.tolist(), strict=True))
@@ -22,9 +22,7 @@ class KnownBeacons:
         return sorted(self._places)
 
     def place(self, seen: Record) -> Record:
-        """Return a BEARINGS_SAMPLE (1,) with the places of its beacons, without those that are not
-        known.
-        """
+        """Return a BEARINGS_SAMPLE (1,) with beacon positions, without unknown beacons."""
         places, ids = self._places, beacon_ids_of(seen)
         known = [k for k, one in enumerate(ids) if one in places]
         frame = with_rows(seen, known)
@@ -34,7 +32,7 @@ class KnownBeacons:
 
 
 def with_rows(frame: Record, rows: list[int]) -> Record:
-    """Return a copy of a BEARINGS_SAMPLE (1,) with these of its rows only."""
+    """Return a copy of a BEARINGS_SAMPLE (1,) with only these of its rows."""
     kept = np.frombuffer(bytearray(frame.tobytes()), BEARINGS_SAMPLE)  # `copy` takes 5 times longer
     if len(rows) < frame["count"][0]:
         kept["count"] = len(rows)

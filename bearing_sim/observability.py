@@ -8,7 +8,7 @@ measured with sigma. Summed over the beacons seen, the information on (position,
                  [ B^T  D ]     D = sum (I - d d^T)
 
 and the bounds are the traces of the two blocks of its inverse, through the Schur complements
-A - B D^-1 B^T and D - B^T A^-1 B. Neither depends on the attitude, but for what is in view.
+A - B D^-1 B^T and D - B^T A^-1 B. Neither depends on the attitude, except through visibility.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 Symmetric = tuple[Array, Array, Array, Array, Array, Array]
-"""xx, yy, zz, xy, xz, yz of symmetric matrices, one a point."""
+"""xx, yy, zz, xy, xz, yz of symmetric matrices, one for each point."""
 
 UNSEEN = 1e-12
-"""Share of the information below which rounding has taken the rest, as in the pose solver."""
+"""Share of the information below which the rest is rounding error, as in the pose solver."""
 NEAREST = 1e-9
-"""m; a beacon nearer than this has no direction."""
+"""m; the direction to a nearer beacon is undefined."""
 LARGEST_MAP = 250_000
-"""Points; a finer spacing is widened to it."""
+"""Largest number of points; a finer spacing is increased to stay below it."""
 
 
 @dataclass(frozen=True)
 class Sight:
-    """The field of view of a sensor: which beacons it sees.
+    """The field of view of a sensor, which determines the visible beacons.
 
     Attributes:
         axis_b: unit vector, the sensor's axis in body axes.
-        half_angle: rad about it; pi sees everything.
+        half_angle: rad about it; pi for all directions.
         range_min, range_max: m.
-        lost: ids that are dark; None for all of them.
+        lost: ids of dark beacons; None for all.
     """
 
     axis_b: tuple[float, float, float] = (0.0, 0.0, -1.0)
@@ -56,8 +56,8 @@ class Sight:
 
     @classmethod
     def of(cls, parameters: BearingParameters) -> Sight:
-        """Return the sight of the emulated sensor, without its chances (spells, drop-out,
-        swaps).
+        """Return the field of view of the emulated sensor, without its random effects (spells,
+        drop-out, swaps).
         """
         from bearing_sim.bearing_parameters import parse_lost
 
@@ -78,7 +78,8 @@ class BoundMap:
     """The position bound over a horizontal slice.
 
     Attributes:
-        x, y: (nx,), (ny,) m, world, ascending and even: the middles of cells that fill the slice.
+        x, y: (nx,), (ny,) m, world, ascending and evenly spaced: the centres of cells that fill
+            the slice.
         height: m.
         position: (ny, nx) m, rms length; NaN where the pose is not determined.
     """
@@ -95,14 +96,14 @@ def frame_bound(
     beacon_positions_w: npt.ArrayLike,
     sigma: float,
 ) -> tuple[float, float]:
-    """Return Cramer-Rao bound of one frame: rms lengths of the errors of position (m) and attitude
-    (rad).
+    """Return the Cramer-Rao bound of one frame: rms lengths of the errors of position (m) and
+    attitude (rad).
 
     NaN for both when fewer than 4 beacons are given, or when they do not determine the pose.
 
     Args:
-        position_w: (3,) m. rotation_wb: (3, 3), body to world; turns the bearings, which changes
-            neither length. beacon_positions_w: (N, 3) m, those seen.
+        position_w: (3,) m. rotation_wb: (3, 3), body to world; rotates the bearings, which changes
+            neither length. beacon_positions_w: (N, 3) m, of the visible beacons.
         sigma: rad on each of two tangent axes.
     """
     beacons = np.asarray(beacon_positions_w, dtype=float).reshape(-1, 3)
@@ -127,8 +128,8 @@ def bound_map(
 
     Args:
         sigma: rad on each of two tangent axes. x_limits, y_limits, height: m, world.
-        sight: what the sensor sees; everything when None.
-        spacing: m, the largest side of a cell; wider where the slice is too large for it.
+        sight: field of view of the sensor; None for an unlimited one.
+        spacing: m, the largest side of a cell; increased where the slice is too large for it.
     """
     sight = sight or Sight()
     width, depth = x_limits[1] - x_limits[0], y_limits[1] - y_limits[0]
@@ -157,7 +158,7 @@ def _middles(low: float, high: float, spacing: float) -> Array:
 
 
 def _variances(ray: Array, seen: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Return traces of the bounds for sigma 1, (K,) m^2 and rad^2; NaN where the pose is not
+    """Return the traces of the bounds for sigma 1, (K,) m^2 and rad^2; NaN where the pose is not
     determined.
 
     Args:
@@ -203,7 +204,7 @@ def _schur(A: Symmetric, s: Array, D: Symmetric) -> Symmetric:
 
 
 def _adjugate(m: Symmetric) -> tuple[Array, Symmetric]:
-    """Return determinant, and the inverse times it."""
+    """Return the determinant, and the inverse multiplied by it."""
     xx, yy, zz, xy, xz, yz = m
     adjugate = (
         yy * zz - yz * yz,
@@ -217,9 +218,7 @@ def _adjugate(m: Symmetric) -> tuple[Array, Symmetric]:
 
 
 def _trace_of_inverse(m: Symmetric, whole: Symmetric) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Return the trace, and whether there is an inverse; `whole` is what m was before its
-    subtraction.
-    """
+    """Return the trace, and whether there is an inverse; `whole` is m before its subtraction."""
     det, (xx, yy, zz, *_) = _adjugate(m)
     trace = m[0] + m[1] + m[2]
     least = np.minimum(np.minimum(m[0], m[1]), m[2])

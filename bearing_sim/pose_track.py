@@ -1,4 +1,4 @@
-"""The newest poses of a tracker or of the truth, and the pose at an instant between them."""
+"""The latest poses of a tracker or of the truth, and the pose at an instant between them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 from quadrotor.plain_rotations import Array, Quadruple, Triple
 
 GAP_NS = 100_000_000
-"""Poses farther apart than this are not joined: between them the pose is not known."""
+"""Largest gap in ns between two poses across which poses are interpolated."""
 
 
 class Pose(NamedTuple):
@@ -20,12 +20,13 @@ class Pose(NamedTuple):
 
 
 class PoseTrack:
-    """Interpolates, never extrapolates.
+    """Interpolator of poses, which never extrapolates.
 
-    Position by the parabola through the two poses around the instant and the one before them,
-    which leaves 0.064 h³ of the jerk (h: poses' spacing) where a straight line leaves h²/8 of the
-    acceleration: 0.6 µm against 50 µm at 100 Hz, 10 m/s³ and 4 m/s². Attitude by slerp, which
-    leaves h²/8 of the angular acceleration: 0.004° at 100 Hz and 5 rad/s².
+    Position is interpolated by the parabola through the two poses around the instant and the one
+    before them, which leaves an error of 0.064 h³ times the jerk (h: spacing of the poses), while a
+    straight line leaves h²/8 times the acceleration: 0.6 µm against 50 µm at 100 Hz, 10 m/s³ and
+    4 m/s². Attitude is interpolated by slerp, which leaves h²/8 times the angular acceleration:
+    0.004° at 100 Hz and 5 rad/s².
     """
 
     def __init__(self) -> None:
@@ -34,12 +35,12 @@ class PoseTrack:
         self._curvature: Triple | None = None  # second divided difference of position, m/ns²
 
     def went_back(self, stamp_ns: int) -> bool:
-        """Return True when the source has begun again: simulator restarted, log rewound."""
+        """Return True when the source has restarted: simulator restarted, log rewound."""
         return self._newest is not None and stamp_ns < self._newest.stamp_ns - GAP_NS
 
     def add(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> int | None:
-        """Return the stamp after which, up to `stamp_ns`, instants can now be asked for; None for a
-        pose that is not newer than the newest, which is passed over.
+        """Add a pose; return the stamp after which, up to `stamp_ns`, `at` may now be called. A
+        pose that is not newer than the newest is ignored and returns None.
         """
         newest = self._newest
         if newest is not None and stamp_ns <= newest.stamp_ns:
@@ -55,7 +56,7 @@ class PoseTrack:
         return newest.stamp_ns if joined and newest else stamp_ns - 1
 
     def at(self, instant_ns: int) -> Pose:
-        """Return the pose at an instant that `add` has allowed."""
+        """Return the pose at an instant within the range that `add` returned."""
         before, newest = self._before, self._newest
         assert newest is not None
         if before is None or instant_ns == newest.stamp_ns:
@@ -79,9 +80,7 @@ class PoseTrack:
 
 
 def _curvature(first: Pose, second: Pose, third: Pose) -> Triple | None:
-    """Return the curvature; None when the first spacing is so short that noise of the poses would
-    be blown up.
-    """
+    """Return the curvature; None if the first spacing is so short that noise is amplified."""
     early, late = second.stamp_ns - first.stamp_ns, third.stamp_ns - second.stamp_ns
     if 4 * early < late:
         return None
@@ -96,12 +95,12 @@ def _curvature(first: Pose, second: Pose, third: Pose) -> Triple | None:
 
 def slerp(a: Quadruple, b: Quadruple, share: float) -> Quadruple:
     """Interpolate from unit quaternion `a` (share 0) to `b` (share 1) along the shorter arc, at
-    even speed.
+    constant speed.
     """
     cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
     sign = math.copysign(1.0, cosine)
     angle = math.acos(min(1.0, sign * cosine))
-    if angle < 1e-4:  # where sines lose digits a straight line is as good
+    if angle < 1e-4:  # sines lose digits here, and a straight line is as accurate
         p, q = 1.0 - share, sign * share
     else:
         sine = math.sin(angle)

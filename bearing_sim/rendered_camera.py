@@ -1,8 +1,8 @@
 """Rendered images of flat patterns (tags, a calibration board), as a real camera would take them.
 
-Each pixel is the mean of rays through the lens onto the patterns, so distortion, rolling shutter
-and motion blur are as exact as the rays. Camera axes: x right, y down in the picture, z forward.
-Pixel (0, 0) is the centre of the first one. Distortion: D. C. Brown, "Close-range camera
+Each pixel is the mean of rays through the lens onto the patterns, so that distortion, rolling
+shutter and motion blur are as accurate as the rays. Camera axes: x right, y down in the picture,
+z forward. Pixel (0, 0) is the centre of the first one. Distortion: D. C. Brown, "Close-range camera
 calibration" (1971), in OpenCV's order k1, k2, p1, p2, k3.
 """
 
@@ -20,9 +20,9 @@ Box = tuple[slice, slice]
 """Rows and columns of a picture."""
 
 NEAREST = 0.05
-"""m in front of the camera; a pattern with a corner nearer than that is not drawn."""
+"""m in front of the camera; a pattern with a nearer corner is not drawn."""
 INK = 0.06
-"""Share of the light that black print throws back; paper: 1."""
+"""Reflectance of black print; paper has 1."""
 NO_TURN = (0.0, 0.0, 0.0)
 
 
@@ -32,8 +32,8 @@ class Pattern:
 
     Attributes:
         picture: (rows, columns) 0…255, seen from the front; size: (width, height), m.
-        position_c: (3,) m; R_cp: (3, 3), the pattern's axes in camera axes; both at the instant at
-            which the middle row is exposed half.
+        position_c: (3,) m; R_cp: (3, 3), the pattern's axes in camera axes; both at the middle of
+            the exposure of the middle row.
         velocity_c: (3,) m/s; angular_velocity_c: (3,) rad/s; in camera axes.
     """
 
@@ -47,16 +47,16 @@ class Pattern:
 
 @dataclass(frozen=True, eq=False)
 class RenderedCamera:
-    """A camera that takes pictures of patterns before a plain background.
+    """A camera that takes pictures of patterns in front of a plain background.
 
     Attributes:
         width, height: pixels. matrix: (3, 3) of focal lengths and principal point, pixels.
         distortion: (5,) k1, k2, p1, p2, k3.
         blur: of the lens, standard deviation in pixels. noise: standard deviation, grey levels.
         exposure: s for which each row is exposed. readout: s from the first row to the last.
-        light: factor on the brightness; shade: share by which it differs from the left edge to
+        light: factor on the brightness; shade: relative change of brightness from the left edge to
             the right one. background: grey level.
-        fine: rays a pixel, along each axis.
+        fine: rays per pixel along each axis.
     """
 
     width: int
@@ -100,7 +100,7 @@ class RenderedCamera:
         return picture
 
     def _draw(self, pattern: Pattern, grey: Array) -> Box | None:
-        """Draw a pattern and return the box that it lies in, None where it is not in view."""
+        """Draw a pattern and return its bounding box; None when it is not in view."""
         width, height = pattern.size
         corners = np.array([[x, y, 0.0] for x in (-0.5, 0.5) for y in (-0.5, 0.5)])
         span = 0.5 * (self.exposure + self.readout)
@@ -138,16 +138,16 @@ class RenderedCamera:
         return box
 
     def _samples(self) -> Iterator[tuple[float, float, float]]:
-        """Yield places in a pixel, in pixels from its centre, and instants in its exposure, s."""
+        """Yield positions in a pixel (pixels from its centre) and instants in its exposure (s)."""
         n = self.fine
         for i in range(n):
             for j in range(n):
-                # No two in one row or column, and each instant once in each of n of both.
+                # No two in a row or column, and each instant once in each of n rows or columns.
                 x, y = (i + (j + 0.5) / n) / n - 0.5, (j + (i + 0.5) / n) / n - 0.5
                 yield x, y, self.exposure * (((i + j) % n + 0.5) / n - 0.5)
 
     def _distorted(self, plane: Array) -> Array:
-        """Return where the lens sees points (…, 2) of the plane at distance 1."""
+        """Return where the lens maps points (…, 2) of the plane at distance 1."""
         k1, k2, p1, p2, k3 = self.distortion
         x, y = plane[..., 0], plane[..., 1]
         r2 = x * x + y * y
@@ -162,7 +162,7 @@ class RenderedCamera:
 
 
 def _moved(pattern: Pattern, dt: Array) -> Array:
-    """Return (…, 3, 3): (x, y, 1) on the pattern to camera axes, dt (…) s later, to first order."""
+    """Return (…, 3, 3): (x, y, 1) on the pattern to camera axes, dt (…) s later, first order."""
     at = np.column_stack([pattern.R_cp[:, :2], pattern.position_c])
     turning = np.cross(pattern.angular_velocity_c, pattern.R_cp[:, :2].T).T
     rate = np.column_stack([turning, pattern.velocity_c])
@@ -171,8 +171,8 @@ def _moved(pattern: Pattern, dt: Array) -> Array:
 
 
 def _apart(boxes: Sequence[Box], rim: int, shape: tuple[int, ...]) -> list[Box]:
-    """Return boxes with a rim around them, those that would meet as one; the rest of the picture
-    is plain and looks the same under a blur.
+    """Return the boxes with a margin around them, overlapping ones merged; the rest of the picture
+    is plain and unchanged by a blur.
     """
     found: list[Box] = []
     for box in boxes:
@@ -196,7 +196,7 @@ def _around(one: slice, other: slice) -> slice:
 
 
 def _blurred(grey: Array, sigma: float) -> Array:
-    """Return a picture under a Gaussian of so many pixels."""
+    """Return a picture blurred by a Gaussian of so many pixels."""
     if sigma <= 0.0:
         return grey
     reach = max(1, round(3.0 * sigma))

@@ -13,9 +13,9 @@ SECOND_NS = 1_000_000_000
 
 
 class SampleGrid:
-    """Picks from observations at any rate those nearest behind a sensor's own grid.
+    """Selector of the observations, at any rate, that are next after a sensor's sampling instants.
 
-    A tenth of a period of tolerance keeps jittered stamps of the sensor's own rate from being
+    A tolerance of a tenth of a period keeps jittered stamps at the sensor's own rate from being
     skipped; the grid does not drift, so the mean rate is exact.
     """
 
@@ -24,7 +24,7 @@ class SampleGrid:
         self._last_ns = 0
 
     def takes(self, stamp_ns: int, rate: float) -> bool:
-        """Return True when the observation at `stamp_ns` is a sample of a sensor of `rate` Hz."""
+        """Return whether the observation at `stamp_ns` is a sample of a sensor of `rate` Hz."""
         period = SECOND_NS / rate
         went_back = stamp_ns < self._last_ns - period
         self._last_ns = stamp_ns
@@ -37,16 +37,14 @@ class SampleGrid:
 
 
 class InstantGrid:
-    """The instants k/rate of the stamps' own clock, to the nanosecond and without drift."""
+    """The instants k/rate on the clock of the stamps, to the nanosecond and without drift."""
 
     def __init__(self) -> None:
         self._rate = 0.0
         self._scale, self._per = 1, 1  # the k-th instant is at k · scale / per ns
 
     def between(self, after_ns: int, until_ns: int, rate: float) -> Iterator[int]:
-        """Yield the instants later than `after_ns` and not later than `until_ns`, in order; `rate`
-        in Hz.
-        """
+        """Yield the instants in (after_ns, until_ns], in order; `rate` in Hz."""
         if rate != self._rate:
             exact = Fraction(rate).limit_denominator(1000)
             self._rate = rate
@@ -59,9 +57,7 @@ class InstantGrid:
 
 
 class DelayLine(Generic[T]):
-    """Measurements on their way, which stay in order; those still travelling when the source went
-    back are lost.
-    """
+    """Measurements in transit, kept in order; a restart of the source loses those in transit."""
 
     def __init__(self) -> None:
         self._travelling: deque[tuple[int, T]] = deque()
@@ -72,7 +68,7 @@ class DelayLine(Generic[T]):
         self._travelling.append((due_ns, measurement))
 
     def due(self, now_ns: int) -> list[T]:
-        """Return the measurements that have arrived by `now_ns`, in the order they were sampled."""
+        """Return the measurements that have arrived by `now_ns`, in the order of sampling."""
         arrived: list[T] = []
         while self._travelling and self._travelling[0][0] <= now_ns:
             arrived.append(self._travelling.popleft()[1])
@@ -80,5 +76,5 @@ class DelayLine(Generic[T]):
 
     @property
     def next_ns(self) -> int | None:
-        """Return the arrival time of the next measurement, None when none is under way."""
+        """Return the arrival time of the next measurement; None when none is in transit."""
         return self._travelling[0][0] if self._travelling else None

@@ -1,4 +1,4 @@
-"""A simulated external tracking system: noisy poses at its own rate, some lost, all late."""
+"""A simulated external tracking system: noisy poses at its own rate, some lost, all delayed."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class TrackerParameters(Parameters):
 
 
 class PoseMeasurement(NamedTuple):
-    """One pose: when it was true (ns), position (3,) m, quaternion (4,) (w, x, y, z), or
-    NO_ATTITUDE of a single marker.
+    """One pose: when it was valid (ns), position (3,) m, quaternion (4,) (w, x, y, z), or
+    NO_ATTITUDE for a single marker.
     """
 
     stamp_ns: int
@@ -54,7 +54,7 @@ class PoseMeasurement(NamedTuple):
 
 
 class SimulatedTracker:
-    """Feed the truth with `observe`, take measurements with `due`.
+    """Simulated tracker: `observe` feeds the truth, `due` returns the measurements.
 
     `parameters` may be changed between calls; a new seed restarts the noise.
     """
@@ -67,15 +67,13 @@ class SimulatedTracker:
         self._line: DelayLine[PoseMeasurement] = DelayLine()
 
     def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
-        """Observe the true pose at `stamp_ns`: (3,) m, (4,) unit. Any rate from the tracker's
-        upwards.
-        """
+        """Observe the true pose at `stamp_ns`: (3,) m, (4,) unit; at the tracker's rate or more."""
         p = self.parameters
         if not self._grid.takes(stamp_ns, p.rate):
             return
         if p.seed != self._seed:
             self._seed, self._random = p.seed, np.random.default_rng(p.seed)
-        # Drawn for lost poses too, so that drop-outs do not shift the noise of the others.
+        # Drawn for lost poses too, so that drop-outs do not shift the noise of other poses.
         d, e, f, a, b, c = self._random.standard_normal(6).tolist()
         lost = self._random.random() < p.drop_out
         if lost:
@@ -103,12 +101,12 @@ class SimulatedTracker:
 
     @property
     def next_ns(self) -> int | None:
-        """Return the arrival time of the next measurement under way, None when there is none."""
+        """Return the arrival time of the next measurement in transit; None when there is none."""
         return self._line.next_ns
 
 
 def _direction(draws: Draws) -> Triple:
-    """Return a unit vector, uniform over the sphere."""
+    """Return a random unit vector, uniform over the sphere."""
     z, angle = 2.0 * draws.uniform() - 1.0, 2.0 * math.pi * draws.uniform()
     across = math.sqrt(max(0.0, 1.0 - z * z))
     return across * math.cos(angle), across * math.sin(angle), z

@@ -1,4 +1,4 @@
-"""Flight logs: one crash-safe MCAP file a run, written and read by both ends of the link."""
+"""Flight logs: one crash-safe MCAP file for each run, written and read by both ends of the link."""
 
 from flight_log.index import is_closed
 from flight_log.reader import LogMessage, read_attachments, read_log, read_metadata

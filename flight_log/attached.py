@@ -1,7 +1,7 @@
-"""Values that a log carries: attached JSON, and parameters, as text or typed.
+"""Values in a log: attached JSON, and parameters, as text or typed.
 
-Whoever made the file wrote them, so whatever cannot be read is a ValueError, also what is nested
-deeper than the interpreter's stack.
+A log may be damaged or hostile, so everything that cannot be read is a ValueError, including
+nesting deeper than the interpreter's stack.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from quadrotor.parameters import ParameterValue
 from vehicle_link.parameters.messages import from_value
 
 LONGEST = 100_000
-"""Characters of one parameter's value; the largest layout of beacons has a tenth of it."""
+"""Longest value of a parameter, in characters; the largest layout of beacons has a tenth of it."""
 
 
 def json_value(data: bytes | str) -> Any:
-    """Parse an attachment. Raises ValueError when it is no JSON."""
+    """Parse an attachment. Raises ValueError when it is not JSON."""
     try:
         return json.loads(data)
     except RecursionError:
@@ -28,7 +28,7 @@ def json_value(data: bytes | str) -> Any:
 
 
 def literal_value(text: str) -> Any:
-    """Return the number, truth or text that `repr` wrote. Raise ValueError for anything else."""
+    """Return the number, boolean or text that `repr` wrote. Raises ValueError for anything else."""
     if len(text) > LONGEST:
         raise ValueError(f"{len(text)} characters are no parameter's value")
     try:
@@ -38,7 +38,9 @@ def literal_value(text: str) -> Any:
 
 
 def parameters_of(attachment: bytes | None) -> dict[str, ParameterValue]:
-    """Name → value at the start; a station's own begin with `station.`. Empty: not recorded."""
+    """Return name → value at the start of the log; a station's names begin with `station.`. Empty
+    if not recorded.
+    """
     try:
         read = json_value(attachment or b"{}")
     except ValueError:
@@ -54,7 +56,7 @@ def parameters_of(attachment: bytes | None) -> dict[str, ParameterValue]:
 
 
 def logged_value(value: Any) -> ParameterValue:
-    """Return a value of a ParameterChange; older logs have it as Python's text.
+    """Return a value of a ParameterChange; older logs store it as Python's repr.
 
     Raises LogFormatError.
     """

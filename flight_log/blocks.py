@@ -1,9 +1,9 @@
 """A log in large blocks, so that numpy works on thousands of messages at once.
 
-Chunks are opened one after the other and their message indexes say where each channel's messages
-stand. A chunk whose index is missing (the last one of a torn file, another writer's) is walked
-record by record. Nothing is held beyond one block, or one chunk where that is larger: it is given
-in several blocks, for its messages as columns may take many times its bytes.
+Chunks are opened one after the other, and their message indexes give the positions of each
+channel's messages. A chunk whose index is missing (the last one of a torn file, or another
+writer's) is walked record by record. Only one block is held at a time, or one chunk if that is
+larger; it is yielded in several blocks, as its messages may take many times its bytes as columns.
 """
 
 from __future__ import annotations
@@ -41,25 +41,26 @@ Places = npt.NDArray[np.int64]
 
 
 class Block(NamedTuple):
-    """Some chunks, opened, or a part of a large one."""
+    """Some chunks, decompressed, or a part of a large one."""
 
     data: Bytes
-    places: dict[int, Places]  # channel id → where its message records begin in `data`, in order
+    places: dict[int, Places]  # channel id → offsets of its message records in `data`, in order
     share: float  # of the file read so far, 0 to 1
 
 
 class BlockReader:
-    """Iterate once; `channels`, `schemas`, `attachments` and `metadata` grow on the way.
+    """Iterator over a log's blocks, to be used once; `channels`, `schemas`, `attachments` and
+    `metadata` fill up on the way.
 
     Args:
-        begin: place of the first record read, whose channels the caller knows; 0 for all.
+        begin: offset of the first record read, whose channels the caller knows; 0 for all.
         block_bytes: size of a block.
 
-    After the last block `tear` says why reading stopped early (empty: at the log's end),
-    `damaged_chunks` and `damaged_records` how many were passed over.
+    After the last block `tear` gives the reason why reading stopped early (empty: at the log's
+    end), `damaged_chunks` and `damaged_records` how many were skipped.
 
     Raises:
-        LogFormatError: this is no MCAP file, or it is compressed in a way not read here.
+            LogFormatError: this is not an MCAP file, or its compression is not supported.
         StorageError: the file cannot be read.
     """
 
@@ -69,7 +70,7 @@ class BlockReader:
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
         self.attachments: dict[str, bytes] = {}
-        self.attachment_bytes: dict[str, int] = {}  # of all, also of those too large to be kept
+        self.attachment_bytes: dict[str, int] = {}  # of all, also of those too large to keep
         self.metadata: dict[str, dict[str, str]] = {}
         self.tear = ""
         self.damaged_chunks = 0
@@ -92,7 +93,7 @@ class BlockReader:
                 break
             if opcode == Opcode.CHUNK and _claimed(data) > BLOCK_BYTES:
                 self._close_chunk(is_indexed=True)
-                yield from self._blocks(state.share)  # so that the large one is not copied
+                yield from self._blocks(state.share)  # so that the large chunk is not copied
             self._take(opcode, data)
             del data
             if self._filled >= self._block_bytes:
@@ -125,12 +126,12 @@ class BlockReader:
                     self.attachments[attachment.name] = attachment.data
             elif opcode == Opcode.METADATA:
                 self._learn(opcode, data)
-        except UNREADABLE:  # the next one may be whole again
+        except UNREADABLE:  # the next one may be intact
             self.damaged_chunks += opcode == Opcode.CHUNK
             self.damaged_records += opcode != Opcode.CHUNK
 
     def _take_index(self, data: bytes) -> None:
-        """Read the index of the chunk before it; none if the chunk has no room for so many."""
+        """Read an index of the preceding chunk; discard all if they exceed the chunk's size."""
         channel, length = MESSAGE_INDEX.unpack_from(data)
         if length and self._entries is not None:
             self._entries[channel] = data[MESSAGE_INDEX.size : MESSAGE_INDEX.size + length]
@@ -138,10 +139,10 @@ class BlockReader:
                 self._entries = None
 
     def _close_chunk(self, *, is_indexed: bool) -> None:
-        """Add the chunk read last to the block, or the messages behind it that are in none.
+        """Add the last chunk to the block, or the messages after it that are in no chunk.
 
         Args:
-            is_indexed: all of the chunk's indexes were read.
+            is_indexed: whether all of the chunk's indexes were read.
         """
         chunk, entries = self._chunk, self._entries
         self._chunk, self._entries = b"", {}
@@ -152,7 +153,7 @@ class BlockReader:
             self._add(b"".join(loose), None)
 
     def _add(self, data: bytes, entries: dict[int, bytes] | None) -> None:
-        """Add a chunk; `entries`: pairs of log time and place, by channel; None when not known."""
+        """Add a chunk; `entries` are pairs of log time and offset by channel, None if unknown."""
         if entries is None or not (self._begin or entries.keys() <= self.channels.keys()):
             entries = self._walk(data)
         if not self._begin and not entries.keys() <= self._described:
@@ -163,27 +164,27 @@ class BlockReader:
         self._filled += len(data)
 
     def _describe(self, channels: Collection[int]) -> None:
-        """Look for the descriptions of these where they may be: in a chunk without messages of
-        theirs, which was not walked, or in a damaged one."""
+        """Find the descriptions of these channels where they may be: in a chunk without their
+        messages, which was not walked, or in a damaged one."""
         if not all(map(self._is_described, channels)):
             for name in index_names(self.path):
                 self._learn(*name)
         if not self._is_searched and not all(map(self._is_described, channels)):
-            self._is_searched = True  # whatever is described anywhere is known then
+            self._is_searched = True  # every description in the file is known then
             for record in records(self.path):
                 if isinstance(record, Schema):
                     self.schemas.setdefault(record.id, record)
                 elif isinstance(record, Channel):
                     self.channels.setdefault(record.id, record)
-        self._described.update(channels)  # as far as it can be; not looked for again
+        self._described.update(channels)  # as far as possible; not searched again
 
     def _is_described(self, channel_id: int) -> bool:
         channel = self.channels.get(channel_id)
         return channel is not None and channel.schema_id in (0, *self.schemas)
 
     def _walk(self, data: bytes) -> dict[int, bytes]:
-        """Return the indexes a chunk should have, of its messages as far as it is whole; new
-        schemas and channels are kept.
+        """Return the indexes that a chunk should have, for its messages as far as it is intact;
+        store new schemas and channels.
         """
         found: dict[int, bytearray] = defaultdict(bytearray)
         position = 0
@@ -214,14 +215,14 @@ class BlockReader:
                 self.metadata[record.name] = dict(record.metadata)
 
     def _blocks(self, share: float) -> Iterator[Block]:
-        """Return what was filled, in pieces of some BLOCK_BYTES."""
+        """Yield what was collected, in pieces of about BLOCK_BYTES."""
         if not self._filled:
             return
         data = np.frombuffer(b"".join(self._parts), np.uint8)
         places = {channel: _places(told) for channel, told in self._indexes.items()}
         self._parts, self._filled = [], 0
         self._indexes = defaultdict(list)
-        if not _are_messages(data, places):  # an index that was damaged
+        if not _are_messages(data, places):  # an index is damaged
             walked = self._walk(data.tobytes())
             places = {one: _places([(told, 0, len(data))]) for one, told in walked.items()}
         if len(data) < 2 * BLOCK_BYTES:
@@ -238,13 +239,13 @@ class BlockReader:
 
 
 def _claimed(chunk: bytes) -> int:
-    """Return bytes that a chunk says it has when it is opened; 0 for none."""
+    """Return the decompressed size that a chunk claims, in bytes; 0 for none."""
     return int(CHUNK.unpack_from(chunk)[2]) if len(chunk) >= CHUNK.size else 0
 
 
 def _places(indexes: Sequence[tuple[bytes, int, int]]) -> Places:
-    """Return where messages of a channel may begin in a block, by the indexes of its chunks:
-    entries, where in the block the chunk begins, its bytes.
+    """Return the possible offsets of a channel's messages in a block, by the indexes of its chunks:
+    entries, offset of the chunk in the block, size of the chunk.
     """
     step = INDEX_ENTRY.size
     told = b"".join(pairs[: len(pairs) // step * step] for pairs, _, _ in indexes)
@@ -256,7 +257,7 @@ def _places(indexes: Sequence[tuple[bytes, int, int]]) -> Places:
 
 
 def _are_messages(data: Bytes, places: Mapping[int, Places]) -> bool:
-    """Return whether a message of its channel begins at each place, and none lies in another."""
+    """Return whether a message of its channel begins at each offset, and no two overlap."""
     for channel, its in places.items():
         of_channel = field_at(data, its, CHANNEL_AT, "<u2") == channel
         if not (of_channel & (data[its] == Opcode.MESSAGE)).all():
@@ -270,7 +271,7 @@ def _are_messages(data: Bytes, places: Mapping[int, Places]) -> bool:
 
 
 def field_at(data: Bytes, places: Places, offset: int, dtype: str) -> npt.NDArray[Any]:
-    """Return a number that is `offset` bytes behind each place, shape (N,)."""
+    """Return the number that is `offset` bytes after each place, shape (N,)."""
     kind = np.dtype(dtype)
     if len(places) == 0:
         return np.zeros(0, kind)
@@ -281,7 +282,7 @@ def field_at(data: Bytes, places: Places, offset: int, dtype: str) -> npt.NDArra
 
 
 def rows_at(data: Bytes, places: Places, size: int) -> Bytes:
-    """Return the bytes behind each place, shape (N, size)."""
+    """Return the bytes from each place on, shape (N, size)."""
     if size == 0:
         return np.zeros((len(places), 0), np.uint8)
     stands: npt.NDArray[Any] = np.ndarray(

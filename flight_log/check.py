@@ -1,6 +1,4 @@
-"""A check whether a log is sound: whole, countable, readable, and with nothing missing in
-between.
-"""
+"""A check whether a log is sound: complete, consistent with its index, readable, without gaps."""
 
 from __future__ import annotations
 
@@ -19,28 +17,28 @@ from quadrotor.errors import LogFormatError
 from vehicle_link.topics.table import SHARED, TOPICS
 
 GAP = 5.0
-"""Periods of a topic without a message that are a gap."""
+"""Number of a topic's periods without a message that make a gap."""
 SHORTEST_GAP_S = 0.1
-"""A shorter one is told only of faster topics than this would be five periods of."""
+"""Shortest gap, in s, that is reported, whatever the topic's period."""
 OVERTAKEN = frozenset(row.name for row in TOPICS.values() if row.on_radio and not row.qos.reliable)
-"""Topics whose messages may overtake one another on the radio; they are recorded as they come."""
+"""Topics whose messages may overtake one another on the radio; recorded in order of arrival."""
 RATE_MIN = 1.0
-"""Hz: what comes more seldom comes on change."""
+"""Hz; topics with a lower rate are published on change."""
 
 Stamps = npt.NDArray[np.int64]
-_YEAR = 3.2e7  # s; a longer time is a damaged one
+_YEAR = 3.2e7  # s; a longer duration means a damaged time
 
 
 @dataclass
 class TopicCheck:
-    """The check of one topic; times in s, stamps of the source."""
+    """The check of one topic; times in s, from the stamps of the source."""
 
     type_name: str
     count: int = 0
     duration: float = 0.0
     gaps: list[tuple[float, float]] = field(default_factory=list)  # begin since the start, length
-    backwards: int = 0  # stamps not after the one before
-    out_of_order: int = 0  # receptions before the one before
+    backwards: int = 0  # stamps before the preceding one
+    out_of_order: int = 0  # receptions before the preceding one
     first_ns: int = 0
     last_ns: int = 0
     last_log_ns: int = 0
@@ -76,10 +74,10 @@ class LogCheck:
 
 
 def check_log(path: Path, progress: Callable[[float], None] = lambda share: None) -> LogCheck:
-    """Read the whole file.
+    """Check a log; reads the whole file.
 
     Args:
-        progress: told the share read, 0…1.
+        progress: called with the share read, 0…1.
 
     Raises LogFormatError or StorageError when it is no log or cannot be read.
     """
@@ -114,7 +112,7 @@ def check_log(path: Path, progress: Callable[[float], None] = lambda share: None
 
 
 def _look(topic: TopicCheck, columns: Columns) -> None:
-    """Take a block of one topic."""
+    """Add a block of one topic."""
     stamps, received = columns.publish_ns, columns.log_ns
     if not len(stamps):
         return
@@ -138,8 +136,8 @@ def _look(topic: TopicCheck, columns: Columns) -> None:
 
 
 def _period(name: str, steps: Stamps) -> float:
-    """Return the ns between two messages, as its table says or as it mostly is; 0 for what has no
-    rate.
+    """Return the ns between two messages, by the table of topics or the median; 0 for topics
+    without a rate.
     """
     row = TOPICS.get(name.rsplit("/", 1)[-1])
     if row is not None and row.rate == 0:
@@ -151,8 +149,8 @@ def _period(name: str, steps: Stamps) -> float:
 
 
 def _unusual(topic: TopicCheck) -> list[tuple[float, float]]:
-    """Return the gaps that are unusual in this topic. One that mostly comes less often than its
-    table says (one of several vehicles, a status while nothing happens) is compared with its own
+    """Return the gaps that are unusual in this topic. A topic that mostly has a lower rate than in
+    the table (one of several vehicles, a status while nothing happens) is compared with its own
     median.
     """
     if 2 * len(topic.gaps) <= topic.count - 1:
@@ -178,7 +176,7 @@ def _compare_with_index(found: LogCheck) -> None:
 
 
 def _why_backwards(name: str) -> str:
-    """Return why the stamps of a sound log may go back in this topic; "" where they may not."""
+    """Return why stamps may go back in this topic of a sound log; "" if they may not."""
     topic = name.rsplit("/", 1)[-1]
     if topic in OVERTAKEN:
         return "datagrams overtook one another"
@@ -205,7 +203,7 @@ def _judge(found: LogCheck) -> None:
 
 
 def damage(path: Path) -> list[str]:
-    """Return a line for each damaged chunk or other record: where it is, and from when.
+    """Return a line for each damaged chunk or other record: its place and its messages' times.
 
     Reads the whole file. Raises LogFormatError or StorageError.
     """
@@ -215,7 +213,7 @@ def damage(path: Path) -> list[str]:
     found = []
     for one in state.damaged:
         what = "a chunk" if one.is_chunk else "an attachment, metadata or a description"
-        # The times stand before what is compressed, and may be damaged themselves.
+        # The times precede the compressed part, and may be damaged themselves.
         since, until = ((ns - start_ns) * 1e-9 for ns in one.times_ns)
         is_sound = one.is_chunk and 0.0 <= since <= until < _YEAR
         when = f", with the messages from {since:.3f} to {until:.3f} s" if is_sound else ""

@@ -1,4 +1,4 @@
-"""Compare a run with the vehicle's own log: what was lost, and what is still missing."""
+"""Comparison of a run with the vehicle's own log: what was lost, and what is still missing."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from flight_log.tick_columns import TICK_TOPICS
 from flight_log.vehicle_messages import Log, Stamps, Taken, stamps_of
 
 HOLE_PERIODS = 1.5
-"""Two ticks further apart than so many usual periods have a hole between them."""
+"""Number of usual periods between two ticks above which there is a hole."""
 EDGE_NS = 150_000_000
-"""The vehicle's log ends within so much of its last tick."""
+"""Time from the vehicle's last tick, in ns, within which its log ends."""
 
 
 @dataclass
@@ -21,12 +21,12 @@ class Comparison:
     """The comparison of a run with the vehicle's own log; times in s of ticks.
 
     Attributes:
-        messages: in the merged log; 0 when none was made.
+        messages: number in the merged log; 0 when none was made.
         filled: ticks that only the vehicle's log has.
         missing: ticks that neither log has, though the vehicle flew them.
-        total: ticks the run would have without holes.
-        ticks: how many it has.
-        why: something is missing.
+        total: ticks that the run would have without holes.
+        ticks: number of ticks that it has.
+        why: reason why ticks are missing.
         problems: of the vehicle's logs, a line each.
     """
 
@@ -40,10 +40,10 @@ class Comparison:
 
 
 def compare(station: Log, taken: Sequence[Taken], oldest_on_board_ns: int) -> Comparison:
-    """Return how the run compares with the vehicle's own log.
+    """Return the comparison of the run with the vehicle's own log.
 
     Args:
-        oldest_on_board_ns: when the oldest log on board begins, 0 when there is none.
+        oldest_on_board_ns: when the oldest log on board begins; 0 when there is none.
     """
     found = Comparison()
     before = _common([stamps_of(station, name) for name in TICK_TOPICS])
@@ -89,7 +89,7 @@ def _is_armed_after(station: Log, stamp_ns: int) -> bool:
 
 
 def _is_known(taken: Sequence[Taken], begin: int, end: int, armed: bool) -> bool:
-    """Return whether the vehicle's log shows that it has no ticks there either: it logs only
+    """Return whether the vehicle's log shows that it has no ticks there either, as it logs only
     while it is armed.
     """
     for source in taken:
@@ -104,7 +104,7 @@ def _is_known(taken: Sequence[Taken], begin: int, end: int, armed: bool) -> bool
 
 
 def _common(topics: list[Stamps]) -> Stamps:
-    """Return the stamps that all have, rising."""
+    """Return the stamps that all topics have, rising."""
     found = np.unique(topics[0])
     for stamps in topics[1:]:
         found = np.intersect1d(found, stamps)

@@ -1,4 +1,4 @@
-"""The file below a log: nothing waits in user memory, so a killed process loses no whole chunk."""
+"""The file of a log: nothing waits in user memory, so a killed process loses no complete chunk."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from flight_log.run_folder import log_of, station_log
 from quadrotor.errors import StorageError
 
 PIECE = 1 << 15
-"""Bytes that are put aside in memory, and read at once from there."""
+"""Bytes held in memory before the data set aside go to a file, and read from it at once."""
 READING = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK
 
 
 class LogFile:
-    """An unbuffered file with an exclusive lock for as long as it is open.
+    """An unbuffered file that is exclusively locked while it is open.
 
-    The lock tells `recover` in another process that this log is still being written.
+    The lock shows `recover` in another process that this log is still being written.
     """
 
     def __init__(self, path: Path, *, replace: bool = False) -> None:
         """Raise StorageError when the file exists (unless `replace`) or cannot be made."""
         self.path = path
         self.size = 0
-        # Without a name: gone with its process, however that ends.
+        # Without a name: it disappears with its process, however that ends.
         self._aside = tempfile.SpooledTemporaryFile(PIECE, "w+b", dir=str(path.parent))  # noqa: SIM115
         self._fd = -1
-        self._closing = threading.Lock()  # not while the file is synced
+        self._closing = threading.Lock()  # prevents closing during a sync
         flags = os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | (0 if replace else os.O_EXCL)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._fd = os.open(path, flags, 0o644)
             fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if not self.is_in_place():  # whoever had it first has moved it away meanwhile
+            if not self.is_in_place():  # its previous writer has moved it in the meantime
                 raise BlockingIOError
             os.ftruncate(self._fd, 0)
         except BlockingIOError:
@@ -69,14 +69,14 @@ class LogFile:
         return len(data)
 
     def put_aside(self, data: bytes) -> None:
-        """Keep data for the end of the file, without holding it in memory. Raises StorageError."""
+        """Store data for the end of the file, without holding it in memory. Raises StorageError."""
         try:
             self._aside.write(data)
         except OSError as error:
             raise self._not_aside(error) from error
 
     def aside(self) -> Iterator[bytes]:
-        """Yield all that was put aside, in pieces. Raises StorageError."""
+        """Yield all data stored by `put_aside`, in pieces. Raises StorageError."""
         try:
             self._aside.seek(0)
             while piece := self._aside.read(PIECE):
@@ -91,7 +91,7 @@ class LogFile:
         )
 
     def sync(self) -> None:
-        """Flush to the disk itself (0.4 ms for 64 kB); from any thread. Raises StorageError."""
+        """Flush to the disk (0.4 ms for 64 kB); thread-safe. Raises StorageError."""
         with self._closing:
             try:
                 if self._fd >= 0:
@@ -100,16 +100,14 @@ class LogFile:
                 raise StorageError(f"cannot write {self.path}: {error.strerror}") from error
 
     def is_in_place(self) -> bool:
-        """Return False when the file was removed or its folder vanished: writing on would go
-        nowhere.
-        """
+        """Return False if the file or its folder was removed, so that further writes are lost."""
         try:
             return os.path.samestat(os.fstat(self._fd), os.stat(self.path))
         except OSError:
             return False
 
     def close(self) -> None:
-        """Close the file. Raises StorageError when the disk tells only now that it could not."""
+        """Close the file. Raises StorageError when the disk reports a failed write only now."""
         with suppress(OSError):
             self._aside.close()
         with self._closing:
@@ -122,9 +120,9 @@ class LogFile:
 
 
 def open_log(path: Path) -> BinaryIO:
-    """Open a log for reading, of a run's folder that which `log_of` chooses.
+    """Open a log for reading; in a run's folder, the one that `log_of` chooses.
 
-    Raises StorageError, also for what is not a regular file: a pipe would wait for ever.
+    Raises StorageError, also when it is not a regular file: a pipe would block for ever.
     """
     path = log_of(path)
     try:
@@ -140,8 +138,8 @@ def open_log(path: Path) -> BinaryIO:
 
 
 def is_being_written(path: Path) -> bool:
-    """Return True while a LogFile has this path open, in any process of this machine; of a run's
-    folder the station's log.
+    """Return True while a LogFile has this path open, in any process of this machine; for a run's
+    folder, while its station's log is open.
 
     Raises OSError.
     """
@@ -156,7 +154,7 @@ def is_being_written(path: Path) -> bool:
 
 
 def sync_folder(folder: Path) -> None:
-    """Flush a folder to the disk, so that a new name in it outlives a power cut. Raises OSError."""
+    """Flush a folder to the disk, so that a new name in it survives a power cut. Raises OSError."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)

@@ -1,7 +1,7 @@
-"""The records of an MCAP file as they lie in its bytes, each declared once (https://mcap.dev/spec).
+"""The records of an MCAP file as stored in its bytes, each declared once (https://mcap.dev/spec).
 
 A record is its opcode, the length of its content, and the content. The library's classes read and
-write the rare ones; those of which a log has thousands are packed and unpacked here.
+write the rare ones; those that occur by the thousand are packed and unpacked here.
 """
 
 from __future__ import annotations
@@ -22,32 +22,32 @@ from flight_log.limits import MOST_DESCRIPTION, check_chunk
 from quadrotor.errors import LogFormatError
 
 MAGIC: bytes = MCAP0_MAGIC
-"""A log begins and ends with it."""
+"""First and last bytes of a log."""
 RECORD = struct.Struct("<BQ")
-"""Opcode and length before each record's content."""
+"""Opcode and length, before each record's content."""
 MESSAGE = struct.Struct("<HIQQ")
 """Channel, sequence, log time, publish time; then the payload."""
 HEAD_BYTES = RECORD.size + MESSAGE.size
 """Bytes of a message record before its payload."""
 LENGTH_AT, CHANNEL_AT, LOG_AT, PUBLISH_AT = 1, 9, 15, 23
-"""Places in a message record of its length, its channel and its two times."""
+"""Offsets in a message record of its length, its channel and its two times."""
 CHUNK = struct.Struct("<QQQII")
-"""First and last log time, size when opened, checksum, length of the compression's name."""
+"""First and last log time, decompressed size, checksum, length of the compression's name."""
 TIMES = struct.Struct("<QQ")
-"""The first two of these."""
+"""The first two fields of CHUNK."""
 LENGTH = struct.Struct("<Q")
 MESSAGE_INDEX = struct.Struct("<HI")
 """Channel, bytes of its entries."""
 INDEX_ENTRY = struct.Struct("<QQ")
-"""Log time, place in the opened chunk."""
+"""Log time, offset in the decompressed chunk."""
 CHUNK_INDEX = struct.Struct("<QQQQI")
-"""First and last log time, place, length, bytes of the map of message indexes."""
+"""First and last log time, offset, length, bytes of the map of message indexes."""
 INDEX_PLACE = struct.Struct("<HQ")
-"""An entry of that map: channel, place of its index."""
+"""An entry of that map: channel, offset of its index."""
 FOOTER = struct.Struct("<QQI")
-"""Place of the index, of its offsets, checksum."""
+"""Offset of the index, offset of its offsets, checksum."""
 SUMMARY_OFFSET = struct.Struct("<BQQ")
-"""Opcode of a group of the index, its place, its length."""
+"""Opcode of a group of the index, its offset, its length."""
 END_BYTES = RECORD.size + FOOTER.size + len(MAGIC)
 """Bytes of the footer and the end mark."""
 
@@ -76,7 +76,7 @@ _CLASSES: dict[int, Any] = {
 
 
 def parsed(opcode: int, content: bytes) -> Any:
-    """Return a record as the library's class has it. Raise one of UNREADABLE when it is damaged."""
+    """Return a record as the library's class. Raises one of UNREADABLE when it is damaged."""
     if opcode in DESCRIPTIONS and len(content) > MOST_DESCRIPTION:
         raise ValueError("too large")
     found = _CLASSES[opcode].read(ReadDataStream(BytesIO(content)))
@@ -88,9 +88,9 @@ def parsed(opcode: int, content: bytes) -> Any:
 
 
 def opened(name: str, content: bytes) -> bytes:
-    """Return what is in a chunk record, opened as far as it says it goes and no further.
+    """Return the decompressed content of a chunk record, up to the size that it claims.
 
-    Raises LogFormatError when it is too large or compressed in a way not read here, one of
+    Raises LogFormatError when it is too large or its compression is not supported, one of
     UNREADABLE when it is damaged.
     """
     view = memoryview(content)

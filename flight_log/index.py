@@ -1,8 +1,8 @@
-"""The index at a log's end: whether it can be used, its records, where in the file which time is.
+"""The index at a log's end: whether it is usable, its records, and the log's times.
 
-A flight of 20 minutes has 30 000 chunks, and whoever makes a log may write millions: only the
-wanted groups of the index are read, in pieces, through a function, so that a log which lies
-elsewhere is read the same way.
+A flight of 20 minutes has 30 000 chunks, and a hostile log may have millions: only the wanted
+groups of the index are read, in pieces, through a function, so that a log on another machine is
+read in the same way.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _STRIDE = 1 << 20
 _MOST_OFFSETS = 256 * (RECORD.size + SUMMARY_OFFSET.size)
 
 Read = Callable[[int, int], bytes]
-"""Place and length → as many bytes."""
+"""Function from place and length to that many bytes."""
 
 
 def reading(file: int) -> Read:
@@ -58,7 +58,7 @@ def holds_nothing(path: Path) -> bool:
 
 
 def begins_as_log(file: int) -> bool:
-    """Return whether an open file's descriptor begins as a log. Raises OSError."""
+    """Return whether an open file begins like a log. Raises OSError."""
     return os.pread(file, len(MAGIC), 0) == MAGIC
 
 
@@ -102,10 +102,10 @@ def _footer(read: Read, size: int) -> tuple[int, int, int]:
 
 
 def index_records(read: Read, size: int, wanted: Collection[int]) -> Iterator[tuple[int, bytes]]:
-    """Yield opcode and content of those records; nothing when the log was closed without an index.
+    """Yield opcode and content of the `wanted` records; none if the log has no index.
 
-    Raises one of UNREADABLE for an index that is not sound, or holds too large a record; what
-    `read` raises.
+    Raises one of UNREADABLE for an index that is not sound or holds too large a record, and any
+    exception of `read`.
     """
     begin, offsets, _ = _footer(read, size)
     if not begin:
@@ -119,7 +119,7 @@ def index_records(read: Read, size: int, wanted: Collection[int]) -> Iterator[tu
 
 
 def _groups(read: Read, wanted: Collection[int], offsets: int, end: int) -> list[tuple[int, int]]:
-    """Return where the wanted ones stand, if the index has them."""
+    """Return where the wanted groups are, if the index has their offsets."""
     step = RECORD.size + SUMMARY_OFFSET.size
     if not 0 < offsets < end or end - offsets > _MOST_OFFSETS:
         return []
@@ -167,7 +167,7 @@ def index_names(path: Path) -> Iterator[tuple[int, bytes]]:
 
 @dataclass(frozen=True, slots=True)
 class FileIndex:
-    """Times are those of reception (log time), ns; 0 without messages."""
+    """The times of a log from its index: reception (log time), ns; 0 without messages."""
 
     start_ns: int
     end_ns: int
@@ -175,7 +175,7 @@ class FileIndex:
 
 
 def read_index(path: Path) -> FileIndex:
-    """Read the times of a file from its index, in a tenth of a millisecond.
+    """Read a file's times from its index, in a tenth of a millisecond.
 
     Raises LogFormatError when there is no index, or StorageError.
     """

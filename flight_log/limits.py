@@ -1,7 +1,7 @@
-"""Limits: how much of a log is held at once.
+"""Limits on how much of a log is held at once.
 
-Whoever made the file decides what stands in it, and a chunk of a megabyte can hold gigabytes. With
-these bounds no reader needs more than 500 MB, whatever a log claims or holds.
+A log may come from anyone, and a chunk of a megabyte can hold gigabytes. With these limits no
+reader needs more than 500 MB, whatever a log claims or holds.
 """
 
 from __future__ import annotations
@@ -14,25 +14,25 @@ from pathlib import Path
 from quadrotor.errors import LogFormatError
 
 MOST_BYTES = 80_000_000
-"""Largest record, and opened chunk: ours have 64 KiB, other writers' up to 64 MiB."""
+"""Largest record, and decompressed chunk: ours have 64 KiB, other writers' up to 64 MiB."""
 MOST_DESCRIPTION = 4_000_000
 """Largest schema, channel or metadata record."""
 MOST_KEPT = 64_000_000
 """Largest size of all descriptions, metadata and attachments of a log together."""
 MOST_TIMES = 256
-"""So many times lz4 can make data smaller: a chunk that claims more is damaged."""
+"""Largest compression ratio of lz4: a chunk that claims more is damaged."""
 MOST_FOREIGN = 400_000_000
-"""Memory that another project's reader may take besides what the process has."""
+"""Memory that another project's reader may use in addition to what the process has."""
 MOST_UNPACKED = 4_000_000_000
 """Largest file that such a reader may unpack."""
 PAIR_BYTES = 150
-"""Size of two short texts in a map, besides their letters."""
+"""Size of two short texts in a map, without their letters."""
 FRAME = 64
-"""Bytes of lz4 around the smallest piece of data."""
+"""Bytes that lz4 adds to the smallest piece of data."""
 
 
 def check_record(name: str, size: int, place: int) -> None:
-    """Check a record; `place` in the file, bytes. Raises LogFormatError when it is not read."""
+    """Check a record; `place` is its offset in the file. Raises LogFormatError if too large."""
     if size > MOST_BYTES:
         raise LogFormatError(
             f"{name} has a record of {size / 1e6:.0f} MB at byte {place}; "
@@ -41,13 +41,13 @@ def check_record(name: str, size: int, place: int) -> None:
 
 
 def check_chunk(name: str, stored: int, claimed: int) -> None:
-    """Check a chunk before it is opened.
+    """Check a chunk before it is decompressed.
 
     Args:
         stored: its bytes in the file, compressed.
-        claimed: the bytes it says it has when it is opened.
+        claimed: its decompressed bytes, as it claims.
 
-    Raises ValueError when it cannot have them, LogFormatError when they are too many.
+    Raises ValueError when the claim is impossible, LogFormatError when it is too large.
     """
     if claimed > MOST_TIMES * (stored + FRAME):
         raise ValueError("it claims more than lz4 could have put into it")
@@ -60,16 +60,16 @@ def check_chunk(name: str, stored: int, claimed: int) -> None:
 
 
 def map_bytes(words: Mapping[str, str]) -> int:
-    """Return the size of texts by name, as Python holds them."""
+    """Return the size of texts by name in Python's memory."""
     return sum(len(name) + len(text) + PAIR_BYTES for name, text in words.items())
 
 
 @contextmanager
 def bounded_reader(name: str) -> Iterator[None]:
-    """Bound memory and files of a reader that checks no sizes itself. Raises LogFormatError.
+    """Limit memory and files of a reader that checks no sizes itself. Raises LogFormatError.
 
-    The bounds are the kernel's and hold for the whole process, so only a command that does
-    nothing else may use them.
+    The limits are the kernel's and apply to the whole process, so only a command that does nothing
+    else may use them.
     """
     status = Path("/proc/self/status").read_text()
     held = 1024 * int(status.partition("VmData:")[2].split()[0])
@@ -93,7 +93,7 @@ def bounded_reader(name: str) -> Iterator[None]:
 
 
 class Kept:
-    """Counts what a reader keeps of a log besides its messages."""
+    """Counter of what a reader holds of a log in addition to its messages."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -104,7 +104,7 @@ class Kept:
         return 2 * (self._total + size) <= MOST_KEPT
 
     def add(self, what: object, size: int) -> None:
-        """Count what is kept; the same `what` again takes the place of the one before. Raises
+        """Count an item that is held; the same `what` replaces the previous one. Raises
         LogFormatError.
         """
         self._total += size - self._sizes.get(what, 0)

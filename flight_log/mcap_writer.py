@@ -1,10 +1,10 @@
 """An MCAP file as it is written: lz4 chunks with message indexes, and an index at the end.
 
-At 2500 messages a second, on board and at the station, the way of a message is what logging costs:
-2 µs for one by itself, a quarter of a microsecond for one of a batch. A record is one packed head
-and its payload, an index entry one packed pair, and batches are put in the order of their time by
-numpy. What the index says of each chunk waits in a file (`LogFile.put_aside`): a run has 25 to 50
-chunks a second. The file is the mcap library's to the byte.
+At 2500 messages a second, on board and at the station, the path of a message determines the cost
+of logging: 2 µs for a single one, a quarter of a microsecond for one of a batch. A record is one
+packed head and its payload, an index entry one packed pair, and numpy sorts batches by time. The
+index entries of the chunks wait in a file (`LogFile.put_aside`), as a run has 25 to 50 chunks a
+second. The file is byte for byte that of the mcap library.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ _FIELDS = [
 _OPCODE = int(Opcode.MESSAGE)
 _LZ4 = b"lz4"
 _INDEX_REST = struct.Struct("<QI3sQQ")
-"""The rest of a chunk's index behind its map: bytes of message indexes, compression, both sizes."""
+"""The rest of a chunk's index after its map: bytes of message indexes, compression, both sizes."""
 
 
 class MessageBatch(NamedTuple):
@@ -76,7 +76,7 @@ class MessageBatch(NamedTuple):
 
 
 class OneMessage(NamedTuple):
-    """Times in ns."""
+    """One message; times in ns."""
 
     channel_id: int
     payload: bytes
@@ -85,10 +85,10 @@ class OneMessage(NamedTuple):
 
 
 class McapWriter:
-    """Writes into `file`, which it neither syncs nor closes. Every method may raise StorageError.
+    """Writer into `file`, which it neither syncs nor closes. Every method may raise StorageError.
 
     Args:
-        chunk_bytes: a chunk above it is closed behind the message.
+        chunk_bytes: a chunk above this size is closed after the message.
     """
 
     def __init__(self, file: LogFile, chunk_bytes: int = CHUNK_BYTES) -> None:
@@ -117,7 +117,7 @@ class McapWriter:
         self._file.write(MAGIC + _packed(Header(profile, library)))
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
-        """Return its id."""
+        """Register a schema; return its id."""
         schema = Schema(id=len(self._schemas) + 1, name=name, encoding=encoding, data=data)
         self._schemas.append(schema)
         self._chunk += _packed(schema)
@@ -127,7 +127,7 @@ class McapWriter:
     def register_channel(
         self, topic: str, encoding: str, schema_id: int, metadata: dict[str, str]
     ) -> int:
-        """Return its id. `schema_id` 0: none."""
+        """Register a channel; return its id. `schema_id` 0: none."""
         channel = Channel(
             id=len(self._channels) + 1,
             topic=topic,
@@ -141,7 +141,7 @@ class McapWriter:
         return channel.id
 
     def add_attachment(self, record: Attachment) -> None:
-        """Write an attachment at the present place of the file, before the chunk being filled."""
+        """Write an attachment at the file's current position, before the chunk being filled."""
         data = _packed(record)
         self._attachments.append(
             AttachmentIndex(
@@ -157,7 +157,7 @@ class McapWriter:
         self._file.write(data)
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """Write metadata at the present place of the file, as `add_attachment` does."""
+        """Write metadata at the current position of the file, as `add_attachment` does."""
         data = _packed(Metadata(metadata=values, name=name))
         self._metadata.append(MetadataIndex(offset=self._file.size, length=len(data), name=name))
         self._file.write(data)
@@ -178,7 +178,7 @@ class McapWriter:
     def add_messages(self, messages: Sequence[OneMessage], sequence: int) -> None:
         """Add at least one message, in this order, numbered from `sequence` on: 1 µs each.
 
-        A chunk is closed behind the last one only.
+        A chunk is closed only after the last one.
         """
         times = [message.log_ns for message in messages]
         first_ns, last_ns = min(times), max(times)
@@ -208,8 +208,8 @@ class McapWriter:
         """Add all messages of `batches` in the order of their log time, numbered from `sequence`
         on.
 
-        Those of one time stay in the order of their batches; none may be empty. A chunk is
-        closed behind the last message only, so it may become larger by all of them.
+        Messages with equal times stay in the order of their batches; no batch may be empty. A chunk
+        is closed only after the last message, so it may grow by all of them.
         """
         counts = [len(batch.log_ns) for batch in batches]
         types = [_record_type(batch.payloads.dtype.itemsize) for batch in batches]
@@ -230,7 +230,7 @@ class McapWriter:
             records["log_ns"], records["publish_ns"] = log_ns, batch.publish_ns
             records["payload"] = batch.payloads.view(kind["payload"])
             raw = np.dtype(("V", kind.itemsize))
-            # Every place of `data` where a record of this size could stand.
+            # Every position in `data` where a record of this size could be.
             stands = np.ndarray(len(data) - kind.itemsize + 1, raw, data, strides=(1,))
             stands[places[its]] = records.view(raw)
 
@@ -243,7 +243,7 @@ class McapWriter:
         self._close_full()
 
     def flush(self) -> None:
-        """Close the chunk being filled and write it; one without messages waits for its first."""
+        """Write the chunk being filled; one without messages waits for its first message."""
         if not self._entries:
             return
         chunk, self._chunk = self._chunk, bytearray()

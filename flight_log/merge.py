@@ -1,12 +1,12 @@
-"""A run's two logs as one: what the station recorded, with the vehicle's own log in place of its
+"""A run's two logs merged: the station's recording, with the vehicle's own log in place of its
 telemetry.
 
 A message that both logs have comes from the vehicle's, in full precision; the station's stays where
-the vehicle has none. A message is known by its topic and the vehicle's stamp, which is
-`publish_time` in both; of topics without one message a tick its bytes count too. The reception of
-a message of the vehicle's log is its stamp plus the usual delay of this run, which holds the offset
-of the two clocks, and never before or behind its neighbours of the same topic. Neither log is
-changed, and the same logs always give the same bytes.
+the vehicle has none. A message is identified by its topic and the vehicle's stamp, which is
+`publish_time` in both; for topics without one message per tick its bytes count too. The reception
+time of a message of the vehicle's log is its stamp plus the usual delay of this run, which includes
+the offset of the two clocks, but never outside the times of its neighbours of the same topic.
+Neither log is changed, and the same logs always give the same bytes.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from quadrotor.errors import LogFormatError, StorageError
 from vehicle_link.topics.table import SHARED
 
 LEAD_NS = 2_000_000_000
-"""The vehicle's log may begin so long before the run: arming is heard of a little later."""
+"""Nanoseconds by which the vehicle's log may begin before the run, as arming is received later."""
 SLACK_NS = 2_000_000_000
-"""Messages of a log lie at most so far from the order of their receptions."""
+"""Largest deviation, in ns, of the messages of a log from the order of their receptions."""
 
 
 class Merge:
-    """The plan of a merge: from where each message comes. Raises LogFormatError, StorageError."""
+    """The plan of a merge: the source of each message. Raises LogFormatError, StorageError."""
 
     def __init__(self, run: Path) -> None:
         self.problems: list[str] = []
@@ -65,8 +65,8 @@ class Merge:
                 source.times[number] = self._receptions(its)
 
     def _taken(self, log: Log, taken: dict[str, list[Stamps]]) -> Taken | None:
-        """Choose from one of the vehicle's logs, and add the keys to `taken`; None for a log of
-        another run.
+        """Choose from one of the vehicle's logs, and add the keys to `taken`; return None for a log
+        of another run.
         """
         first_ns, last_ns = log.span
         own = self.station.vehicle
@@ -81,23 +81,23 @@ class Merge:
         if log.reader.damaged_chunks:
             self.problems.append(f"{log.path.name} has {log.reader.damaged_chunks} damaged chunks")
         since_ns = self.since_ns
-        if first_ns >= since_ns - LEAD_NS:  # else what is before is of the run before
+        if first_ns >= since_ns - LEAD_NS:  # else earlier messages belong to the previous run
             since_ns -= LEAD_NS
         found = Taken(log)
         for number, one in log.channels.items():
             mask = (one.stamps_ns >= since_ns) & (one.stamps_ns <= self.until_ns)
             first = np.zeros(len(mask), np.bool_)
             first[np.unique(one.keys, return_index=True)[1]] = True
-            # A killed writer's last ticks may stand in the next file too.
+            # A killed writer's last ticks may also be in the next file.
             mask &= first & ~np.isin(one.keys, joined(taken[one.name]))
             found.kept[number] = mask
             taken[one.name].append(one.keys[mask])
         return found
 
     def _receptions(self, messages: Channel) -> Stamps:
-        """Return the receptions the messages would have had, ns of the station's clock."""
+        """Return when the messages would have been received, ns of the station's clock."""
         usual: Stamps = messages.stamps_ns + self.delay_ns
-        if messages.name in SHARED:  # the station's own have stamps of its own clock
+        if messages.name in SHARED:  # the station's own have stamps of the station's clock
             return usual
         kept = [
             (one.stamps_ns[self.kept[number]], one.received_ns[self.kept[number]])
@@ -112,7 +112,7 @@ class Merge:
         behind = np.searchsorted(stamps, messages.stamps_ns, side="right")
         earliest = np.concatenate([[EARLIEST], newest])[behind]
         latest = np.concatenate([oldest, [LATEST]])[behind] - 1
-        # Where neighbours were received at once there is no room between them.
+        # Neighbours that were received together leave no room between them.
         placed: Stamps = np.maximum(np.minimum(usual, latest), earliest)
         return placed
 
@@ -157,7 +157,9 @@ class Merge:
 
 
 class _Registered:
-    """The channels of the merged log: one for a topic whose messages are described alike."""
+    """The channels of the merged log: one for each topic whose messages have the same
+    description.
+    """
 
     def __init__(self, writer: McapWriter) -> None:
         self._writer = writer
@@ -165,7 +167,7 @@ class _Registered:
         self._channels: dict[tuple[str, str, int], int] = {}
 
     def of(self, log: Log, number: int) -> int | None:
-        """Return the id in the merged log; None for a channel the log does not describe."""
+        """Return the id in the merged log; None for a channel that the log does not describe."""
         channel = log.reader.channels.get(number)
         if channel is None:
             return None
@@ -207,8 +209,8 @@ def _in_order(source: Taken, rank: int, numbers: _Registered) -> Iterator[_Place
 def merge(
     run: Path, oldest_on_board_ns: int = 0, report: Callable[[float], None] = lambda share: None
 ) -> Comparison:
-    """Compare a run with the vehicle's logs in its folder, and write both as one, at once and as a
-    whole; without any of the vehicle's nothing is written. The columns of the run are made too.
+    """Compare a run with the vehicle's logs in its folder, and merge them into one log, atomically;
+    without any of the vehicle's logs nothing is written. The columns of the run are made too.
 
     Raises LogFormatError or StorageError.
     """
@@ -224,6 +226,6 @@ def merge(
             "missing": found.why,
         }
         found.messages = plan.write(run / MERGED, told, report)
-    with suppress(StorageError, LogFormatError):  # told to whoever reads the run
+    with suppress(StorageError, LogFormatError):  # reported when the run is read
         read_columns(run)
     return found

@@ -1,8 +1,8 @@
-"""The places of a message's numbers and texts in its CDR bytes, by the log's own schema.
+"""The offsets of a message's numbers and texts in its CDR bytes, by the log's own schema.
 
-`SchemaLayouts` walks one payload of a kind by its definition and remembers the places, together
-with what they depend on: the lengths of its texts and sequences. Every payload with the same
-lengths has the same layout, so that thousands are read in one go.
+`SchemaLayouts` walks one payload of a type by its definition and stores the offsets, together with
+what they depend on: the lengths of its texts and sequences. Every payload with the same lengths
+has the same layout, so that thousands are read at once.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from quadrotor.errors import LogFormatError, UsageError
 from vehicle_link.messages import stored_name, typestore
 
 MOST_ITEMS = 64
-"""Longest array whose items become signals; of longer ones (pictures, point clouds) none do."""
+"""Longest array whose items become signals; those of longer ones, like pictures, do not."""
 MOST_MESSAGES = 1000
-"""Largest number of messages of a sequence that are read."""
+"""Largest number of messages in a sequence."""
 MOST_PARTS = 20_000
-"""Messages and texts of one payload that are walked: a type of nothing may hold any number."""
+"""Limit of messages and texts in one payload, as an empty type may occur any number of times."""
 MOST_NUMBERS = 4000
-"""Most numbers of one payload that become signals."""
+"""Largest number of one payload's numbers that become signals."""
 MOST_TEXT = 1_000_000
-"""Bytes of one text, and of a sequence's texts together."""
+"""Largest size of one text, and of a sequence's texts together, in bytes."""
 HEADERS = frozenset({"header", "stamp"})
-"""Fields that are no signals: times have their own way."""
+"""Fields that are not signals: times are handled separately."""
 HEADER_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
-"""Numbers of a header, read where they are asked for."""
+"""Numbers of a header, read on demand."""
 _LENGTH = struct.Struct("<I")
 _OCTETS = {"byte": "uint8", "char": "uint8", "bool": "uint8", "octet": "uint8"}
 
 
 @dataclass
 class PayloadLayout:
-    """Offsets count from the payload's first byte, its 4-byte header included."""
+    """The layout of a payload; offsets count from its first byte, including its 4-byte header."""
 
     size: int
     lengths: list[tuple[int, int]] = field(default_factory=list)  # offset of a uint32, its value
@@ -62,9 +62,9 @@ class SchemaLayouts:
     """Layouts of one schema.
 
     Args:
-        stamps: whether HEADER_STAMP is wanted too.
+        stamps: whether HEADER_STAMP is read too.
 
-    Raises LogFormatError when it is of a kind not read here.
+    Raises LogFormatError when the schema is of an unsupported kind.
     """
 
     def __init__(self, schema: Schema, *, stamps: bool = False) -> None:
@@ -96,7 +96,7 @@ class SchemaLayouts:
 
     @property
     def foreign(self) -> list[str]:
-        """Return message types in it that have other fields than ours of the same name."""
+        """Return the message types in it whose fields differ from ours of the same name."""
         ours = typestore().fielddefs
         return [
             name
@@ -105,8 +105,8 @@ class SchemaLayouts:
         ]
 
     def _check(self, name: str) -> None:
-        """Raise KeyError where a message is made of one that is not described, RecursionError where
-        it is made of itself.
+        """Raise KeyError where a message contains a type that is not described, RecursionError
+        where it contains itself.
         """
         for _, (kind, details) in self._types[name][1]:
             inner = details[0] if kind == Nodetype.ARRAY else (kind, details)
@@ -114,9 +114,7 @@ class SchemaLayouts:
                 self._check(str(inner[1]))
 
     def of(self, payload: bytes) -> PayloadLayout:
-        """Return the layout of a payload. Raises LogFormatError when the bytes are no such
-        message.
-        """
+        """Return the layout of a payload. Raises LogFormatError when it is no such message."""
         if len(payload) < 4 or payload[1] != 1:
             raise LogFormatError(f"{self._name}: only little-endian CDR is read")
         walk = _Walk(payload, self._types, self._stamps)
@@ -210,5 +208,5 @@ class _Walk:
         return value
 
     def _align(self, size: int) -> None:
-        """Align the offset, counted from behind the header."""
+        """Align the offset, counted from after the header."""
         self._at += -(self._at - 4) % size

@@ -15,8 +15,8 @@ REPOSITORY = Path(__file__).parents[1]
 
 @cache
 def provenance() -> dict[str, str]:
-    """Return what recorded this, asked once a process (git takes 10 ms); values are text, as MCAP
-    metadata must be.
+    """Return what recorded this run, found once for each process (git takes 10 ms); values are
+    text, as MCAP metadata must be.
     """
     revision = _git("rev-parse", "HEAD")
     return {
@@ -38,9 +38,7 @@ def _versions() -> dict[str, str]:
 
 
 def _git(*words: str) -> str:
-    """Return git's answer; empty without git or outside a repository: an installed copy has
-    neither.
-    """
+    """Return git's output; empty without git or outside a repository, as in an installed copy."""
     try:
         done = subprocess.run(
             ["git", "-C", str(REPOSITORY), *words],

@@ -35,11 +35,11 @@ class LogMessage(NamedTuple):
 def read_log(
     path: Path, topics: Collection[str] | None = None, state: ReadState | None = None
 ) -> Iterator[LogMessage]:
-    """Yield messages in the order they were written, up to the tear if the file has one.
+    """Yield messages in the order in which they were written, up to the tear if the file has one.
 
     Args:
         topics: only these; None for all.
-        state: told afterwards whether the file was closed and where it is torn.
+        state: filled with whether the file was closed and where it is torn.
 
     Raises LogFormatError or StorageError.
     """
@@ -47,7 +47,7 @@ def read_log(
     channels: dict[int, tuple[str, str]] = {}
     for record in records(path, state):
         if isinstance(record, RawMessage):
-            # Unknown: the topic is not wanted, or stood in a damaged chunk.
+            # Unknown: the topic is not wanted, or was in a damaged chunk.
             if channel := channels.get(record.channel_id):
                 yield LogMessage(
                     *channel, record.payload, record.log_ns, record.publish_ns, record.sequence
@@ -59,9 +59,9 @@ def read_log(
 
 
 def read_attachments(path: Path) -> dict[str, bytes]:
-    """Return name → bytes of those before the first message, where LogWriter puts them.
+    """Return name → bytes of the attachments before the first message, where LogWriter puts them.
 
-    Those are left out that are too large to be kept (`flight_log.limits`).
+    Attachments that are too large (`flight_log.limits`) are left out.
 
     Raises LogFormatError or StorageError.
     """
@@ -79,8 +79,7 @@ def read_attachments(path: Path) -> dict[str, bytes]:
 
 
 def read_metadata(path: Path) -> dict[str, dict[str, str]]:
-    """Return every metadata record of the file (`quadlab.run`, `quadlab.recovered`), whole file
-    read.
+    """Return every metadata record (`quadlab.run`, `quadlab.recovered`); reads the whole file.
 
     Raises LogFormatError or StorageError.
     """
@@ -88,11 +87,11 @@ def read_metadata(path: Path) -> dict[str, dict[str, str]]:
 
 
 def read_topic(path: Path, name: str) -> Iterator[bytes]:
-    """Yield payloads in CDR of `/<vehicle>/<name>` of any vehicle, in the order they were written.
+    """Yield the CDR payloads of `/<vehicle>/<name>` of any vehicle, in the order of the file.
 
-    Of a closed log only the chunks with them are opened.
+    In a closed log only the chunks that contain them are decompressed.
 
-    Raises LogFormatError or StorageError; a log without the topic has none.
+    Raises LogFormatError or StorageError; yields nothing for a log without the topic.
     """
     try:
         with open_log(path) as stream:
@@ -105,7 +104,7 @@ def read_topic(path: Path, name: str) -> Iterator[bytes]:
             if not wanted:
                 return
             chunks = index_records(reading(file), size, {Opcode.CHUNK_INDEX})
-            if (first := next(chunks, None)) is None:  # its messages stand outside of chunks
+            if (first := next(chunks, None)) is None:  # its messages are outside of chunks
                 yield from (m.payload for m in read_log(path) if m.topic.endswith(f"/{name}"))
                 return
             for _, data in chain([first], chunks):
@@ -120,9 +119,7 @@ def read_topic(path: Path, name: str) -> Iterator[bytes]:
 
 
 def _chunk_with(index: bytes, wanted: Collection[int]) -> int | None:
-    """Return the chunk's place if it has messages of these channels, or its index does not say;
-    otherwise None.
-    """
+    """Return the chunk's offset if it has, or may have, messages of these channels, else None."""
     _, _, place, _, length = CHUNK_INDEX.unpack_from(index)
     channels = {
         channel

@@ -1,7 +1,7 @@
-"""The records of a log one after the other, as far as it is whole, and what is in its chunks.
+"""The records of a log one after the other, as far as it is intact, and those in its chunks.
 
-A log whose writer was killed ends anywhere. Seeking readers refuse such a file; this walk goes up
-to the tear and says where and why it stopped. It holds one record at a time.
+The log of a killed writer may end anywhere. Readers that seek refuse such a file; this walk goes up
+to the tear and reports where and why it stopped. It holds one record at a time.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from flight_log.limits import Kept, check_record, map_bytes
 from quadrotor.errors import LogFormatError, StorageError
 
 AT_ONCE = 1_000_000
-"""Bytes of a chunk whose messages are made together."""
+"""Largest size, in bytes, of a chunk whose messages are made together."""
 MOST_DAMAGED = 1000
-"""Records passed over that are told one by one."""
+"""Largest number of skipped records that are reported one by one."""
 
 
 _KEPT = (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.ATTACHMENT, Opcode.METADATA)
 
 
 class RawMessage(NamedTuple):
-    """One message of a channel, as it stands in the file."""
+    """One message of a channel, as it is in the file."""
 
     channel_id: int
     sequence: int
@@ -44,20 +44,20 @@ LogRecord = Header | Attachment | Metadata | Schema | Channel | RawMessage
 
 
 class Damaged(NamedTuple):
-    """A record that was passed over."""
+    """A record that was skipped."""
 
     is_chunk: bool
-    place: int  # byte it begins at
+    place: int  # byte at which it begins
     size: int  # bytes
-    times_ns: tuple[int, int]  # of a chunk: reception of its first and last message, as it says
+    times_ns: tuple[int, int]  # of a chunk: reception of its first and last message, as it claims
 
 
 @dataclass
 class WalkState:
-    """Filled while `walk` runs; final when it ended."""
+    """Progress and result of `walk`; final when it has ended."""
 
-    closed: bool = False  # the index and the end mark were there, and nothing behind
-    whole_bytes: int = 0  # up to the end of the last whole record
+    closed: bool = False  # it has its index and end mark, and nothing after them
+    whole_bytes: int = 0  # up to the end of the last intact record
     share: float = 0.0  # of the file read so far, 0 to 1
     tear: str = ""  # why reading stopped, empty for a closed file
 
@@ -66,10 +66,10 @@ def walk(path: Path, state: WalkState, begin: int = 0) -> Iterator[tuple[int, by
     """Yield opcode and content of every record up to the footer or the tear.
 
     Args:
-        begin: place of the first record read; 0 for all.
+        begin: offset of the first record read; 0 for all.
 
     Raises:
-        LogFormatError: this is no MCAP file, or a record is larger than any that is read.
+        LogFormatError: this is not an MCAP file, or a record is too large.
         StorageError: the file cannot be read.
     """
     with open_log(path) as stream:
@@ -103,7 +103,7 @@ def _walk(
         place = state.whole_bytes = end
         state.share = place / size
         held = [data]
-        del data  # so that it is the reader's alone, and gone before the next one comes
+        del data  # so that only the reader holds it, and it is freed before the next one
         yield opcode, held.pop()
         if opcode == Opcode.FOOTER:
             behind = stream.read(len(MAGIC))
@@ -128,18 +128,18 @@ def _walk(
 
 @dataclass
 class ReadState(WalkState):
-    """Filled while `records` runs; final when it ended."""
+    """Progress and result of `records`; final when it has ended."""
 
-    damaged_chunks: int = 0  # passed over, because their checksum was wrong
-    damaged_records: int = 0  # passed over: attachments, metadata and such
+    damaged_chunks: int = 0  # skipped, because their checksum was wrong
+    damaged_records: int = 0  # skipped: attachments, metadata and such
     damaged: list[Damaged] = field(default_factory=list)  # both, in the order of the file
 
 
 def records(path: Path, state: ReadState | None = None) -> Iterator[LogRecord]:
-    """Yield everything before the index of the file, with chunks opened.
+    """Yield every record before the index of the file, with chunks decompressed.
 
     Raises:
-        LogFormatError: this is no MCAP file, or of a kind not read here.
+        LogFormatError: this is not an MCAP file, or it is of an unsupported kind.
         StorageError: the file cannot be read.
     """
     state = state if state is not None else ReadState()
@@ -155,16 +155,16 @@ def records(path: Path, state: ReadState | None = None) -> Iterator[LogRecord]:
                 found = split_chunk(opened(path.name, data))
             else:
                 found = list(_one(opcode, data))
-        except UNREADABLE:  # the next one may be whole again
+        except UNREADABLE:  # the next one may be intact
             state.damaged_chunks += opcode == Opcode.CHUNK
             state.damaged_records += opcode != Opcode.CHUNK
             if len(state.damaged) < MOST_DAMAGED:
                 state.damaged.append(_damaged(opcode, data, state.whole_bytes))
-            # Each schema and channel stands once before the index; it may have been here.
+            # Each schema and channel occurs once before the index, possibly in this chunk.
             names = [] if is_helped else index_names(path)
             found = [one for name in names for one in _one(*name)]
             is_helped = True
-        del data  # while its messages are looked at
+        del data  # free it while its messages are handled
         for record in found:
             if not isinstance(record, RawMessage):
                 _count(record, kept)
@@ -181,7 +181,7 @@ def _damaged(opcode: int, data: bytes, end: int) -> Damaged:
 
 
 def split_chunk(data: bytes) -> Iterable[LogRecord]:
-    """Return the records of an opened chunk; all can be read. Raise one of UNREADABLE."""
+    """Return the records of a decompressed chunk, all readable. Raises one of UNREADABLE."""
     if len(data) <= AT_ONCE:
         return list(_split(data))
     for _ in _split(data):  # a message takes many times its bytes: one at a time
@@ -206,7 +206,7 @@ def _split(data: bytes) -> Iterator[LogRecord]:
 
 
 def _count(record: LogRecord, kept: Kept) -> None:
-    """Count what readers keep. Raise LogFormatError when it is too much."""
+    """Count what readers hold. Raises LogFormatError when it is too much."""
     match record:
         case Schema():
             kept.add((Opcode.SCHEMA, record.id), len(record.data))
@@ -217,7 +217,7 @@ def _count(record: LogRecord, kept: Kept) -> None:
 
 
 def _one(opcode: int, data: bytes) -> Iterator[LogRecord]:
-    """Yield a record by itself; nothing for one of the index."""
+    """Yield a record outside of chunks; nothing for one of the index."""
     if opcode == Opcode.MESSAGE:
         yield _message(data, 0, len(data))
     elif opcode in _KEPT:
@@ -225,7 +225,7 @@ def _one(opcode: int, data: bytes) -> Iterator[LogRecord]:
 
 
 def _message(data: bytes, begin: int, end: int) -> RawMessage:
-    """Return the message of a record. Raises ValueError when there is no room for its head."""
+    """Return the message of a record. Raises ValueError when it is shorter than its head."""
     if end - begin < MESSAGE.size:
         raise ValueError("message shorter than its head")
     channel, sequence, log_ns, publish_ns = MESSAGE.unpack_from(data, begin)

@@ -1,4 +1,4 @@
-"""Give the log of a killed writer its index, so that every tool opens it again."""
+"""Repair of the log of a killed writer: it gets its index, so that every tool can open it again."""
 
 from __future__ import annotations
 
@@ -16,44 +16,44 @@ from flight_log.run_folder import station_log
 from quadrotor.errors import LogFormatError, StorageError
 
 PIECE = 1 << 20
-"""Bytes; what a killed writer leaves behind the tear is smaller."""
+"""Bytes; a killed writer leaves less than this after the tear."""
 
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """The findings of `recover`."""
+    """The result of `recover`."""
 
     path: Path
     torn: bool  # False: the file was closed properly and was left alone
     messages: int = 0  # kept
-    lost_bytes: int = 0  # after the last whole record
+    lost_bytes: int = 0  # after the last intact record
     damaged_chunks: int = 0  # left out
     reason: str = ""
-    kept: Path | None = None  # the file as it was, where more was behind the tear than zeros
+    kept: Path | None = None  # the original file, if more than zeros followed the tear
 
 
 def recover(path: Path) -> Recovery:
-    """Rewrite a torn file in place, atomically; one with a sound index is left alone. Of a run's
-    folder it is the station's log.
+    """Rewrite a torn file in place, atomically; one with a sound index is left alone. For a run's
+    folder this is the station's log.
 
-    The new file carries the metadata record `quadlab.recovered`. A file that is damaged in its
-    middle is kept next to it as `.torn`.
+    The new file has the metadata record `quadlab.recovered`. A file that is damaged in its middle
+    is kept next to it as `.torn`.
 
     Raises:
-        LogFormatError: this is no MCAP file, or of a kind not read here.
-        StorageError: it is being written or mended now, or there is no room for the copy.
-            The torn file stays as it was.
+        LogFormatError: this is not an MCAP file, or it is of an unsupported kind.
+        StorageError: it is being written or repaired by another process, or there is no room for
+            the copy. The torn file stays as it was.
     """
     path = station_log(path)
     if not index_problem(path):
         return Recovery(path, torn=False)
     try:
-        path = path.resolve(strict=True)  # what a link leads to, not the link itself
+        path = path.resolve(strict=True)  # the target of a link, not the link itself
         if is_being_written(path):
             raise StorageError(f"{path} is being written now; stop the recording first")
         target = LogFile(path.with_suffix(".recovering"), replace=True)
         try:
-            # Another process may have mended it before this one had the copy for itself.
+            # Another process may have repaired it before this one locked the copy.
             problem = index_problem(path)
             return _mend(path, target, problem) if problem else Recovery(path, torn=False)
         finally:
@@ -64,7 +64,7 @@ def recover(path: Path) -> Recovery:
 
 
 def _mend(path: Path, target: LogFile, problem: str) -> Recovery:
-    """Mend a log, and return what came of it; `problem` is that of its index."""
+    """Repair a log, and return the result; `problem` is that of its index."""
     state = ReadState()
     writer = McapWriter(target)
     count = _copy(path, writer, state)
@@ -90,7 +90,7 @@ def _mend(path: Path, target: LogFile, problem: str) -> Recovery:
 
 
 def _holds_more(path: Path, whole_bytes: int) -> bool:
-    """Return whether more is behind the tear than the piece a killed writer leaves, and than
+    """Return whether more follows the tear than the piece that a killed writer leaves, and than
     zeros.
     """
     with open_log(path) as stream:
@@ -99,7 +99,7 @@ def _holds_more(path: Path, whole_bytes: int) -> bool:
 
 
 def _copy(path: Path, writer: McapWriter, state: ReadState) -> int:
-    """Copy all whole records; return the number of messages."""
+    """Copy all intact records; return the number of messages."""
     schemas: dict[int, int] = {0: 0}  # 0: a channel without one
     channels: dict[int, int] = {}
     count, started = 0, False

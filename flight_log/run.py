@@ -1,4 +1,4 @@
-"""A run read once: its topics in the order of their time, on one clock that begins with the run."""
+"""A run: its topics in the order of their time, on one clock that begins with the run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from flight_log.topic_columns import text_fields
 from quadrotor.errors import LogFormatError
 
 MOST_MESSAGES = 12_000_000
-"""Largest number of messages of a run: their times and order are held."""
+"""Largest number of messages of a run, whose times and order are held in memory."""
 
 Floats = npt.NDArray[np.float32]
 Times = npt.NDArray[np.float64]
@@ -27,17 +27,17 @@ class Series:
     """N messages of one topic in the order of their time.
 
     Args:
-        time: of each message as the topic has them, s, shape (N,); it is sorted in place.
+        time: of each message in the topic's order, s, shape (N,); it is sorted in place.
 
     Attributes:
-        time: the same, rising.
+        time: the sorted times.
     """
 
     def __init__(self, topic: Topic, time: Times) -> None:
         self.type_name = topic.type_name
         self._topic = topic
         rises = bool((time[1:] >= time[:-1]).all())
-        # Of ten million messages each array of 64-bit numbers is 80 MB: MOST_MESSAGES fit in 32.
+        # For ten million messages each 64-bit array has 80 MB; MOST_MESSAGES fit in 32 bits.
         self._order = None if rises else np.argsort(time, kind="stable").astype(np.int32)
         if not rises:
             time.sort(kind="stable")
@@ -55,40 +55,41 @@ class Series:
         return self._topic.names
 
     def constant(self, name: str) -> float | None:
-        """Return the one value of a number, NaN if it has none at all, None if it has several."""
+        """Return a number's only value; NaN if it has none, None if it has several."""
         found = self._topic.constants.get(name)
         return None if found is None else float(np.array(found, self._topic.dtype))
 
     def values(self, name: str, first: int = 0, last: int | None = None) -> Floats:
-        """Return a number from `first` to before `last`, (N,), NaN where the log has none such; not
-        to be written into.
+        """Return one number of the messages `first` to `last` - 1, (N,), NaN if missing.
+
+        The array is read-only.
         """
         if self._order is None:
             return self._topic.values(name, first, last)
         return self._topic.values(name)[self._order[first:last]]
 
     def rows(self, names: Sequence[str]) -> Floats:
-        """Return numbers, (N, len(names)), NaN where the log has none such."""
+        """Return numbers, (N, len(names)), NaN where the log has none."""
         return np.stack([self.values(name) for name in names], axis=1)
 
     def take(self, names: Sequence[str]) -> Floats:
-        """Return the columns as `rows` does, one after the other."""
+        """Return the same as `rows`, but read the columns one after the other."""
         rows = self._topic.take(names)
         return rows if self._order is None else rows[self._order]
 
     def table(self, names: Sequence[str], start: float, end: float) -> Times:
-        """Return (M, len(names)) of start <= t <= end, NaN where the log has no such number."""
+        """Return (M, len(names)) for start <= t <= end, NaN where the log has no such number."""
         inside = (self.time >= start) & (self.time <= end)
         columns = [self.values(name)[inside].astype(np.float64) for name in names]
         return np.stack(columns, axis=1)
 
     @property
     def texts(self) -> dict[str, list[tuple[float, str]]]:
-        """Return by path from which time (s) on a text was what."""
+        """Return the changes of every text by path: time (s) and new text."""
         return {path: self.changes(path) for path in self._topic.texts}
 
     def changes(self, path: str) -> list[tuple[float, str]]:
-        """Return the changes of one text, in order; empty where the log has no such text."""
+        """Return the changes of one text, in order; empty if the log has no such text."""
         told = self._topic.texts.get(path, [])
         if self._order is None:
             return [(float(self.time[index]), text) for index, text in told]
@@ -96,9 +97,10 @@ class Series:
         return sorted((float(self.time[place[index]]), text) for index, text in told)
 
     def lines(self, most: int) -> Iterator[tuple[float, dict[str, Any]]]:
-        """Yield time (s) and fields of the `most` messages logged first, of a topic kept whole.
+        """Yield time (s) and fields of the `most` messages logged first; payloads must be stored.
 
-        Of one instant they stay as they were logged: a mark's later text has the mark's stamp.
+        Messages of the same instant stay in the order of the log: a mark's later text has the same
+        stamp.
         """
         payloads = self._topic.payloads[:most]
         order = range(len(self.time)) if self._order is None else self._order.tolist()
@@ -107,12 +109,12 @@ class Series:
                 yield time, text_fields(payloads[index], self._topic.decodable_name)
 
     def payload(self, index: int) -> bytes:
-        """Return one message of a topic that is kept whole, in the order of their time."""
+        """Return one message of a topic with stored payloads, by its index in time order."""
         return self._topic.payload(index if self._order is None else int(self._order[index]))
 
     @property
     def gaps(self) -> list[tuple[float, float]]:
-        """Return start and length (s) of its silences."""
+        """Return start and length (s) of the topic's gaps."""
         return [
             (float(self.time[k]), float(self.time[k + 1] - self.time[k])) for k in gaps(self.time)
         ]
@@ -120,13 +122,13 @@ class Series:
 
 @dataclass
 class Run:
-    """Times are s since the run's first message.
+    """A run with its topics. Times are s since its first message.
 
     Attributes:
-        space: namespace of the vehicle whose run it is.
-        start_ns: of the first message, on the recorder's clock.
-        topics: by name without that namespace; those of the same ticks share their `time`.
-        log: attachments, metadata and damages of the file.
+        space: namespace of the vehicle that the run is about.
+        start_ns: time of the first message, on the recorder's clock.
+        topics: by name without that namespace; topics of the same ticks share their `time`.
+        log: attachments, metadata and damage of the file.
     """
 
     space: str
@@ -141,8 +143,8 @@ class Run:
 
 
 def read_run(log: Path, tell: Callable[[float], None] = lambda share: None) -> Run:
-    """Read a run; `tell` as for `read_columns`. Raises as it does, LogFormatError also without
-    messages, or with more than are held.
+    """Read a run; `tell` as for `read_columns`. Raises as it does; LogFormatError also when it has
+    no messages, or too many.
     """
     return run_of(read_columns(log, tell))
 
@@ -176,7 +178,7 @@ def run_of(columns: LogColumns) -> Run:
 
 
 def _namespace(topics: dict[str, Topic]) -> str:
-    """Return the vehicle's namespace: where the state is, else most of the messages."""
+    """Return the vehicle's namespace: that of the state, else that of most messages."""
     counts: dict[str, int] = {}
     for topic, one in topics.items():
         space, _, name = topic.rpartition("/")

@@ -1,4 +1,4 @@
-"""A summary of what a log holds, without reading its messages where the index tells."""
+"""A summary of the contents of a log, from its index where possible."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class TopicSummary:
 
 @dataclass(frozen=True, slots=True)
 class LogSummary:
-    """Contents of a log."""
+    """The contents of a log."""
 
     path: Path
     bytes: int
@@ -60,10 +60,10 @@ class LogSummary:
 
 
 def summarize(path: Path, progress: Callable[[float], None] = lambda share: None) -> LogSummary:
-    """Summarise a closed file by its index, one without by reading it, up to its tear if any.
+    """Summarise a closed file from its index, another by reading it, up to its tear if it has one.
 
     Args:
-        progress: told the share read, 0…1, of a file that must be.
+        progress: called with the share read, 0…1, if the file must be read.
 
     Raises LogFormatError or StorageError.
     """
@@ -93,7 +93,7 @@ _WANTED = (
 
 
 def _by_index(path: Path, file: int) -> LogSummary | None:
-    """Return the summary by the index; None when the log was closed without one."""
+    """Return the summary from the index; None when the log was closed without one."""
     schemas: dict[int, str] = {0: ""}
     channels: dict[int, Channel] = {}
     attachments: dict[str, int] = {}
@@ -149,7 +149,7 @@ def _metadata(read: Read, index: MetadataIndex) -> Metadata:
 
 
 def _by_reading(path: Path, problem: str, progress: Callable[[float], None]) -> LogSummary:
-    """Read block by block, as a chunk may hold millions of messages; `problem` of its index."""
+    """Read block by block, as a chunk may hold millions of messages; `problem` is the index's."""
     reader = BlockReader(path)
     counts: Counter[int] = Counter()
     first, last = 2**64 - 1, 0

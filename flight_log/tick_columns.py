@@ -1,6 +1,6 @@
-"""Numbers of every tick between two instants, from a log that may still be written.
+"""Numbers of every tick between two instants, from a log that may still be being written.
 
-Only whole chunks are read, from a given place on, and payloads are taken out by numpy without
+Only complete chunks are read, from a given offset on, and numpy extracts the payloads without
 decoding messages: a second of ticks takes some milliseconds.
 """
 
@@ -28,11 +28,11 @@ Stamps = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float32]
 
 TICK_TOPICS = ("state", "reference", "imu", "actuators")
-"""Topics with one message a tick, all with its stamp."""
+"""Topics with one message for each tick, all with its stamp."""
 
 
 class Column(NamedTuple):
-    """`item` is None for a single number."""
+    """One column: a field of a topic; `item` is None for a single number."""
 
     topic: str
     field: str
@@ -44,11 +44,11 @@ class Columns:
     """The columns that were read.
 
     Attributes:
-        stamps_ns: shape (N,), rising.
-        values: shape (N, columns).
-        written_ns: the newest tick seen, 0 if none was.
-        ended: the file's end was reached and nothing will be added.
-        damaged: chunks that could not be read.
+            stamps_ns: shape (N,), rising.
+            values: shape (N, columns).
+            written_ns: stamp of the newest tick seen, 0 if there was none.
+            ended: whether the file's end was reached, so that nothing will be added.
+            damaged: number of chunks that could not be read.
     """
 
     stamps_ns: Stamps
@@ -99,7 +99,7 @@ def read_columns(
     """Read at most `rows` ticks with start_ns <= stamp <= end_ns, the earliest first.
 
     Args:
-        offset: a record's place in the file before which no such tick stands.
+        offset: of a record in the file before which there is no such tick.
 
     A tick counts when all topics of the columns have it. Raises UsageError or StorageError.
     """
@@ -132,7 +132,7 @@ def read_columns(
 
 
 class _Ticks:
-    """The records of one topic between two stamps, both included."""
+    """The records of one topic between two stamps, inclusive."""
 
     def __init__(self, layout: FixedLayout, start_ns: int, end_ns: int) -> None:
         self._layout, self._start_ns, self._end_ns = layout, start_ns, end_ns
@@ -159,7 +159,7 @@ class _Ticks:
         return np.concatenate(self._stamps)
 
     def at(self, stamps: Stamps) -> npt.NDArray[np.void]:
-        """Return its record of each."""
+        """Return the topic's record at each of these stamps."""
         return np.concatenate(self._parts)[np.searchsorted(self.stamps, stamps)]
 
 

@@ -1,7 +1,7 @@
 """The messages of a log as columns of numbers and texts, block by block.
 
-For every topic: when each message was true and when it was received, a column for each number of
-its type (by path, `pose.pose.position.x`), and for each text the places where it changes.
+Every topic has: when each message was valid and when it was received, a column for each number of
+its type (by path, `pose.pose.position.x`), and for each text the rows where it changes.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from quadrotor.errors import LinkError, LogFormatError
 from vehicle_link.messages import decode
 
 MOST_LAYOUTS = 200
-"""Tried for the payloads of one size in a block; a topic of stranger messages loses the rest."""
+"""Number of layouts tried for a block's payloads of one size; messages beyond them are lost."""
 MOST_FAILURES = 2000
-"""Messages of a topic that are no such message, before the rest of it is left unread."""
+"""Number of unreadable messages of a topic after which the rest of it is skipped."""
 MOST_ROWS = 4096
-"""Most messages of a topic in a piece: at 10 bytes a message a block has 100 000."""
+"""Largest number of a topic's messages in a piece: at 10 bytes each, a block has 100 000."""
 MOST_VALUES = 4_000_000
-"""Largest number of values in the pieces that are given together."""
+"""Largest number of values in the pieces that are yielded together."""
 
 NO_SCHEMA = Schema(id=0, name="", encoding="", data=b"")
 
@@ -40,35 +40,35 @@ Stamps = npt.NDArray[np.int64]
 
 @dataclass
 class Columns:
-    """N messages of one topic, in the order they were written."""
+    """N messages of one topic, in the order in which they were written."""
 
     topic: str
     type_name: str
     log_ns: Stamps  # (N,) reception at the writer
     publish_ns: Stamps  # (N,) the source's stamp
-    # (N,) each, NaN where there is none; of whole ones beyond 2^53 the nearest
+    # (N,) each, NaN where missing; integers beyond 2^53 are rounded
     numbers: dict[str, Floats] = field(default_factory=dict)
-    texts: dict[str, list[tuple[int, str]]] = field(default_factory=dict)  # index, text from there
-    payloads: list[bytes] = field(default_factory=list)  # of topics wanted whole
+    texts: dict[str, list[tuple[int, str]]] = field(default_factory=dict)  # index, text from it on
+    payloads: list[bytes] = field(default_factory=list)  # of the topics in `whole`
 
 
 class Batch(NamedTuple):
-    """The columns of one block, or of a part of it where that is many numbers."""
+    """The columns of one block, or of a part of it if it has too many numbers."""
 
     columns: list[Columns]
     share: float  # of the file read so far, 0 to 1
 
 
 class ColumnReader:
-    """Iterate once.
+    """Iterator over a log's columns, to be used once.
 
     Args:
-        whole: ends of topic names (`/events`) whose payloads are wanted too.
-        header_stamps: whether the numbers of HEADER_STAMP are wanted; else none of headers are.
+        whole: ends of topic names (`/events`) whose payloads are read too.
+        header_stamps: whether the numbers of HEADER_STAMP are read; otherwise no header is.
 
     Attributes:
         problems: one line for each topic that could not be read.
-        foreign: message types that have other fields here than in this version.
+        foreign: message types whose fields differ from those in this version.
 
     Raises LogFormatError or StorageError.
     """
@@ -167,7 +167,7 @@ class _TopicReader:
     def _read_size(
         self, rows: Bytes, chosen: Places, out: Columns, texts: dict[str, npt.NDArray[Any]]
     ) -> None:
-        """Read payloads (N, size) that are at the places `chosen` of the columns."""
+        """Read payloads (N, size), which belong at the rows `chosen` of the columns."""
         known = self._known.setdefault(rows.shape[1], [])
         left = np.ones(len(rows), bool)
         for k in range(MOST_LAYOUTS):
@@ -192,8 +192,8 @@ class _TopicReader:
             left &= ~here
 
     def _bounded(self, layout: PayloadLayout) -> PayloadLayout:
-        """Return the layout without numbers and texts that no message before it had, where these
-        are many.
+        """Return the layout; if there are too many numbers and texts, without those that no earlier
+        message had.
         """
         paths = self._seen | layout.numbers.keys() | layout.texts.keys()
         if len(paths) <= MOST_NUMBERS:
@@ -203,7 +203,7 @@ class _TopicReader:
         return _narrowed(layout, frozenset(self._seen))
 
     def _changes(self, path: str, column: npt.NDArray[Any]) -> list[tuple[int, str]]:
-        """Return where a text differs from the one before, as (row, text); None means no text."""
+        """Return where a text differs from the previous one, as (row, text); None means no text."""
         found = []
         begins = np.flatnonzero(np.concatenate([[True], column[1:] != column[:-1]]))
         for index in begins.tolist():
@@ -219,7 +219,7 @@ def _values(columns: Columns) -> int:
 
 
 def _narrowed(layout: PayloadLayout, paths: frozenset[str]) -> PayloadLayout:
-    """Return the layout with these numbers and texts alone."""
+    """Return the layout restricted to these numbers and texts."""
     return PayloadLayout(
         layout.size,
         layout.lengths,
@@ -263,7 +263,7 @@ def _fill(
 
 
 def _joined(rows: Bytes, pieces: list[tuple[int, int]]) -> npt.NDArray[Any]:
-    """Return the text of each row, a sequence's items parted by commas; shape (N,)."""
+    """Return the text of each row, a sequence's items separated by commas; shape (N,)."""
     size = sum(length for _, length in pieces)
     if not size:
         return np.full(len(rows), "", object)
@@ -281,10 +281,7 @@ def _joined(rows: Bytes, pieces: list[tuple[int, int]]) -> npt.NDArray[Any]:
 
 
 def text_fields(payload: bytes, type_name: str) -> dict[str, Any]:
-    """Return a message's own texts, numbers and parameter values, by name.
-
-    It is empty when the message is unreadable.
-    """
+    """Return a message's own texts, numbers and parameter values; empty if unreadable."""
     try:
         message = decode(payload, type_name)
     except (LinkError, KeyError):

@@ -1,4 +1,4 @@
-"""A first look at a log: its times and, of the topics of the vehicle, which messages it has."""
+"""An overview of a log: its times and which messages it has of the vehicle's topics."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FILLED_TOPICS = (
     *TICK_TOPICS,
     *(row.name for row in TOPICS.values() if row.sender == "vehicle" and row.recorded),
 )
-"""Topics that are taken from the vehicle's log."""
+"""Topics whose messages are copied from the vehicle's log."""
 EARLIEST, LATEST = -(2**62), 2**62
 
 Stamps = npt.NDArray[np.int64]
@@ -43,13 +43,13 @@ class Channel(NamedTuple):
 
 
 class Log:
-    """A first look at a log: its times and, of the topics of the vehicle, which messages it has."""
+    """An overview of a log: its times and which messages it has of the vehicle's topics."""
 
     def __init__(self, path: Path) -> None:
-        """Read it once. Raises LogFormatError or StorageError."""
+        """Read the log once. Raises LogFormatError or StorageError."""
         self.path = path
         self.armed: dict[int, bool] = {}  # by stamp
-        self.delay_ns = 0  # reception minus the vehicle's stamp, as usual in this log
+        self.delay_ns = 0  # reception minus the vehicle's stamp, median of this log
         self.first_ns, self.last_ns = LATEST, 0  # of reception
         self.reader = reader = BlockReader(path)
         parts: dict[int, list[tuple[Stamps, Stamps, Stamps]]] = defaultdict(list)
@@ -82,7 +82,7 @@ class Log:
 
     @property
     def span(self) -> tuple[int, int]:
-        """Return the stamps of the first and the last tick; the first is later without any."""
+        """Return the stamps of the first and last tick; without ticks, first > last."""
         stamps = stamps_of(self, "state")
         return int(stamps.min(initial=LATEST)), int(stamps.max(initial=EARLIEST))
 
@@ -93,8 +93,8 @@ class Log:
 
         Args:
             kept: by channel, which messages.
-            logs: by channel, their log times; those of the file for a channel without.
-            others: whether the messages of all other channels are wanted too.
+            logs: by channel, their log times; channels without an entry keep those of the file.
+            others: whether the messages of all other channels are yielded too.
         """
         at: Counter[int] = Counter()
         for block in BlockReader(self.path):
@@ -118,7 +118,7 @@ class Log:
         return channel.topic.rsplit("/", 1)[-1] if channel else ""
 
     def _look_for_armed(self, block: Block, stamps: Stamps, places: Places) -> None:
-        with suppress(LinkError):  # of another version, whose messages have other fields
+        with suppress(LinkError):  # of another version, with other fields
             for stamp_ns, place in zip(stamps.tolist(), places.tolist(), strict=True):
                 status = decode(_payload(block, place), TOPICS["status"].type_name)
                 self.armed[stamp_ns] = bool(status.armed)
@@ -126,7 +126,7 @@ class Log:
 
 @dataclass
 class Taken:
-    """The messages taken of one of the vehicle's logs, by channel."""
+    """The messages to copy from one of the vehicle's logs, by channel."""
 
     log: Log
     kept: dict[int, Mask] = field(default_factory=dict)
@@ -134,8 +134,8 @@ class Taken:
 
 
 def vehicle_times(run: Path) -> tuple[int, int, int, int]:
-    """Return when a run began and ended by the vehicle's clock, and the stamps of the first and
-    the last tick the station has of it, in ns. Raises LogFormatError or StorageError.
+    """Return the beginning and end of a run on the vehicle's clock, and the stamps of the first and
+    last tick that the station has of it, in ns. Raises LogFormatError or StorageError.
     """
     log = Log(station_log(run))
     return (log.first_ns - log.delay_ns, log.last_ns - log.delay_ns, *log.span)

@@ -1,7 +1,7 @@
-"""One run to one MCAP file: profile ros2, schemas ros2msg, CDR, lz4 chunks of 64 KiB.
+"""Writer of a run's MCAP file: profile ros2, schemas ros2msg, CDR, lz4 chunks of 64 KiB.
 
-Small chunks, closed after 40 ms at the latest, and an unbuffered file: a killed process loses
-at most that. The index at the end is written by `close`; a file without it is `recover`ed.
+Chunks are small and closed after 40 ms at the latest, and the file is unbuffered: a killed process
+loses at most that. `close` writes the index at the end; a file without it is repaired by `recover`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ MEDIA_TYPES = {".json": "application/json", ".toml": "application/toml", ".py": 
 
 
 class Message(NamedTuple):
-    """A message as `LogWriter.write` takes it."""
+    """A message with the arguments of `LogWriter.write`."""
 
     topic: str
     type_name: str
@@ -38,7 +38,7 @@ class Message(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """N messages of one topic whose payloads have one size, oldest first."""
+    """N messages of one topic whose payloads have the same size, oldest first."""
 
     topic: str
     type_name: str
@@ -48,7 +48,7 @@ class Batch(NamedTuple):
 
 
 class LogWriter:
-    """Write a log. Not thread-safe: only one thread may write.
+    """Writer of a log. Not thread-safe: only one thread may write.
 
     Args:
         path: a new file; missing folders are made.
@@ -58,7 +58,7 @@ class LogWriter:
         chunk_age_ns: log time after which a chunk is closed, full or not.
 
     Raises:
-        StorageError: here and in every method, when the disk refuses.
+        StorageError: here and in every method, when the disk fails.
     """
 
     def __init__(
@@ -86,12 +86,12 @@ class LogWriter:
 
     @property
     def size(self) -> int:
-        """Return bytes in the file so far."""
+        """Return the number of bytes in the file so far."""
         return self._file.size
 
     @property
     def channels(self) -> dict[int, tuple[str, str]]:
-        """Return id → topic and type of those that have messages so far; from any thread."""
+        """Return id → topic and type of the channels with messages so far; thread-safe."""
         found = self._channels.copy()
         return {k: (topic, messages.ros_name(kind)) for (topic, kind), k in found.items()}
 
@@ -104,7 +104,7 @@ class LogWriter:
     ) -> None:
         """Write one message: `payload` in CDR, reception and source stamp in ns.
 
-        A source's stamp before the epoch, which no log can hold, is written as 0.
+        A source stamp before the epoch, which no log can hold, is written as 0.
         """
         if self._broken is not None:
             raise self._broken
@@ -120,8 +120,8 @@ class LogWriter:
             raise
 
     def write_many(self, messages: Sequence[tuple[str, str, bytes, int, int]]) -> None:
-        """Write many messages, each with the arguments of `write`, in this order; a chunk may
-        become larger by all of them.
+        """Write many messages, each with the arguments of `write`, in this order; a chunk may grow
+        by all of them.
         """
         with self._guarded():
             if not messages:
@@ -141,9 +141,9 @@ class LogWriter:
             self._close_old_chunk(rows[-1].log_ns)
 
     def write_batches(self, batches: Sequence[Batch]) -> None:
-        """Write many messages in the order of their log time; at one time, in that of `batches`.
+        """Write many messages in the order of their log time; at equal times, in that of `batches`.
 
-        No batch may be empty. Writes whole batches: a chunk may become larger by all of them.
+        No batch may be empty. Writes whole batches: a chunk may grow by all of them.
         """
         with self._guarded():
             channels = [
@@ -158,22 +158,22 @@ class LogWriter:
             self._close_old_chunk(max(int(batch.log_ns[-1]) for batch in batches))
 
     def close_chunk(self) -> None:
-        """Hand everything written so far to the kernel: a killed process does not lose it."""
+        """Pass everything written so far to the kernel, so that a killed process keeps it."""
         with self._guarded():
             self._writer.flush()
 
     def flush(self) -> None:
-        """Close the chunk and send everything to the disk itself (fdatasync)."""
+        """Close the chunk and flush everything to the disk (fdatasync)."""
         self.close_chunk()
         with self._guarded():
             self._file.sync()
 
     def sync(self) -> None:
-        """Send closed chunks to the disk itself (fdatasync); from any thread."""
+        """Flush closed chunks to the disk (fdatasync); thread-safe."""
         self._file.sync()
 
     def attach(self, name: str, data: bytes) -> None:
-        """Write one more attachment, at the present place of the file."""
+        """Write one more attachment, at the current position of the file."""
         kind = MEDIA_TYPES.get(Path(name).suffix, "")
         record = Attachment(create_time=0, log_time=0, name=name, media_type=kind, data=data)
         with self._guarded():
@@ -184,9 +184,9 @@ class LogWriter:
             self._writer.add_metadata(name, dict(values))
 
     def close(self) -> bool:
-        """Write the index and close; the second call does nothing.
+        """Write the index and close; a second call does nothing.
 
-        Returns whether the file has its index: not when a write failed before.
+        Returns whether the file has its index; it has none if an earlier write failed.
         """
         if self._closed:
             return self._whole
@@ -214,7 +214,7 @@ class LogWriter:
 
     @contextmanager
     def _guarded(self) -> Iterator[None]:
-        """Raise in every call the first error with which the disk refused."""
+        """Raise in every call the first error of the disk."""
         if self._broken is not None:
             raise self._broken
         try:
@@ -224,7 +224,7 @@ class LogWriter:
             raise
 
     def _close_old_chunk(self, log_ns: int) -> None:
-        # A clock that was set back must not keep the chunk open either.
+        # A clock that was set back must not keep the chunk open.
         if not 0 <= log_ns - self._chunk_start_ns < self._chunk_age_ns:
             self._chunk_start_ns = log_ns
             self._writer.flush()

@@ -1,4 +1,4 @@
-"""The command line: composition of vehicle, station, web and simulator; and what a notebook uses.
+"""The command line, which composes vehicle, station, web and simulator; and the notebook interface.
 
 `quadlab.open` returns a recorded run, `quadlab.fly` flies an experiment in simulated time,
 `quadlab.batch` flies many scenarios in compiled code, `quadlab.connect` signs in at a running
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 __all__ = ["batch", "connect", "fly", "open"]
 
-# Matrices here are small: a second thread of numpy's library would only be idle, in every process.
+# Matrices here are small: more threads of numpy's library would only be idle, in every process.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def __getattr__(name: str) -> Any:
-    """Load each function at its first use: the command line needs none of them."""
+    """Load each function at its first use, as the command line needs none of them."""
     if name == "batch":
         from vehicle.closed_loop.batch import fly_batch
 

@@ -1,4 +1,4 @@
-"""`quadlab COMMAND …`: reads the command line and runs one command.
+"""`quadlab COMMAND …`: parses the command line and runs one command.
 
 Exit status: 0 done, 1 failed, 2 wrong usage. An error is one line on stderr.
 """
@@ -22,7 +22,7 @@ from quadlab.up.supervise import follow_parent
 from quadrotor.errors import QuadlabError, UsageError
 
 OF_SEVERAL = ("log", "link")
-"""Commands that do nothing on their own: without a further word they print their help."""
+"""Commands that need a subcommand: without one they print their help."""
 SHELLS = ("bash", "zsh", "tcsh")
 COMPLETION = (
     "quadlab completion SHELL prints the completion for bash, zsh or tcsh: put "
@@ -31,7 +31,7 @@ COMPLETION = (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command named by `arguments` (default: sys.argv); returns the exit status."""
+    """Run the command named by `arguments` (default: sys.argv); return the exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     follow_parent()
     if words == ["--version"]:
@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     except KeyboardInterrupt:
         return 130
-    except BrokenPipeError:  # the reader of our output, `head` for instance, has enough
+    except BrokenPipeError:  # the reader of our output, such as `head`, has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
 
@@ -66,10 +66,10 @@ def _shell(words: Sequence[str]) -> str:
 
 
 def program() -> NoReturn:
-    """Run `main` as a program of its own, which leaves without taking the interpreter apart.
+    """Run `main` as a program, and exit without finalising the interpreter.
 
-    A session of Zenoh may still be closing, and one of its threads that calls Python meanwhile
-    aborts a process that is finalising.
+    A session of Zenoh may still be closing, and one of its threads that calls Python in the
+    meantime aborts a process that is finalising.
     """
     try:
         status = main()
@@ -104,7 +104,7 @@ def parse(words: Sequence[str]) -> Command:
 
 
 def _one_setting_each(words: Sequence[str]) -> list[str]:
-    """Return `--set a=1 b=2` as `--set a=1 --set b=2`: both are how people write it."""
+    """Return `--set a=1 b=2` as `--set a=1 --set b=2`, as people write both."""
     out: list[str] = []
     setting = False
     for word in words:
@@ -116,9 +116,7 @@ def _one_setting_each(words: Sequence[str]) -> list[str]:
 
 
 def _one_line(boxed: str) -> str:
-    """Return tyro's boxed complaint as one sentence: what is wrong, and the nearest word there
-    is.
-    """
+    """Return tyro's boxed complaint as one sentence: the mistake and the nearest allowed word."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", boxed)
     sections: list[list[str]] = [[]]
     for framed in plain.splitlines()[1:]:
@@ -136,7 +134,7 @@ def _one_line(boxed: str) -> str:
 
 
 def _nearest(said: str) -> str:
-    """Return the allowed words nearest to one that is not; none if none is near."""
+    """Return the allowed words nearest to one that is not allowed; "" if none is near."""
     wrong = re.search(r"(?:Unrecognized options: |invalid choice ')([\w-]+)", said)
     allowed = re.search(r"(?:Available subcommands: |Expected one of [({])([^;)}]+)", said)
     if not wrong or not allowed or "Perhaps you meant" in said:

@@ -1,4 +1,4 @@
-"""The data folder: where it is, that it can be written, and that only one `up` owns it."""
+"""The data folder: its path, a check that it is writable, and a lock for one `up`."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ import platformdirs
 from quadrotor.errors import StorageError
 
 FREE_SPACE_FLOOR = 500_000_000
-"""bytes: below this the recorder stops, so nothing starts either."""
+"""Bytes; with less free space the recorder stops, so nothing starts either."""
 
 
 def open_data_folder(chosen: Path | None, option: str = "--data") -> Path:
     """Return the data folder, made when missing: `chosen`, else the platform's (XDG).
 
     Args:
-        option: of the command line that chooses it, for messages.
+        option: the command line option that chooses it, for messages.
 
-    Raises StorageError when it cannot be written or is almost full.
+    Raises StorageError when it is not writable or almost full.
     """
     folder = chosen or Path(platformdirs.user_data_dir("quadlab", appauthor=False))
     folder = folder.expanduser().absolute()
@@ -48,7 +48,7 @@ def open_data_folder(chosen: Path | None, option: str = "--data") -> Path:
 
 @contextlib.contextmanager
 def owned(folder: Path) -> Iterator[None]:
-    """Hold the folder for one `quadlab up`. Raises StorageError when another holds it."""
+    """Lock the folder for one `quadlab up`. Raises StorageError when another has locked it."""
     with open(folder / "up.lock", "a+") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,4 +1,4 @@
-"""A running laboratory for scripts and notebooks, over the interface of its page.
+"""A running laboratory for scripts and notebooks, through its page's HTTP interface.
 
 with quadlab.connect("http://127.0.0.1:8080/?token=…") as lab:
     lab.parameters["control.position.kp_xy"]
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
     from quadlab.run import Run
 
 REACH = 10.0
-"""s for an answer of the page's server."""
+"""Seconds to wait for an answer of the page's server."""
 RETRY = 0.5
-"""s between two attempts to connect again, and between two looks at an experiment."""
+"""Seconds between two attempts to connect again, and between two queries of an experiment."""
 STARTED = 10.0
-"""s within which an experiment that was accepted has begun, or has ended."""
+"""Seconds within which an accepted experiment has begun, or has ended."""
 
 
 def connect(
@@ -46,12 +46,12 @@ def connect(
     """Sign in at a running laboratory.
 
     Args:
-        url: the sign-in link that `quadlab up` prints or a page makes (each is used once), or the
+        url: the sign-in link that `quadlab up` prints or a page makes (each works once), or the
             page's address, with the name and password of an account.
-        authority: the certificate (PEM) of the laboratory's own authority, of `--tls`.
+        authority: the certificate (PEM) of the laboratory's own authority, for `--tls`.
 
-    Raises UnreachableError when nobody answers there, RefusedError when the link was used or the
-    password is wrong.
+    Raises UnreachableError when no server answers, RefusedError when the link was used already or
+    the password is wrong.
     """
     return Laboratory(url, name, password, authority)
 
@@ -59,12 +59,12 @@ def connect(
 class Laboratory:
     """The vehicle, station and runs behind one page; made by `connect`.
 
-    Commands are those of a person at the page: the first one takes control if nobody has it, and
-    control stays while this is open. Raises LinkError while something is not reached, RefusedError
-    with the reason of a command that is refused.
+    Commands are the same as for a person at the page: the first one takes control if it is free,
+    and keeps it while this is open. Raises LinkError while something cannot be reached,
+    RefusedError with the reason when a command is refused.
 
     Attributes:
-        label: who this is, as the page shows it. role: viewer, operator or admin.
+        label: name of this user as the page shows it. role: viewer, operator or admin.
     """
 
     def __init__(self, url: str, name: str, password: str, authority: Path | None) -> None:
@@ -107,7 +107,7 @@ class Laboratory:
         self._thread.start()
 
     def close(self) -> None:
-        """Leave; what was started goes on, and control is free after some seconds."""
+        """Sign off; what was started continues, and control becomes free after some seconds."""
         self._closing.set()
         if self._presence is not None:
             self._presence.close()
@@ -125,7 +125,7 @@ class Laboratory:
     ) -> None:
         self.close()
 
-    # ------------------------------------------------------------------ looking
+    # ------------------------------------------------------------------ queries
     @property
     def summary(self) -> dict[str, Any]:
         """Return the newest states: vehicle `status`, `link`, `battery`, `experiment`, ages."""
@@ -140,11 +140,11 @@ class Laboratory:
 
     @property
     def signals(self) -> list[str]:
-        """Return the names that `stream` takes."""
+        """Return the names that `stream` accepts."""
         return [one["name"] for one in self._json("GET", "/api/signals")["signals"]]
 
     def stream(self, *signals: str) -> Iterator[dict[str, float]]:
-        """Yield telemetry as it comes, 25 times a second: `time` (s, epoch, of the station) and
+        """Yield telemetry as it arrives, 25 times a second: `time` (s, epoch, of the station) and
         each signal in its unit, NaN while it has no value.
 
         Raises UsageError for an unknown signal, LinkError when the connection ends.
@@ -162,13 +162,13 @@ class Laboratory:
 
     # ------------------------------------------------------------------ commands
     def set(self, values: Mapping[str, ParameterValue]) -> dict[str, ParameterValue]:
-        """Change parameters, all or none; return what is in force."""
+        """Change parameters, all or none; return the values in force."""
         answer = self._json("PUT", "/api/parameters", json={"values": dict(values)})
         applied: dict[str, ParameterValue] = answer["applied"]
         return applied
 
     def command(self, command: str, **fields: Any) -> None:
-        """Give a command of the page: arm, disarm, start_behavior, emergency …"""
+        """Give a command as on the page: arm, disarm, start_behavior, emergency …"""
         self._json("POST", f"/api/commands/{command}", json=fields)
 
     def start(self, behavior: str, **arguments: float | str | bool) -> None:
@@ -178,7 +178,7 @@ class Laboratory:
     def fly(self, experiment: str, **options: ParameterValue) -> Run:
         """Let the station fly an experiment; return its run with the verdict when it has ended.
 
-        Raises RefusedError when it is refused, LinkError when it was stopped before its end.
+        Raises RefusedError when it is refused, LinkError when it is stopped before its end.
         """
         from console.experiments.client import Result
 
@@ -196,7 +196,7 @@ class Laboratory:
             is_running = is_ours and now["phase"] in RUNNING
             has_begun = has_begun or is_running
             if not is_running and (has_begun or (is_ours and now["run_id"] not in ("", before))):
-                break  # what ended before this one has another run
+                break  # an earlier experiment has another run
             if not has_begun and time.monotonic() > limit:
                 break
             time.sleep(RETRY)
@@ -216,7 +216,7 @@ class Laboratory:
         return found
 
     def open(self, run: str, folder: Path | None = None, result: Any = None) -> Run:
-        """Download a run and return it; into a temporary folder when none is given."""
+        """Download a run and return it; without `folder`, into a temporary folder."""
         from quadlab.run import Run
 
         place = Path(tempfile.mkdtemp(prefix="quadlab-")) if folder is None else folder
@@ -236,7 +236,7 @@ class Laboratory:
         part.replace(file)
         return Run(file, result)
 
-    # ------------------------------------------------------------------ the way there
+    # ------------------------------------------------------------------ requests
     def _experiment(self) -> dict[str, Any]:
         return self.summary.get("experiment") or {}
 
@@ -273,7 +273,7 @@ class Laboratory:
             raise UnreachableError(f"{self._base}{path} is not reached: {error}") from None
 
     def _stay(self) -> None:
-        """Be present, as a page that is open, for whom the station keeps control."""
+        """Stay connected like an open page, so that the station leaves control to this user."""
         while not self._closing.is_set():
             try:
                 with self._socket("/ws/events") as socket:
@@ -291,7 +291,7 @@ def _decoded(frame: bytes, signals: Sequence[str]) -> dict[str, float]:
 
 
 def _reason(answer: httpx.Response) -> str:
-    """Return why a request was refused, as the server puts it."""
+    """Return why a request was refused, in the server's words."""
     try:
         return str(answer.json()["error"])
     except (ValueError, KeyError, TypeError):

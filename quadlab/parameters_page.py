@@ -1,4 +1,4 @@
-"""docs/parameters.md from the models: every parameter with unit, bounds and meaning."""
+"""docs/parameters.md, made from the models: every parameter with unit, bounds and meaning."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from quadrotor.parameters import ParameterDescription, Parameters, ParameterStore
 
 ABOVE = ("tracker.", "bearings.")
-"""Prefixes of station parameters that have a section of their own."""
+"""Prefixes of station parameters that have a separate section."""
 HEAD = "| name | default | allowed | unit | meaning |\n|---|---|---|---|---|\n"
 
 

@@ -40,9 +40,9 @@ def open(run: str | Path, data: Path | None = None) -> Run:
     """Return a run: a file, a run's folder, or the name of a run in the data folder.
 
     Args:
-        data: the data folder; the usual one when None.
+        data: the data folder; None for the default one.
 
-    Raises StorageError when there is no such run, LogFormatError for a file that is no log.
+    Raises StorageError when there is no such run, LogFormatError when the file is not a log.
     """
     from quadlab.data_folder import open_data_folder
 
@@ -71,7 +71,7 @@ def fly(
         experiment: a name, or a Python file. seed: of all noise. set: parameters by name.
         out: folder of the log; None: flights in the data folder. plugins: folder of control laws.
 
-    Raises QuadlabError, as `quadlab fly` tells it.
+    Raises QuadlabError with the messages of `quadlab fly`.
     """
     from quadlab.simulated import experiment as simulated
 
@@ -82,11 +82,11 @@ def fly(
 
 
 class Run:
-    """One run. A topic is read when it is asked for, and kept.
+    """One run. A topic is read on its first use, and kept in memory.
 
     Args:
         path: the log's file.
-        result: verdict and figures, of a flight that was just flown.
+        result: verdict and figures of a flight that has just been flown.
 
     Raises StorageError, LogFormatError.
     """
@@ -102,7 +102,7 @@ class Run:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """Return the names of the topics, without the vehicle's."""
+        """Return the names of the topics, without the vehicle's namespace."""
         return tuple(sorted(self._names))
 
     @property
@@ -112,11 +112,11 @@ class Run:
 
     @property
     def metadata(self) -> Mapping[str, str]:
-        """Return what the recorder noted: run, vehicle, versions of the software."""
+        """Return the recorder's metadata: run, vehicle, versions of the software."""
         return self._summary.run
 
     def __getitem__(self, topic: str) -> Table:
-        """Return a topic as a table. Raises UsageError for one that is not in the log."""
+        """Return a topic as a table. Raises UsageError if the log has no such topic."""
         if topic not in self._tables:
             found = next(Tables(self.path, [topic]).whole(), None)
             if found is None:
@@ -142,7 +142,7 @@ class Run:
 
     @cached_property
     def calibrations(self) -> Any:
-        """Return the calibrations that were in force, None where the log has none attached."""
+        """Return the calibrations that were in force; None if the log has none attached."""
         return self._report.json_attachment("calibrations.json")
 
     def errors(self) -> Errors:
@@ -160,7 +160,7 @@ class Run:
 
     @cached_property
     def recording(self) -> Recording:
-        """Return the samples and measurements as `quadlab replay` feeds them to estimators."""
+        """Return the samples and measurements that `quadlab replay` feeds to estimators."""
         from quadlab.replay.log import read_recording
 
         return read_recording(self.path)
@@ -174,10 +174,10 @@ class Run:
 
 @dataclass(frozen=True)
 class Table:
-    """A topic's messages: a row each, a column for each number and text.
+    """A topic's messages: a row for each message, a column for each number and text.
 
-    `time` is s since the log's first message, `stamp_ns` when the message was true by its source's
-    clock, `received_ns` when it was recorded.
+    `time` is in s since the log's first message, `stamp_ns` is when the message was valid on its
+    source's clock, `received_ns` when it was recorded.
 
     Attributes:
         arrow: a pyarrow.Table; the units are in the metadata of its fields.
@@ -202,14 +202,14 @@ class Table:
         return {name: known[b"unit"].decode() for name, known in fields if b"unit" in known}
 
     def __getitem__(self, column: str) -> Array:
-        """Return a column as an array (N,). Raises UsageError for one that is not there."""
+        """Return a column as an array (N,). Raises UsageError if there is no such column."""
         if column not in self.columns:
             raise UsageError(f"no column {column!r}; there are {', '.join(self.columns)}")
         found: Array = self.arrow[column].to_numpy()
         return found
 
     def numpy(self, *columns: str) -> Array:
-        """Return columns side by side, (N, M)."""
+        """Return columns as an array, (N, M)."""
         return np.stack([self[column] for column in columns], axis=1)
 
     def pandas(self) -> Any:
@@ -229,8 +229,8 @@ class Table:
         return Table(self.arrow.filter((time >= begin) & (time <= end)))
 
     def at(self, times: npt.ArrayLike) -> Table:
-        """Return the table at these times (M,) (s): numbers joined by straight lines, texts and
-        whole numbers as they were last; NaN before the first and after the last row.
+        """Return the table at these times (M,) (s): numbers interpolated linearly, texts and
+        integers from the last row before; NaN before the first and after the last row.
         """
         import pyarrow as pa
 

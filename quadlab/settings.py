@@ -1,8 +1,8 @@
-"""`--set name=value` words, checked against the parameters they set.
+"""`--set name=value` words, checked against the parameters that they set.
 
 `control.preset=NAME` and `estimation.preset=NAME` stand for the gains of a named set, and
-`simulator.preset=rough` for a simulated world as rough as a real one; words after them change
-single values.
+`simulator.preset=rough` for a simulated world as rough as a real one; later words change single
+values.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def _simulator_preset(name: str) -> dict[str, ParameterValue]:
 
 
 BOARD = "board."
-"""The prefix of the names of a board's options."""
+"""Prefix of the names of a board's options."""
 SETS = {
     "control.preset": _control_preset,
     "estimation.preset": _estimation_preset,
@@ -51,9 +51,9 @@ SETS = {
 
 
 def check_laws(values: Mapping[str, ParameterValue], data: Path) -> None:
-    """Check the control laws that these parameters name against those of the data folder.
+    """Check the control laws named in these parameters against those of the data folder.
 
-    Raises RefusedError.
+    Raises RefusedError when one is not available.
     """
     if not values.keys() & {"control.law", "control.shadow_law"}:
         return
@@ -70,7 +70,7 @@ def parse_board_options(
 ) -> tuple[list[str], dict[str, ParameterValue]]:
     """Return (the words that are not `board.NAME=VALUE`, the values of those that are).
 
-    Raises UsageError for what the options of this kind of board do not allow.
+    Raises UsageError for values that this kind of board does not allow.
     """
     from vehicle.boards.kind import find_kind
 
@@ -85,12 +85,12 @@ def parse_board_options(
 def parse_settings(
     parameters: Parameters, words: Sequence[str], prefix: str = ""
 ) -> dict[str, ParameterValue]:
-    """Apply `name=value` words to `parameters`; returns the values set.
+    """Apply `name=value` words to `parameters`; return the values that were set.
 
     Args:
-        prefix: what stood before each name on the command line, for messages.
+        prefix: what precedes each name on the command line, for messages.
 
-    Raises UsageError that names the word, what was allowed and what to try.
+    Raises UsageError with the word, what is allowed and what to try.
     """
     from quadrotor.parameters import ParameterStore, parse_text
     from vehicle.parameters import VehicleParameters, check_pairs
@@ -121,7 +121,7 @@ def parse_settings(
             raise UsageError(f"--set {prefix}{word}: {error}") from None
     try:
         store.preset(values)
-    except ParameterError as error:  # one that no description shows, like a text that is no layout
+    except ParameterError as error:  # beyond the descriptions, like a text that is not a layout
         raise UsageError(f"--set: {error}") from None
     if values and isinstance(parameters, VehicleParameters):
         try:

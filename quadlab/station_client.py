@@ -1,4 +1,4 @@
-"""A command's way to the running station of this machine: its services, its experiment's status."""
+"""A command's connection to the running station of this machine: services and experiment status."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import loopback_session
 
 REACH = 3.0
-"""s for a station to answer at all."""
+"""Seconds to wait until a station is reached."""
 ANSWER = 6.0
-"""s for an answer, which may have been to the vehicle and back."""
+"""Seconds to wait for an answer, for which the station may have to ask the vehicle."""
 PRESENT = 1.0
-"""s between two signs that this person is still here, for the control lease."""
+"""Seconds between two messages that this person is present, for the control lease."""
 
 
 class StationClient:
-    """Made by `station`; commands in the name of whoever runs this.
+    """Client of a station, made by `station`; it gives commands in the name of this user.
 
     Attributes:
-        statuses: each ExperimentStatus as it comes.
+        statuses: each ExperimentStatus as it is received.
     """
 
     def __init__(self, session: Any, vehicle: str) -> None:
@@ -48,7 +48,7 @@ class StationClient:
         self._thread.start()
 
     def ask(self, service: str, **fields: Any) -> Any:
-        """Return the station's accepted answer. Raises RefusedError with its reason, or
+        """Return the station's answer if it accepted. Raises RefusedError with its reason, or
         LinkError.
         """
         kind = SERVICES[service]
@@ -63,7 +63,7 @@ class StationClient:
         return response
 
     def listen(self, topic: str) -> queue.SimpleQueue[Any]:
-        """Return a queue of the messages of a topic as they come."""
+        """Return a queue that receives the messages of a topic."""
         heard: queue.SimpleQueue[Any] = queue.SimpleQueue()
         row = TOPICS[topic]
         self._node.subscribe(
@@ -75,7 +75,7 @@ class StationClient:
         return heard
 
     def newest(self, topic: str) -> Callable[[], Any]:
-        """Return the newest message of a topic, decoded when it is asked for; None before one."""
+        """Return a function that decodes a topic's newest message; None before the first."""
         row, payloads = TOPICS[topic], deque[bytes](maxlen=1)
         self._node.subscribe(
             row.name,
@@ -87,11 +87,11 @@ class StationClient:
         return lambda: decode(payloads[0], row.type_name) if payloads else None
 
     def parameters(self) -> dict[str, Any]:
-        """Return the vehicle's present values. Raises LinkError."""
+        """Return the vehicle's current values. Raises LinkError."""
         return self._parameters.values()
 
     def close(self) -> None:
-        """Give up control, should we have it, and close."""
+        """Give up control, if we have it, and close."""
         self._closing.set()
         self._thread.join(2.0)
         with suppress(RefusedError, LinkError):

@@ -1,4 +1,4 @@
-"""Names of vehicles on the command line, and the addresses that go with them."""
+"""Names of vehicles on the command line, and the addresses that belong to them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ THE_VEHICLE = "quad1"
 
 
 def check_name(name: str) -> None:
-    """Check that a vehicle's name can be a topic namespace and part of file names. Raises
+    """Check that a vehicle's name can be a topic namespace and a part of file names. Raises
     UsageError.
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]{0,31}", name):
@@ -22,7 +22,7 @@ def check_name(name: str) -> None:
 
 
 def parse_names(words: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of vehicles, the usual one where none is given. Raises UsageError."""
+    """Return the names of vehicles, the default one if none is given. Raises UsageError."""
     for name in words:
         check_name(name)
         if words.count(name) > 1:
@@ -31,7 +31,7 @@ def parse_names(words: Sequence[str]) -> tuple[str, ...]:
 
 
 def parse_vehicles(words: Sequence[str], name: str = THE_VEHICLE) -> dict[str, str]:
-    """Return `name=host:port` words as {name: endpoint}; `name` where there is none. Raises
+    """Return `name=host:port` words as {name: endpoint}; a word without a name gets `name`. Raises
     UsageError.
     """
     from vehicle_link.transport.session import parse_endpoint

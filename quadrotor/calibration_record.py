@@ -1,6 +1,6 @@
-"""The result of a calibration, on its way from the station to the vehicle, which keeps it.
+"""The result of a calibration, which the station sends to the vehicle, which stores it.
 
-The same record is what is proposed, what is stored, and what each log carries of those in force.
+The same record is proposed, stored, and attached to each log for the calibrations in force.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class Quality(BaseModel):
     value: float
     unit: str = Field(default="", max_length=16)
     limit: float | None = None
-    """The largest (of a residual) that is good; None where there is none."""
+    """Largest good value, for instance of a residual; None if there is no limit."""
 
     @property
     def good(self) -> bool:
@@ -30,8 +30,8 @@ class Quality(BaseModel):
 class CalibrationRecord(BaseModel):
     """A calibration.
 
-    `values` are vehicle parameters, taken over all or none; empty for the gyroscope, whose drift
-    is found again at each start and is no parameter. `figures` are results that are no parameters.
+    `values` are vehicle parameters, applied all or none; empty for the gyroscope, whose drift is
+    measured at each start and is not a parameter. `figures` are results that are not parameters.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -49,24 +49,22 @@ class CalibrationRecord(BaseModel):
     conditions: dict[str, str] = Field(default={}, max_length=50)
     """Conditions under which it was made: sensor, rate, battery, samples, simulated or not."""
     run_id: str = Field(default="", max_length=128)
-    """The run it was made from; empty when it was made without one."""
+    """The run from which it was made; empty if there was none."""
     requester: str = Field(default="", max_length=64)
     """The person who accepted it; `start` when the vehicle made it by itself."""
     stamp_ns: int = 0
     """Time of the acceptance, ns since 1970 by the vehicle's clock; written by the vehicle."""
     previous: dict[str, ParameterValue] = Field(default={}, max_length=100)
-    """The values before; written by the vehicle."""
+    """The previous values; written by the vehicle."""
 
     @property
     def good(self) -> bool:
-        """Return whether no figure is beyond its limit."""
+        """Return whether no figure exceeds its limit."""
         return all(figure.good for figure in self.quality)
 
 
 def parse_record(text: str) -> CalibrationRecord:
-    """Parse a record from JSON. Raises MeasurementError that names the first field that is
-    wrong.
-    """
+    """Parse a record from JSON. Raises MeasurementError that names the first wrong field."""
     try:
         return CalibrationRecord.model_validate_json(text)
     except ValidationError as error:

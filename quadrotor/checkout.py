@@ -1,4 +1,4 @@
-"""The place of this checkout of quadlab: helper programs are started from its root folder."""
+"""The root folder of this checkout of quadlab, from which helper programs are started."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""`@compiled`: numba's njit with a cache that knows everything a function was compiled from.
+"""`@compiled`: numba's njit with a cache keyed by everything a function was compiled from.
 
-numba's own cache looks at the file of the function alone. A function it calls, or a constant it
-took from another file, may have changed since, and old machine code would go on flying. Here the
-code of a module is kept under a digest of its source and of every source of this project that it
-imports, directly or not. Division by zero gives inf or NaN, as in numpy and on the motors' side of
-every limit, instead of an exception in the middle of a tick.
+numba's own cache checks only the file of the function. A function that it calls, or a constant
+imported from another file, may have changed since, and old machine code would still fly. Here the
+machine code of a module is stored under a digest of its source and of every source of this project
+that it imports, directly or indirectly. Division by zero gives inf or NaN, as in numpy, and is
+then subject to every limit before the motors, instead of raising an exception within a tick.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from quadrotor.checkout import ROOT
 Function = TypeVar("Function", bound=Callable[..., object])
 
 KEPT = 3
-"""Versions of one module whose machine code is kept: two branches do not evict each other."""
+"""Number of versions of a module to keep, so that two branches do not evict each other."""
 
 _IMPORT = re.compile(
     rb"^\s*(?:from|import) "
@@ -41,7 +41,7 @@ class Kept(FunctionCache):
     """A function's compiled code on disk, loaded without importing numba's compiler.
 
     numba's `FunctionCache` imports the compiler before it loads anything, which costs each process
-    some 25 MB; a function that has to be compiled imports it by itself.
+    about 25 MB; a function that has to be compiled imports it anyway.
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -53,8 +53,8 @@ class Kept(FunctionCache):
 class Inner(CPUDispatcher):
     """A compiled function that other compiled functions call.
 
-    Without entry points for Python and C it compiles a third sooner. Python may call it all the
-    same, for a test or at a prompt: the first call then compiles an entry.
+    Without entry points for Python and C it compiles in two thirds of the time. Python may still
+    call it, for a test or at a prompt: the first call then compiles an entry point.
     """
 
     def __call__(self, *arguments: Any) -> Any:
@@ -73,11 +73,11 @@ def compiled(function: Any = None, *, nogil: bool = False, inner: bool = False) 
     """Return `function` compiled at its first call, or loaded if this very source was compiled
     before.
 
-    Bare, or with options:
+    Use it without arguments, or with options:
 
     Args:
-        nogil: other Python threads run while it does.
-        inner: called by compiled functions, not by Python in a hurry; see `Inner`.
+        nogil: release the GIL, so that other Python threads run during the call.
+        inner: for functions called by compiled functions, not by time-critical Python; see `Inner`.
     """
     if function is None:
         return partial(compiled, nogil=nogil, inner=inner)
@@ -115,7 +115,7 @@ def digest(module: str) -> str:
 
 @cache
 def _source(module: str) -> tuple[bytes, tuple[str, ...]]:
-    """Hash and project imports of a module; of a package, all its modules count as imported."""
+    """Return a module's hash and project imports; a package counts as importing its modules."""
     path = ROOT.joinpath(*module.split("."))
     file = getattr(sys.modules.get(module), "__file__", None) or path.with_suffix(".py")
     if path.is_dir():
@@ -124,7 +124,7 @@ def _source(module: str) -> tuple[bytes, tuple[str, ...]]:
         return b"", inside
     try:
         text = Path(file).read_bytes()
-    except FileNotFoundError:  # typed at a prompt: nothing to read
+    except FileNotFoundError:  # defined at a prompt: there is no file
         return b"", ()
     imports = tuple(sorted({name.decode() for name in _IMPORT.findall(text)}))
     return hashlib.sha256(text).digest(), imports
@@ -146,9 +146,7 @@ def _folder(module: str, chosen: str) -> Path:
 
 @cache
 def _default_root() -> Path:
-    """Return a folder next to Python's own compiled files, or in the user's cache where those
-    cannot be written.
-    """
+    """Return a folder next to Python's compiled files, or in the user's cache if not writable."""
     root = ROOT / "__pycache__" / "kernels"
     try:
         root.mkdir(parents=True, exist_ok=True)
@@ -162,12 +160,12 @@ def _default_root() -> Path:
 def _age(folder: Path) -> float:
     try:
         return -folder.stat().st_mtime
-    except FileNotFoundError:  # another process was quicker
+    except FileNotFoundError:  # another process was faster
         return 0.0
 
 
 def kept(module: str) -> bool:
-    """Return whether machine code of this very source of `module` is kept: its functions will
-    load.
+    """Return whether machine code of this very source of `module` is stored, so that its functions
+    will be loaded.
     """
     return any(_folder(module, numba.config.CACHE_DIR).glob("*/*.nbc"))  # type: ignore[attr-defined]

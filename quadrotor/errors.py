@@ -1,14 +1,14 @@
-"""The errors a user can cause, and the sentence each must carry.
+"""The errors that a user can cause, and the rule for their messages.
 
-Every message says what came, what was allowed and what to try, in one line: it is shown
-as it stands on the page and in the terminal.
+Every message says what was received, what is allowed and what to try, in one line: it is shown
+unchanged on the page and in the terminal.
 """
 
 from __future__ import annotations
 
 
 class QuadlabError(Exception):
-    """Root of every error that is the user's, the network's or the disk's, not a defect."""
+    """Root of every error caused by the user, the network or the disk, not by a defect."""
 
 
 class ParameterError(QuadlabError):
@@ -20,7 +20,7 @@ class UnknownParameterError(ParameterError):
 
 
 class OutOfBoundsError(ParameterError):
-    """The value is not finite or lies outside the parameter's bounds."""
+    """The value is not finite or outside the parameter's bounds."""
 
 
 class WrongTypeError(ParameterError):
@@ -40,11 +40,11 @@ class MeasurementError(QuadlabError):
 
 
 class DegenerateGeometryError(MeasurementError):
-    """The measurement, or the place of the beacons, does not determine a pose."""
+    """The measurement, or the positions of the beacons, do not determine a pose."""
 
 
 class UndeterminedStartError(DegenerateGeometryError):
-    """A filter that knows a pose could use the measurement, but none can be had from it alone."""
+    """The measurement could correct a known pose, but does not determine one by itself."""
 
 
 class LinkError(QuadlabError):
@@ -52,14 +52,14 @@ class LinkError(QuadlabError):
 
 
 class NoAnswerError(LinkError):
-    """Raised when no answer came in time: the request may or may not have been carried out.
+    """Raised when no answer arrived in time: the request may or may not have been executed.
 
-    Worth asking again under the same request id.
+    It is worth repeating under the same request id.
     """
 
 
 class UnreachableError(NoAnswerError):
-    """Raised when the other side cannot be reached: nothing was carried out."""
+    """Raised when the other side cannot be reached: nothing was executed."""
 
 
 class StorageError(QuadlabError):
@@ -75,8 +75,8 @@ class JobError(QuadlabError):
 
 
 class JobTimeoutError(JobError):
-    """A helper process was not done in its time and was ended."""
+    """A helper process was not done in time and was ended."""
 
 
 class UsageError(QuadlabError):
-    """Wrong words on the command line; the process exits with status 2."""
+    """Wrong usage of the command line; the process exits with status 2."""

@@ -1,8 +1,8 @@
-"""Parameters: one pydantic model a component is the only source of names, bounds and units.
+"""Parameters: one pydantic model for each component, the only source of names, bounds and units.
 
-From it come command-line flags, the ROS 2 parameter services, the sliders, the log's
-snapshot and docs/parameters.md. A `ParameterStore` is the authority for one tree of
-components: it validates, applies, counts revisions, and never half-applies.
+Command-line flags, the ROS 2 parameter services, the sliders, the log's snapshot and
+docs/parameters.md are derived from it. A `ParameterStore` is the authority for one tree of
+components: it validates, applies, counts revisions, and never applies a change in part.
 """
 
 from __future__ import annotations
@@ -30,8 +30,7 @@ class Parameters(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
     def check_together(self) -> None:
-        """Check what no field can check alone; a store calls it when all values of a change are in
-        place.
+        """Check conditions on several fields; a store calls it when all values of a change are set.
 
         Raises OutOfBoundsError.
         """
@@ -54,8 +53,8 @@ def parameter(
     Vectors are written as named scalars (`kp_xy`, `kp_z`): each has its own bounds and slider.
 
     Args:
-        description: instead of a docstring below the field.
-        flight_step: of a float that acts on the motors at once: largest change in flight.
+        description: replaces the docstring below the field.
+        flight_step: largest change in flight, for a float that acts on the motors at once.
     """
     extra: dict[str, Any] = {"unit": unit, "step": step, "read_only": read_only}
     extra["choices"] = list(choices)
@@ -65,7 +64,7 @@ def parameter(
 
 @dataclass(frozen=True, slots=True)
 class ParameterDescription:
-    """The description of a parameter: what a client needs to show and edit it."""
+    """The description of a parameter: what a client needs to display and edit it."""
 
     name: str
     type: str  # "bool", "int", "float" or "str"
@@ -85,7 +84,7 @@ FEW_MEMBERS = 8
 
 
 class ParameterStore:
-    """Flat names (`position.kp_xy`) over a tree of `Parameters`; the single writer's side.
+    """Flat names (`position.kp_xy`) over a tree of `Parameters`; for its single writer.
 
     Args:
         root: a `Parameters` whose fields are components (`Parameters`) of scalar fields.
@@ -137,13 +136,13 @@ class ParameterStore:
         return coerce(description, value)
 
     def set(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
-        """Apply all or nothing; returns the applied values. Raises as `check`."""
+        """Apply all or nothing; return the applied values. Raises as `check` does."""
         checked = {name: self.check(name, value) for name, value in values.items()}
         self._apply(checked)
         return checked
 
     def preset(self, values: Mapping[str, object]) -> None:
-        """Set values as `set` does, before the start: read-only parameters included."""
+        """Set values as `set` does, before the start: read-only parameters too."""
         for name in values:
             self._require(name)
         self._apply({n: coerce(self._descriptions[n], v) for n, v in values.items()})
@@ -155,7 +154,7 @@ class ParameterStore:
             owners = {id(owner): owner for owner, _ in (self._places[name] for name in values)}
             for owner in owners.values():
                 owner.check_together()
-        except Exception:  # a validator of the model's own: all or nothing holds for it too
+        except Exception:  # from the model's own validator: all or nothing also applies here
             self._assign(before)
             raise
         if values:
@@ -171,7 +170,7 @@ class ParameterStore:
             raise UnknownParameterError(f"unknown parameter {name!r}: {self._hint(name)}")
 
     def _hint(self, name: str) -> str:
-        """Return what to try instead of a name that is none, of its own group if there is one."""
+        """Return what to try instead of an unknown name, from its own group if there is one."""
         group = name.rpartition(".")[0]
         members = [one for one in self._places if one.rpartition(".")[0] == group]
         few = group and 0 < len(members) <= FEW_MEMBERS
@@ -215,7 +214,7 @@ def coerce(description: ParameterDescription, value: object) -> ParameterValue:
 
 
 def parse_text(description: ParameterDescription, text: str) -> ParameterValue:
-    """Return a value typed by a person (`--set name=value`, a text box), checked as in `coerce`."""
+    """Return a value typed by a user (`--set name=value`, a text box), checked as in `coerce`."""
     if description.type == "bool":
         if text.lower() in ("true", "false"):
             return text.lower() == "true"

@@ -113,8 +113,8 @@ def quaternion_of(x: float, y: float, z: float) -> Quadruple:
 
 
 def turned(q: Array, rotation_vector_b: Sequence[float]) -> Array:
-    """Return q ⊗ exp(rotation vector), shape (4,): q turned by that vector (rad), body axes."""
-    # Plain floats: on four numbers, numpy's calls cost more than the arithmetic.
+    """Return q ⊗ exp(rotation vector), shape (4,): q rotated by that vector (rad), body axes."""
+    # Plain floats: for four numbers, numpy's calls cost more than the arithmetic.
     pw, px, py, pz = quaternion_of(*rotation_vector_b)
     w, x, y, z = q.tolist()
     r = w * pw - x * px - y * py - z * pz

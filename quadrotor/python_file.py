@@ -1,4 +1,4 @@
-"""Python files that people write: run here, with every mistake told as one line."""
+"""Users' Python files: run in this process, with every mistake reported as one line."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def read_source(path: Path) -> str:
 
 
 def run_file(path: Path, prefix: str, mistake: type[QuadlabError]) -> ModuleType:
-    """Run the file with all the rights of this process, as a module called prefix_file_STEM.
+    """Run the file with all rights of this process, as a module named prefix_file_STEM.
 
-    Raises StorageError for a file that cannot be read, `mistake` that names file and line for
-    everything that goes wrong in it.
+    Raises StorageError when the file cannot be read, `mistake` with file and line for every error
+    in it.
     """
     source = read_source(path)
     module = ModuleType(f"{prefix}_file_{path.stem}")
@@ -40,16 +40,16 @@ def run_file(path: Path, prefix: str, mistake: type[QuadlabError]) -> ModuleType
 
 
 def compile_source(path: Path, source: str) -> CodeType:
-    """Return the code of a file with this source, and keep the source for tracebacks and for the
-    docstrings of fields: the file may have changed since. Raises SyntaxError.
+    """Return the code of a file with this source, and store the source for tracebacks and the
+    docstrings of fields, as the file may change later. Raises SyntaxError.
     """
     linecache.cache[str(path)] = (len(source), None, source.splitlines(keepends=True), str(path))
     return compile(source, str(path), "exec")
 
 
 def told(path: Path, what: Callable[[], T], mistake: type[QuadlabError]) -> T:
-    """Return `what()`. Raises `mistake` with one line for whatever the file raises; errors of
-    this project pass as they are.
+    """Return `what()`. Raises `mistake` with one line for any exception from the file; errors of
+    this project pass unchanged.
     """
     try:
         return what()
@@ -60,7 +60,7 @@ def told(path: Path, what: Callable[[], T], mistake: type[QuadlabError]) -> T:
 
 
 def line_of(path: Path, error: BaseException) -> str:
-    """Return "FILE.py line N: Kind: message", with the last line of the file that took part."""
+    """Return "FILE.py line N: Kind: message", with the last line of the file in the traceback."""
     line = error.lineno if isinstance(error, SyntaxError) else None
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.lineno for frame in frames if frame.filename == str(path)]

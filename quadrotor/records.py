@@ -1,9 +1,9 @@
-"""The records that travel through one tick, as numpy structured types.
+"""The records of one tick, as numpy structured types.
 
 Numba reads them by field name, a ring buffer copies them as bytes, and an array of N is a
 batch of N vehicles: one definition serves the tick, the log and compiled campaigns.
 Frames are in the names: `_w` world (z up), `_b` body (x forward, y left, z up), `_wb`
-maps body to world. Units are SI; stamps are integer nanoseconds of the vehicle's clock.
+maps body to world. Units are SI; stamps are integer nanoseconds on the vehicle's clock.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ IMU_SAMPLE = np.dtype(
 
 POSE_SAMPLE = np.dtype(
     [
-        ("stamp_ns", "i8"),  # when the pose was true, not when it arrived
+        ("stamp_ns", "i8"),  # when the pose was valid, not when it arrived
         ("position_w", "f8", 3),  # m
         ("quaternion_wb", "f8", 4),  # (w, x, y, z); NO_ATTITUDE for the position of a marker
     ],
@@ -61,15 +61,15 @@ POSE_SAMPLE = np.dtype(
 )
 
 NO_ATTITUDE = (0.0, 0.0, 0.0, 0.0)
-"""Quaternion of a POSE_SAMPLE that is the position of a single marker alone."""
+"""Quaternion of a POSE_SAMPLE that is only the position of a single marker."""
 
 MAX_BEACONS = 32
-"""Bearings of one frame that a record holds."""
+"""Largest number of bearings of one frame in a record."""
 
 BEARINGS_SAMPLE = np.dtype(
     [
-        ("stamp_ns", "i8"),  # when the bearings were true, not when they arrived
-        ("count", "i8"),  # how many of the rows below are used
+        ("stamp_ns", "i8"),  # when the bearings were valid, not when they arrived
+        ("count", "i8"),  # number of the rows below in use
         ("sigma", "f8"),  # rad on each of two tangent axes
         ("beacon_w", "f8", (MAX_BEACONS, 3)),  # m
         ("bearing_b", "f8", (MAX_BEACONS, 3)),  # unit, from the body towards the beacon
@@ -81,7 +81,7 @@ BEARINGS_SAMPLE = np.dtype(
 SWEEP_PLANE = np.dtype(
     [
         ("origin_w", "f8", 3),  # m, of the rotor
-        ("quaternion_wr", "f8", 4),  # from the rotor's frame: z its axis, x where angles are 0
+        ("quaternion_wr", "f8", 4),  # from the rotor's frame: z is its axis, angles count from x
         ("tilt", "f8"),  # rad, of the plane of light
         ("phase", "f8"),  # rad
         ("gib_magnitude", "f8"),  # rad
@@ -90,15 +90,15 @@ SWEEP_PLANE = np.dtype(
     ],
     align=True,
 )
-"""A plane of light that a base station turns, as in `estimation.sweep_angles`."""
+"""A plane of light that a base station rotates, as in `estimation.sweep_angles`."""
 
 MAX_SENSORS = 16
-"""Sensors of one sweep that a record holds."""
+"""Largest number of sensors of one sweep in a record."""
 
 SWEEPS_SAMPLE = np.dtype(
     [
         ("stamp_ns", "i8"),  # when the plane met the sensors
-        ("count", "i8"),  # how many of the rows below are used
+        ("count", "i8"),  # number of the rows below in use
         ("sigma", "f8"),  # rad
         ("number", "i8"),  # of the plane
         ("plane", SWEEP_PLANE),
@@ -126,18 +126,18 @@ ESTIMATE = np.dtype(
         ("gyroscope_bias_b", "f8", 3),  # rad/s
         ("position_innovation_w", "f8", 3),  # m
         ("attitude_innovation_b", "f8", 3),  # rad
-        ("measurement_age", "f8"),  # s since the newest pose was true; inf if none came yet
+        ("measurement_age", "f8"),  # s since the newest pose was valid; inf if there was none
         # Measurements since the estimator was reset:
         ("measurements_used", "u4"),
-        ("measurements_refused", "u4"),  # by the gate: too far from their prediction
-        ("measurements_ignored", "u4"),  # too old, repeated, ahead of the time, or unusable
+        ("measurements_refused", "u4"),  # by the gate: too far from the prediction
+        ("measurements_ignored", "u4"),  # too old, repeated, in the future, or unusable
         ("agreement", "u1"),  # estimation.outcome.Agreement of measurements and estimate
-        # Of an estimator with a covariance; NaN and 0 of one without:
+        # For an estimator with a covariance; NaN and 0 for others:
         ("nis", "f8"),  # normalised innovation squared of the newest measurement used
-        ("nis_freedom", "i4"),  # its degrees: numbers measured; 0 when the newest was refused
-        ("consistency", "f8"),  # mean of nis over its degrees, of the last few dozen
+        ("nis_freedom", "i4"),  # its degrees of freedom; 0 when the newest was refused
+        ("consistency", "f8"),  # mean of nis / nis_freedom over the last few dozen
         ("refused_share", "f8"),  # of the last few dozen measurements
-        # Noise adapted to what was met, times the deviation that the parameters state:
+        # Adapted noise, as a multiple of the deviation stated by the parameters:
         ("accelerometer_noise_scale", "f8"),
         ("gyroscope_noise_scale", "f8"),
         ("measurement_noise_scale", "f8"),  # the largest of positions, attitudes, bearings
@@ -168,12 +168,12 @@ STATUS = np.dtype(
         ("lateness_histogram", "u4", 8),  # ticks; bounds in vehicle.flight.lateness.BOUNDS_NS
         ("overruns", "u4"),  # ticks that took longer than a period
         ("missed_frames", "u4"),  # periods without a sample
-        ("damaged_frames", "u4"),  # pieces of bytes that were no frames
-        ("nominal_rate", "f8"),  # Hz, of the samples as they were asked for
+        ("damaged_frames", "u4"),  # runs of bytes that were not frames
+        ("nominal_rate", "f8"),  # Hz, requested rate of the samples
         # While the flag BEACON_OFF is set:
-        ("suspect_offset", "f8"),  # rad, of the beacon's bearings from what the others expect
-        ("suspect_beacon", "i4"),  # its id; -1: it cannot be told which
-        ("suspect_left_out", "u1"),  # the estimator goes without it
+        ("suspect_offset", "f8"),  # rad, of the beacon's bearings from those expected by the others
+        ("suspect_beacon", "i4"),  # its id; -1: it is unclear which
+        ("suspect_left_out", "u1"),  # the estimator ignores it
     ],
     align=True,
 )
@@ -190,7 +190,7 @@ TICK = np.dtype(
     ],
     align=True,
 )
-"""Everything one tick knew and decided: what leaves the flight process."""
+"""Everything that one tick measured and decided: the output of the flight process."""
 
 
 def offset_of(record: np.dtype[np.void], field: str) -> int:
@@ -219,14 +219,14 @@ def pose_sample(stamp_ns: int, position_w: Numbers, quaternion_wb: Numbers) -> R
 
 
 def has_attitude(quaternion_wb: npt.ArrayLike) -> bool:
-    """Return whether a tracked quaternion is one, and not that of the position of a marker."""
+    """Return whether a tracked quaternion is an attitude, not NO_ATTITUDE of a marker."""
     return bool(np.any(quaternion_wb))
 
 
 def bearings_sample(
     stamp_ns: int, beacon_ids: Sequence[int] | Ids, bearings_b: npt.ArrayLike, sigma: float
 ) -> Record:
-    """Return a BEARINGS_SAMPLE without the beacons' places, shape (1,): the first MAX_BEACONS."""
+    """Return a BEARINGS_SAMPLE without beacon positions, shape (1,), of the first MAX_BEACONS."""
     count = min(len(beacon_ids), MAX_BEACONS)
     sample = np.zeros(1, BEARINGS_SAMPLE)
     item = sample[0]

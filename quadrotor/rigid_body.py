@@ -1,9 +1,9 @@
 """Rigid-body dynamics with first-order motors: eqs. 2 and 3 and Sec. 5.3.
 
-State is a STATE record and four rotor speeds, in motor-reference counts (speed is linear in
-them). Integrated by the classical fourth-order Runge-Kutta scheme; the quaternion is renormalised
-once a step. The work is done on tuples (quadrotor/vectors.py), for loops that stay in registers;
-`rk4_step`, `motor_step` and `rotor_wrench` are the same on arrays.
+The state is a STATE record and four rotor speeds, in motor-reference counts (speed is linear in
+them). It is integrated by the classical fourth-order Runge-Kutta scheme; the quaternion is
+renormalised once per step. The work is done on tuples (quadrotor/vectors.py), for loops that stay
+in registers; `rk4_step`, `motor_step` and `rotor_wrench` are the same on arrays.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Motion = tuple[Vector, Vector, Quaternion, Vector]
 """position_w (m), velocity_w (m/s), quaternion_wb, angular_velocity_b (rad/s)."""
 
 STOPPED = 1.0
-"""Counts at and below which a rotor gives nothing."""
+"""Counts at or below which a rotor produces no thrust."""
 
 
 @compiled
@@ -88,7 +88,7 @@ def _spin(omega: Vector, turn: Vector, ratios: Vector) -> Vector:
 
 @compiled(inner=True)
 def gyroscopic_ratios(J: Vector, inverse: Vector) -> Vector:
-    """Return ((J_z - J_y) / J_x, ...), what omega x J omega is made of; `inverse` is 1 / J."""
+    """Return ((J_z - J_y) / J_x, ...), the factors of omega x J omega; `inverse` is 1 / J."""
     return (J[2] - J[1]) * inverse[0], (J[0] - J[2]) * inverse[1], (J[1] - J[0]) * inverse[2]
 
 
@@ -108,17 +108,17 @@ def rk4(
     ratios: Vector,
     dt: float,
 ) -> Motion:
-    """Return motion after dt (s) under thrust and torque that change within the step.
+    """Return the motion after dt (s) under thrust and torque that change within the step.
 
-    The classical scheme, ordered by what depends on what: omega on nothing else, the attitude
-    on omega, the velocity on the attitude, the position on the velocity. Each stage is the one
-    the scheme has on all 13 numbers at once.
+    This is the classical scheme, ordered by dependence: omega depends on nothing else, the attitude
+    on omega, the velocity on the attitude, the position on the velocity. Each stage equals that of
+    the scheme applied to all 13 numbers at once.
 
     Args:
         lifts: thrust over mass, m/s^2, at the beginning, the middle and the end of the step.
-        push_w: further force over mass, m/s^2, without gravity and the damping; held.
+        push_w: further force over mass, m/s^2, without gravity and the damping; held constant.
         damping: linear drag over mass, 1/s, against the velocity over ground.
-        turns: torque over inertia, rad/s^2, at the three moments.
+        turns: torque over inertia, rad/s^2, at the same three instants.
         ratios: see `gyroscopic_ratios`.
     """
     p, v1, q, w1 = motion
@@ -167,7 +167,7 @@ def _acceleration(q: Quaternion, lift: float, push_w: Vector, damping: float, v:
 
 @compiled
 def rk4_step(x: Array, wrench: Array, force_w: Array, mass: float, J: Array, dt: float) -> None:
-    """Advance x (13,) in place by dt (s), with wrench and force held; see `derivative`."""
+    """Advance x (13,) in place by dt (s), with constant wrench and force; see `derivative`."""
     inverse = (1.0 / J[0], 1.0 / J[1], 1.0 / J[2])
     ratios = gyroscopic_ratios(vector(J), inverse)
     push_w = scale(1.0 / mass, vector(force_w))
@@ -194,13 +194,13 @@ def store_motion(motion: Motion, x: Array) -> None:
 
 @compiled(inner=True)
 def drag_torque(lever: float, force_b: Vector) -> Vector:
-    """Return the torque (N m) of a drag (N) that acts `lever` (m) over the centre of mass."""
+    """Return the torque (N m) of a drag force (N) acting `lever` (m) above the centre of mass."""
     return -lever * force_b[1], lever * force_b[0], 0.0
 
 
 @compiled(inner=True)
 def motor_share(time_constant: float, dt: float) -> float:
-    """Return how much of the way to a held reference a rotor goes in dt (s): exact for any dt."""
+    """Return the share of the way to a held reference that a rotor covers in any dt (s): exact."""
     return 1.0 - math.exp(-dt / time_constant)
 
 
@@ -214,15 +214,13 @@ def motor_step(speeds: Array, references: Array, time_constant: float, dt: float
 
 @compiled(inner=True)
 def rotor_thrust(speed: float, slope: float, offset: float) -> float:
-    """Return thrust (N) of one rotor turning at `speed` (counts); a stopped one gives nothing."""
+    """Return the thrust (N) of one rotor at `speed` (counts); a stopped one produces none."""
     return thrust_of_reference(speed, slope, offset) if speed > STOPPED else 0.0
 
 
 @compiled(inner=True)
 def rotors(speeds: Four, slope: float, offset: float, arm: float, ratio: float) -> Four:
-    """Return wrench of four rotors turning at `speeds` (counts): thrust (N), torques (N m), eq.
-    1.
-    """
+    """Return the wrench of four rotors at `speeds` (counts): thrust (N), torques (N m), eq. 1."""
     front = rotor_thrust(speeds[0], slope, offset)
     left = rotor_thrust(speeds[1], slope, offset)
     rear = rotor_thrust(speeds[2], slope, offset)
@@ -232,7 +230,7 @@ def rotors(speeds: Four, slope: float, offset: float, arm: float, ratio: float) 
 
 @compiled
 def rotor_wrench(speeds: Array, slope: float, offset: float, arm: float, ratio: float) -> Array:
-    """Return `rotors` on arrays (4,)."""
+    """Return the wrench as `rotors` does, on arrays (4,)."""
     wrench = rotors((speeds[0], speeds[1], speeds[2], speeds[3]), slope, offset, arm, ratio)
     out = np.empty(4)
     for i in range(4):

@@ -1,8 +1,8 @@
 """Rotations: quaternions (w, x, y, z) body to world, SO(3) exp and log, hat and vee.
 
 Compiled functions on small arrays, written without array expressions (numba compiles those
-an order of magnitude slower). Arguments: vectors (3,), quaternions (4,), matrices (3, 3),
-all float64. `R_wb` maps body to world. The conventions are docs/conventions.md.
+an order of magnitude more slowly). Arguments: vectors (3,), quaternions (4,), matrices (3, 3),
+all float64. `R_wb` maps body to world. The conventions are in docs/conventions.md.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _SMALL_ANGLE = 1e-6  # below, series to O(angle^2): relative error under 1e-12
 
 @compiled
 def hat(v: Array) -> Array:
-    """Return skew matrix of v, so that hat(v) @ u = v x u."""
+    """Return the skew matrix of v, so that hat(v) @ u = v x u."""
     out = np.zeros((3, 3))
     out[0, 1], out[0, 2] = -v[2], v[1]
     out[1, 0], out[1, 2] = v[2], -v[0]
@@ -31,7 +31,7 @@ def hat(v: Array) -> Array:
 
 @compiled
 def vee(S: Array) -> Array:
-    """Return vector of the skew part of S: vee(hat(v)) = v."""
+    """Return the vector of the skew part of S: vee(hat(v)) = v."""
     out = np.empty(3)
     out[0] = 0.5 * (S[2, 1] - S[1, 2])
     out[1] = 0.5 * (S[0, 2] - S[2, 0])
@@ -51,7 +51,7 @@ def cross(a: Array, b: Array) -> Array:
 
 @compiled
 def norm(v: Array) -> float:
-    """Return Euclidean length of v, any length."""
+    """Return the Euclidean length of v, of any dimension."""
     total = 0.0
     for i in range(v.shape[0]):
         total += v[i] * v[i]
@@ -60,7 +60,7 @@ def norm(v: Array) -> float:
 
 @compiled
 def quaternion_multiply(p: Array, q: Array) -> Array:
-    """Return Hamilton product p (x) q, as printed in Sec. 6.1 of the paper."""
+    """Return the Hamilton product p (x) q, as printed in Sec. 6.1 of the paper."""
     out = np.empty(4)
     out[0] = p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3]
     out[1] = p[0] * q[1] + q[0] * p[1] + p[2] * q[3] - p[3] * q[2]
@@ -89,7 +89,7 @@ def quaternion_normalize(q: Array) -> Array:
 
 @compiled
 def quaternion_exp(phi: Array) -> Array:
-    """Return unit quaternion of the rotation vector phi (rad), quaternion_exp(0) = (1, 0, 0, 0)."""
+    """Return the unit quaternion of the rotation vector phi (rad); phi = 0 gives (1, 0, 0, 0)."""
     angle = norm(phi)
     out = np.empty(4)
     if angle < _SMALL_ANGLE:
@@ -104,7 +104,7 @@ def quaternion_exp(phi: Array) -> Array:
 
 @compiled
 def quaternion_log(q: Array) -> Array:
-    """Return rotation vector (rad, length <= pi) of a unit quaternion; q and -q give the same."""
+    """Return the rotation vector (rad, length <= pi) of a unit quaternion; q and -q agree."""
     sign = 1.0 if q[0] >= 0.0 else -1.0
     sine = math.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     scale = 2.0 * sign if sine < _SMALL_ANGLE else 2.0 * sign * math.atan2(sine, sign * q[0]) / sine
@@ -132,7 +132,7 @@ def quaternion_to_matrix(q: Array) -> Array:
 
 @compiled
 def quaternion_from_matrix(R: Array) -> Array:
-    """Return unit quaternion (w >= 0) of R_wb, by the largest pivot (Shepperd 1978)."""
+    """Return the unit quaternion (w >= 0) of R_wb, by the largest pivot (Shepperd 1978)."""
     out = np.empty(4)
     trace = R[0, 0] + R[1, 1] + R[2, 2]
     if trace >= R[0, 0] and trace >= R[1, 1] and trace >= R[2, 2]:
@@ -166,7 +166,7 @@ def quaternion_from_matrix(R: Array) -> Array:
 @compiled
 def rotate(q: Array, v: Array) -> Array:
     """Return R_wb v: a body vector in world axes."""
-    # v + 2 w (u x v) + 2 u x (u x v), u the vector part: no matrix needed.
+    # v + 2 w (u x v) + 2 u x (u x v), with u the vector part: no matrix needed.
     tx = 2.0 * (q[2] * v[2] - q[3] * v[1])
     ty = 2.0 * (q[3] * v[0] - q[1] * v[2])
     tz = 2.0 * (q[1] * v[1] - q[2] * v[0])
@@ -185,19 +185,19 @@ def rotate_inverse(q: Array, v: Array) -> Array:
 
 @compiled
 def rotation_exp(phi: Array) -> Array:
-    """Return SO(3) exponential of the rotation vector phi (rad)."""
+    """Return the SO(3) exponential of the rotation vector phi (rad)."""
     return quaternion_to_matrix(quaternion_exp(phi))
 
 
 @compiled
 def rotation_log(R: Array) -> Array:
-    """Return rotation vector (rad) of R, length <= pi."""
+    """Return the rotation vector (rad) of R, length <= pi."""
     return quaternion_log(quaternion_from_matrix(R))
 
 
 @compiled
 def yaw_of(q: Array) -> float:
-    """Return ZYX yaw (rad, -pi..pi) of q_wb."""
+    """Return the ZYX yaw (rad, -pi..pi) of q_wb."""
     return math.atan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
 
 
@@ -227,5 +227,5 @@ def euler_from_quaternion(q: Array) -> Array:
 
 @compiled
 def wrap_angle(angle: float) -> float:
-    """Return angle (rad) in -pi..pi."""
+    """Return the angle (rad) wrapped to -pi..pi."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi

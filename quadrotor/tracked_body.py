@@ -1,4 +1,4 @@
-"""The body that a tracking system follows, as it sits on the vehicle's body."""
+"""The body that a tracking system follows, and its pose on the vehicle's body."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _angle(name: str, limit: float) -> Any:
 
 
 class TrackedBody(Parameters):
-    """Place and attitude of the tracked body in the axes of the vehicle's body."""
+    """Position and attitude of the tracked body in the axes of the vehicle's body."""
 
     x: float = _offset("x")
     y: float = _offset("y")

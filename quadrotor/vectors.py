@@ -1,6 +1,6 @@
 """Vectors and quaternions as tuples: the arithmetic of the compiled laws.
 
-A tuple of floats lives in registers: no memory is taken, and a law reads like its equation.
+A tuple of floats stays in registers: nothing is allocated, and a law reads like its equation.
 Vectors are (x, y, z), quaternions (w, x, y, z) of unit length, body to world. An attitude in use
 is the triple of its columns (x_b, y_b, z_b), the body's axes in world axes.
 """
@@ -58,7 +58,7 @@ def scale(s: float, a: Vector) -> Vector:
 
 @compiled(inner=True)
 def times(a: Vector, b: Vector) -> Vector:
-    """Return the product of each component: a diagonal matrix times a vector."""
+    """Return the componentwise product: a diagonal matrix times a vector."""
     return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 
@@ -105,7 +105,7 @@ def to_body(axes: Axes, v_w: Vector) -> Vector:
 
 @compiled(inner=True)
 def axes_of(q: Quaternion) -> Axes:
-    """Return columns of R_wb of a unit quaternion q_wb."""
+    """Return the columns of R_wb for a unit quaternion q_wb."""
     w, x, y, z = q
     return (
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)),
@@ -116,7 +116,7 @@ def axes_of(q: Quaternion) -> Axes:
 
 @compiled(inner=True)
 def multiply(p: Quaternion, q: Quaternion) -> Quaternion:
-    """Return Hamilton product p (x) q."""
+    """Return the Hamilton product p (x) q."""
     return (
         p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
         p[0] * q[1] + q[0] * p[1] + p[2] * q[3] - p[3] * q[2],
@@ -127,7 +127,7 @@ def multiply(p: Quaternion, q: Quaternion) -> Quaternion:
 
 @compiled(inner=True)
 def turned(q: Quaternion, phi: Vector) -> Quaternion:
-    """Return q (x) exp(phi): q turned by the rotation vector phi (rad) about body axes."""
+    """Return q (x) exp(phi): q rotated by the rotation vector phi (rad) in body axes."""
     half = 0.5 * length(phi)
     s = 0.5 * (math.sin(half) / half if half > 1e-9 else 1.0)
     return multiply(q, (math.cos(half), s * phi[0], s * phi[1], s * phi[2]))
@@ -135,6 +135,6 @@ def turned(q: Quaternion, phi: Vector) -> Quaternion:
 
 @compiled(inner=True)
 def normalized(q: Quaternion) -> Quaternion:
-    """Return q at length 1."""
+    """Return q scaled to length 1."""
     s = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return s * q[0], s * q[1], s * q[2], s * q[3]

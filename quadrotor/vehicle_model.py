@@ -1,7 +1,7 @@
 """The vehicle: mixing matrix of eq. 1, affine motor law, limits.
 
-Default numbers are the MK-Quadro of the paper (Secs. 2, 5.3); the inertia is not printed there
-and is a reasonable one for that frame (docs/deviations.md).
+Default values are those of the paper's MK-Quadro (Secs. 2, 5.3); the inertia is not printed there
+and is a reasonable value for that frame (docs/deviations.md).
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
-from quadrotor.constants import GRAVITY as GRAVITY  # noqa: PLC0414 - others take it from here
+from quadrotor.constants import GRAVITY as GRAVITY  # noqa: PLC0414 - re-exported
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.records import Record
 
 Array = npt.NDArray[np.float64]
 Four = tuple[float, float, float, float]
-"""A wrench (thrust in N; torques about body x, y, z in N m), or one number a motor."""
+"""A wrench (thrust in N; torques about body x, y, z in N m), or one number for each motor."""
 
 MODEL = np.dtype(
     [
@@ -29,17 +29,17 @@ MODEL = np.dtype(
         ("motor_time_constant", "f8"),  # s
         ("motor_slope", "f8"),  # sqrt(N) per count
         ("motor_offset", "f8"),  # counts
-        ("thrust_min", "f8"),  # N a motor
-        ("thrust_max", "f8"),  # N a motor
+        ("thrust_min", "f8"),  # N per motor
+        ("thrust_max", "f8"),  # N per motor
         ("drag", "f8"),  # N s/m
-        ("drag_lever", "f8"),  # m, over the centre of mass
+        ("drag_lever", "f8"),  # m, above the centre of mass
     ],
     align=True,
 )
 
 
 class VehicleModel(Parameters):
-    """The model that the controller believes of the vehicle."""
+    """The controller's model of the vehicle."""
 
     mass: float = parameter(1.308, unit="kg", ge=0.5, le=2.4, step=0.001, flight_step=0.2)
     """total mass"""
@@ -92,8 +92,8 @@ class VehicleModel(Parameters):
         """Return the model as one MODEL record, shape (1,).
 
         Args:
-            voltage: V, of the battery; None is the nominal one. Speed is affine in the reference
-                at any voltage, so that only the slope and the thrust limits follow.
+            voltage: V, of the battery; None for the nominal one. Speed is affine in the reference
+                at any voltage, so only the slope and the thrust limits depend on it.
         """
         slope = self.motor_slope
         if voltage is not None:
@@ -115,14 +115,15 @@ class VehicleModel(Parameters):
     def battery_gain(self, voltage: float) -> float:
         """Return rotor speed at `voltage` (V) over that at the nominal one, for the same reference.
 
-        A voltage beyond half and one and a half of the nominal is a broken reading: clamped.
+        A voltage outside half to one and a half times the nominal is a faulty reading and is
+        clamped.
         """
         share = min(1.5, max(0.5, voltage / self.battery_nominal))
         return float(share**self.battery_exponent)
 
 
 def mixing_matrix(arm: float, torque_ratio: float) -> Array:
-    """Return m of eq. 1, shape (4, 4): thrusts (N) of motors front, left, rear, right to the
+    """Return M of eq. 1, shape (4, 4): from thrusts (N) of motors front, left, rear, right to the
     wrench.
 
     The wrench is (total thrust in N; torques about body x, y, z in N m).
@@ -152,7 +153,7 @@ def thrusts_of_wrench(wrench: Four, arm: float, torque_ratio: float) -> Four:
 
 @compiled
 def thrust_of_reference(reference: float, slope: float, offset: float) -> float:
-    """Return steady thrust (N) of a motor reference (counts), f = (slope (ref + offset))^2.
+    """Return the steady thrust (N) of a motor reference (counts), f = (slope (ref + offset))^2.
 
     The paper's two printed forces fit only a law affine in speed (docs/deviations.md).
     """
@@ -162,5 +163,5 @@ def thrust_of_reference(reference: float, slope: float, offset: float) -> float:
 
 @compiled
 def reference_of_thrust(thrust: float, slope: float, offset: float) -> float:
-    """Return motor reference (counts) of a thrust (N); 0 N and below give the law's zero, >= 0."""
+    """Return the motor reference (counts, >= 0) of a thrust (N); the law's zero up to 0 N."""
     return max(0.0, math.sqrt(max(0.0, thrust)) / slope - offset)

@@ -1,5 +1,5 @@
-"""The link: messages and CDR, Zenoh sessions and nodes as ROS 2 sees them, parameters, log, serial.
+"""The link: messages and CDR, Zenoh sessions and nodes as ROS 2 sees them, parameters, serial.
 
-Layer 1: imports of quadlab only quadrotor, and no numba. Zenoh, rosbags, mcap and pyserial are
-used here and nowhere else.
+Layer 1: of quadlab's packages it imports only quadrotor, and never numba. Zenoh and pyserial are
+used here and nowhere else; rosbags here and in flight_log.
 """

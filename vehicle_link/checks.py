@@ -17,8 +17,8 @@ STATES: tuple[State, ...] = ("ok", "warn", "fail", "unknown")
 class Check:
     """A check and its result.
 
-    state: `warn` is worth a look, `fail` must be mended, `unknown` could not be looked at.
-    found, wanted: in words, with the figure and its limit.
+    state: `warn` deserves attention, `fail` must be fixed, `unknown` could not be checked.
+    found, wanted: the value found and the value required, in words with figure and limit.
     advice: what to do; shown unless the state is ok.
     """
 
@@ -31,7 +31,7 @@ class Check:
 
 
 def to_messages(checks: Iterable[Check]) -> list[Any]:
-    """Encode each as quadlab_msgs/Check."""
+    """Encode each check as a quadlab_msgs/Check."""
     return [
         new(
             "quadlab_msgs/Check",
@@ -47,7 +47,7 @@ def to_messages(checks: Iterable[Check]) -> list[Any]:
 
 
 def from_messages(messages: Iterable[Any]) -> list[Check]:
-    """Decode checks; a state that this version does not know is `unknown`."""
+    """Decode checks; a state that this version does not define becomes `unknown`."""
     return [
         Check(
             str(one.name),

@@ -1,13 +1,14 @@
-"""The clock that everything about a flight goes by: stamps, ages, time-outs and logs.
+"""The clock for everything about a flight: stamps, ages, time-outs and logs.
 
-It is the computer's own, as `time` gives it under the same names, unless the vehicle is simulated
-in lockstep: then it is the simulation's, which all processes of one `quadlab up` read out of a
-page of shared memory. That one goes as the computer's does, but never past the instant up to
-which the simulation has got, so it slows when the machine is starved. When the simulation has not
-got on for `GONE_NS` it has died, and the clock runs on without it: time-outs still end.
+It is the computer's own clock, under the same names as in `time`, unless the vehicle is simulated
+in lockstep: then it is the simulation's clock, which all processes of one `quadlab up` read from
+a page of shared memory. The simulation's clock runs at the computer's rate but never past the
+instant that the simulation has reached, so it slows down when the machine is overloaded. When the
+simulation has not advanced for `GONE_NS` it counts as dead, and the clock runs on without it, so
+that time-outs still end.
 
-Waiting is the computer's business: who sleeps until a time of this clock wakes early at worst,
-and looks again.
+Waiting uses the computer's clock: a caller that sleeps until a time of this clock wakes early at
+worst, and checks again.
 """
 
 from __future__ import annotations
@@ -22,16 +23,17 @@ from quadrotor.errors import StorageError
 VARIABLE = "QUADLAB_LOCKSTEP"
 """Environment variable with the page's path, for the processes of one `quadlab up`."""
 GONE_NS = 5_000_000_000
-"""More than a busy machine keeps a simulation waiting that lives."""
+"""Nanoseconds without progress after which a simulation counts as dead: longer than a busy machine
+delays a live one."""
 EPOCH, OFFSET, LIMIT, FACTOR, VEHICLES, STOPPING = range(6)
-"""Index in 8-byte words of the page. EPOCH: the host's epoch time minus its steady clock, at the
-page's making. OFFSET: of the simulation's clock before the host's steady one. LIMIT: up to where
-the simulation has got. All in ns. FACTOR: simulated time over the computer's, in millionths.
-STOPPING: 1 once the parts are being stopped, so that their ends are no news."""
+"""Indices of the page's 8-byte words. EPOCH: the host's epoch time minus its steady clock, when
+the page was made. OFFSET: the simulation's clock minus the host's steady clock. LIMIT: the time
+that the simulation has reached. All in ns. FACTOR: simulated time over the computer's, in
+millionths. STOPPING: 1 once the processes are being stopped, so that their ends are expected."""
 HEADER = 8
-"""Words before the vehicles' own."""
+"""Number of words before those of the vehicles."""
 FREE = (1 << 63) - 1
-"""LIMIT while no simulation holds the time."""
+"""Value of LIMIT while no simulation controls the time."""
 
 
 class _Followed:
@@ -42,7 +44,7 @@ _followed = _Followed()
 
 
 def follow(path: str | Path | None) -> None:
-    """Go by the page at `path` from now on; None: by the computer's clock. Raises StorageError."""
+    """Follow the page at `path` from now on; None: the computer's clock. Raises StorageError."""
     _followed.page = None if path is None else open_page(path)
 
 
@@ -59,7 +61,7 @@ def open_page(path: str | Path) -> memoryview:
 
 
 def page() -> memoryview | None:
-    """Return the page that is followed; None: the computer's clock."""
+    """Return the page that is followed; None for the computer's clock."""
     return _followed.page
 
 
@@ -68,7 +70,7 @@ def monotonic_ns() -> int:
     words = _followed.page
     if words is None:
         return time.monotonic_ns()
-    # In this order: an offset that is taken back meanwhile would set the clock back, too.
+    # Read in this order: if OFFSET is reduced in between, the clock would otherwise go back.
     offset = words[OFFSET]
     now = offset + time.monotonic_ns()
     limit = words[LIMIT]
@@ -81,7 +83,7 @@ def monotonic() -> float:
 
 
 def time_ns() -> int:
-    """Return the epoch time in ns, as time.time_ns; a simulation keeps its own while it lasts."""
+    """Return the epoch time in ns, as time.time_ns; under lockstep it follows simulated time."""
     words = _followed.page
     return time.time_ns() if words is None else monotonic_ns() + words[EPOCH]
 
@@ -92,7 +94,7 @@ def wall_time() -> float:
 
 
 def real_time_factor() -> float:
-    """Return simulated time over the computer's, of the last seconds; 0 without a simulation."""
+    """Return simulated time over real time in the last seconds; 0 without a simulation."""
     words = _followed.page
     if words is None or words[LIMIT] == FREE:
         return 0.0

@@ -1,7 +1,8 @@
-"""The commands to a vehicle and its station: each is declared here and in its .srv file alone.
+"""The commands to a vehicle and its station: each is declared only here and in its .srv file.
 
-A row's request says what a command carries. From the rows come the services, what the station
-passes on, what comms serves and puts into the flight process's mailbox, and the page's routes.
+The request class of a row defines what a command carries. The services, the commands that the
+station forwards, those that comms serves and passes to the flight process's mailbox, and the
+page's routes are all derived from these rows.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ Place = Literal["vehicle", "station", "simulator"]
 
 
 def one_of(*choices: str) -> Any:
-    """Return the annotation of a text that has only these values."""
+    """Return the annotation of a text that may only have these values."""
     extra: dict[str, Any] = {"enum": list(choices)}
     return Field(pattern=f"^({'|'.join(choices)})$", json_schema_extra=extra)
 
 
 class Request(msgspec.Struct, frozen=True):
     """The contents of a command; the fields are those of its .srv. The annotated bounds are checked
-    where a page's request comes in, all values by who carries the command out.
+    where a page's request arrives; the process that executes the command checks all values.
     """
 
     request_id: str
@@ -41,17 +42,17 @@ class Disarm(Request, frozen=True, tag="disarm"):
 
 
 class StartBehavior(Request, frozen=True, tag="start_behavior"):
-    """Start a behavior; its arguments are checked by the vehicle, which knows them."""
+    """Start a behavior; the vehicle checks its arguments."""
 
     name: Annotated[str, Field(min_length=1, max_length=64)]
     arguments: dict[str, ParameterValue] = {}
 
 
 class Emergency(Request, frozen=True, tag="emergency"):
-    """Command an emergency: `land` comes down at once as `safety.emergency_land` says, and is open
-    to all; `cut` stops the motors.
+    """Command an emergency: `land` descends at once as `safety.emergency_land` specifies and is
+    open to every requester; `cut` stops the motors.
 
-    Answers once the vehicle has accepted it; whether it shows it is told as `emergency`.
+    The answer is sent once the vehicle has accepted; whether it acts is shown by `emergency`.
     """
 
     action: Annotated[str, one_of("land", "cut")]
@@ -78,8 +79,8 @@ class Record(Request, frozen=True, tag="record"):
 
 
 class Simulation(Request, frozen=True, tag="simulation"):
-    """Serve a simulated vehicle with its motors off: `swap_battery` puts a full one in, `reset`
-    puts the vehicle back where it stood at the start, with a full battery.
+    """Service a simulated vehicle whose motors are off: `swap_battery` installs a full battery,
+    `reset` moves the vehicle back to where it started, with a full battery.
     """
 
     action: Annotated[str, one_of("swap_battery", "reset")]
@@ -87,16 +88,16 @@ class Simulation(Request, frozen=True, tag="simulation"):
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One row.
+    """One row of the table of commands.
 
     Attributes:
         srv: the type of its service, below quadlab_msgs/srv.
-        at: who carries it out.
-        is_forwarded: whether the station passes it on to there.
-        patience: s for the answer, that a late one can still tell what became of it.
-        tries: times in all it is asked for under one id, `patience` apart. Not what moves the
-            vehicle: done late it would surprise.
-        at_once: requests that the vehicle answers at the same time.
+        at: which process executes it.
+        is_forwarded: whether the station forwards it there.
+        patience: seconds to wait for the answer; long enough for a late one to report the outcome.
+        tries: how often it is sent in all under one id, `patience` apart. 1 for commands that move
+            the vehicle, which must not be executed late.
+        at_once: how many requests the vehicle answers concurrently.
         has_route: whether the page has `POST /api/commands/NAME`.
         answers: fields of its answer that the page gets.
     """
@@ -117,12 +118,12 @@ class Command:
 
     @property
     def service(self) -> str:
-        """Return the type of its service."""
+        """Return the type of the command's service."""
         return f"quadlab_msgs/srv/{self.srv}"
 
     @property
     def address(self) -> str:
-        """Return the name of the service of who carries it out, in the vehicle's namespace."""
+        """Return the name, in the vehicle's namespace, of the service that executes the command."""
         return self.name if self.at == "vehicle" else f"{self.at}/{self.name}"
 
 
@@ -130,7 +131,7 @@ _ROWS = (
     Command(Arm, "Command", patience=3.0),
     Command(Disarm, "Command", patience=3.0),
     Command(StartBehavior, "StartBehavior", patience=3.0),
-    # A cut must not wait behind a landing that the flight process does not answer.
+    # A cut must not wait for a landing that the flight process does not answer.
     Command(Emergency, "Emergency", at_once=4),
     Command(ChangeParameters, "ChangeParameters", tries=5, has_route=False),
     Command(Bench, "Bench", is_forwarded=False, has_route=False),

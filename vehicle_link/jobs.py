@@ -1,9 +1,9 @@
-"""A function of this checkout in a Python process of its own, and how it goes.
+"""Jobs: functions of this checkout that run in a Python process of their own.
 
-Function and arguments travel pickled on the process's standard input. Its reports and its answer
-come back as lines of JSON: nothing that a person's file made is ever unpickled here. Whatever else
-it prints is its complaint, of which the last line explains a crash. A job ends when the thread
-that started it ends.
+Function and arguments are pickled to the process's standard input. Reports and result come back
+as lines of JSON, so nothing made by a user's file is ever unpickled here. Any other output of the
+process is kept, and its last line explains a crash. A job ends when the thread that started it
+ends.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ NICENESS = 15
 """Niceness of a job that no flight waits for."""
 IDLE = 19
 POLL = 0.1
-"""s between two calls of `check`."""
+"""Seconds between two calls of `check`."""
 COMPLAINT = 4096
-"""Bytes of what a job printed that are kept."""
+"""Number of bytes of a job's output that are kept."""
 PR_SET_PDEATHSIG = 1
 
 T = TypeVar("T")
@@ -44,12 +44,12 @@ class Job(Generic[T]):
     """A running process; not thread-safe.
 
     Args:
-        function: of a module, not of `__main__`; its arguments can be pickled and its result is
-            plain data or a dataclass, made again here by the annotated type.
+        function: of a module, not of `__main__`; its arguments can be pickled, and its result is
+            plain data or a dataclass, rebuilt here from the return annotation.
         niceness: of the process, 0 to 19.
-        report: takes each value the function reports; the function's last argument is then what it
-            calls to do so.
-        keep: file descriptors that the process gets too, under the same numbers.
+        report: called with each value that the function reports; the function then gets, as its
+            last argument, the callable with which it reports.
+        keep: file descriptors that the process inherits, under the same numbers.
 
     Raises JobError when it cannot be started.
     """
@@ -67,7 +67,7 @@ class Job(Generic[T]):
         self._answer: dict[str, Any] = {}
         try:
             order = pickle.dumps((function, arguments, report is not None))
-        except Exception as error:  # whatever a person's own object raises
+        except Exception as error:  # a user's own object may raise anything
             raise errors.JobError(
                 f"cannot be given to another process ({error}); it must not keep a client, files "
                 "or functions made in its methods"
@@ -81,7 +81,7 @@ class Job(Generic[T]):
                 stderr=subprocess.PIPE,
                 env={**os.environ, "PYTHONPATH": path},
                 pass_fds=keep,
-                process_group=0,  # Ctrl-C in the terminal is for the parent
+                process_group=0,  # Ctrl-C in the terminal must reach only the parent
             )
         except OSError as error:
             raise errors.JobError(f"cannot be started: {error}") from error
@@ -99,7 +99,7 @@ class Job(Generic[T]):
         return self._process.pid
 
     def look(self, timeout: float = 0.0) -> bool:
-        """Receive what comes next within `timeout` (s); return whether the job has ended."""
+        """Receive output for up to `timeout` (s); return whether the job has ended."""
         if self._ended < 0:
             return True
         self._selector.select(timeout)
@@ -113,7 +113,7 @@ class Job(Generic[T]):
     def result(self) -> T:
         """Wait for the end and return what the function returned.
 
-        Raises the QuadlabError that the function raised, JobError when it was killed or crashed.
+        Raises the QuadlabError that the function raised; JobError when it was killed or crashed.
         """
         while not self.look(POLL):
             pass
@@ -128,11 +128,11 @@ class Job(Generic[T]):
         return cast(T, msgspec.convert(self._answer["result"], kind))
 
     def terminate(self) -> None:
-        """Ask it to end, by SIGTERM."""
+        """Ask the process to end, by SIGTERM."""
         self._process.terminate()
 
     def stop(self, patience: float = 0.0) -> None:
-        """End it, by SIGKILL after `patience` (s) of SIGTERM."""
+        """End the process by SIGKILL; with `patience` (s), by SIGTERM before."""
         if patience:
             self.terminate()
             with suppress(subprocess.TimeoutExpired):
@@ -142,7 +142,7 @@ class Job(Generic[T]):
         self._close()
 
     def abandon(self) -> None:
-        """Kill it and wait for nothing: a later process that is started reaps it."""
+        """Kill the process without waiting; Python reaps it when the next one is started."""
         self._process.kill()
         self._close()
 
@@ -183,9 +183,9 @@ def run(
     check: Callable[[], None] = lambda: None,
     report: Callable[[Any], None] | None = None,
 ) -> T:
-    """Run a job and return its result; what `check` or `report` raises ends it.
+    """Run a job and return its result; an exception from `check` or `report` ends the job.
 
-    Raises JobTimeoutError after `seconds`, else as `Job` and `Job.result`.
+    Raises JobTimeoutError after `seconds`; otherwise raises as `Job` and `Job.result` do.
     """
     job = Job(function, *arguments, niceness=niceness, report=report)
     end = time.monotonic() + seconds
@@ -200,27 +200,27 @@ def run(
 
 
 def how_it_ended(code: int) -> str:
-    """Return what a process's return code tells, as what follows its name."""
+    """Return how a process ended, by its return code, as words to follow its name."""
     if code < 0:
         return f"was killed by {signal.Signals(-code).name}"
     return f"ended with status {code}"
 
 
 def die_with_parent(parent_pid: int) -> None:
-    """Let the kernel send SIGTERM here when the thread that started this process ends."""
+    """Let the kernel send SIGTERM to this process when the thread that started it ends."""
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.prctl(PR_SET_PDEATHSIG, signal.SIGTERM) != 0:
         raise OSError(ctypes.get_errno(), "prctl(PR_SET_PDEATHSIG) failed")
-    if os.getppid() != parent_pid:  # it ended before the call above
+    if os.getppid() != parent_pid:  # the parent ended before the call above
         sys.exit(1)
 
 
 def main(parent: int, niceness: int) -> None:
-    """Run the job that comes on standard input."""
+    """Run the job that arrives on standard input."""
     die_with_parent(parent)
     os.nice(niceness)
     answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # whatever the function prints must not come between
+    os.dup2(2, 1)  # the function's own output must not mix with the answers
 
     def tell(kind: str, value: Any) -> None:
         print(json.dumps({kind: value}, default=dataclasses.asdict), file=answers, flush=True)
@@ -235,7 +235,7 @@ def main(parent: int, niceness: int) -> None:
         tell("error", (known.__name__, " ".join(str(error).split())))
     sys.stdout.flush()
     sys.stderr.flush()
-    os._exit(0)  # threads that a person's file may have started do not hold it
+    os._exit(0)  # do not wait for threads that a user's file may have started
 
 
 if __name__ == "__main__":

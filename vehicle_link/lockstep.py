@@ -1,8 +1,8 @@
-"""The page of shared memory of a simulation in lockstep: its clock, and how far each part has come.
+"""The shared memory page of a simulation in lockstep: its clock, and the progress of each process.
 
-A part tells what it has dealt with; the simulator, which is the only one that lets time go on,
-waits for it (`vehicle.simulator.lockstep`). Every word has one writer, and no one waits for a
-lock: a part that dies leaves its words as they were.
+Each process reports what it has handled; the simulator, which alone advances the time, waits for
+it (`vehicle.simulator.lockstep`). Every word has one writer and there are no locks: the words of a
+process that dies stay as they were.
 """
 
 from __future__ import annotations
@@ -22,33 +22,34 @@ LINES = 2
 ANSWERED, TRUTH, STATION, VEHICLE = 0, LINES, LINES + 1, LINES + 2
 FLIGHT_PROCESS, COMMS_PROCESS, STATION_PROCESS = LINES + 3, LINES + 4, LINES + 5
 SERVED = LINES + 6
-"""Index in a vehicle's words. ANSWERED, one a serial line: the microcontroller's time (ms) in the
-newest sample that flight has ticked on. TRUTH: the newest truth that the station has made poses of.
-STATION: when the station sent the newest heartbeat that comms heard after all poses before it.
-VEHICLE: the newest sample that the station has heard of. SERVED: when flight began to look at what
-it then has dealt with. These four in ns of `clock.monotonic_ns`. …_PROCESS: ids."""
+"""Indices of a vehicle's words. ANSWERED, one for each serial line: the microcontroller's time (ms)
+in the newest sample for which flight has run a tick. TRUTH: the newest truth from which the
+station has made poses. STATION: when the station sent the newest heartbeat that comms received
+after all poses before it. VEHICLE: the newest sample that the station has received. SERVED: when
+flight began the pass in which it handled all that had arrived. These four are in ns of
+`clock.monotonic_ns`. …_PROCESS: process ids."""
 WORDS, NAME = 9, 32
-"""Words of each vehicle, and bytes of its name behind the words of all."""
+"""Number of words of each vehicle, and bytes of its name; the names follow all words."""
 PREFIX = "quadlab-clock-"
 SHARED_MEMORY = Path("/dev/shm")
 
 
 class Page:
-    """A new page, for one `quadlab up`; removed by `close`.
+    """A new page for one `quadlab up`; `close` removes it.
 
     Args:
         names: of the vehicles.
-        folder: for it, where there is no shared memory.
-        port: of the station's session on loopback, by which `page_at` finds it.
+        folder: where the page is made if there is no shared memory.
+        port: loopback port of the station's session, by which `page_at` finds the page.
 
     Attributes:
-        path: for `clock.VARIABLE`.
+        path: value for `clock.VARIABLE`.
 
     Raises StorageError when it cannot be made.
     """
 
     def __init__(self, names: Sequence[str], folder: Path, port: int = 0) -> None:
-        # Not on a disk where it can be helped: writing pages back may make their writer wait.
+        # Avoid a disk if possible: writing pages back may block the process that writes them.
         place = SHARED_MEMORY if os.access(SHARED_MEMORY, os.W_OK) else folder
         header = array("q", [0] * (clock.HEADER + WORDS * len(names)))
         header[clock.EPOCH] = time.time_ns() - time.monotonic_ns()
@@ -61,7 +62,7 @@ class Page:
             self._file = os.fdopen(descriptor, "wb")
             self._file.write(content)
             self._file.flush()
-            fcntl.flock(self._file, fcntl.LOCK_EX)  # as long as this process lives
+            fcntl.flock(self._file, fcntl.LOCK_EX)  # held as long as this process lives
         except OSError as error:
             raise StorageError(
                 f"cannot make the simulation's clock in {place}: {error.strerror}; make room "
@@ -75,26 +76,25 @@ class Page:
 
 
 def page_at(port: int) -> Path | None:
-    """Return the page of the simulation whose station serves this port on loopback, None where
-    there is none: that station goes by the computer's clock.
+    """Return the page of the simulation whose station serves this loopback port; None when that
+    station follows the computer's clock.
     """
     for path in SHARED_MEMORY.glob(f"{PREFIX}{port}-*"):
         try:
             with path.open("rb") as file:
-                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # whose owner was killed
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # works if its owner was killed
         except BlockingIOError:
             return path
-        except OSError:  # gone meanwhile, or somebody else's
+        except OSError:  # removed in the meantime, or of another user
             continue
     return None
 
 
 class Part:
-    """The progress of one process with one vehicle, for the simulator; without lockstep it is not
-    looked at.
+    """The progress of one process with one vehicle, for the simulator; unused without lockstep.
 
     Attributes:
-        in_lockstep: whether someone does.
+        in_lockstep: whether a simulator waits for this process.
     """
 
     def __init__(self, name: str) -> None:
@@ -105,31 +105,33 @@ class Part:
         self._epoch_ns = 0 if words is None else words[clock.EPOCH]
 
     def is_this_process(self, at: int) -> None:
-        """Name this process as the one of `at`, one of the words …_PROCESS: it may die."""
+        """Store this process's id in `at`, a word …_PROCESS, so that its death is noticed."""
         self._words[at] = os.getpid()
 
     def answered(self, line: int, milliseconds: int) -> None:
-        """Note that flight has ticked on the sample of this time of the microcontroller, from this
+        """Note that flight has run a tick on the sample with this microcontroller time from this
         line.
         """
         self._words[ANSWERED + line] = milliseconds
 
     def served(self, began_ns: int) -> None:
-        """Note that flight has taken all that had come at this time of the steady clock, and has
-        asked for what was due.
+        """Note that flight has handled everything that had arrived at this time of the steady
+        clock, and has sent the requests that were due.
         """
         self._words[SERVED] = began_ns
 
     def truth(self, stamp_ns: int) -> None:
-        """Note that the station has sent what follows from the truth of this stamp (epoch)."""
+        """Note that the station has sent everything derived from the truth of this stamp
+        (epoch).
+        """
         self._words[TRUTH] = stamp_ns - self._epoch_ns
 
     def station_heard(self, stamp_ns: int) -> None:
-        """Note that comms has passed on what the station sent until then (epoch)."""
+        """Note that comms has passed on what the station sent up to this time (epoch)."""
         self._words[STATION] = stamp_ns - self._epoch_ns
 
     def vehicle_heard(self, stamp_ns: int) -> None:
-        """Note that the station has received the vehicle's sample of then (epoch)."""
+        """Note that the station has received the vehicle's sample of this time (epoch)."""
         self._words[VEHICLE] = stamp_ns - self._epoch_ns
 
 

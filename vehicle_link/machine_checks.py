@@ -1,7 +1,7 @@
-"""The checks that either end of the link makes on its own computer: clock, processor, disk, rights.
+"""Checks that each end of the link makes on its own computer: clock, processor, disk, rights.
 
-Nothing here changes the computer, but for a thread that tries a right and gives it back. Each
-function answers with a Check; what the computer does not tell is `unknown`, never an error.
+Nothing here changes the computer, except for a thread that tries a right and gives it back. Each
+function returns a Check; what the computer does not report is `unknown`, never an error.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from vehicle_link.checks import Check, Place, State
 
 ROOT = Path("/")
 CLOCK_ERROR = 0.1
-"""s; the kernel's own bound of the clock's error above which it is worth a word."""
+"""Error bound of the kernel's clock, in s, above which there is a warning."""
 ROOM = 4.0
-"""Times what is kept free, below which there is little room."""
+"""Multiple of the space to keep free, below which there is a warning."""
 _UNSYNCHRONISED = 0x40  # STA_UNSYNC of adjtimex(2)
 _LOCK_MEMORY = 14  # CAP_IPC_LOCK, its bit of CapEff
 
@@ -43,7 +43,7 @@ def kernel_clock() -> tuple[bool, float]:
     """Return whether the kernel calls its clock synchronised, and its error bound in s. Raises
     OSError.
     """
-    timex = _Timex()  # modes = 0: only asks
+    timex = _Timex()  # modes = 0: only reads
     if ctypes.CDLL(None, use_errno=True).adjtimex(ctypes.byref(timex)) < 0:
         raise OSError(ctypes.get_errno(), "adjtimex")
     return not timex.status & _UNSYNCHRONISED, timex.largest * 1e-6
@@ -92,7 +92,7 @@ def governor_check(place: Place, root: Path = ROOT) -> Check:
 
 
 def disk_check(place: Place, name: str, folder: Path, keep_free: float) -> Check:
-    """Check whether logs can be written into `folder`; `keep_free` in bytes."""
+    """Check whether logs can be written into `folder`; `keep_free` is in bytes."""
     wanted = f"writable, {_size(keep_free)} free"
     there = next((one for one in (folder, *folder.parents) if one.exists()), folder)
     try:
@@ -112,7 +112,7 @@ def disk_check(place: Place, name: str, folder: Path, keep_free: float) -> Check
 def real_time_check(
     place: Place, priority: int, attempt: Callable[[int], str] | None = None
 ) -> Check:
-    """Check whether SCHED_FIFO may be had: a thread tries it and gives it back at once."""
+    """Check whether SCHED_FIFO is granted: a thread tries it and gives it back at once."""
     refusal = (attempt or _try_priority)(priority)
     name, wanted = "real-time rights", f"SCHED_FIFO {priority}"
     if not refusal:
@@ -127,9 +127,7 @@ def real_time_check(
 def memory_lock_check(
     place: Place, limit: int | None = None, *, capable: bool | None = None
 ) -> Check:
-    """Check whether memory may be locked, so that no page is swapped out. limit: bytes, -1 =
-    none.
-    """
+    """Check whether memory may be locked against swapping. `limit` is in bytes, -1 for none."""
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] if limit is None else limit
     capable = _has_capability(_LOCK_MEMORY) if capable is None else capable
     name, wanted = "locked memory", "no limit"
@@ -143,7 +141,7 @@ def memory_lock_check(
 
 
 class ClockWatch:
-    """Jumps of the system's clock against the steady one; times in s."""
+    """Counter of jumps of the system's clock against the steady clock; times in s."""
 
     SMALLEST = 0.05
 
@@ -156,7 +154,7 @@ class ClockWatch:
         self.largest = 0.0
 
     def look(self) -> None:
-        """Look some times a minute: what lies between two looks is slewing, not a jump."""
+        """Compare the clocks, several times a minute: slewing between two calls is not a jump."""
         ahead = self._wall() - self._steady()
         jump, self._ahead = ahead - self._ahead, ahead
         if abs(jump) >= self.SMALLEST:
@@ -174,8 +172,8 @@ class ClockWatch:
 
 
 def _try_priority(priority: int) -> str:
-    """Try a priority; return "" when granted, else the system's word. In a thread: the right is a
-    thread's own.
+    """Try a priority; return "" when it is granted, else the system's message. It runs in a thread,
+    because the priority belongs to a thread.
     """
     refusal: list[str] = []
 

@@ -1,6 +1,4 @@
-"""The instance of a process, which tells who is at the other end: a random number it made when it
-started.
-"""
+"""The instance of a process: a random number made at its start, by which others recognise it."""
 
 from __future__ import annotations
 
@@ -8,10 +6,10 @@ import secrets
 
 
 def new_instance() -> int:
-    """Return a new instance, 1 … 2**64 - 1; 0 means "not known" in messages."""
+    """Return a new instance, 1 … 2**64 - 1; 0 means "unknown" in messages."""
     return secrets.randbelow(2**64 - 1) + 1
 
 
 def spoken(instance: int) -> str:
-    """Return six digits, enough to tell processes apart in a line for people."""
+    """Return six digits, enough for people to tell processes apart."""
     return f"{instance:016x}"[:6]

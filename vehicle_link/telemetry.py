@@ -1,6 +1,6 @@
 """Consecutive ticks in one datagram: quadlab_msgs/Telemetry, float32, at most 5 ticks.
 
-What leaves the vehicle 100 times a second; the station expands it into the standard topics.
+The vehicle sends it 100 times a second; the station expands it into the standard topics.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from quadrotor.records import TICK, Record, offset_of
 from vehicle_link.messages.cdr_layout import FixedLayout
 
 SAMPLES_A_PACKET = 5
-"""1048 bytes with 5: with Zenoh's framing still below the 1100 B a datagram may have."""
+"""Ticks in one packet: 5 make 1048 bytes, with Zenoh's framing below the 1100 B of a datagram."""
 
 FLOATS = 50
 _SPAN_NS = 4_000_000_000  # what fits into uint32 nanoseconds, rounded down
 
-# The float64 runs of a tick in the order of a sample: one copy each instead of one a field.
+# The float64 runs of a tick in the order of a sample: one copy for each, not for each field.
 _RUNS = {"state": 13, "reference": 18, "imu": 6, "actuators": 13}
 
 
 def _runs_dtype() -> np.dtype[np.void]:
     offsets = {name: offset_of(TICK, name) for name in _RUNS}
-    offsets["imu"] += 8  # behind its stamp
+    offsets["imu"] += 8  # after its stamp
     return np.dtype(
         {
             "names": list(_RUNS),
@@ -52,8 +52,8 @@ def _layout(count: int) -> FixedLayout:
 def pack(ticks: Record, sequence: int) -> bytes:
     """Pack the given TICK records, shape (N,), N ≥ 1, into one packet.
 
-    Ticks more than 4 s before the newest are left out (their offset would not fit); what float32
-    cannot hold travels as inf.
+    Ticks more than 4 s before the newest are left out (their offset would not fit); a value that
+    float32 cannot represent is sent as inf.
 
     Args:
         ticks: consecutive ticks, oldest first.
@@ -81,10 +81,10 @@ def pack(ticks: Record, sequence: int) -> bytes:
 def unpack(payload: bytes) -> tuple[int, Record]:
     """Unpack a packet: (sequence of the packet, TICK records of shape (N,)).
 
-    Estimate, status and the ticks' own sequence do not travel and are zero.
+    Estimate, status and the ticks' own sequence are not sent, and are zero.
 
     Raises:
-        LinkError: the bytes are no telemetry of this version.
+        LinkError: the bytes are not telemetry of this version.
     """
     count = (len(payload) - _layout(1).size) // (4 * (1 + FLOATS)) + 1
     if count < 1:

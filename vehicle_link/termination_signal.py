@@ -1,4 +1,4 @@
-"""A flag for whether a signal asked this process to end."""
+"""A flag that is set when a signal asks this process to end."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from typing import Protocol
 
 
 class Ending(Protocol):
-    """An event that a loop waits on; a threading.Event where no signal sets it."""
+    """An event that a loop waits on; a threading.Event when no signal sets it."""
 
     def wait(self, timeout: float) -> bool: ...
 
 
 class EndSignal:
-    """Set by signals from now on; made by the main thread.
+    """A flag set by signals from its construction on, which must be in the main thread.
 
     A handler must not set a threading.Event: handlers run in the main thread, between any two of
-    its steps, and where it is just within the event's lock, which is not re-entrant, it would wait
-    for itself for ever.
+    its steps. If that thread happened to hold the event's lock, which is not re-entrant, it would
+    wait for itself for ever.
     """
 
     def __init__(self, numbers: Iterable[int] = (signal.SIGTERM, signal.SIGINT)) -> None:
@@ -33,12 +33,12 @@ class EndSignal:
             signal.signal(number, self._note)
 
     def wait(self, timeout: float) -> bool:
-        """Wait for a signal for at most `timeout` seconds, and return whether one came."""
+        """Wait for a signal for at most `timeout` seconds; return whether one was received."""
         if not self._is_set:
             select.select([self._reader], [], [], timeout)
         return self._is_set
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self._is_set = True
-        with suppress(BlockingIOError):  # it is full: whoever waits has been woken
+        with suppress(BlockingIOError):  # the buffer is full: the waiting thread has been woken
             self._writer.send(b"\0")

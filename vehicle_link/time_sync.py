@@ -1,8 +1,8 @@
 """The vehicle's clock as seen from the station: offset and round trip from TimeSync exchanges.
 
-Of one exchange, with client times t0, t3 and server times t1, t2 (NTP): round trip
+For one exchange, with client times t0, t3 and server times t1, t2 (NTP): round trip
 (t3 - t0) - (t2 - t1), offset ((t1 - t0) + (t2 - t3)) / 2, wrong by at most half the round trip.
-So the exchange with the smallest round trip of the last few says the offset best.
+So, of the last few exchanges, the one with the smallest round trip gives the best offset.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 TIME_SYNC = "quadlab_msgs/srv/TimeSync"
 WINDOW = 10
-"""Exchanges looked back on: at 1 Hz clocks drift by less than 1 ms in them."""
+"""Number of exchanges considered: at 1 Hz clocks drift by less than 1 ms in that time."""
 
 
 @dataclass(frozen=True, slots=True)
 class Exchange:
-    """Four stamps in ns; those of the server are of its clock."""
+    """Four stamps in ns; those of the server are on its clock."""
 
     client_sent_ns: int
     server_received_ns: int
@@ -40,7 +40,7 @@ class Exchange:
 
     @property
     def offset_ns(self) -> int:
-        """Return server's clock minus client's."""
+        """Return the server's clock minus the client's."""
         there = self.server_received_ns - self.client_sent_ns
         back = self.server_sent_ns - self.client_received_ns
         return (there + back) // 2
@@ -49,7 +49,7 @@ class Exchange:
 class ClockOffset:
     """The offset of the server's clock over a sliding window of exchanges.
 
-    One thread adds, any thread asks: the window is a tuple that is replaced, never changed.
+    One thread adds, any thread reads: the window is a tuple that is replaced, never changed.
     """
 
     def __init__(self, window: int = WINDOW) -> None:
@@ -63,7 +63,7 @@ class ClockOffset:
 
     @property
     def offset_ns(self) -> int:
-        """Return server's clock minus client's; 0 before the first exchange."""
+        """Return the server's clock minus the client's; 0 before the first exchange."""
         return self._offset_ns
 
     @property
@@ -73,13 +73,13 @@ class ClockOffset:
         return exchanges[-1].round_trip_ns if exchanges else 0
 
     def add(self, exchange: Exchange) -> None:
-        """Add an exchange; a server whose clock was set again (it restarted) empties the window."""
+        """Add an exchange; empty the window if the server's clock was set, as by a restart."""
         kept = self._exchanges if self._exchanges and self._agrees(exchange) else ()
         self._exchanges = (*kept, exchange)[-self._window :]
         self._offset_ns = min(self._exchanges, key=lambda e: e.round_trip_ns).offset_ns
 
     def to_server(self, client_ns: int) -> int:
-        """Return a time of the client's clock in the server's."""
+        """Convert a time of the client's clock to the server's."""
         return client_ns + self.offset_ns
 
     def to_client(self, server_ns: int) -> int:
@@ -89,8 +89,8 @@ class ClockOffset:
         self._exchanges, self._offset_ns = (), 0
 
     def _agrees(self, exchange: Exchange) -> bool:
-        """Return whether an exchange agrees with the best one: both offsets are right to half their
-        round trip, and a little drift.
+        """Return whether an exchange agrees with the best one: both offsets are accurate to half
+        their round trip, plus a little drift.
         """
         best = min(self._exchanges, key=lambda e: e.round_trip_ns)
         allowed = (best.round_trip_ns + exchange.round_trip_ns) // 2 + 10_000_000
@@ -98,7 +98,7 @@ class ClockOffset:
 
 
 def serve_time_sync(node: Node, clock: Callable[[], int] = time_ns) -> None:
-    """Serve `time_sync`; `clock` gives this end's time in ns. Answered on the network thread."""
+    """Serve `time_sync` on the network thread; `clock` returns this end's time in ns."""
 
     def answer(_request: Message) -> Message:
         received = clock()

@@ -1,1 +1,1 @@
-"""Logs read once, as columns that are kept on the disk."""
+"""Columns of logs, read once and stored on disk."""

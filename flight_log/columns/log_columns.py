@@ -1,9 +1,9 @@
-"""A log read once: its topics as columns, out of Arrow files that are made at the first reading.
+"""A log's topics as columns, from Arrow files that are made at the first reading.
 
-They belong to the log's file, its size and its time of change: when it grows or is mended, they are
-made again, and so are damaged ones. They lie in the folder `.columns` next to the runs where there
-is one, else in the user's cache folder; where neither can be written, they last as long as their
-reader.
+They belong to the log's file, its size and its modification time: when it grows or is repaired,
+they are made again, as damaged ones are. They are stored in the folder `.columns` next to the runs
+if there is one, else in the user's cache folder; if neither is writable, they last as long as
+their reader.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ class LogColumns:
     Attributes:
         topics: by full name, in the order of their first messages.
         attachments, metadata: of the log, by name.
-        tear: why reading stopped early; empty: at the log's end.
-        damaged_chunks, damaged_records: how many were passed over.
-        problems: by topic, why it could not be read.
-        folder: where they lie.
-        identity: of the log that they were made of.
-        note: why the columns are not kept; empty when they are.
+            tear: why reading stopped early; empty if it reached the log's end.
+            damaged_chunks, damaged_records: how many were skipped.
+            problems: by topic, why it could not be read.
+            folder: where the columns are stored.
+            identity: of the log from which they were made.
+            note: why the columns are not stored permanently; empty when they are.
     """
 
     path: Path
@@ -62,7 +62,7 @@ class LogColumns:
 
 
 class _DamagedError(Exception):
-    """Columns are not what was written, or not of this log."""
+    """The columns differ from what was written, or belong to another log."""
 
 
 class _Folder:
@@ -117,7 +117,7 @@ class _Folder:
         try:
             write_columns(self.log, new, self._identity, tell)
             shutil.rmtree(place, ignore_errors=True)
-            with suppress(OSError):  # another process was faster: its columns are as good
+            with suppress(OSError):  # another process was faster; its columns are equivalent
                 new.rename(place)
             self.index, self.folder = self._read(place), place
         except _DamagedError as error:
@@ -126,8 +126,8 @@ class _Folder:
             shutil.rmtree(new, ignore_errors=True)
 
     def table(self, topic: str) -> tuple[Any, mmap.mmap]:
-        """Return a topic's table and its map; damaged columns are made again. Raises StorageError,
-        LogFormatError.
+        """Return a topic's table and its map; damaged columns are made again. Raises StorageError
+        or LogFormatError.
         """
         try:
             return self._mapped(topic)
@@ -156,10 +156,10 @@ def read_columns(
     dtype: npt.DTypeLike = np.float32,
     place: Path | None = None,
 ) -> LogColumns:
-    """Return the columns of a log, made first where there are none.
+    """Return the columns of a log; make them first if there are none.
 
     Args:
-        tell: called with the share that is made, 0 to 1.
+        tell: called with the share that is done, 0 to 1.
         dtype: of the numbers.
         place: folder of the columns, default `place_of(log)`.
 
@@ -170,8 +170,8 @@ def read_columns(
 
 
 def kept_columns(log: Path, dtype: npt.DTypeLike = np.float32) -> LogColumns:
-    """Return the columns that are kept of a log, also of an earlier state of it. Raises
-    StorageError when there are none.
+    """Return the stored columns of a log, even of an earlier state of it. Raises StorageError when
+    there are none.
     """
     log = log_of(log)
     return _columns(_Folder(log, place_of(log), None), dtype)
@@ -203,7 +203,7 @@ def _opener(folder: _Folder, name: str) -> Callable[[], tuple[Any, mmap.mmap]]:
 def read_topics(
     log: Path, vehicle: str, wanted: Collection[str], dtype: npt.DTypeLike = np.float32
 ) -> dict[str, Topic]:
-    """Return topics of one vehicle, by name without namespace; one without messages is empty.
+    """Return topics of one vehicle, by name without namespace; a topic without messages is empty.
 
     Raises LogFormatError or StorageError.
     """

@@ -1,4 +1,4 @@
-"""The folders in which the columns of logs are kept, and the room that they take."""
+"""The folders in which the columns of logs are stored, and the space that they use."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from quadrotor.errors import StorageError
 CACHES = ".columns"
 """Folder of the runs' columns, next to the runs."""
 LARGEST = 4_000_000_000
-"""Bytes of all columns in a cache folder; those looked at longest ago go first."""
+"""Largest size of a cache folder, in bytes; the least recently used are removed first."""
 ON_ITS_WAY = ".new"
 
 
 def identity(log: Path) -> list[int]:
-    """Return what tells a log from one that was changed. Raises StorageError."""
+    """Return what distinguishes a log from a changed one: size and time. Raises StorageError."""
     try:
         status = log.stat()
     except OSError as error:
@@ -40,9 +40,9 @@ def place_of(log: Path) -> Path:
 
 
 def make_room(folder: Path, name: str) -> bool:
-    """Remove from a cache folder what killed processes have left, the columns of removed runs and,
-    above LARGEST, those looked at longest ago, but not those called `name`, finished or on their
-    way; return whether that was enough.
+    """Remove from a cache folder the remains of killed processes, the columns of removed runs and,
+    above LARGEST, the least recently used ones, but none called `name` and none being written;
+    return whether that was enough.
     """
     others = []
     for one in folder.glob("*"):
@@ -60,12 +60,12 @@ def make_room(folder: Path, name: str) -> bool:
 
 
 def _is_alive(columns: Path) -> bool:
-    """Return whether the process that makes these columns runs."""
+    """Return whether the process that makes these columns is running."""
     return Path("/proc", columns.stem.rpartition(".")[2]).exists()
 
 
 def _looked_at(columns: Path) -> float:
-    """Return when somebody last did, s; 0 for columns that are damaged or whose run is gone."""
+    """Return the time of the last use, s; 0 for damaged columns and for those of a removed run."""
     runs = columns.parent.parent
     run = runs / columns.name
     if columns.parent.name == CACHES and not (
@@ -78,7 +78,7 @@ def _looked_at(columns: Path) -> float:
 
 
 def folder_bytes(folder: Path) -> int:
-    """Return the bytes of all files below, as far as they can be seen: others may be removing
+    """Return the bytes of all files below, as far as possible: other processes may be removing
     them.
     """
     total = 0

@@ -22,15 +22,15 @@ Stamps = npt.NDArray[np.int64]
 
 
 class Topic:
-    """N messages of one topic, in the order they were written; read when asked for.
+    """N messages of one topic, in the order in which they were written; read on demand.
 
     Args:
-        facts: of the topic, as `log.json` has them; none for a topic without messages.
-        table: gives its Arrow table and the map that it lies in.
+        facts: of the topic, as in `log.json`; none for a topic without messages.
+        table: returns its Arrow table and the memory map that holds it.
         dtype: of the numbers.
 
     Attributes:
-        texts: of each the places (index, text) where it changes.
+        texts: for each text, the rows (index, text) where it changes.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class Topic:
 
     @cached_property
     def decodable_name(self) -> str:
-        """Return the type by which the payloads are decoded."""
+        """Return the type with which the payloads are decoded."""
         if self._schema is None:
             return self.type_name
         name, described = self._schema
@@ -72,7 +72,7 @@ class Topic:
 
     @property
     def arrow(self) -> Any:
-        """Return its columns as they lie in the file, a pyarrow.Table."""
+        """Return its columns as stored in the file, a pyarrow.Table."""
         return self._mapped[0]
 
     def _column(self, name: str, first: int = 0, last: int | None = None) -> npt.NDArray[Any]:
@@ -80,7 +80,7 @@ class Topic:
         if column.num_chunks == 1:
             lying: npt.NDArray[Any] = column.chunk(0).to_numpy()
             return lying
-        # By numpy, which gives the memory back when it is done with; Arrow's pool keeps it.
+        # By numpy, which returns the memory after use; Arrow's pool keeps it.
         copied: npt.NDArray[Any] = np.concatenate([one.to_numpy() for one in column.chunks])
         self.release()
         return copied
@@ -97,7 +97,7 @@ class Topic:
 
     @property
     def header_ns(self) -> Stamps:
-        """Return the stamps in the messages' headers, (N,), of a type that has them."""
+        """Return the stamps in the messages' headers, (N,), for a type that has them."""
         delay = self._facts.get("header_delay_ns")
         if not len(self) or delay == 0:
             return self.publish_ns
@@ -106,19 +106,20 @@ class Topic:
 
     @property
     def payloads(self) -> list[bytes]:
-        """Return the messages of a topic that is kept whole."""
+        """Return the messages of a topic whose payloads are stored."""
         if not len(self) or PAYLOAD not in self.arrow.column_names:
             return []
         found: list[bytes] = self.arrow[PAYLOAD].to_pylist()
         return found
 
     def payload(self, index: int) -> bytes:
-        """Return one message of a topic that is kept whole."""
+        """Return one message of a topic whose payloads are stored."""
         return bytes(self.arrow[PAYLOAD][index].as_py())
 
     def values(self, name: str, first: int = 0, last: int | None = None) -> Floats:
-        """Return a number of the messages from `first` to before `last`, (N,), NaN where there is
-        none; not to be written into.
+        """Return one number of the messages `first` to `last` - 1, (N,), NaN if missing.
+
+        The array is read-only.
         """
         if name in HEADER_STAMP and name in self:
             seconds, rest = np.divmod(self.header_ns[first:last], 1_000_000_000)
@@ -135,12 +136,12 @@ class Topic:
         return made
 
     def release(self) -> None:
-        """Let the kernel take the pages back that were read: they count as this process's."""
+        """Release the pages that were read, which otherwise count as this process's memory."""
         if len(self):
             self._mapped[1].madvise(mmap.MADV_DONTNEED)
 
     def take(self, names: Collection[str]) -> Floats:
-        """Return (N, len(names)), NaN for a number the topic does not have."""
+        """Return (N, len(names)), NaN for a number that the topic does not have."""
         out = np.empty((len(self), len(names)), self.dtype)
         for k, name in enumerate(names):
             out[:, k] = self.values(name)

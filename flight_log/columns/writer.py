@@ -1,8 +1,8 @@
-"""The columns of a log on the disk: every topic's numbers, texts and payloads as Arrow files.
+"""The columns of a log on disk: every topic's numbers, texts and payloads as Arrow files.
 
 A topic is one Arrow IPC file, uncompressed, so that it can be mapped: `received_ns`, `stamp_ns`,
-float64 numbers by path, `payload` of the topics in WHOLE. What hardly ever changes (most numbers of
-most topics, texts) stands next to them in `log.json`, by the row where it changes.
+float64 numbers by path, `payload` for the topics in WHOLE. Values that hardly ever change (most
+numbers of most topics, texts) are stored in `log.json`, by the row where they change.
 """
 
 from __future__ import annotations
@@ -28,16 +28,15 @@ WHOLE = (
     *("/tracker_pose", "/tracker_position", "/bearings", "/sweeps"),
     *("/tracker_picture", "/camera_picture"),
 )
-"""Ends of the names of topics whose messages are looked at one by one, so that payloads are
-kept."""
+"""Ends of the names of topics whose messages are read one by one, so that payloads are stored."""
 RECEIVED, STAMP, HEADER, PAYLOAD = "received_ns", "stamp_ns", "header_delay_ns", "payload"
 ROWS = 1 << 20
-"""Rows of a file that are written at once, and lie in one piece."""
+"""Rows that are written at once, and are contiguous in the file."""
 PIECE = 1 << 20
 
 
 class _Growing:
-    """Values of one kind that arrive in pieces; a file only after the first that is another."""
+    """Values of one column that arrive in pieces; stored in a file only once they differ."""
 
     def __init__(self, path: Path, dtype: npt.DTypeLike) -> None:
         self.dtype = np.dtype(dtype)
@@ -79,7 +78,7 @@ class _Growing:
 
 
 class _Topic:
-    """The messages of a topic as they are gathered, those of its first type."""
+    """The messages of a topic as they are collected; only those of its first type."""
 
     def __init__(self, first: Columns, folder: Path) -> None:
         self.type_name, self._folder, self.count = first.type_name, folder, 0
@@ -114,7 +113,7 @@ class _Topic:
                 out.writelines(columns.payloads)
 
     def write(self, file: Path) -> dict[str, Any]:
-        """Write the Arrow file; return what `log.json` says of the topic. Raises OSError."""
+        """Write the Arrow file; return the topic's entry of `log.json`. Raises OSError."""
         import pyarrow as pa
 
         constants: dict[str, float] = {}
@@ -165,7 +164,7 @@ def write_columns(
     """Write the columns of a log into a new folder. Raises OSError, LogFormatError, StorageError.
 
     Args:
-        identity: of the log, kept with them.
+        identity: of the log, stored with them.
         tell: called with the share that is done, 0 to 1.
     """
     scratch = folder / "scratch"

@@ -1,1 +1,1 @@
-"""Recorded flights of others: their formats are read into one record, checked, written as a run."""
+"""Import of other systems' recorded flights: each is read, checked, and written as a run."""

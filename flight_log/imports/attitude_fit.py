@@ -1,4 +1,4 @@
-"""Find the order and the direction of quaternions with which a track's attitudes fit the IMU."""
+"""Search for the order and direction of quaternions with which a track's attitudes fit the IMU."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ Array = npt.NDArray[np.float64]
 
 WAYS = ("body to world", "world to body")
 FITS = 0.6
-"""Least share of the turning, or correlation of the accelerations, that belongs together."""
+"""Least share of explained rotation, or correlation of accelerations, of matching data."""
 STILL = 0.03
-"""rad/s rms below which turning tells nothing."""
+"""rad/s rms below which rotation is too slow to judge by."""
 GRAVITY = 9.80665
 NEARLY = 0.85
-"""Share of the best score below which the order stated is not the right one."""
+"""Share of the best score below which the stated order is wrong."""
 ROWS = 3000
-"""So many attitudes at most say where gravity points."""
+"""Largest number of attitudes used to find the direction of gravity."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Attitudes read in one order, held against the IMU."""
+    """Attitudes read in one order, compared with the IMU."""
 
     order: str
     way: str
@@ -46,7 +46,7 @@ class Fit:
 
 
 def nearest_body(matrix: Array) -> str:
-    """Return the letters of the body whose axes a rotation turns into FLU, nearly."""
+    """Return the letters of the body axes that a rotation turns most nearly into FLU."""
     return min(bodies(), key=lambda one: angle_between(matrix, axes(one, "")))
 
 
@@ -62,13 +62,14 @@ def fit_order(
     lag: Callable[[Array, Array], float],
     offset: float,
 ) -> tuple[Fit, bool]:
-    """Return the fit of the order that the mapping states, or of the best; and whether it tells.
+    """Return the fit of the order that the mapping states, or of the best one; and whether the
+    motion is enough to judge.
 
     Args:
         grids: of the IMU and of the track.
         imu: seconds (N,), specific force (N, 3) m/s², gyroscope (N, 3) in its own unit, FLU.
-        lag: of two sides on the grids, s.
-        offset: of the track's clock that the mapping states, s.
+        lag: returns the lag of two signals on the grids, s.
+        offset: of the track's clock as the mapping states it, s.
 
     Raises LogFormatError.
     """

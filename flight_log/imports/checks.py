@@ -1,9 +1,9 @@
 """Units, frames and clocks of a recorded flight, checked against gravity and against motion.
 
-What the mapping states and the flight contradicts is refused, with what fits; what it leaves out
-is found and told. The specific force has the length of gravity in the median and points up; the
-gyroscope turns as the attitudes of the tracks do; and their positions are accelerated as the
-specific force, turned by their attitudes, says.
+A statement of the mapping that the flight contradicts is refused, with what fits; what the mapping
+leaves out is found and noted. The specific force has the length of gravity in the median and
+points up; the gyroscope must agree with the rotation of the tracks' attitudes; and the
+acceleration of their positions must agree with the specific force, rotated by their attitudes.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ Array = npt.NDArray[np.float64]
 
 GRAVITY = 9.80665
 LIKELY_FORCE = (0.7, 1.6)
-"""The specific force's median length lies between these times gravity."""
+"""Range of the specific force's median length, in multiples of gravity."""
 POINTS_UP = 0.7
-"""The mean specific force's least component upwards, of its length."""
+"""Least upward component of the mean specific force, relative to its length."""
 LARGEST_RATE = 36.0
 """rad/s: more than 2000 deg/s, which no gyroscope of a vehicle measures."""
 FIRST_NS = 100_000_000_000_000_000
-"""Stamps above it are of the epoch (1973), others of a clock of their own."""
+"""Stamps above it are epoch time (1973 and later), others are of another clock."""
 
 
 def settle(raw: RawFlight, vehicle: str, source: str, modified_ns: int) -> ImportedFlight:
-    """Return the flight in our frames and units, by one clock.
+    """Return the flight in our frames and units, on one clock.
 
     Args:
-        modified_ns: when the file was written, for a log that does not know its date.
+        modified_ns: when the file was written, for a log without a date.
 
     Raises LogFormatError with what was found and what to try.
     """
@@ -82,8 +82,8 @@ def _checked(
     beside: RawTrack | None,
     notes: list[str],
 ) -> Checked:
-    """Return a checked track. An estimate may be wrong, which is what its log is looked at for: of
-    one whose conventions are all stated it is told. Raises LogFormatError.
+    """Return a checked track. An estimate may be wrong, which may be why its log is studied: if all
+    its conventions are stated, a misfit is only noted. Raises LogFormatError.
     """
     kept = len(notes)
     try:
@@ -155,7 +155,7 @@ def _rate_unit(imu: RawImu, turning: Array, scales: list[float], notes: list[str
     """Return the gyroscope's unit, rad/s.
 
     Args:
-        scales: numbers of the gyroscope a rad/s of the tracks' attitudes.
+        scales: gyroscope reading per rad/s of the tracks' attitudes.
 
     Raises LogFormatError.
     """

@@ -1,9 +1,9 @@
-"""Logs of the Crazyflie's µSD card, a table an event; `timestamp` in ms.
+"""Logs of the Crazyflie's µSD card, with a table for each kind of event; `timestamp` in ms.
 
-Byte 0xBC, version and number of kinds (uint16 each); of every kind its id, its name, how many
-numbers it has and the name of each with its letter of `struct` in brackets, names ended by 0. Then
-the events: id, time (ms as uint32, or µs as uint64 from version 2 on), numbers. The last 4 bytes
-are a CRC-32 of all before.
+The file begins with byte 0xBC, version and number of kinds (uint16 each); for every kind its id,
+its name, how many numbers it has and the name of each with its letter of `struct` in brackets,
+names ended by 0. The events follow: id, time (ms as uint32, or µs as uint64 from version 2 on),
+numbers. The last 4 bytes are a CRC-32 of everything before.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ Array = npt.NDArray[np.float64]
 MAGIC = b"\xbc"
 LETTERS = {**{one: f"<{one}" for one in "bBhHiIqQfd"}, "l": "<i", "L": "<I"}
 VERSIONS = {1: "<u4", 2: "<u8"}
-"""Type of an event's time by the version."""
+"""Type of an event's time, by version."""
 TIME = "timestamp"
 
 
 class CrazyflieTables(FileTables):
-    """The events of a log that were written at least once."""
+    """The tables of the kinds of events that were written at least once."""
 
     def __init__(self, path: Path) -> None:
-        """Raises LogFormatError."""
+        """Read the log. Raises LogFormatError."""
         super().__init__(path)
         data = path.read_bytes()
         try:
@@ -76,9 +76,7 @@ class CrazyflieTables(FileTables):
 
 
 def _kinds(data: bytes) -> tuple[dict[int, tuple[str, np.dtype[np.void]]], int, float]:
-    """Return name and record of every kind of event, where the first stands, and the time's unit
-    in ms.
-    """
+    """Return name and record of each kind of event, the first event's offset, the time unit, ms."""
     version, count = struct.unpack_from("<HH", data, 1)
     time, at = VERSIONS[version], 5
     found: dict[int, tuple[str, np.dtype[np.void]]] = {}

@@ -1,4 +1,4 @@
-"""A flight of another make: as its file has it, and as ours."""
+"""An imported flight in our frames and units."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Stamps = npt.NDArray[np.int64]
 
 @dataclass
 class Imu:
-    """Samples in the body's axes FLU, SI units."""
+    """Samples in the body axes FLU, SI units."""
 
     stamps_ns: Stamps  # (N,), rising
     specific_force_b: Array  # (N, 3)
@@ -24,10 +24,10 @@ class Imu:
 
 @dataclass
 class Track:
-    """Poses of a body FLU in a world with z up; what a log does not have is NaN.
+    """Poses of a body FLU in a world with z up; values that a log does not have are NaN.
 
     Attributes:
-        velocity_known: whether the log has it; else it is derived of the positions.
+        velocity_known: whether the log has it; otherwise it is derived from the positions.
     """
 
     name: str  # section of the mapping
@@ -39,10 +39,10 @@ class Track:
 
 @dataclass
 class ImportedFlight:
-    """A flight in our frames and units, by one clock."""
+    """A flight in our frames and units, on one clock."""
 
     vehicle: str
-    source: str  # format and mapping it was read with
+    source: str  # format and mapping with which it was read
     imu: Imu
     truth: Track | None = None
     estimate: Track | None = None

@@ -1,4 +1,4 @@
-"""Formats by the first bytes of their files."""
+"""Formats, recognised by the first bytes of their files."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def format_of(path: Path) -> str:
 
 
 def open_source(path: Path, wanted: Collection[str]) -> Source:
-    """Open a file; of one with many tables those `wanted` are read. Raises as `format_of`."""
+    """Open a file; if it has many tables, only those `wanted` are read. Raises as `format_of`."""
     match format_of(path):
         case "hdf5":
             return Hdf5Table(path)

@@ -1,4 +1,4 @@
-"""Axes by their letters, and quaternions of N rows."""
+"""Axes by their letters, and operations on quaternions of N rows."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ LETTERS = {
 
 
 def axes(letters: str, what: str) -> Array:
-    """Return the matrix that takes a vector with these axes into FLU or ENU, (3, 3).
+    """Return the matrix that transforms a vector with these axes into FLU or ENU, (3, 3).
 
-    Raises UsageError when the letters are no right-handed axes.
+    Raises UsageError when the letters are not right-handed axes.
     """
     if len(letters) == 3 and set(letters.upper()) <= set(LETTERS):
         matrix = np.array([LETTERS[one] for one in letters.upper()]).T
@@ -38,7 +38,7 @@ def axes(letters: str, what: str) -> Array:
 
 
 def bodies() -> list[str]:
-    """Return the letters of all 24 right-handed bodies, the common ones first."""
+    """Return the letters of all 24 right-handed body axes, the common ones first."""
     every = ("".join(one) for axes_ in permutations(("FB", "LR", "UD")) for one in product(*axes_))
     found = [one for one in every if np.linalg.det(np.array([LETTERS[k] for k in one]).T) > 0.0]
     return sorted(found, key=lambda one: ("FLU", "FRD").index(one) if one in ("FLU", "FRD") else 2)
@@ -53,7 +53,7 @@ def quaternion_of(matrix: Array) -> Array:
 
 
 def continuous(quaternions: Array) -> Array:
-    """Return the same attitudes with signs that do not jump."""
+    """Return the same attitudes with continuous signs."""
     flips = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0
     signs = np.where(np.concatenate([[0], np.cumsum(flips)]) % 2 == 1, -1.0, 1.0)
     found: Array = quaternions * signs[:, None]

@@ -1,4 +1,4 @@
-"""A recorded flight of another make becomes a run."""
+"""Import of a recorded flight of another system as a run."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def read_flight(
     """Read and check a recorded flight.
 
     Args:
-        mapping: name or file; None: that of the format.
-        truth: the file of its [truth], in place of the one that the mapping names.
-        torn: whether one that is cut off is read up to there.
+        mapping: name or file; None: the format's default.
+        truth: the file of its [truth], instead of the one that the mapping names.
+        torn: whether a truncated file is read up to its end.
 
     Raises LogFormatError, StorageError or UsageError with what was found and what to try.
     """
@@ -64,7 +64,7 @@ def _with_truth(mapping: Mapping, truth: Path, chosen: str) -> Mapping:
 
 @dataclass(frozen=True)
 class NewRun:
-    """A run that is to be made: its start and vehicle give it its name."""
+    """A run to be made; its name derives from its start and vehicle."""
 
     flight: ImportedFlight
     original: Path
@@ -74,7 +74,7 @@ class NewRun:
         return datetime.fromtimestamp(int(self.flight.imu.stamps_ns[0]) * 1e-9, UTC)
 
     def write(self, folder: Path, run_id: str, operator: str = "") -> Path:
-        """Write `folder`/`run_id`, at once and whole or not at all. Raises StorageError."""
+        """Write `folder`/`run_id`, atomically. Raises StorageError."""
         metadata = {
             "run_id": run_id,
             "operator": operator,

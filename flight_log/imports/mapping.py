@@ -1,4 +1,4 @@
-"""Mappings: which columns of a file are what, in which frames and units (TOML).
+"""Mappings: the meaning of a file's columns, with their frames and units (TOML).
 
 What a mapping states is checked; what it leaves out is found by `flight_log.imports.checks`.
 """
@@ -34,14 +34,14 @@ class Strict(BaseModel):
 class Rows(Strict):
     """Rows of a table with their time."""
 
-    file: str = ""  # next to the file that is imported; default: that one
+    file: str = ""  # next to the imported file; default: the imported file
     table: str = ""
     time: str | int | None = None
     time_unit: Literal["s", "ms", "us", "ns"] = "s"
-    rate: Positive | None = None  # Hz, of rows without a time
+    rate: Positive | None = None  # Hz, for rows without a time
     time_offset: float | Literal["motion"] | None = None  # s, added to the stamps
     time_scale: Positive = 1.0  # of this clock to the IMU's
-    optional: bool = False  # left out where the file has no such table
+    optional: bool = False  # left out if the file has no such table
 
 
 class ImuRows(Rows):
@@ -61,11 +61,11 @@ class AttitudeRows(Rows):
 class TrackRows(Rows):
     position: Columns
     position_unit: Literal["m", "cm", "mm", "ft"] | Positive | None = None
-    velocity: Columns | None = None  # in the world's axes, position_unit a second
+    velocity: Columns | None = None  # in world axes, position_unit per second
     quaternion: Columns | None = None
     quaternion_order: Literal["wxyz", "xyzw"] | None = None
     quaternion_maps: Literal["body to world", "world to body"] | None = None
-    attitude: AttitudeRows | None = None  # where it stands in a table of its own
+    attitude: AttitudeRows | None = None  # if it is in a separate table
     world: str | None = None
     body: str | None = None
 
@@ -85,7 +85,7 @@ class Mapping(Strict):
     battery: BatteryRows | None = None
 
     def tables(self) -> set[str]:
-        """Return the names of all tables it asks for."""
+        """Return the names of all tables that it uses."""
         tracks = [one for one in (self.truth, self.estimate) if one]
         rows: list[Rows | None] = [self.imu, self.battery, *tracks]
         rows += [one.attitude for one in tracks]
@@ -98,7 +98,7 @@ def names() -> list[str]:
 
 
 def load_mapping(chosen: str) -> Mapping:
-    """Return a mapping that comes with quadlab, by name, or one of a file.
+    """Return a mapping that comes with quadlab, by name, or read one from a file.
 
     Raises UsageError.
     """
@@ -123,7 +123,7 @@ def load_mapping(chosen: str) -> Mapping:
 
 
 def _first(error: ValidationError) -> str:
-    """Return the first mistake of a mapping in one line."""
+    """Return the first mistake in a mapping as one line."""
     mistakes = error.errors()
     one = next((one for one in mistakes if one["type"] == "extra_forbidden"), mistakes[0])
     *sections, name = [str(part) for part in one["loc"]] or [""]
@@ -150,7 +150,7 @@ def _model(model: Any, part: str) -> Any:
 def column_names(asked: Columns, known: list[str], count: int, where: str) -> list[str]:
     """Return the columns that a mapping names, `count` of them.
 
-    A name may stand for all its columns NAME[0], NAME[1], …, and NAME[3:7] for some of them.
+    NAME may stand for all of NAME[0], NAME[1], …, and NAME[3:7] for some of them.
     Raises LogFormatError.
     """
     found: list[str] = []

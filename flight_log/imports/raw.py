@@ -1,4 +1,4 @@
-"""The columns that a mapping names, as they stand in the files."""
+"""The columns that a mapping names, as they are in the files."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from quadrotor.records import Record
 Array = npt.NDArray[np.float64]
 
 FEWEST = 50
-"""Rows of IMU or truth below which nothing is imported."""
+"""Least number of rows of IMU or truth for an import."""
 
 
 @dataclass
 class RawImu:
-    """Samples in the file's units and axes; `seconds` after the flight's base."""
+    """Samples in the file's units and axes; `seconds` since the flight's base."""
 
     rows: ImuRows
     seconds: Array  # (N,), rising
@@ -56,7 +56,7 @@ class RawTrack:
 
 @dataclass
 class RawFlight:
-    """A file by its mapping; times in s after `base`, by which the IMU's first sample has 0."""
+    """A file read by its mapping; times in s after `base`, the time of the IMU's first sample."""
 
     base: float  # s
     epoch_ns: int | None
@@ -87,7 +87,7 @@ class _Files:
     def read(
         self, rows: Rows, section: str, columns: dict[str, tuple[Columns, int]]
     ) -> list[Array]:
-        """Return the times (N,), s, then each of `columns`, which says how many it needs."""
+        """Return the times (N,), s, then each of `columns`, given by names and count."""
         source = self.source(rows)
         where = f"{source.path.name}, [{section}]"
         if rows.table not in source.tables():
@@ -116,7 +116,7 @@ class _Files:
         return [seconds * rows.time_scale, *(one[known_rows][kept] for one in parts.values())]
 
     def _rising(self, seconds: Array, where: str, fewest: int) -> Array:
-        """Return rising times without repeated ones. Raises LogFormatError."""
+        """Return rising times without duplicates. Raises LogFormatError."""
         if len(seconds) < fewest:
             raise LogFormatError(f"{where}: {len(seconds)} rows; at least {fewest} are needed")
         steps = np.diff(seconds)
@@ -148,7 +148,7 @@ class _Files:
 
 
 def read_raw(path: Path, mapping: Mapping, *, torn: bool) -> RawFlight:
-    """Read a file by its mapping; `torn`: also one that is cut off.
+    """Read a file by its mapping; `torn` also accepts a truncated one.
 
     Raises LogFormatError or StorageError.
     """
@@ -200,7 +200,7 @@ def _track(files: _Files, name: str, rows: TrackRows | None) -> RawTrack | None:
 
 
 def _join_attitude(files: _Files, track: RawTrack, rows: AttitudeRows) -> None:
-    """Interpolate the attitude of another table at the track's stamps, and cut the track to it."""
+    """Interpolate the attitude of another table at the track's stamps, and trim the track to it."""
     section = f"{track.name}.attitude"
     times, found = files.read(rows, section, {"quaternion": (rows.quaternion, 4)})
     found = continuous(_unit(found, section))
@@ -234,7 +234,7 @@ def _unit(quaternions: Array, section: str) -> Array:
 
 
 def ordered(quaternion: Array, order: str, maps: str) -> Array:
-    """Return quaternions as (w, x, y, z), body to world, with signs that do not jump."""
+    """Return quaternions as (w, x, y, z), body to world, with continuous signs."""
     found = quaternion[:, ORDERS[order]]
     if maps == "world to body":
         found = found * np.array([1.0, -1.0, -1.0, -1.0])

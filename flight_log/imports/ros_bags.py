@@ -1,4 +1,4 @@
-"""Bags of ROS 1 and ROS 2, a table a topic; columns are the paths of its messages' numbers."""
+"""Bags of ROS 1 and ROS 2: a table for each topic, a column for each number, named by its path."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Array = npt.NDArray[np.float64]
 LOGGED = "logged"
 """The column with the time at which a message was written, s; `stamp` is its header's."""
 MOST_ITEMS = 40
-"""Numbers of an array that become columns."""
+"""Largest number of an array's items that become columns."""
 
 
 class BagTables(FileTables):
     """The topics `wanted` of a bag; stamps in s."""
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
-        """Raises LogFormatError."""
+        """Read the bag. Raises LogFormatError."""
         from rosbags.highlevel import AnyReader, AnyReaderError
         from rosbags.typesys import Stores, get_typestore
 
@@ -56,7 +56,7 @@ class BagTables(FileTables):
 
 
 def _numbers(message: Any, path: str = "") -> Iterator[tuple[str, float]]:
-    """Yield every number of a message by its path; `stamp` is that of its header, s."""
+    """Yield every number of a message with its path; `stamp` is that of its header, s."""
     for name, value in vars(message).items():
         where = f"{path}.{name}" if path else name
         if where == "header":

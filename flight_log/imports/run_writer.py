@@ -1,4 +1,4 @@
-"""An imported flight as a log: the topics of any run, where the flight has them."""
+"""An imported flight as a log, with the topics of any run that the flight has."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from vehicle_link import topics
 Stamps = npt.NDArray[np.int64]
 
 SLICE_NS = 10_000_000_000
-"""So much of a flight is encoded at once."""
+"""Duration, in ns, of flight that is encoded at once."""
 POSE_NS = 7_500_000
-"""Least time between tracker poses: motion capture is faster than any tracker sends."""
+"""Least time between tracker poses: motion capture may be faster than any tracker sends."""
 INFO = 20  # level of rcl_interfaces/Log
 
 
 def write_run(path: Path, flight: ImportedFlight, run: Mapping[str, str]) -> None:
-    """Write a new log; `run` are entries of its metadata. Raises StorageError."""
+    """Write a new log; `run` are entries for its metadata. Raises StorageError."""
     metadata = {"vehicle": flight.vehicle, "recorder": "import", **run, **provenance()}
-    # A flight can be imported again: whole chunks, as those of simulated flights.
+    # A flight can be imported again, so long chunks are safe, as in simulated flights.
     with LogWriter(path, metadata, {}, chunk_age_ns=1_000_000_000) as writer:
         starts = [flight.imu.stamps_ns[0], *(int(one.stamps_ns[0]) for one in _tracks(flight))]
         ends = [flight.imu.stamps_ns[-1], *(int(one.stamps_ns[-1]) for one in _tracks(flight))]
@@ -36,7 +36,7 @@ def write_run(path: Path, flight: ImportedFlight, run: Mapping[str, str]) -> Non
 
 
 def _slice(flight: ImportedFlight, start: int, end: int) -> Iterator[Batch]:
-    """Yield what was from `start` to before `end`, ns."""
+    """Yield the batches from `start` to before `end`, ns."""
     name, imu = flight.vehicle, flight.imu
     if len(rows := _rows(imu.stamps_ns, start, end)):
         ticks = np.zeros(len(rows), TICK)
@@ -94,7 +94,7 @@ def _rows(stamps: Stamps, start: int, end: int) -> npt.NDArray[np.intp]:
 
 
 def _thinned(stamps: Stamps) -> npt.NDArray[np.intp]:
-    """Return the rows to keep so that POSE_NS lie between them."""
+    """Return the rows to keep so that they are at least POSE_NS apart."""
     if not len(stamps):
         return np.zeros(0, np.intp)
     step = float(np.median(np.diff(stamps))) if len(stamps) > 1 else POSE_NS

@@ -1,10 +1,10 @@
 """Lighthouse sweeps in a Crazyflie's log: when and at which angles planes of light met its deck.
 
-`lhAngle` has the angles of both planes of a base station at once, as soon as the firmware was done
-with them: up to 12 ms after the light, by how much depends on what was received next. Those of
+`lhAngle` has the angles of both planes of a base station together, as soon as the firmware has
+processed them: up to 12 ms after the light, depending on what was received next. Those of
 Lighthouse 2 are therefore stamped by their pulses (`lhUartFrame`), those of Lighthouse 1 by the
-rotor, of which they are written at the end of a half turn. Places and calibration of the base
-stations stand in the `system-config.yaml` that cfclient writes.
+rotor, at the end of whose half turn they are written. Positions and calibration of the base
+stations are in the `system-config.yaml` that cfclient writes.
 """
 
 from __future__ import annotations
@@ -26,26 +26,26 @@ Array = npt.NDArray[np.float64]
 ANGLES, PULSES = "lhAngle", "lhUartFrame"
 GEOMETRY = "system-config.yaml"
 SENSORS_B = np.array([[x, y, 0.0] for x in (-0.015, 0.015) for y in (0.0075, -0.0075)])
-"""m: the four sensors of the Lighthouse deck."""
+"""Positions, in m, of the four sensors of the Lighthouse deck."""
 SIGMA = 4e-4
-"""rad: of one angle, with what its calibration leaves."""
+"""Standard deviation of one angle, in rad, including the residual of its calibration."""
 APART = 3.0
-"""ms between the angles of two turns of a rotor."""
+"""Milliseconds between the angles of two turns of a rotor."""
 LATEST = 30.0
-"""ms after a pulse in which its angle is written."""
+"""Longest time, in ms, between a pulse and the record of its angle."""
 TICKS, WRAP = 24e3, 2.0**32
-"""Ticks of the receiver's clock in a ms, and the number after which it begins again."""
+"""Ticks of the receiver's clock per ms, and the count at which it wraps around."""
 HALF_TURN = {1: 1e3 / 120.0, 2: 10.0}
-"""ms of a rotor, by make."""
+"""Duration, in ms, of a rotor's half turn, by make."""
 SECOND_ROTOR = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""Rotation from the vertical rotor's frame of a Lighthouse 1 to its station's."""
+"""Rotation from the frame of a Lighthouse 1's vertical rotor to its station's."""
 
 
 def read_sweeps(source: Source, base: float, notes: list[str]) -> Record | None:
-    """Return the SWEEPS_SAMPLE (N,) of a log, in order, by the stations' world; None without them.
+    """Return the SWEEPS_SAMPLE (N,) of a log, in order, in the stations' world; None without them.
 
     Args:
-        base: stamps are ns after it, s. notes: what was left out is added here.
+        base: stamps are in ns after it, s. notes: gets lines about what was left out.
 
     Raises LogFormatError.
     """
@@ -88,7 +88,7 @@ def read_sweeps(source: Source, base: float, notes: list[str]) -> Record | None:
 
 
 def read_stations(path: Path) -> tuple[int, dict[int, Record]]:
-    """Return the make of the base stations and their planes by number, two a station."""
+    """Return the make of the base stations and their planes by number, two for each station."""
     from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
 
@@ -116,12 +116,12 @@ def read_stations(path: Path) -> tuple[int, dict[int, Record]]:
 
 
 def _pulses(source: Source) -> dict[int, Array]:
-    """Return when each plane met the deck, ms of the log, by the receiver's clock.
+    """Return when each plane met the deck, in ms of the log, by the receiver's clock.
 
-    Pulses reach the log with delays of up to 2 ms, the least of which are taken for none.
+    Pulses reach the log with delays of up to 2 ms; the smallest delays count as zero.
     """
     rows = source.read(PULSES, ["timestamp", "basestation", "offset", "timestamp2FPGA"])
-    rows = rows[rows[:, 2] > 0.0]  # one of each block of sensors has its rotor's angle
+    rows = rows[rows[:, 2] > 0.0]  # one in each block of sensors has the rotor's angle
     if len(rows) < 2:
         return {}
     ticks = np.unwrap(rows[:, 3], period=WRAP) / TICKS
@@ -133,7 +133,7 @@ def _pulses(source: Source) -> dict[int, Array]:
 
 
 def _newest(pulses: Array | None, at: float) -> float | None:
-    """Return the newest pulse before a time, ms; None when there is none it can be of."""
+    """Return the newest pulse before a time, ms; None when there is none that fits."""
     if pulses is None or (k := int(np.searchsorted(pulses, at)) - 1) < 0:
         return None
     return float(pulses[k]) if at - pulses[k] < LATEST else None

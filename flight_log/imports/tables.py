@@ -1,4 +1,4 @@
-"""Tables of numbers by column: CSV and the like, HDF5, NumPy; and the protocol of all formats."""
+"""Tables of numbers by column: CSV and similar, HDF5, NumPy; and the protocol of all formats."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from quadrotor.errors import LogFormatError
 Array = npt.NDArray[np.float64]
 
 HEAD_LINES = 2000
-"""Lines of a text in which its first row of numbers is looked for."""
+"""Number of lines of a text file in which its first row of numbers is searched."""
 LONGEST_LINE = 1 << 20
-"""Characters; a longer first line is of no table."""
+"""Longest line in characters; a file with a longer one is not a table."""
 MOST_VALUES = 16_000_000
-"""Numbers read of a table, 128 MB: half an hour of an IMU at 1000 Hz."""
+"""Largest number of values read from a table, 128 MB: half an hour of an IMU at 1000 Hz."""
 
 
 class Source(Protocol):
@@ -28,9 +28,9 @@ class Source(Protocol):
     epoch_ns: int | None
     """Time at which its stamps were 0, ns; None: unknown."""
     torn: str
-    """Description of where it is cut off; empty: it is complete."""
+    """Description of where it is cut off; empty if it is complete."""
     events: list[tuple[float, int, str]]
-    """Time as in its tables (s), level and text."""
+    """Time on the clock of its tables (s), level and text."""
 
     def tables(self) -> list[str]: ...
 
@@ -58,7 +58,7 @@ class TextTable(FileTables):
     """CSV, also with ; or spaces; columns by their header, else by their number from 0."""
 
     def __init__(self, path: Path) -> None:
-        """Raises LogFormatError."""
+        """Open the file. Raises LogFormatError."""
         super().__init__(path)
         with path.open(encoding="utf-8-sig", errors="replace") as file:
             before: list[str] = []
@@ -74,7 +74,7 @@ class TextTable(FileTables):
                 raise _no_numbers(path)
         self._skip, self._width = number, len(row)
         names = [re.sub(r"\s+[\[(][^\])]*[\])]$", "", one) for one in before]
-        # A comment's sign may stand before the names as a word of its own.
+        # A comment sign may precede the names as a separate word.
         names = names[1:] if len(names) == len(row) + 1 and not names[0] else names
         found = names if len(names) == len(row) else [str(k) for k in range(len(row))]
         self._names = found
@@ -142,10 +142,10 @@ def _no_numbers(path: Path) -> LogFormatError:
 
 
 class Hdf5Table(FileTables):
-    """Every dataset is a column, one of K columns is K: NAME[0], NAME[1], …"""
+    """HDF5 file: every dataset is a column; one with K columns becomes NAME[0], NAME[1], …"""
 
     def __init__(self, path: Path) -> None:
-        """Raises LogFormatError."""
+        """Open the file. Raises LogFormatError."""
         import h5py
 
         super().__init__(path)
@@ -194,10 +194,10 @@ class Hdf5Table(FileTables):
 
 
 class NumpyTable(FileTables):
-    """An array (N, K) of a .npy file; columns by their number from 0, or by their names."""
+    """Array (N, K) of a .npy file; columns by their number from 0, or by their names."""
 
     def __init__(self, path: Path) -> None:
-        """Raises LogFormatError."""
+        """Open the file. Raises LogFormatError."""
         super().__init__(path)
         try:
             found = np.load(path, mmap_mode="r", allow_pickle=False)

@@ -1,4 +1,4 @@
-"""Truth and estimate of a recorded flight held against its IMU: order, frames, units and clock."""
+"""Truth and estimate of a recorded flight compared with its IMU: order, frames, units and clock."""
 
 from __future__ import annotations
 
@@ -34,29 +34,30 @@ from quadrotor.records import STATE
 Array = npt.NDArray[np.float64]
 
 CALM = 0.15
-"""m/s² rms below which acceleration tells nothing."""
+"""m/s² rms below which acceleration is too small to judge by."""
 NEAR = 5.0
-"""s by which stamps of one clock may be off."""
+"""Largest offset, in s, between stamps of the same clock."""
 TOLD_OFFSET = 5e-4
-"""s: a smaller offset is none."""
+"""Smallest offset, in s, that is corrected."""
 SLIGHT = (math.radians(0.2), math.radians(5.0))
-"""Turn of the truth's body against the IMU's that is taken out: as a marker frame is mounted."""
+"""Range of the angle, in rad, between the truth's and the IMU's body axes that is corrected: how
+marker frames are mounted."""
 ALIKE = 0.95
-"""Share of the turning that must agree for that."""
+"""Share of the rotation that must agree for that correction."""
 WORLDS = ("ENU", "NED")
 
 
 class Checked:
-    """A track whose order, frames, units and clock are settled.
+    """A track whose order, frames, units and clock are determined.
 
     Args:
         seconds, force, turning: of the IMU, FLU; (N,), (N, 3) m/s², (N, 3) in its own unit.
-        notes: what is found is added here.
-        check: whether it is held against the IMU, or taken as stated.
-        beside: the vehicle's estimate: positions without attitude have their clock from its speed.
+        notes: gets lines about what is found.
+        check: whether it is compared with the IMU, or accepted as stated.
+        beside: the vehicle's estimate, by whose speed positions without attitude get their clock.
 
     Attributes:
-        rate_scale: numbers of the gyroscope a rad/s of this attitude; None: not to be told.
+        rate_scale: gyroscope reading per rad/s of this attitude; None if unknown.
 
     Raises LogFormatError.
     """
@@ -116,7 +117,7 @@ class Checked:
         return Track(raw.name, stamps, states, raw.quaternion is not None, known)
 
     def _fit_attitude(self) -> None:
-        """Settle order, clock and body by the turning."""
+        """Determine order, clock and body from the rotation."""
         raw, rows = self.raw, self.raw.rows
         mine, theirs = self._grids()
         imu = (self._seconds, self._force, self._turning)
@@ -160,7 +161,7 @@ class Checked:
             self._notes.append(told)
 
     def _settle_clock(self, one: Array, other: Array, mine: Array, theirs: Array) -> None:
-        """Find the offset of the stamps; both sides are turned into each other already."""
+        """Find the offset of the stamps; both signals are already in the same axes."""
         lag = self._lag(one, other, mine, theirs)
         name, stated = self.raw.name, self.raw.rows.time_offset
         share = best_lag(one, other, 0)[1] if mine is theirs else 1.0
@@ -199,7 +200,7 @@ class Checked:
                 )
 
     def _fit_position(self) -> None:
-        """Settle world and unit of the positions by the acceleration of the attitudes' world."""
+        """Determine world and unit of the positions from accelerations in the attitudes' world."""
         raw, rows = self.raw, self.raw.rows
         assert raw.quaternion is not None
         at = raw.seconds + self._offset
@@ -251,7 +252,7 @@ class Checked:
         self._settle_unit(turn.scale)
 
     def _fit_speed(self, beside: RawTrack) -> None:
-        """Settle the clock by the speed of the vehicle's estimate. Raises LogFormatError."""
+        """Determine the clock from the speed of the vehicle's estimate. Raises LogFormatError."""
         mine, theirs = self._grids()
         one = speed(on_grid(mine, beside.seconds, beside.position))
         own = speed(on_grid(theirs, self.raw.seconds + self._offset, self.raw.position))
@@ -269,7 +270,7 @@ class Checked:
         )
 
     def _fit_position_alone(self) -> None:
-        """Settle clock, unit and vertical of positions by the length of the specific force."""
+        """Determine clock, unit and vertical of positions from the length of the specific force."""
         raw, rows = self.raw, self.raw.rows
         mine, theirs = self._grids()
         force = np.linalg.norm(on_grid(mine, self._seconds, self._force), axis=1, keepdims=True)
@@ -302,7 +303,7 @@ class Checked:
         return LENGTH_UNITS[stated] if isinstance(stated, str) else stated
 
     def _settle_unit(self, scale: float) -> None:
-        """Settle the unit; `scale` is m per unit, from the specific force."""
+        """Determine the unit; `scale` is m per unit, from the specific force."""
         name, stated = self.raw.name, self._stated_unit()
         found = next((k for k, unit in LENGTH_UNITS.items() if 0.6 < scale / unit < 1.6), None)
         told = f"[{name}] positions move by {scale:.3g} m per unit, from the specific force"
@@ -319,7 +320,7 @@ class Checked:
         self._unit = stated
 
     def _grids(self) -> tuple[Array, Array]:
-        """Return the grid of the IMU and that of the track: one, where their clocks overlap."""
+        """Return the grids of the IMU and of the track: the same one if their clocks overlap."""
         at = self.raw.seconds + self._offset
         motion_alone = self.raw.rows.time_offset == "motion"
         if not motion_alone and min(self._seconds[-1], at[-1]) - max(self._seconds[0], at[0]) > 5.0:
@@ -328,7 +329,7 @@ class Checked:
         return np.arange(self._seconds[0], self._seconds[-1], STEP), np.arange(at[0], at[-1], STEP)
 
     def _lag(self, one: Array, other: Array, mine: Array, theirs: Array) -> float:
-        """Return by what the track's stamps are to be moved, s: by lengths if it is turned."""
+        """Return the shift for the track's stamps, s; from lengths if its axes are unknown."""
         if other.shape[1] > 1 and self.rate_scale is None:
             one, other = (np.linalg.norm(x, axis=1, keepdims=True) for x in (one, other))
         most = round(NEAR / STEP) if mine is theirs else max(len(one), len(other))

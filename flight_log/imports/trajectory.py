@@ -1,4 +1,4 @@
-"""Trajectories: velocities of positions, and one trajectory turned into the world of another."""
+"""Trajectories: velocities from positions, and alignment of one trajectory to another's world."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from quadrotor.records import Record
 Array = npt.NDArray[np.float64]
 
 GAP_NS = 100_000_000
-"""Across a longer gap of the truth nothing is compared."""
+"""Longest gap of the truth, in ns, across which it is compared."""
 ROUNDS = 4
-"""Rounds of leaving out what lies far off."""
+"""Number of rounds in which outliers are left out."""
 WINDOW = 0.03
-"""s to either side of what a derivative is taken over; three samples at least."""
+"""Time, in s, to either side over which a derivative is taken; at least three samples."""
 
 
 def derivative(seconds: Array, values: Array) -> Array:
-    """Return the derivative of columns by a cubic through the neighbours, (N, 3)."""
+    """Return the derivative of columns from cubics fitted to the neighbours, (N, 3)."""
     step = max(float(np.median(np.diff(seconds))), 1e-3)
     half = max(3, round(WINDOW / step))
     grid = np.arange(seconds[0], seconds[-1] + 0.5 * step, step)
@@ -34,10 +34,10 @@ def derivative(seconds: Array, values: Array) -> Array:
 
 
 def align(truth: Track, estimate: Track, sweeps: Record | None, notes: list[str]) -> None:
-    """Turn and move the estimate into the truth's world where its own is another one, and with it
-    the planes of the sweeps that it was made of.
+    """Rotate and move the estimate into the truth's world if its world is another one, and with it
+    the planes of the sweeps from which it was made.
 
-    The clock of a truth that has no attitude is fitted along, its offset and its rate.
+    If the truth has no attitude, its clock is fitted too, both offset and rate.
     """
     at, moved = estimate.stamps_ns, 0.0
     states = estimate.states
@@ -51,7 +51,7 @@ def align(truth: Track, estimate: Track, sweeps: Record | None, notes: list[str]
         true = interpolated(at[inside], stamps, truth.states["position_w"])
         own = states["position_w"][inside]
         near = np.ones(len(own), bool)
-        for _ in range(ROUNDS):  # an estimate is off for a while at its start
+        for _ in range(ROUNDS):  # an estimate may be wrong for a while at its start
             here, there = own[near].mean(axis=0), true[near].mean(axis=0)
             matrix = best_turn(own[near] - here, true[near] - there).matrix
             error = (own - here) @ matrix.T + there - true

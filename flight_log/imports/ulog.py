@@ -1,4 +1,4 @@
-"""ULog, the log of PX4, by its own library; a table a topic, instance K of it NAME#K."""
+"""ULog, the log of PX4, read by PX4's library; a table for each topic, its instance K as NAME#K."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from quadrotor.errors import LogFormatError, StorageError
 Array = npt.NDArray[np.float64]
 
 DATED = "vehicle_gps_position"
-"""The topic whose `time_utc_usec` tells the date."""
+"""The topic whose `time_utc_usec` gives the date."""
 EARLIEST_US = 10**15
-"""A receiver without a date tells less (2001)."""
+"""Microseconds since the epoch (2001); a receiver without a date reports less."""
 ERROR, WARNING, INFO = 40, 30, 20  # levels of rcl_interfaces/Log
 
 
 class _Watched(io.BufferedReader):
-    """A file that notes where a read found less than was asked for."""
+    """A file that notes where a read returned less than requested."""
 
     short_at: int | None = None
 
     def read(self, size: int | None = -1, /) -> bytes:
         data = super().read(size)
-        # Asked for the 3 bytes of a next head there may be none.
+        # At the end of the file, reading the 3 bytes of a next head returns nothing.
         if size is not None and len(data) < size and (data or size != 3):
             self.short_at = self.tell()
         return data
 
 
 class UlogTables(FileTables):
-    """The topics `wanted`, where the log has them."""
+    """The topics `wanted` that the log has."""
 
     def __init__(self, path: Path, wanted: Collection[str]) -> None:
-        """Raises LogFormatError or StorageError."""
+        """Read the log. Raises LogFormatError or StorageError."""
         from pyulog import ULog
         from pyulog.exceptions import ULogException
 

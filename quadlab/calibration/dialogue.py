@@ -1,4 +1,4 @@
-"""A guided calibration at a terminal: followed, its questions answered, its outcome decided."""
+"""A guided calibration at a terminal: follows it, asks its questions and decides on its result."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vehicle_link.parameters.messages import to_parameters
 ENDED = ("passed", "failed", "not_judged", "stopped", "refused")
 RUNNING = ("flying", "finishing", "evaluating")
 SILENT = 5.0
-"""s without a status, after which the station is gone."""
+"""Seconds without a status after which the station counts as lost."""
 INTERRUPTED = 130
 
 
@@ -46,7 +46,7 @@ def in_force(client: StationClient) -> dict[str, CalibrationRecord]:
 
 
 class Dialogue:
-    """One calibration, from its start to the decision, as often as it is repeated."""
+    """One calibration, from its start to the decision, including repetitions."""
 
     def __init__(self, client: StationClient, screen: Screen, wanted: Wanted) -> None:
         self._client, self._screen, self._wanted = client, screen, wanted
@@ -75,7 +75,7 @@ class Dialogue:
             self._screen.rest()
 
     def _once(self) -> int | None:
-        """Return the exit status; None to do it again."""
+        """Run it once; return the exit status, or None to repeat it."""
         self._start()
         while (status := self._status).phase not in ENDED or not self._is_ours(status):
             if not self._is_ours(status):
@@ -99,9 +99,9 @@ class Dialogue:
             return None if self._chosen("repeat it?", "repeat, quit") == "repeat" else 1
         return 1
 
-    # ------------------------------------------------------------------ while it runs
+    # ------------------------------------------------------------------ during the calibration
     def _start(self) -> None:
-        """Start, and wait until its first status is there."""
+        """Start the calibration, and wait for its first status."""
         while not self._client.statuses.empty():
             self._client.statuses.get()
         self._status = None
@@ -112,13 +112,13 @@ class Dialogue:
         begun = time.monotonic()
         while (status := self._next()).phase not in RUNNING or not self._is_ours(status):
             if time.monotonic() - begun > SILENT:
-                return  # it ended before its first status came
+                return  # it ended before its first status arrived
 
     def _is_ours(self, status: Any) -> bool:
         return (status.name, status.requester) == (self._wanted.name, self._client.requester)
 
     def _next(self) -> Any:
-        """Return the next status. Raises LinkError when the station is gone."""
+        """Return the next status. Raises LinkError when the station is lost."""
         try:
             self._status = self._client.statuses.get(timeout=SILENT)
         except queue.Empty:
@@ -141,7 +141,7 @@ class Dialogue:
         else:
             typed = self._screen.ask(f"{question} [y/N]", lambda: self._is_asked(question))
             if typed is None and not self._is_asked(question):
-                return  # answered elsewhere, or over
+                return  # answered elsewhere, or ended
             if typed not in ("y", "yes"):
                 raise _DeclinedError
         self._confirm(question)
@@ -173,7 +173,7 @@ class Dialogue:
         except (RefusedError, LinkError) as error:
             print(f"quadlab: {error}", flush=True)
 
-    # ------------------------------------------------------------------ after it
+    # ------------------------------------------------------------------ after the calibration
     def _decide(self, status: Any) -> int | None:
         record = parse_record(str(status.proposal))
         self._show(record)
@@ -209,9 +209,7 @@ class Dialogue:
             self._screen.say(line)
 
     def _chosen(self, question: str, words: str) -> str:
-        """Return one of the words, typed whole or by its beginning; the end of the input is the
-        last.
-        """
+        """Return one of the words, typed in full or abbreviated; the last one if the input ends."""
         known = words.split(", ")
         while True:
             typed = self._screen.ask(f"{question} [{words}]", lambda: True)

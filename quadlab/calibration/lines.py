@@ -1,4 +1,4 @@
-"""Calibrations as lines of a terminal: what is in force, and a proposal next to it."""
+"""Calibrations as lines for a terminal: those in force, and a proposal next to them."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from typing import Any
 from quadrotor.calibration_record import CalibrationRecord, Quality
 
 FIGURES = 3
-"""Key figures of a line of the list."""
+"""Number of key figures in a line of the list."""
 NONE = "–"
 
 
 def listed(
     calibrations: Mapping[str, str], force: Mapping[str, CalibrationRecord]
 ) -> Iterable[str]:
-    """Return a line for each calibration.
+    """Yield a line for each calibration.
 
     Args:
-        calibrations: name of each experiment and of the record it proposes.
-        force: records by their name.
+        calibrations: name of each experiment and of the record that it proposes.
+        force: records in force, by their name.
     """
     known = {record: name for name, record in calibrations.items()}
     names = {**calibrations, **{name: name for name in force if name not in known}}
@@ -51,10 +51,10 @@ def who(record: CalibrationRecord) -> str:
 def beside(
     record: CalibrationRecord, before: CalibrationRecord | None, present: Mapping[str, Any]
 ) -> list[tuple[str, str, str, str]]:
-    """Return rows of what, now, proposed, and a word about it.
+    """Return rows of name, present value, proposed value and judgement.
 
     Args:
-        before: the one in force.
+        before: the record in force.
         present: the vehicle's values by name.
     """
     rows = []

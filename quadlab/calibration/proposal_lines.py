@@ -1,4 +1,4 @@
-"""An experiment's proposal to the vehicle next to the present values: for people and as JSON."""
+"""An experiment's proposal to the vehicle next to the present values, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ HOW = "nothing was changed; on a vehicle, accept it on the page or with: quadlab
 
 
 def proposal_lines(record: CalibrationRecord, store: ParameterStore) -> list[str]:
-    """Return short lines."""
+    """Return the proposal as short lines."""
     lines = [f"proposal {record.name}{'' if record.good else ': beyond its limits'}"]
     for name, value in record.values.items():
         unit = store.description(name).unit if name in store.names else ""
@@ -22,7 +22,7 @@ def proposal_lines(record: CalibrationRecord, store: ParameterStore) -> list[str
 
 
 def proposal_json(record: CalibrationRecord, store: ParameterStore) -> dict[str, Any]:
-    """Return the record, and as `present` the values that its own would take the place of."""
+    """Return the record, with the values that it would replace as `present`."""
     present = {name: _present(store, name) for name in record.values}
     return record.model_dump(mode="json") | {"good": record.good, "present": present}
 

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from typing import Any
 
 SHOWN = 8
-"""Live figures at most."""
+"""Largest number of live figures shown."""
 HIDDEN = ("pose ", "next ")
-"""Live figures that are points of a drawing."""
+"""Prefixes of live figures that are points of a drawing."""
 BAR = 30
 
 
@@ -27,7 +27,7 @@ class Screen:
         print(line, flush=True)
 
     def progress(self, status: Any) -> None:
-        """Show an ExperimentStatus of an experiment that runs."""
+        """Show the ExperimentStatus of a running experiment."""
         instruction = str(status.instruction or status.step)
         count = int(status.step_count)
         if count:
@@ -45,14 +45,14 @@ class Screen:
         self._show("\n".join(lines))
 
     def rest(self) -> None:
-        """End the live display: what is printed next appears below it."""
+        """End the live display, so that further output appears below it."""
         if self._live is not None:
             self._live.stop()
             self._live = None
 
     def ask(self, prompt: str, is_open: Callable[[], bool]) -> str | None:
-        """Return a line typed, without its blanks; None when it is open no longer, or at the end of
-        the input.
+        """Return a typed line without surrounding blanks; None when `is_open` becomes false, or at
+        the end of the input.
         """
         self.rest()
         print(prompt, end=" ", flush=True)

@@ -1,4 +1,4 @@
-"""`quadlab calibrate [NAME]`: a guided calibration through the station that runs here."""
+"""`quadlab calibrate [NAME]`: a guided calibration through the station on this machine."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Calibrate:
             return Dialogue(client, screen, wanted).run()
 
     def _options(self, told: Any) -> dict[str, Any]:
-        """Return the options, checked against what the station allows. Raises UsageError."""
+        """Return the options, checked against those of the station. Raises UsageError."""
         from quadrotor.parameters import parse_text
         from vehicle_link.parameters.messages import from_descriptor
 

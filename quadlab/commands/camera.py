@@ -1,4 +1,4 @@
-"""`quadlab camera`: finds a camera's intrinsics from pictures of a ChArUco board."""
+"""`quadlab camera`: determines a camera's intrinsics from pictures of a ChArUco board."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Camera:
         return 0
 
     def _pictures(self) -> list[Picture]:
-        """Return a picture each half second, of a file to its end."""
+        """Return a picture every half second; of a video file, until its end."""
         from console.trackers.camera import Pictures
 
         source = Pictures(self.device if self.video is None else self.video)

@@ -1,4 +1,4 @@
-"""`quadlab doctor`: what a maintainer asks for first."""
+"""`quadlab doctor`: the information that a maintainer asks for first."""
 
 from __future__ import annotations
 

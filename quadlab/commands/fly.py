@@ -1,4 +1,4 @@
-"""`quadlab fly EXPERIMENT`: an experiment in simulated time, its log, verdict and metrics."""
+"""`quadlab fly EXPERIMENT`: flies an experiment in simulated time; log, verdict and metrics."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from quadrotor.calibration_record import CalibrationRecord
 
 STATUS = {"passed": 0, "failed": 1, "not_judged": 3}
-"""Exit status by verdict; 2 is a wrong word."""
+"""Exit status by verdict; 2 means wrong usage."""
 
 
 @dataclass
@@ -122,7 +122,7 @@ def check_report() -> None:
 
     try:
         found = find_spec("matplotlib") is not None
-    except ValueError:  # shut out by whoever runs this
+    except ValueError:  # made unavailable by the caller
         found = False
     if not found:
         raise UsageError(
@@ -133,7 +133,7 @@ def check_report() -> None:
 def write_report(
     experiment: Experiment, log: Path, result: Result, proposal: CalibrationRecord | None
 ) -> list[Path]:
-    """Write the page, the PDF and what the experiment itself writes, next to the log."""
+    """Write the page, the PDF and the experiment's own files next to the log."""
     from console.experiments.client import Reporting
     from console.reports.report import write_report as write_pages
     from quadlab.log_commands.report import new_defaults

@@ -1,4 +1,4 @@
-"""`quadlab gains`: the named gain sets and the margin each has, or that of any other set."""
+"""`quadlab gains`: the margins of the named gain sets, or of any other set."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`quadlab new KIND NAME`: a file of one's own to start from, and its test."""
+"""`quadlab new KIND NAME`: writes a file to start from, and its test."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from quadrotor.errors import StorageError, UsageError
 
 TEMPLATES = ROOT / "examples" / "laws"
 TEMPLATE = "geometric_pid"
-"""The example that a new law is a copy of."""
+"""The example from which a new law is copied."""
 
 
 @dataclass

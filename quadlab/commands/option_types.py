@@ -1,4 +1,4 @@
-"""Types of the command line's options, as their help shows them."""
+"""Types of the command line's options, with what the help shows for them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import tyro
 
 
 def optional(metavar: str | None = None) -> Any:
-    """Return the settings of an option whose default says nothing, and is not shown."""
+    """Return the settings of an option whose default is not shown."""
     return tyro.conf.arg(metavar=metavar, help_behavior_hint="")
 
 

@@ -1,4 +1,4 @@
-"""The four processes as commands of their own; `quadlab up` starts all of them."""
+"""The four processes as separate commands; `quadlab up` starts all of them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from vehicle_link.serial.identity import THE_ONE, Identity
 
 WATCH_PERIOD = 0.2
 SIGN_IN_TOKEN = "QUADLAB_SIGN_IN_TOKEN"
-"""Environment variable by which `up` hands `web` its one-time token."""
+"""Environment variable through which `up` passes `web` its one-time token."""
 OPEN_BROWSER = "QUADLAB_OPEN_BROWSER"
 """Environment variable, set when `web` is to open a browser."""
 
@@ -108,7 +108,7 @@ class Vehicle:
 
 
 def check_tracker(words: str) -> None:
-    """Check the words of `quadlab tracker` for poses. Raises UsageError."""
+    """Check the words of `quadlab tracker` for a tracker of poses. Raises UsageError."""
     from quadlab.__main__ import parse
     from quadlab.commands.tracker import Tracker
 
@@ -221,7 +221,9 @@ class Station:
         )
 
     def _keep_tracker(self) -> None:
-        """Start the tracker process and keep it going, in a thread. Raises UsageError."""
+        """Start the tracker process, and restart it when it dies, in a thread. Raises
+        UsageError.
+        """
         check_tracker(self.tracker)
         loopback = ("--loopback-port", str(self.loopback_port))
         child = Child("tracker", ["tracker", *shlex.split(self.tracker), *loopback], niceness=-10)

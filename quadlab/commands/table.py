@@ -22,7 +22,7 @@ from quadlab.replay.command import Replay
 
 class Command(Protocol):
     def run(self) -> int:
-        """Do it; the exit status. Raises QuadlabError for what the user can correct."""
+        """Run the command; return the exit status. Raises QuadlabError for correctable errors."""
         ...
 
 
@@ -63,7 +63,7 @@ prints the completion for bash, zsh or tcsh, and quadlab --version the version.
 
 
 def overview() -> str:
-    """Return what `quadlab` alone prints: the commands by group, with one sentence each."""
+    """Return the output of `quadlab` alone: the commands by group, with one sentence each."""
     lines = []
     for group, commands in GROUPS.items():
         lines += ["", f"{group}:"]

@@ -1,4 +1,4 @@
-"""`quadlab tracker`: brings a laboratory's tracking system to the station."""
+"""`quadlab tracker`: connects a laboratory's tracking system to the station."""
 
 from __future__ import annotations
 
@@ -58,11 +58,11 @@ class Tracker:
 
     @property
     def of_bearings(self) -> bool:
-        """Return whether it brings bearings and leaves poses to others."""
+        """Return whether it provides bearings instead of poses."""
         return self.system == CAMERAS[1]
 
     def check(self) -> dict[str, str]:
-        """Return the body of each vehicle. Raises UsageError for words that do not go together."""
+        """Return the body of each vehicle. Raises UsageError for inconsistent options."""
         bodies = {} if self.of_bearings else parse_bodies(self.body)
         if self.port is not None and not 1 <= self.port <= 65535:
             raise UsageError(f"--port {self.port} is out of range (1 to 65535)")
@@ -138,7 +138,7 @@ class Tracker:
     def _source(
         self, host: str, port: int, session: Any, bodies: Sequence[str], view: CameraView | None
     ) -> Source:
-        """Connect. Raises QuadlabError."""
+        """Connect to the system. Raises QuadlabError."""
         if self.system == "udp":
             from console.trackers.udp import UdpSource
 

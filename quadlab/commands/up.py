@@ -1,4 +1,5 @@
-"""`quadlab up`: a simulated vehicle flying under the page; starts, watches and stops all."""
+"""`quadlab up`: flies a simulated vehicle under the page; starts, watches and stops all
+processes."""
 
 from __future__ import annotations
 
@@ -134,7 +135,7 @@ class Up(PageOptions):
         of_board = _set_words([word for word in self.set if word not in words])
         if not words:
             return of_board, of_board, {}
-        # Imported for their names and bounds alone: 100 MB that a plain start need not carry.
+        # Imported only for their names and bounds: a plain start saves these 100 MB.
         from vehicle.parameters import new_parameters
         from vehicle.simulator.parameters import SimulatorParameters
 
@@ -153,12 +154,12 @@ class Up(PageOptions):
         vehicle: list[str],
         simulator: list[str],
     ) -> list[list[Child]]:
-        """Return the children in the order of their start; those of one list start and stop
+        """Return the child processes in the order of their start; each list starts and stops
         together.
         """
         from vehicle_link.security.authority import check_certificate, ensure_certificates
 
-        # Made here, once, so that vehicle and station never race to make the authority.
+        # Made once, here, so that vehicle and station never race to make the authority.
         files = ensure_certificates(data / "certificates", ["127.0.0.1"])
         check_certificate(files, "vehicle", "127.0.0.1")
         check_certificate(files, "station")
@@ -173,9 +174,9 @@ class Up(PageOptions):
             for name, port in fleet.ports.items()
             for word in ("--vehicle", f"{name}=127.0.0.1:{port}")
         ]
-        # What flies goes before what shows: a busy browser must not delay tracker and link.
+        # Flying has priority over display: a busy browser must not delay tracker and link.
         first, last = -10, 5
-        # Shared out by process, one station would get no more than each of its vehicles.
+        # With equal niceness, the one station would get no more time than each of its vehicles.
         station = first if fleet.count == 1 else -19
         if not any(word.startswith("imu_rate=") for word in simulator):
             simulator = ["--set", f"imu_rate={self._rate(fleet)}", *simulator]
@@ -197,13 +198,13 @@ class Up(PageOptions):
         ]
 
     def _tracker_words(self, fleet: SimulatedFleet) -> str:
-        """Return the words of `quadlab tracker`: a body each, named as its vehicle, unless said."""
+        """Return the words of `quadlab tracker`; by default each body is named like its vehicle."""
         if "--body" in self.tracker:
             return self.tracker
         return " ".join([self.tracker, *(f"--body {name}={name}" for name in fleet.names)])
 
     def _serve_words(self) -> list[str]:
-        """Return what the simulator is to serve, when it is the tracking system's server."""
+        """Return the options with which the simulator acts as the tracking system's server."""
         from vehicle.simulator.tracking_systems.served import SYSTEMS
 
         system, *words = self.tracker.replace("=", " ").split() or [""]
@@ -261,7 +262,7 @@ class Up(PageOptions):
 
 @contextlib.contextmanager
 def _lockstep(fleet: SimulatedFleet, folder: Path, port: int) -> Iterator[None]:
-    """Provide one clock for this process and all children."""
+    """Provide one clock for this process and all child processes."""
     page = Page(fleet.names, folder, port)
     os.environ[clock.VARIABLE] = str(page.path)
     try:
@@ -274,7 +275,7 @@ def _lockstep(fleet: SimulatedFleet, folder: Path, port: int) -> Iterator[None]:
 
 
 def _stop(group: Sequence[Child]) -> None:
-    """Stop the children together: each may take its time."""
+    """Stop these processes concurrently, as each may take a while."""
     threads = [threading.Thread(target=child.stop) for child in group]
     for thread in threads:
         thread.start()

@@ -1,6 +1,7 @@
 """`quadlab user add|list|remove|role|password`: the accounts of a data folder.
 
-A running page follows at once: who is removed, or gets another role or password, is signed out.
+A running page follows at once: a user who is removed, or gets another role or password, is signed
+out.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ class User:
 
         if self.action == "add":
             role = Role(self.role) if self.role else None
-            accounts.check_new(name, role)  # before a password is typed in vain
+            accounts.check_new(name, role)  # before the password is typed
             made = accounts.add(name, role, self._ask(name))
             print(f"{name} may sign in as {made.role} now")
         elif self.action == "password":
@@ -112,7 +113,7 @@ class User:
             database.close()
 
     def _ask(self, name: str) -> str:
-        """Ask twice on a terminal, without echo; else read one line of standard input."""
+        """Ask twice on a terminal, without echo; otherwise read one line of standard input."""
         from web.access.passwords import check_password
 
         if self.password_stdin or not sys.stdin.isatty():

@@ -18,7 +18,7 @@ from quadrotor.errors import UsageError
 
 @dataclass
 class Enrol:
-    """Make a vehicle known here, and the certificate with which it lets our stations in."""
+    """Register a vehicle here, and issue the certificate with which it accepts our stations."""
 
     name: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME")]
     """of the vehicle, like quad2"""

@@ -1,4 +1,4 @@
-"""A folder or tar of certificates for another machine, with instructions for its user."""
+"""A folder or tar file of certificates for another machine, with instructions for its user."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ THERE = ".local/share/quadlab/certificates"
 
 
 def hand_over(out: Path, issue: Callable[[Path], TlsFiles]) -> Path:
-    """Hand over a pair of files, and return where it is: a folder, or a file ending in .tar.
+    """Issue files for another machine; return where they are: a folder, or a file ending in .tar.
 
     Raises StorageError or LinkError.
     """
@@ -27,7 +27,7 @@ def hand_over(out: Path, issue: Callable[[Path], TlsFiles]) -> Path:
         with tempfile.TemporaryDirectory() as folder:
             files = issue(Path(folder))
             out.touch(mode=0o600)
-            out.chmod(0o600)  # of one that was there before
+            out.chmod(0o600)  # if the file existed already
             with tarfile.open(out, "w") as tar:
                 for path in sorted(files.folder.iterdir()):
                     tar.add(path, path.name)
@@ -37,7 +37,7 @@ def hand_over(out: Path, issue: Callable[[Path], TlsFiles]) -> Path:
 
 
 def how_to_copy(made: Path, host: str) -> list[str]:
-    """Return lines with commands for a machine `host` that can be reached with ssh."""
+    """Return lines with commands that copy the files to the machine `host` by ssh."""
     begin = f"ssh {host} 'mkdir -p -m 700 {THERE}"
     if made.suffix == ".tar":
         return [f"{begin} && tar -x -C {THERE}' < {made}"]

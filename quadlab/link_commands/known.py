@@ -23,7 +23,7 @@ class List:
     """The vehicles known here and whether they answer."""
 
     seek: Flag = False
-    """also knock at every address of this machine's networks"""
+    """also probe every address of this machine's networks"""
     data: Folder = None
     """data folder"""
 
@@ -62,7 +62,7 @@ class List:
 
 @dataclass
 class Forget:
-    """Take a vehicle from the known ones. Its certificate stays good until it ends."""
+    """Remove a vehicle from the known ones. Its certificate stays valid until it expires."""
 
     name: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME")]
     """of the vehicle"""

@@ -57,7 +57,7 @@ class _Station:
 
 @dataclass
 class Observer(_Station):
-    """Files for a station that may look and not touch."""
+    """Issue files for a station that may watch, but not command."""
 
     def run(self) -> int:
         return self.issue("observer")
@@ -65,7 +65,7 @@ class Observer(_Station):
 
 @dataclass
 class Pilot(_Station):
-    """Files for a further station that may do everything."""
+    """Issue files for a further station that may do everything."""
 
     def run(self) -> int:
         return self.issue("pilot")

@@ -70,7 +70,7 @@ def _say(text: str) -> None:
 
 
 def _place(data: Path, word: str) -> tuple[str, str]:
-    """Return (endpoint, name or "") of what was asked for. Raises UsageError, StorageError."""
+    """Return (endpoint, name or "") of the vehicle to test. Raises UsageError, StorageError."""
     from console.link.known_vehicles import KnownVehicles
 
     known = KnownVehicles(data).all()

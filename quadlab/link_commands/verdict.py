@@ -83,7 +83,7 @@ def verdict(figures: Figures) -> tuple[Grade, list[str]]:
 
 
 def _values(figures: Figures) -> list[tuple[Limit, float]]:
-    """Return the limits of what was measured, with its values."""
+    """Return the limits of the measured figures, with their values."""
     asked = len(figures.round_trips) + figures.unanswered
     if figures.disagreement and not figures.round_trips:
         asked = 0  # the questions were not understood: none of them was lost
@@ -97,7 +97,7 @@ def _values(figures: Figures) -> list[tuple[Limit, float]]:
 
 
 def _not_measured(figures: Figures) -> list[tuple[str, str]]:
-    """Return (What, why), without advice on the radio, which need not be to blame."""
+    """Return (what, why); without advice on the radio, which need not be the cause."""
     trip = [] if figures.round_trips else ["round trip"]
     numbers = (("telemetry loss", figures.loss), ("jitter", figures.jitter))
     telemetry = [name for name, value in numbers if math.isnan(value)]
@@ -154,7 +154,7 @@ def _notes(figures: Figures) -> list[str]:
 
 
 def percentile(values: list[float], percent: float) -> float:
-    """Return the percentile; NaN of nothing."""
+    """Return the percentile; NaN for an empty list."""
     if not values:
         return math.nan
     ordered = sorted(values)

@@ -1,4 +1,4 @@
-"""`quadlab log fetch [NAME]`: the vehicle's own logs, through the station that runs here."""
+"""`quadlab log fetch [NAME]`: the vehicle's own logs, through the station on this machine."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 NEWEST = "newest"
 SILENT = 10.0
-"""s without a word of the station after which it is given up."""
+"""Seconds without a report from the station after which the command gives up."""
 ENDED = ("done", "incomplete", "failed", "cancelled")
 
 
@@ -31,7 +31,7 @@ class Fetch:
     log: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = None
     """name of a log on board, or newest; without one they are listed"""
     cancel: Flag = False
-    """stop fetching it, and throw away what came"""
+    """stop fetching it, and delete what has arrived"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback; --link-port of `quadlab up`"""
     name: str = "quad1"

@@ -1,4 +1,4 @@
-"""The word that names a log."""
+"""The command line argument that names a log."""
 
 from __future__ import annotations
 

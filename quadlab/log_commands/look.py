@@ -71,7 +71,7 @@ class Info:
 
 
 def _described(found: LogSummary) -> dict[str, Any]:
-    """Return the summary as JSON has it; times in s and ns, rates in Hz."""
+    """Return the summary for JSON; times in s and ns, rates in Hz."""
     topics = {
         name: {
             "type": one.type_name,
@@ -97,8 +97,8 @@ def _described(found: LogSummary) -> dict[str, Any]:
 
 
 def ticks_line(path: Path, filled: Mapping[str, str]) -> list[str]:
-    """Return how a run compares with the vehicle's own log, where that is known: by the catalogue
-    it is in, else by its own metadata.
+    """Return the comparison of a run with the vehicle's own log, if known: from the run's
+    catalogue, else from its own metadata.
     """
     from console.catalogue.catalogue import DATABASE, RUNS, Catalogue
     from console.catalogue.completeness import completeness_of

@@ -1,4 +1,4 @@
-"""The progress of a long look at a log, on a terminal."""
+"""The progress of a long reading of a log, on a terminal."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def progress_of(what: str) -> Iterator[Callable[[float], None]]:
-    """Yield a function that takes the share done, 0…1; shown on stderr, and only to a person."""
+    """Yield a function to call with the share done, 0…1; shown on stderr, only on a terminal."""
     if not sys.stderr.isatty():
         yield lambda share: None
         return

@@ -10,8 +10,8 @@ from quadrotor.errors import LogFormatError
 
 @dataclass
 class Recover:
-    """Mend the log of a writer that was killed, in place; a whole one is left alone. Damage that
-    cannot be mended is told, with exit status 1."""
+    """Repair, in place, the log of a writer that was killed; a complete one is left alone. Damage
+    that cannot be repaired is reported, with exit status 1."""
 
     file: LogFile
     """the MCAP file"""
@@ -37,7 +37,7 @@ class Recover:
 
         try:
             lines = damage(self.file)
-        except LogFormatError:  # compressed in a way not read here; its index is sound
+        except LogFormatError:  # its compression is not supported; its index is sound
             lines = []
         for line in lines:
             print(f"damaged, and cannot be brought back: {line}")

@@ -35,8 +35,8 @@ class Report:
 
 
 def new_defaults() -> dict[str, ParameterValue]:
-    """Return the default of every parameter of this version by name; those of the station begin
-    with `station.`.
+    """Return the default of every parameter of this version by name; the station's begin with
+    `station.`.
     """
     from console.parameters.station import StationTree
     from quadlab.simulated.parameters import FlightParameters

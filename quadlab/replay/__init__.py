@@ -1,1 +1,1 @@
-"""`quadlab replay`: other estimators over a recorded flight."""
+"""`quadlab replay`: runs estimators again over a recorded flight."""

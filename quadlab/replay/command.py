@@ -1,4 +1,4 @@
-"""`quadlab replay LOG`: other estimators, gains, beacons or noise over a recorded flight."""
+"""`quadlab replay LOG`: runs other estimators, gains, beacons or noise over a recorded flight."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ class Replay:
         return 0
 
     def _check_words(self) -> None:
-        """Refuse what can be refused before the log is read."""
+        """Raise the errors that can be found before the log is read."""
         check_log_file(self.file)
         if self.start is not None and self.end is not None and not self.start < self.end:
             raise UsageError(f"--from {self.start:g} --to {self.end:g}: the first must be earlier")
@@ -145,7 +145,7 @@ class Replay:
             check_plot(self.plot)
 
     def _survey(self, recording: Recording, runs: list[Run], store: MeasurementStore) -> list[str]:
-        """Find where base stations or beacons are, give that to the runs; lines that tell it."""
+        """Find the positions of base stations or beacons for the runs; return lines about them."""
         from bearing_sim.beacons import format_layout
         from quadlab.replay.lines import BELIEVED_LAYOUT, SWEEPS
         from quadlab.replay.survey import survey_beacons, survey_stations

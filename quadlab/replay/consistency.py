@@ -1,10 +1,11 @@
-"""Consistency: are an estimator's errors and innovations as large as its covariance says?
+"""Consistency: whether an estimator's errors and innovations are as large as its covariance states.
 
 NIS is the square of a measurement's innovation, NEES that of the estimate's error against the
-truth, each normalised by the covariance the estimator states; both are divided by how many numbers
-they hold, so that 1 is expected. Innovations of a sound filter are independent of each other: a
-mean of them has bounds by their number. Errors are not, they last: NEES has the bounds of one
-instant, and the share of instants within them, of which 95 % are expected.
+truth, each normalised by the covariance that the estimator states; both are divided by the number
+of their components, so that 1 is expected. The innovations of a sound filter are independent of
+each other: their mean has bounds according to their number. Errors are not, as they persist: NEES
+has the bounds of one instant, and is judged by the share of instants within them, of which 95 %
+are expected.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ from quadrotor.plain_rotations import rotation_vectors_between
 
 BOUNDS = (0.025, 0.975)
 POSE, ALL = 6, 9
-"""Errors of position and attitude; with those of the velocity."""
+"""Number of errors: position and attitude; those and velocity."""
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """An estimate right after a measurement, with the covariance the estimator states of it."""
+    """An estimate right after a measurement, with the estimator's covariance of it."""
 
     stamp_ns: int
     position_w: Array  # (3,) m
@@ -34,7 +35,7 @@ class Posterior:
 
 @dataclass(frozen=True)
 class Consistency:
-    """A mean a number, expected 1, with its bounds of 95 %; `inside` is the share within them."""
+    """A mean per component, expected 1, with its 95 % bounds; `inside` is the share within them."""
 
     mean: float
     low: float
@@ -43,7 +44,7 @@ class Consistency:
 
 
 def of_innovations(nis: Array, freedom: Array) -> Consistency | None:
-    """Return the mean NIS of measurements (N,): `nis` a number, and how many numbers each gave."""
+    """Return the mean NIS of N measurements: `nis` per component, `freedom` components each."""
     known = np.isfinite(nis)
     total = int(freedom[known].sum())
     if total == 0:
@@ -77,7 +78,7 @@ def of_errors(truth: Truth, posteriors: list[Posterior]) -> Consistency | None:
 
 
 def _bounds(degrees: int) -> tuple[float, float]:
-    """Return the bounds of a chi-square over its degrees of freedom."""
+    """Return the bounds of a chi-square variable divided by its degrees of freedom."""
     from scipy.stats import chi2
 
     low, high = chi2.ppf(BOUNDS, degrees) / degrees

@@ -1,4 +1,4 @@
-"""Errors of an estimate against what was true, interpolated at the estimate's stamps."""
+"""Errors of an estimate against the truth, interpolated at the estimate's stamps."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
 
 GAP_NS = 200_000_000
-"""Across a longer gap of the truth nothing is compared."""
+"""Longest gap of the truth, in ns, across which errors are computed."""
 
 
 class Truth:
@@ -22,7 +22,7 @@ class Truth:
 
     Args:
         stamps_ns: (N,), in order, N >= 2.
-        states: (N,) STATE; with velocities of NaN the position is joined by straight lines.
+        states: (N,) STATE; if velocities are NaN, positions are interpolated linearly.
     """
 
     def __init__(self, stamps_ns: Stamps, states: Record) -> None:
@@ -32,7 +32,7 @@ class Truth:
         self.quaternion_wb = states["quaternion_wb"]
 
     def covers(self, stamps_ns: Stamps) -> npt.NDArray[np.bool_]:
-        """Return where there is a true state on either side, at most GAP_NS apart; shape of
+        """Return where there are true states on both sides, at most GAP_NS apart; shape of
         `stamps_ns`.
         """
         k = self._interval(stamps_ns)
@@ -46,8 +46,8 @@ class Truth:
     def at(self, stamps_ns: Stamps) -> tuple[Array, Array, Array]:
         """Return position_w (M, 3), velocity_w (M, 3), quaternion_wb (M, 4) at stamps of (M,).
 
-        Position by the cubic through both ends with their velocities, velocity by a straight
-        line, attitude by the shortest turn.
+        Position from the cubic through both ends with their velocities, velocity linearly, attitude
+        by the shortest rotation.
         """
         k = self._interval(stamps_ns)
         step = 1e-9 * (self.stamps_ns[k + 1] - self.stamps_ns[k])[:, None]
@@ -66,15 +66,15 @@ class Truth:
 
 @dataclass(frozen=True)
 class Errors:
-    """Lengths of the errors at the samples compared."""
+    """Magnitudes of the errors at the compared samples."""
 
     stamps_ns: Stamps  # (M,)
     position: Array  # (M,) m
-    velocity: Array  # (M,) m/s; NaN where the true one is not known
+    velocity: Array  # (M,) m/s; NaN where the true velocity is unknown
     attitude: Array  # (M,) rad
 
     def metrics(self) -> dict[str, float | None]:
-        """Return rms and largest of each; None where one is not known or not finite."""
+        """Return rms and largest value of each; None where unknown or not finite."""
         out: dict[str, float | None] = {}
         for name, values, unit in (
             ("position", self.position, "m"),
@@ -103,7 +103,7 @@ def errors(truth: Truth, stamps_ns: Stamps, states: Record) -> Errors:
 
 
 def angles(one: Array, other: Array) -> Array:
-    """Return angle (rad) between unit quaternions (N, 4), exact for small ones too."""
+    """Return the angle (rad) between unit quaternions (N, 4), accurate also for small angles."""
     sign = np.where(np.sum(one * other, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
     half_chord = 0.5 * np.linalg.norm(one - sign * other, axis=1)
     found: Array = 4.0 * np.arcsin(np.minimum(half_chord, 1.0))
@@ -111,7 +111,7 @@ def angles(one: Array, other: Array) -> Array:
 
 
 def _between(quaternions: Array, k: Stamps, s: Array) -> Array:
-    """Return the rotation by share s (M, 1) of the turn from quaternion k to the next, (M, 4)."""
+    """Return the rotation by share s (M, 1) of the way from quaternion k to the next, (M, 4)."""
     start, end = quaternions[k], quaternions[k + 1]
     share = np.sum(start * end, axis=1, keepdims=True)
     end = np.where(share < 0.0, -end, end)

@@ -1,4 +1,4 @@
-"""The estimator that a recorded flight was flown on, and since when it ran."""
+"""The estimators on which a recorded flight was flown, and since when they ran."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Seat = tuple[str, str]  # estimator, source
 
 
 class Choice(NamedTuple):
-    """An estimator on its measurements, and how long it was flown on while airborne."""
+    """An estimator with its source, and how long it was flown on while airborne."""
 
     estimator: str
     source: str
@@ -24,7 +24,7 @@ class Choice(NamedTuple):
 
 
 def flown_choices(recording: Recording) -> list[Choice]:
-    """Return what the flight was flown on, the longest flown first."""
+    """Return the choices with which the flight was flown, the longest first."""
     p = recording.parameters.estimation
     chosen = {
         ESTIMATOR: p.estimator,
@@ -60,7 +60,7 @@ def flown_choices(recording: Recording) -> list[Choice]:
 
 
 def _seats(chosen: dict[str, str]) -> list[Seat]:
-    """Return what runs: the estimator flown on, then its shadow if there is one."""
+    """Return the running estimators: the one flown on, then its shadow if there is one."""
     flown = (chosen[ESTIMATOR], chosen[SOURCE])
     if chosen[SHADOW] == "none":
         return [flown]

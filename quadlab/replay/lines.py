@@ -1,4 +1,4 @@
-"""The runs that the words of `quadlab replay` ask for."""
+"""The runs that the options of `quadlab replay` ask for."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ LAYOUT, BELIEVED_LAYOUT = "bearings.layout", "beacons.layout"
 
 @dataclass
 class Run:
-    """One estimator over the flight."""
+    """One run of an estimator over the flight."""
 
     label: str
     estimator: str
     parameters: FlightParameters
     source: str  # poses, bearings, both or sweeps
-    emulated: frozenset[str]  # of poses and bearings, what is made again
-    fixed: frozenset[str]  # parameters that the flight's own changes leave alone
-    begin_ns: int | None = None  # stamp after which it begins, None: with the log
+    emulated: frozenset[str]  # which of poses and bearings are emulated again
+    fixed: frozenset[str]  # parameters that the flight's own changes do not alter
+    begin_ns: int | None = None  # stamp after which it begins; None: the log's beginning
 
     @property
     def measurements(self) -> str:
@@ -42,7 +42,7 @@ class Run:
         )
 
     def uses(self, kind: str) -> bool:
-        """Return whether poses, bearings or sweeps are given to it."""
+        """Return whether it is given poses, bearings or sweeps."""
         return self.source == kind or (self.source == "both" and kind != SWEEPS)
 
 
@@ -53,7 +53,7 @@ def plan_runs(
     settings: Sequence[str],
     on: On | None,
 ) -> list[Run]:
-    """Return the runs in the order --estimator, --run; without either, the flight's own estimator.
+    """Return the runs of --estimator, then those of --run; without either, the flight's own one.
 
     Raises UsageError; LogFormatError when the log lacks the measurements.
     """
@@ -128,7 +128,7 @@ def _run(
 
 
 def _apply(parameters: FlightParameters, words: Sequence[str]) -> set[str]:
-    """Set what the words say; the names set."""
+    """Apply the settings; return the names that were set."""
     for word in words:
         name = word.partition("=")[0]
         if not name.startswith(CHANGEABLE):

@@ -1,6 +1,4 @@
-"""The content of a log for a replay: samples, truth, measurements with their arrivals,
-parameters.
-"""
+"""The content of a log for a replay: samples, truth, measurements with arrivals, parameters."""
 
 from __future__ import annotations
 
@@ -42,23 +40,25 @@ EVENTS = ("tracker_pose", "tracker_position", "bearings", "sweeps", "events", "p
 MOST_SAMPLES = 2_000_000
 """Largest number of samples of a topic: more than an hour's flight at 500 Hz."""
 CALIBRATED, ARMED = "ready: gyroscope bias", "armed: "
-"""The events at whose sample the vehicle's estimators forget what they learnt, and take the
-heading stated."""
+"""Beginnings of the events at whose sample the vehicle's estimators forget what they have learnt,
+and adopt the stated heading."""
 PARAMETERS = "parameters.json"
 UNIT = 1e-14
-"""A quaternion this near to unit length is taken as it was sent, as simulated flights do."""
+"""A quaternion this close to unit length is used as it was sent, as simulated flights do."""
 
 
 class Arrival(NamedTuple):
-    """A measurement and when the vehicle had it; it acts at the first sample after that."""
+    """A measurement and when the vehicle received it; it acts at the first sample after that."""
 
     arrival_ns: int
     measurement: Record
-    """POSE_SAMPLE, BEARINGS_SAMPLE without places, or SWEEPS_SAMPLE, (1,)."""
+    """POSE_SAMPLE, BEARINGS_SAMPLE without positions, or SWEEPS_SAMPLE, (1,)."""
 
 
 class Change(NamedTuple):
-    """A parameter changed in flight after this sample; those of one revision at once."""
+    """A change of a parameter in flight, after this sample; those of one revision are
+    simultaneous.
+    """
 
     stamp_ns: int
     revision: int
@@ -68,13 +68,13 @@ class Change(NamedTuple):
 
 @dataclass
 class Recording:
-    """One vehicle's flight; stamps are ns of its clock, times s since its first IMU sample."""
+    """One vehicle's flight; stamps in ns on its clock, times in s since its first IMU sample."""
 
     path: Path
     vehicle: str
     imu: Record  # (N,) IMU_SAMPLE, in order
     state_ns: Stamps  # (M,)
-    state: Record  # (M,) STATE: what was flown on
+    state: Record  # (M,) STATE: the estimate that was flown on
     truth_ns: Stamps
     truth: Record  # STATE
     poses: list[Arrival]
@@ -92,14 +92,12 @@ class Recording:
         return int(self.imu["stamp_ns"][0])
 
     def seconds(self, stamps_ns: Any) -> Any:
-        """Return time of stamps, s."""
+        """Return the time of stamps, s."""
         return 1e-9 * (stamps_ns - self.start_ns)
 
 
 def read_recording(path: Path) -> Recording:
-    """Read a log for a replay. Raises StorageError or LogFormatError that say what is missing or
-    how to mend it.
-    """
+    """Read a log for a replay. Raises StorageError, LogFormatError with what to do."""
     log = read_columns(path, dtype=np.float64)
     found = log.topics
     _check_whole(path, log)
@@ -153,7 +151,7 @@ def read_recording(path: Path) -> Recording:
 
 
 def _check_whole(path: Path, log: LogColumns) -> None:
-    """Raise LogFormatError when something of the log could not be read."""
+    """Raise LogFormatError when a part of the log could not be read."""
     if log.tear or not is_closed(path):
         raise LogFormatError(
             f"{path} is torn: it {log.tear or NO_END}; "
@@ -167,9 +165,7 @@ def _check_whole(path: Path, log: LogColumns) -> None:
 
 
 def _parameters(path: Path, attachments: Mapping[str, bytes]) -> FlightParameters:
-    """Return the parameters at the start of the flight; names that are no longer known are left
-    out.
-    """
+    """Return the parameters at the start of the flight; unknown names are left out."""
     parameters = FlightParameters().model_copy(deep=True)
     attached = attachments.get(PARAMETERS)
     if attached is None:
@@ -199,7 +195,7 @@ def _stamped(topic: Topic, names: Sequence[str]) -> tuple[Stamps, Floats]:
 
 
 def _states(topic: Topic) -> tuple[Stamps, Record]:
-    """Return stamps (N,) and STATE (N,) of odometries."""
+    """Return stamps (N,) and STATE (N,) from odometries."""
     stamps, rows = _stamped(topic, ODOMETRY)
     states = np.zeros(len(rows), STATE)
     states["position_w"], states["quaternion_wb"] = rows[:, :3], rows[:, 3:7]
@@ -209,14 +205,14 @@ def _states(topic: Topic) -> tuple[Stamps, Record]:
 
 
 def _newest(stamps_ns: Stamps, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return the rows newer than all before them; the vehicle's tick passes over the others too."""
+    """Return the rows newer than all before them; the vehicle's tick also skips the others."""
     newest = np.maximum.accumulate(stamps_ns)
     newer = np.concatenate([np.ones(min(1, len(newest)), bool), newest[1:] > newest[:-1]])
     return rows if newer.all() else rows[newer]
 
 
 def _arrivals(topic: Topic, read: Callable[[bytes], Record]) -> list[Arrival]:
-    """Return the measurements the vehicle could use: it drops the others when they arrive."""
+    """Return the measurements that the vehicle could use: it drops the others on arrival."""
     out = []
     for log_ns, payload in zip(topic.log_ns.tolist(), topic.payloads, strict=True):
         with suppress(MeasurementError):

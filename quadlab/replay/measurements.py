@@ -1,4 +1,4 @@
-"""The measurements of a replay: those of the log, or made again from what was true."""
+"""The measurements of a replay: those of the log, or ones emulated again from the truth."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 class Sensor(Protocol[T]):
-    """An emulator: fed with poses, asked for what has arrived."""
+    """An emulator, which is given poses and returns the measurements that have arrived."""
 
     @property
     def next_ns(self) -> int | None: ...
@@ -30,15 +30,15 @@ class Sensor(Protocol[T]):
 
 
 class MeasurementStore:
-    """The measurements of runs; runs of the same noise, seed and beacons share theirs."""
+    """The measurements of runs; runs with the same noise, seed and beacons share them."""
 
     def __init__(self, recording: Recording, truth: Truth) -> None:
         self._recording, self._truth = recording, truth
         self._made: dict[str, list[Arrival]] = {}
 
     def of(self, run: Run) -> list[Arrival]:
-        """Return the measurements in the order of arrival; at one time poses first, as the station
-        sends them.
+        """Return the measurements in the order of arrival; at equal times poses first, as the
+        station sends them.
         """
         if run.source == SWEEPS:
             return self._recording.sweeps
@@ -48,7 +48,7 @@ class MeasurementStore:
     def _kind(self, run: Run, kind: str) -> list[Arrival]:
         recorded = self._recording.poses if kind == "poses" else self._recording.bearings
         if kind not in run.emulated:
-            return recorded  # what the run does not use it is not given: its source says so
+            return recorded  # may be unused: the run's source decides
         p = run.parameters.tracker if kind == "poses" else run.parameters.bearings
         key = f"{kind} {p!r}"
         if key not in self._made:
@@ -91,7 +91,7 @@ def emulated_poses(
 
 
 def _arrivals(sensor: Sensor[T], truth: Truth, samples_ns: Stamps) -> Iterator[tuple[int, T]]:
-    """Yield each measurement with its arrival, which is that of an IMU sample as in a flight."""
+    """Yield each measurement with its arrival, which is at an IMU sample, as in a flight."""
     stamps = truth.stamps_ns.tolist()
     end = int(samples_ns[-1])
     for k, stamp_ns in enumerate(stamps):

@@ -1,4 +1,4 @@
-"""Position errors of all runs over time in one picture."""
+"""A plot of the position errors of all runs over time."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from quadlab.replay.report import RECORDED, Row
 from quadlab.replay.window import Window
 from quadrotor.errors import StorageError, UsageError
 
-# Okabe and Ito's colours, told apart by colour-blind eyes as well.
+# Okabe and Ito's colours, which colour-blind people can distinguish too.
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 STYLES = ("-", "-.", ":")
 SPREAD = 10.0
-"""Ratio of the largest to the smallest rms from which the axis is logarithmic."""
+"""Ratio of the largest to the smallest rms above which the axis is logarithmic."""
 
 
 def check_plot(path: Path) -> None:
-    """Check the plot's file before anything is replayed. Raises UsageError."""
+    """Check the plot's file before the replay begins. Raises UsageError."""
     try:
         import matplotlib  # noqa: F401
     except ImportError:
@@ -32,8 +32,8 @@ def check_plot(path: Path) -> None:
 
 
 def draw(path: Path, recording: Recording, window: Window, rows: list[Row]) -> None:
-    """Draw errors as lines, three standard deviations of the estimator's own dashed. Raises
-    StorageError.
+    """Draw errors as solid lines, three standard deviations stated by the estimator as dashed ones.
+    Raises StorageError.
     """
     import matplotlib
 

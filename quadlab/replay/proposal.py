@@ -1,4 +1,4 @@
-"""The survey of a recorded run for the page: a job of the page's process."""
+"""The survey of a recorded run for the page, as a job of the page's process."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from web.beacons.survey import LayoutProposal, SurveyedBeacon
 
 
 def propose_layout(log: Path, report: Callable[[float], None]) -> LayoutProposal:
-    """Return where the beacons of a run are, by its recorded poses and bearings.
+    """Return the positions of a run's beacons, from its recorded poses and bearings.
 
-    Raises LogFormatError, StorageError; MeasurementError where the flight does not tell.
+    Raises LogFormatError, StorageError; MeasurementError when the flight does not determine them.
     """
-    # scipy, and the estimators with it: the page's own process has none of them.
+    # Imported here to keep scipy and the estimators out of the page's own process.
     from bearing_sim.beacons import format_layout, parse_layout
     from quadlab.replay.lines import plan_runs
     from quadlab.replay.log import read_recording

@@ -1,4 +1,4 @@
-"""The rows of a replay: on the terminal, as CSV and as JSON."""
+"""The rows of a replay, for the terminal, CSV and JSON."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ Value = float | int | str | None
 
 @dataclass(frozen=True)
 class Row:
-    """One run, or what was flown on."""
+    """One run, or the recorded state that was flown on."""
 
     label: str
     measurements: str
     values: dict[str, Value]
     errors: Errors
-    deviation_ns: Stamps  # where the estimator told its deviation of position
+    deviation_ns: Stamps  # when the estimator stated its position deviation
     deviation: Array  # m
     note: str = ""
 
 
 def recorded_row(recording: Recording, truth: Truth, window: Window) -> Row:
-    """Return the state that was flown on."""
+    """Return the row of the recorded state that was flown on."""
     inside = _inside(recording.state_ns, window)
     found = errors(truth, recording.state_ns[inside], recording.state[inside])
     values: dict[str, Value] = {
@@ -54,7 +54,7 @@ def recorded_row(recording: Recording, truth: Truth, window: Window) -> Row:
 def run_row(
     recording: Recording, truth: Truth, window: Window, run: Run, replayed: Replayed
 ) -> Row:
-    """Return errors of a run from its start on; a note when it started late or never."""
+    """Return the errors of a run from its start on, with a note if it started late or never."""
     stamps = recording.imu["stamp_ns"]
     started_ns = replayed.started_ns
     inside = _inside(stamps, window)
@@ -114,7 +114,7 @@ def print_table(rows: list[Row]) -> None:
 
 
 def as_json(recording: Recording, truth: str, window: Window, rows: list[Row]) -> str:
-    """Return one line of JSON; SI units and degrees, as the names say."""
+    """Return one line of JSON; units as in the names: SI and degrees."""
     start, end = (float(recording.seconds(one)) for one in (window.start_ns, window.end_ns))
     report = {
         "log": str(recording.path),
@@ -131,7 +131,7 @@ def as_json(recording: Recording, truth: str, window: Window, rows: list[Row]) -
 
 
 def write_csv(path: Path, rows: list[Row]) -> None:
-    """Write the table with its full digits. Raises StorageError."""
+    """Write the table in full precision. Raises StorageError."""
     try:
         with path.open("w", newline="") as file:
             writer = csv.writer(file)

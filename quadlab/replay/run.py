@@ -1,4 +1,4 @@
-"""One estimator over a recorded flight: the estimation part of the vehicle's tick."""
+"""One run of an estimator over a recorded flight: the estimation part of the vehicle's tick."""
 
 from __future__ import annotations
 
@@ -31,27 +31,27 @@ from quadrotor.records import (
 from vehicle.flight.tick_record import LONGEST_GAP, NOMINAL_STEP
 
 STATE_AGE_NS = 50_000_000
-"""A recorded state older than this is no start."""
+"""Age, in ns, above which a recorded state cannot start the estimator."""
 _BYTES = f"V{STATE.itemsize}"
 
 
 @dataclass
 class Replayed:
-    """The result of a replayed run; a row of the lists a measurement."""
+    """The result of a replayed run; the lists have one item for each measurement."""
 
     states: Record  # (N,) STATE, at the samples
     processor: float = 0.0  # s
-    started_ns: int | None = None  # sample at which a measurement gave it its start
+    started_ns: int | None = None  # sample at which a measurement started it
     complaint: str = ""  # the last measurement that could not be used
     taken_ns: list[int] = field(default_factory=list)
     rejected: list[bool] = field(default_factory=list)
-    nis: list[float] = field(default_factory=list)  # a number measured; NaN: none
-    freedom: list[int] = field(default_factory=list)  # numbers measured
+    nis: list[float] = field(default_factory=list)  # per component; NaN: none
+    freedom: list[int] = field(default_factory=list)  # components of the measurement
     deviations: list[tuple[float, float, float]] = field(default_factory=list)  # m, m/s, rad
     posteriors: list[Posterior] = field(default_factory=list)  # of measurements used
 
     def within(self, start_ns: int, end_ns: int) -> tuple[int, float | None, Consistency | None]:
-        """Return measurements given, share rejected of them and NIS of a window."""
+        """Return the number of measurements, the share rejected and the NIS in a window."""
         taken = np.array(self.taken_ns, np.int64)
         inside = (taken >= start_ns) & (taken <= end_ns)
         count = int(inside.sum())
@@ -63,7 +63,7 @@ class Replayed:
         return [one for one in self.posteriors if start_ns <= one.stamp_ns <= end_ns]
 
     def position_deviations(self) -> tuple[Stamps, Array]:
-        """Return stamps and standard deviation of position (m) where the estimator gave one."""
+        """Return stamps and standard deviation of position (m) where the estimator stated one."""
         stamps = np.array(self.taken_ns, np.int64)
         position = np.array([one[0] for one in self.deviations])
         known = np.isfinite(position)
@@ -71,19 +71,19 @@ class Replayed:
 
 
 def replay(recording: Recording, run: Run, arrivals: list[Arrival]) -> Replayed:
-    """Feed samples and measurements in the order the vehicle had them.
+    """Feed samples and measurements to the estimator in the order in which the vehicle had them.
 
     Args:
-        arrivals: in the order of their arrival.
+        arrivals: measurements in the order of their arrival.
     """
     registry.prepare(run.estimator, bearings=True)
     return Vehicle(recording, run).fly(arrivals)
 
 
 class Vehicle:
-    """The part of a vehicle that `vehicle.estimators.navigation` does with its active estimator.
+    """The part of a vehicle that `vehicle.estimators.navigation` runs with its active estimator.
 
-    Parameters changed in flight change here too, unless the run fixes them.
+    Parameters that changed in flight change here too, unless the run fixes them.
     """
 
     def __init__(self, recording: Recording, run: Run) -> None:
@@ -178,8 +178,8 @@ class Vehicle:
         self._note(now_ns, raised, _number(estimator, "applied") > applied)
 
     def _start_as_flown(self, now_ns: int) -> None:
-        """Start at the pose that was flown on, as the vehicle starts it in parallel with what it
-        flies on.
+        """Start at the pose that was flown on, as the vehicle starts an estimator in parallel with
+        the one in use.
         """
         stamps = self._recording.state_ns
         k = int(np.searchsorted(stamps, now_ns, side="right")) - 1
@@ -187,7 +187,7 @@ class Vehicle:
             return
         flown = self._recording.state[k]
         if not np.isfinite(flown["quaternion_wb"]).all():
-            return  # of an imported flight, without attitude
+            return  # an imported flight without attitude
         self._estimator.initialize(pose_sample(now_ns, flown["position_w"], flown["quaternion_wb"]))
 
     def _note(self, now_ns: int, raised: bool, applied: bool) -> None:
@@ -212,8 +212,8 @@ class Vehicle:
             out.started_ns = now_ns
 
     def _wants_bearings(self, now_ns: int) -> bool:
-        """Return whether bearings are wanted: fixed gains take them for as good as poses, so only
-        without poses.
+        """Return whether bearings are to be used: estimators with fixed gains weigh them like
+        poses, so only in the absence of poses.
         """
         if self._source == "bearings" or self._estimator.deviations is not None:
             return True
@@ -227,7 +227,7 @@ def _posterior(estimator: ErrorStateEstimator) -> Posterior:
 
 
 def _number(estimator: Estimator, name: str) -> float:
-    """Return a number of an estimator's memory that not every one has; 0 without it."""
+    """Return a number of an estimator's memory; 0 if the estimator does not have it."""
     memory = getattr(estimator, "memory", None)
     names = getattr(getattr(memory, "dtype", None), "names", None) or ()
     return float(memory[name][0]) if memory is not None and name in names else 0.0

@@ -1,11 +1,11 @@
-"""The places of base stations or beacons, found from the flight itself.
+"""The positions of base stations or beacons, found from the flight itself.
 
-A layout that is wrong contradicts the IMU and itself, so that the error-state filter predicts
-sweeps and bearings badly. The survey moves base stations (place and attitude) or beacons (place)
-until the filter predicts best: a prediction-error method (Ljung, System Identification, 2nd ed.,
-section 7.2). The IMU gives the scale. Without poses the layout as a whole remains open: its place,
-its heading and, unless the vehicle turns, its tilt, since a bias of the accelerometer looks the
-same. It is then left where the flown path stays where it was.
+A wrong layout contradicts the IMU and itself, so that the error-state filter predicts sweeps and
+bearings badly. The survey moves base stations (position and attitude) or beacons (position) until
+the filter predicts best: a prediction-error method (Ljung, System Identification, 2nd ed., section
+7.2). The IMU gives the scale. Without poses the layout as a whole remains undetermined: its
+position, its heading and, unless the vehicle turns, its tilt, since a bias of the accelerometer
+looks the same. It is then placed so that the flown path stays where it was.
 """
 
 from __future__ import annotations
@@ -31,36 +31,36 @@ from quadrotor.records import MAX_BEACONS, POSE_SAMPLE, SWEEPS_SAMPLE, Record
 
 XYZW, WXYZ = (1, 2, 3, 0), (3, 0, 1, 2)
 SPREAD = (0.1, 0.1, 0.1, 0.05, 0.05, 0.05)
-"""m and rad: how far off place and attitude are expected to be, one deviation."""
+"""m and rad: expected errors of position and attitude, one standard deviation."""
 STEP = (1e-3, 1e-3, 1e-3, 5e-4, 5e-4, 5e-4)
-"""m and rad: of the differences that stand for derivatives."""
+"""m and rad: steps of the finite differences that approximate derivatives."""
 CORRELATED = 5.0
-"""Deviations of a measurement that count as one, because successive innovations are alike."""
+"""Factor on the deviation of a measurement, because successive innovations are correlated."""
 LARGE = 3.0
-"""Deviations from which on an innovation counts by its size and no longer by its square."""
+"""Number of deviations above which the cost of an innovation grows linearly, not quadratically."""
 FARTHEST = 5.0
-"""Largest move in those deviations; what is moved farther is no survey's result."""
+"""Largest move in multiples of SPREAD; the result of a survey with larger ones is refused."""
 LEAST = 100
-"""Measurements that a survey takes."""
+"""Least number of measurements for a survey."""
 SETTLED_NS = 2_000_000_000
-"""Time after the filter's start from which its paths are compared."""
+"""Nanoseconds after the filter's start from which its paths are compared."""
 USUAL = 5
-"""Steps that a survey usually takes."""
+"""Number of steps that a survey usually takes."""
 BLOCKS = 30
-"""Blocks of a flight whose errors are taken as independent."""
+"""Number of blocks of a flight whose errors are assumed to be independent."""
 
 
 class Place(NamedTuple):
-    """A base station or beacon that was surveyed."""
+    """A surveyed base station or beacon."""
 
     number: int
     moved_w: Array  # (3,) m
-    turned_w: Array  # (3,) rad, rotation vector; zeros of a beacon
-    deviation_w: Array  # (3,) m; NaN where the layout as a whole is open
+    turned_w: Array  # (3,) rad, rotation vector; zeros for a beacon
+    deviation_w: Array  # (3,) m; NaN if the layout as a whole is undetermined
 
 
 class Survey(NamedTuple):
-    """The places found, and what the filter did not predict before and after, rad rms."""
+    """The positions found, and the unpredicted part before and after, rad rms."""
 
     places: list[Place]
     before: float
@@ -68,7 +68,7 @@ class Survey(NamedTuple):
 
     @property
     def lines(self) -> list[str]:
-        """Return a line for each place and one for the whole."""
+        """Return a line for each place and one for the total."""
         lines = []
         for one in self.places:
             moved = ", ".join(f"{1e3 * along:.0f}" for along in one.moved_w)
@@ -82,7 +82,7 @@ class Survey(NamedTuple):
 
 
 def survey_stations(recording: Recording, run: Run) -> Survey:
-    """Find where the base stations of recorded sweeps are and set them there in `recording`.
+    """Find the positions of the base stations of recorded sweeps, and set them in `recording`.
 
     Raises MeasurementError when there are too few sweeps.
     """
@@ -117,12 +117,12 @@ def survey_beacons(
     arrivals: list[Arrival],
     tell: Callable[[float], None] = lambda share: None,
 ) -> tuple[Beacons, Survey]:
-    """Return where the beacons of the run's layout are, to the mm, and how that was found.
+    """Return the positions of the beacons of the run's layout, to the mm, and how they were found.
 
     Args:
         tell: called with the share that is done, 0 to 1.
 
-    Raises MeasurementError when there are too few frames of bearings, and for a layout that fits no
+    Raises MeasurementError when there are too few frames of bearings, and when no layout fits
     better than the run's.
     """
     believed = parse_layout(run.parameters.beacons.layout)
@@ -144,7 +144,7 @@ def survey_beacons(
 
 
 class _Steady(Vehicle):
-    """A replay with the noise as stated, so that runs can be compared; keeps its innovations."""
+    """A replay with the stated noise, so that runs can be compared; stores its innovations."""
 
     def __init__(self, recording: Recording, run: Run, beacons: Beacons | None) -> None:
         self._surveyed = None if beacons is None else KnownBeacons(beacons)
@@ -153,7 +153,7 @@ class _Steady(Vehicle):
         super().__init__(recording, run)
 
     def flown(self, arrivals: list[Arrival]) -> _Steady:
-        """Fly and return itself."""
+        """Fly, and return this object."""
         states = self.fly(arrivals).states
         stamps = self._recording.imu["stamp_ns"]
         started = self._out.started_ns
@@ -177,7 +177,7 @@ class _Steady(Vehicle):
         sweeps = measurement.dtype == SWEEPS_SAMPLE
         row = np.zeros(1 if sweeps else 2 * MAX_BEACONS)
         if known and sweeps:
-            # The mean: sensors side by side differ by errors of their own, not by the distance.
+            # The mean: adjacent sensors differ by their own errors, not by their distance.
             row[0] = memory["rest"][:count].mean()
         elif known:
             row[: 2 * count] = memory["rest"][: 2 * count]
@@ -187,7 +187,7 @@ class _Steady(Vehicle):
 def _fit(
     fly: Callable[[Array], _Steady], places_w: Array, each: int, numbers: list[int], run: Run
 ) -> tuple[Array, Survey]:
-    """Return how each place is moved, (B, each), and the survey that says so."""
+    """Return the moves of each place, (B, each), and the survey with the results."""
     size, scale = each * len(numbers), np.tile(SPREAD[:each], len(numbers))
     step = np.tile(STEP[:each], len(numbers))
     first = fly(np.zeros(size))
@@ -222,7 +222,7 @@ def _fit(
     else:
         moved = _in_place(places_w, moved, first.path_w, last.path_w)
     moved[:, :3] = (places_w + moved[:, :3]).round(3) - places_w
-    # Of what is proposed, not of what it was made from.
+    # Of the proposed, rounded layout, not of the fitted one.
     rms = [_rms(np.concatenate(one.innovations)) for one in (first, fly(moved.ravel()))]
     if not ((np.abs(found.x) < FARTHEST * scale).all() and rms[1] < rms[0]):
         raise MeasurementError(
@@ -241,8 +241,8 @@ def _rms(innovations: Array) -> float:
 
 
 def _deviations(jacobian: Array, residual: Array) -> Array:
-    """Return the standard deviations of the parameters, with innovations that are alike within
-    a block of the flight counted as one (the sandwich estimator of clustered errors).
+    """Return the standard deviations of the parameters, with correlated innovations within a block
+    of the flight counted as one (the sandwich estimator of clustered errors).
     """
     bend = np.linalg.inv(jacobian.T @ jacobian)
     blocks = zip(np.array_split(jacobian, BLOCKS), np.array_split(residual, BLOCKS), strict=True)
@@ -251,7 +251,7 @@ def _deviations(jacobian: Array, residual: Array) -> Array:
 
 
 def _in_place(places_w: Array, moved: Array, before_w: Array, after_w: Array) -> Array:
-    """Return the movements with the layout as a whole brought to where the path stays."""
+    """Return the moves, with the layout as a whole placed so that the path stays where it was."""
     both = np.isfinite(before_w).all(axis=1) & np.isfinite(after_w).all(axis=1)
     before, after = before_w[both], after_w[both]
     turn, _ = Rotation.align_vectors(before - before.mean(axis=0), after - after.mean(axis=0))

@@ -13,12 +13,12 @@ from quadrotor.errors import UsageError
 from quadrotor.records import has_attitude
 
 HEIGHT = 0.05
-"""m above its lowest point at which a vehicle counts as airborne when the log does not say."""
+"""m above the lowest point at which a vehicle counts as airborne if the log has no status of it."""
 
 
 @dataclass(frozen=True)
 class Window:
-    """A window from start to end, both included, ns; and how it was found."""
+    """A window from start to end, inclusive, ns; and how it was found."""
 
     start_ns: int
     end_ns: int
@@ -30,7 +30,7 @@ def find_window(
 ) -> Window:
     """Return the window of --from and --to (s), else the airborne part of the flight.
 
-    Raises UsageError when nothing is to be compared there.
+    Raises UsageError when there is nothing to compare in it.
     """
     first, last = recording.start_ns, int(recording.imu["stamp_ns"][-1])
     airborne_start, airborne_end, found = _airborne(recording, truth)
@@ -71,12 +71,12 @@ def _airborne(recording: Recording, truth: Truth) -> tuple[int, int, str]:
 
 
 def with_attitude(recording: Recording) -> list[Arrival]:
-    """Return the tracker's recorded poses without the positions of a marker."""
+    """Return the tracker's recorded poses, without those that are only positions of a marker."""
     return [one for one in recording.poses if has_attitude(one.measurement["quaternion_wb"])]
 
 
 def tracked_truth(recording: Recording) -> Truth:
-    """Return the tracker's recorded poses in the truth's place; velocities are not known."""
+    """Return the tracker's recorded poses as the truth; velocities are unknown."""
     ordered = {int(pose["stamp_ns"][0]): pose[0] for _, pose in with_attitude(recording)}
     states = np.zeros(len(ordered), recording.truth.dtype)
     stamps = np.array(sorted(ordered), np.int64)

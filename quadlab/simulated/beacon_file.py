@@ -8,7 +8,7 @@ from quadrotor.errors import MeasurementError, UsageError
 
 
 def beacon_words(file: Path | None) -> list[str]:
-    """Return the `--set` words that lay the file's beacons out. Raises UsageError with line and
+    """Return the `--set` words for the file's layout of beacons. Raises UsageError with line and
     column.
     """
     if file is None:

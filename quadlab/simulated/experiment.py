@@ -1,4 +1,4 @@
-"""An experiment in simulated time, from its name to its verdict."""
+"""The flight of an experiment in simulated time, from its name to its verdict."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Flown:
     """A flight that has ended.
 
     Attributes:
-        path: its log. aborted: why it ended early, empty when it did not.
-        wall, processor: s that the flight took, without what is loaded and compiled before it.
+        path: its log. aborted: why it ended early, empty if it did not.
+        wall, processor: duration of the flight in s, without loading and compiling before it.
     """
 
     flight: SimulatedFlight
@@ -56,11 +56,12 @@ def fly(
     """Fly an experiment on the simulated vehicle and judge its log.
 
     Args:
-        seed: of all noise. words: NAME=VALUE of parameters. out: folder of the log; None: flights
-            in the data folder. plugins: folder of control laws. true_state: whether the controller
-            sees the true state. tell: whether instructions of a guided procedure are printed.
+            seed: of all noise. words: NAME=VALUE of parameters. out: folder of the log; None:
+                flights in the data folder. plugins: folder of control laws. true_state: whether the
+                controller gets the true state. tell: whether instructions of a guided procedure are
+                printed.
 
-    Raises QuadlabError; after the start it says where the log is.
+        Raises QuadlabError; after the start, its message includes the path of the log.
     """
     from console.experiments import watched
     from console.experiments.user_file import mistakes_told
@@ -85,7 +86,7 @@ def fly(
     ParameterStore(parameters).preset(kind.traits.parameters | {"simulator.imu_rate": kind.rate})
     parameters.seed(seed)
     values = parse_settings(parameters, words)
-    if "beacons.layout" not in values:  # the vehicle is told where the beacons are
+    if "beacons.layout" not in values:  # the vehicle gets the true layout
         parameters.beacons.layout = parameters.bearings.layout
     with mistakes_told(experiment):
         experiment.check()
@@ -102,8 +103,7 @@ def fly(
         {"run_id": path.stem, "experiment": experiment.name, "seed": str(seed), "board": board},
     )
     estimator = TrueState(simulated) if true_state else None
-    # Everything that is loaded or compiled at its first use, so that the figures are of flying
-    # alone.
+    # Load or compile everything that is needed, so that the figures are those of flying alone.
     _, later = prepare(lambda line: print(f"quadlab: {line}", file=sys.stderr, flush=True))
     typestore()
     plugins = plugins or open_data_folder(None) / PLUGINS
@@ -129,7 +129,7 @@ def fly(
 
 
 def chosen(name: str) -> Experiment:
-    """Return a built-in experiment, or that of a file. Raises UsageError or StorageError."""
+    """Return a built-in experiment, or one from a file. Raises UsageError or StorageError."""
     from console.experiments.catalogue import EXPERIMENTS, find
     from console.experiments.user_file import is_file, load
 
@@ -146,9 +146,9 @@ def chosen(name: str) -> Experiment:
 def judged(
     experiment: Experiment, log: Path, aborted: str
 ) -> tuple[Result, CalibrationRecord | None]:
-    """Return result and proposal from the log alone; of an aborted flight what there is of figures.
+    """Return result and proposal, from the log alone; for an aborted flight, the available figures.
 
-    Raises QuadlabError with the reason and where the log is.
+    Raises QuadlabError with the reason and the path of the log.
     """
     from console.evaluation.verdict import evaluated
     from console.experiments.client import Calibrating, Result
@@ -169,12 +169,12 @@ def judged(
 
 
 def kept(error: QuadlabError, log: Path) -> QuadlabError:
-    """Return the same error, with where the log is."""
+    """Return the same error with the path of the log in its message."""
     return type(error)(f"{error}; the log is kept: {log}")
 
 
 class Teller:
-    """Prints the instructions of a guided procedure, each once."""
+    """Printer of the instructions of a guided procedure, each once."""
 
     def __init__(self, flight: SimulatedFlight) -> None:
         self._flight = flight
@@ -191,22 +191,20 @@ class Teller:
 def with_options(
     parameters: FlightParameters, options: Mapping[str, Parameters | None]
 ) -> FlightParameters:
-    """Return the tree with what can be chosen about the experiment and the board, by these
-    names.
-    """
+    """Return the tree with the options of the experiment and of the board, under these names."""
     from pydantic import create_model
 
     there = {name: of for name, of in options.items() if of is not None}
     fields: dict[str, Any] = {name: (type(of), of) for name, of in there.items()}
     tree = create_model("ChosenParameters", __base__=type(parameters), **fields)
-    # Not copied: the experiment reads the very same object.
+    # Not copied: the experiment reads this same object.
     values: dict[str, Any] = dict(parameters) | there
     chosen: FlightParameters = tree.model_construct(**values)
     return chosen
 
 
 def _new_log(folder: Path, stem: str) -> Path:
-    """Return a file name that is free: no earlier flight is overwritten."""
+    """Return a file name that is free, so that no earlier flight is overwritten."""
     path, number = folder / f"{stem}.mcap", 2
     while path.exists():
         path, number = folder / f"{stem}_{number}.mcap", number + 1

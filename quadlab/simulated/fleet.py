@@ -1,4 +1,4 @@
-"""The simulated vehicles of one `quadlab up`: names, ports, folders and what they fly at."""
+"""The simulated vehicles of one `quadlab up`: names, ports, folders and rates."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from vehicle_link.serial.capacity import DEFAULT_RATE
 
 MOST = 8
 PORT_STEP = 2
-"""Between the link ports of two vehicles: the one after each is its telemetry's."""
+"""Difference between the link ports of two vehicles: the port after each is its telemetry's."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """Hz, of each vehicle: of vehicles that share a processor the lower the more there are."""
+    """Rates of each vehicle, Hz; vehicles that share a processor get lower ones."""
 
     ticks: int
     packets: int
@@ -30,12 +30,12 @@ ALONE = Rates(DEFAULT_RATE, 100, 100, 30)
 SOME = Rates(100, 33, 30, 10)
 MANY = Rates(60, 12, 15, 3)
 FEW = 3
-"""Vehicles that fly at `SOME`."""
+"""Largest number of vehicles that fly at `SOME`."""
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatedFleet:
-    """`count` vehicles; one alone is called `name`, several quad1, quad2, …"""
+    """`count` vehicles; a single one is called `name`, several quad1, quad2, …"""
 
     count: int
     name: str
@@ -63,7 +63,7 @@ class SimulatedFleet:
 
     @property
     def rates(self) -> Rates:
-        """Return the rates when no others were chosen."""
+        """Return the default rates."""
         return ALONE if self.count == 1 else SOME if self.count <= FEW else MANY
 
     @property
@@ -84,7 +84,7 @@ class SimulatedFleet:
         return [word for setting in settings for word in ("--set", setting)]
 
     def folder(self, data: Path, name: str, files: TlsFiles) -> Path:
-        """Return the vehicle's own data folder, with the certificates a vehicle needs.
+        """Return the vehicle's own data folder, with the certificates that a vehicle needs.
 
         Raises StorageError.
         """

@@ -1,8 +1,8 @@
 """The whole stack in simulated time: plant, serial bytes, tick, tracker, beacons and log.
 
-The same parts as in real time, joined in one thread by one clock that starts at 0, so the same
-seed gives the same messages byte for byte. It is a `console.experiments.client.Client`: every
-wait flies on.
+It consists of the same parts as in real time, run in one thread by one clock that starts at 0, so
+the same seed gives the same messages byte for byte. It is a `console.experiments.client.Client`
+whose waits advance the flight.
 """
 
 from __future__ import annotations
@@ -43,15 +43,15 @@ TRUTH_NS = 10_000_000
 
 
 class SimulatedFlight(SimulatedGuide):
-    """One vehicle, flown as fast as the processor goes.
+    """One vehicle, flown as fast as the processor allows.
 
     Args:
         parameters: of vehicle, simulator, tracker and bearings.
         simulated: the robot, made from `parameters.simulator`.
-        log: where every message goes.
-        estimator: a plugin in place of the vehicle's own.
+        log: receives every message.
+        estimator: a plugin that replaces the vehicle's own.
         plugins: folder of control laws.
-        kind: of its board, whose options are `parameters.board` where it has any.
+        kind: of its board, whose options are `parameters.board` if it has any.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class SimulatedFlight(SimulatedGuide):
         self._orders = Orders(self.stack.modes, self._board)
         self._complained_ns = -COMPLAIN_NS
         self._next_heartbeat_ns = self._next_station_ns = self._next_truth_ns = 0
-        # Views made once: they follow the plant.
+        # Views made once; they show the plant's current state.
         self._true_position_w = simulated.truth["position_w"][0]
         self._true_quaternion_wb = simulated.truth["quaternion_wb"][0]
 
@@ -92,7 +92,7 @@ class SimulatedFlight(SimulatedGuide):
     has_pilot = False
 
     def pilot_flies(self, on: bool) -> None:
-        """Raise UsageError: simulated time waits for no pilot."""
+        """Raise UsageError: simulated time cannot wait for a pilot."""
         raise UsageError("flying by hand is impossible in simulated time; play sticks from a file")
 
     def view(self) -> VehicleView:
@@ -208,7 +208,7 @@ class SimulatedFlight(SimulatedGuide):
         try:
             payload = bearing_pose(seen, self._beacons, self.stack.state)
         except MeasurementError as error:
-            if now_ns - self._complained_ns > COMPLAIN_NS:  # 30 frames a second may be such
+            if now_ns - self._complained_ns > COMPLAIN_NS:  # may occur 30 times a second
                 self._complained_ns = now_ns
                 self.stack.say(f"bearings: {error}", mailbox.WARN)
             return

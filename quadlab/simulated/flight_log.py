@@ -25,13 +25,14 @@ Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
 
 GROUP = 5
-"""Ticks handed at once to the publisher of the slow topics, as the comms process does."""
+"""Number of ticks passed at once to the publisher of the slow topics, as in the comms process."""
 BATCH = 20 * GROUP
-"""Ticks encoded and written at once: vectorised, a message costs a fraction of a microsecond."""
+"""Number of ticks encoded and written at once: vectorised, a message costs a fraction of a
+microsecond."""
 
 
 class FlightLog:
-    """Writes what vehicle, station and simulator would log; the clock is the ticks' own.
+    """Writer of all that vehicle, station and simulator would log; its clock is that of the ticks.
 
     Args:
         path: a new MCAP file.
@@ -47,9 +48,9 @@ class FlightLog:
         self._vehicle = vehicle
         values = json.dumps(store.values(), indent=1).encode()
         metadata = {"vehicle": vehicle, "recorder": "simulation", **run, **provenance()}
-        # Simulated time is not lost with a killed process: it is flown again. So whole chunks.
+        # A killed simulation can be flown again, so long chunks are safe.
         defaults = {one.name: one.default for one in store.descriptions()}
-        # Nothing was ever accepted by this vehicle: its parameters are all there is.
+        # This vehicle has never accepted a calibration; its parameters are complete.
         in_force = {"in_force": {}, "problem": ""}
         attachments = {
             "parameters.json": values,
@@ -57,7 +58,7 @@ class FlightLog:
             "calibrations.json": json.dumps(in_force).encode(),
         }
         self._writer = LogWriter(path, metadata, attachments, chunk_age_ns=1_000_000_000)
-        # What came since the last batch was written. Records are kept as their bytes: copying a
+        # Messages since the last batch was written. Records are stored as bytes: copying a
         # structured record field by field takes ten times as long.
         self._ticks: list[bytes] = []
         self._truths: list[bytes] = []
@@ -66,7 +67,7 @@ class FlightLog:
         self._pose_arrivals: list[int] = []
         self._others: dict[tuple[str, int], list[tuple[bytes, int, int]]] = {}
         self._now_ns = 0
-        # The publisher of the comms process decides which slow topic is due; nothing is sent.
+        # The comms process's publisher decides which slow topic is due; nothing is sent.
         self._publisher = Publisher(None, self, self, vehicle)
         self._scene = topics.SceneMessages(vehicle)
         self._publisher.estimator = str(store.values()[FLOWN_ON])
@@ -94,7 +95,7 @@ class FlightLog:
 
     def parameter_change(self, change: ParameterChange) -> None:
         if change.name == FLOWN_ON:
-            self._flush()  # the ticks before it were flown on the estimator before
+            self._flush()  # earlier ticks were flown on the previous estimator
         self._now_ns = self._newest_ns()
         self._publisher.parameter_change(change)
 
@@ -133,7 +134,7 @@ class FlightLog:
         self._put(topic, payload, stamp_ns, stamp_ns)
 
     def close(self) -> None:
-        """Write what is left and close the file. Raises StorageError."""
+        """Write the remaining messages and close the file. Raises StorageError."""
         self._flush()
         self._writer.close()
 
@@ -141,13 +142,13 @@ class FlightLog:
         self.message(topic, topics.TOPICS[topic].type_name, payload, stamp_ns, log_ns)
 
     def _newest_ns(self) -> int:
-        """Return time of the newest tick."""
+        """Return the time of the newest tick."""
         if not self._ticks:
             return self._now_ns
         return int(np.frombuffer(self._ticks[-1], TICK)["imu"]["stamp_ns"][0])
 
     def _flush(self) -> None:
-        """Write everything in the order of its time; at one time, in that of these lines."""
+        """Write everything in the order of time; at equal times, in the order of these lines."""
         batches: list[Batch] = []
         if self._ticks:
             ticks = np.frombuffer(b"".join(self._ticks), TICK)
@@ -188,7 +189,7 @@ class FlightLog:
             kept.clear()
 
     def _publish(self, ticks: Record) -> None:
-        """Hand the ticks to the publisher in groups, each at the time of its last tick."""
+        """Pass the ticks to the publisher in groups, each at the time of its last tick."""
         stamps = ticks["imu"]["stamp_ns"].tolist()
         for end in range(GROUP, len(ticks) + 1, GROUP):
             self._now_ns = stamps[end - 1]
@@ -198,9 +199,7 @@ class FlightLog:
     def _batch(
         self, topic: str, payloads: Records, stamps: Stamps, log_ns: Stamps | None = None
     ) -> Batch:
-        """Return messages with the stamps of their source, logged at `log_ns`, by default at
-        once.
-        """
+        """Return messages with their source stamps, logged at `log_ns`, by default at these."""
         type_name = topics.TOPICS[topic].type_name
         arrivals = stamps if log_ns is None else log_ns
         name = full_name(f"/{self._vehicle}", topic)

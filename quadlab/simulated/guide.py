@@ -1,6 +1,7 @@
-"""Guided procedures in simulated time: the hand that holds the vehicle, the bench, who says yes.
+"""Guided procedures in simulated time: the hand that holds the vehicle, the bench, the
+confirmations.
 
-A part of `quadlab.simulated.flight.SimulatedFlight`, which flies meanwhile.
+`quadlab.simulated.flight.SimulatedFlight` inherits it and keeps flying during them.
 """
 
 from __future__ import annotations
@@ -31,16 +32,16 @@ from vehicle_link.topics import encode_bench_reading
 
 REQUESTER = "experiment"
 TRACKED_NS = 100_000_000
-"""An older pose of the tracker is none."""
+"""Age, in ns, above which a pose of the tracker is not used."""
 BENCH_AGAIN_NS = 100_000_000
 KEPT = 60_000
 """Largest number of unread ticks or readings."""
 PATIENCE = 30.0
-"""s for the gyroscope's calibration, and for setting the vehicle down."""
+"""Seconds to wait for the gyroscope's calibration, and for setting the vehicle down."""
 
 
 class Flown(Protocol):
-    """Parameters of a simulated flight."""
+    """The parameters of a simulated flight that a guided procedure needs."""
 
     simulator: SimulatorParameters
 
@@ -50,7 +51,7 @@ class SimulatedGuide:
 
     Attributes:
         told: the newest progress.
-        on_tell: called with each progress that is told.
+        on_tell: called with each reported progress.
     """
 
     simulated = True
@@ -77,11 +78,11 @@ class SimulatedGuide:
         self.on_tell(progress)
 
     def confirm(self, question: str) -> None:
-        """Confirm at once; the log has a line of it."""
+        """Confirm at once; the log has a line about it."""
         self.stack.say(f"confirmed: {question}")
 
     def turn(self, quaternion_wb: Sequence[float] | None) -> None:
-        """Turn the vehicle; None has it set down level, and waits until it is at rest."""
+        """Turn the vehicle; with None set it down level, and wait until it is at rest."""
         if quaternion_wb is None:
             self._simulate({"simulator.held": "free"})
             end = self.stack.stamp_ns + round(PATIENCE * 1e9)
@@ -100,7 +101,7 @@ class SimulatedGuide:
         )
 
     def imu(self) -> ImuReadings:
-        """Return the IMU readings; ticks are kept from the first look on, which itself sees
+        """Return the IMU readings since the last call; the first call starts collecting and returns
         none.
         """
         kept = self._ticks or ()
@@ -122,7 +123,7 @@ class SimulatedGuide:
         return TrackedAttitude(pose.stamp_ns * 1e-9, pose.quaternion_wb)
 
     def calibrate_gyroscope(self) -> CalibrationRecord:
-        """Raise RefusedError with the vehicle's reason."""
+        """Calibrate the gyroscope. Raises RefusedError with the vehicle's reason."""
         request_id = self._request_id()
         self._command(mailbox.CalibrateGyroscope(request_id, REQUESTER))
         end = self.stack.stamp_ns + round(PATIENCE * 1e9)
@@ -151,7 +152,7 @@ class SimulatedGuide:
 
     # ------------------------------------------------------------------ while it flies
     def _after_step(self) -> None:
-        """Take the sensor's reading, and ask for the bench again."""
+        """Read the sensor, and repeat the command for the bench when it is due."""
         reading = self._simulated.bench_reading()
         if reading is not None:
             self._readings.append(reading)
@@ -175,7 +176,7 @@ class SimulatedGuide:
         self._found[found.request_id] = found
 
     def _simulate(self, values: dict[str, ParameterValue]) -> None:
-        """Change the simulator; the log has what changed."""
+        """Change the simulator's parameters; the log gets the changes."""
         store, outbox = self.stack.store, self.stack.outbox
         old = {name: store.get(name) for name in values}
         for name, value in store.set(values).items():

@@ -1,6 +1,6 @@
-"""A camera on the simulated vehicle: what it sees is rendered, and read as a real picture is.
+"""A camera on the simulated vehicle: its pictures are rendered, and read as real pictures are.
 
-Beacons are tags in the plane of their layout, with their faces to the middle of the room.
+Beacons are tags in the plane of their layout that face the middle of the room.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ Array = npt.NDArray[np.float64]
 
 WIDTH, HEIGHT = 640, 480
 IN_TIME = 0.9
-"""Share of the period after which a picture for people is in time."""
+"""Share of the period after which a picture for people counts as due."""
 MIDDLE = np.array([0.0, 0.0, 1.0])
-"""m, world axes: of the room."""
+"""Middle of the room, m, world axes."""
 
 
 class OnboardCamera:
-    """Takes the place of a `bearing_sim.BearingEmulator`.
+    """A camera that replaces a `bearing_sim.BearingEmulator`.
 
     Attributes:
         lens: of the camera.
-        pictures: taken; unread: of those, without a bearing.
+        pictures: number taken; unread: number of those without a bearing.
     """
 
     def __init__(self, bearings: BearingParameters, camera: CameraParameters) -> None:
@@ -73,7 +73,7 @@ class OnboardCamera:
         return shown
 
     def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
-        """Observe the true pose, as `BearingEmulator.observe`."""
+        """Observe the true pose, as `BearingEmulator.observe` does."""
         after_ns = self._track.add(stamp_ns, position_w, quaternion_wb)
         R_wb, last = quaternion_to_matrix(quaternion_wb), self._last
         self._last = stamp_ns, position_w.copy(), R_wb
@@ -102,7 +102,7 @@ class OnboardCamera:
     def picture(
         self, position_w: Array, R_wb: Array, velocity_w: Array, turning_b: Array
     ) -> Picture:
-        """Return what the camera sees of a vehicle with this pose and motion: m/s, rad/s."""
+        """Return what the camera sees from a vehicle with this pose and motion: m/s, rad/s."""
         beacons, lost = self.beacons, parse_lost(self.parameters.lost)
         R_wt = _facing(beacons)
         to_camera, patterns = self._R_bc.T, []
@@ -129,7 +129,7 @@ class OnboardCamera:
         self.pictures += 1
         try:
             seen = self._reader.take(grey)
-        except MeasurementError:  # withheld, as by the tracker process
+        except MeasurementError:  # withheld, as in the tracker process
             self.unread += 1
             return
         finally:

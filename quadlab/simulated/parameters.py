@@ -1,4 +1,4 @@
-"""The parameters of a simulated flight: those of the vehicle, and of what is simulated."""
+"""The parameters of a simulated flight: the vehicle's, and those of the simulation."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class FlightParameters(VehicleParameters):
     camera: CameraParameters = CameraParameters()
 
     def seed(self, seed: int) -> None:
-        """Give every source of noise a stream of its own."""
+        """Give every source of noise its own seed."""
         self.simulator.seed = seed
         self.tracker.seed = seed + 1_000_003
         self.bearings.seed = seed + 2_000_003

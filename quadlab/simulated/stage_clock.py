@@ -1,4 +1,4 @@
-"""A clock for where the processor's time goes in a simulated flight."""
+"""A clock for the processor time of each stage of a simulated flight."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import time
 from collections.abc import Callable
 
 EVERY = 7
-"""One tick of so many is timed and counts for all: reading clocks would be 3 % of a flight.
-Prime to what repeats (5 ticks a pose, 100 a batch of the log), so each has its share."""
+"""One tick in so many is timed, and counts for all: reading clocks would take 3 % of a flight.
+Coprime to the periods of the flight (5 ticks a pose, 100 a batch of the log), so each has its
+share."""
 
 
 class StageClock:
-    """Seconds by stage; reading the time is all it does, so it changes no message."""
+    """Seconds by stage; it only reads the time, so it changes no message."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}

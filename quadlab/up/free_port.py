@@ -1,4 +1,4 @@
-"""The check that a port of this computer is free."""
+"""A check that a port of this computer is free."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from quadrotor.errors import UsageError
 def require_free(
     what: str, port: int, kind: socket.SocketKind, option: str, host: str = "127.0.0.1"
 ) -> None:
-    """Check that `port` of `what` can be listened on. Raises UsageError, which names `option`."""
+    """Check that `port` of `what` is free. Raises UsageError, which names `option`."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, kind) as probe:
         if kind == socket.SOCK_STREAM:

@@ -1,4 +1,4 @@
-"""Landing flying vehicles before everything is stopped."""
+"""Landing of flying vehicles before all processes are stopped."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from vehicle_link import clock
 
 LANDING_PATIENCE = 40.0
 HEARING = 1.5
-"""s for the vehicles' statuses to come."""
+"""Seconds to wait for the vehicles' statuses."""
 
 
 class _Landing:
-    """One vehicle's. Args: `session` with the station."""
+    """The landing of one vehicle; `session` is connected to the station."""
 
     def __init__(self, session: Any, name: str, shown: str) -> None:
         from vehicle_link.transport.node import Node
@@ -60,7 +60,7 @@ class _Landing:
         from vehicle_link.messages import decode
 
         status = decode(received.payload, "quadlab_msgs/VehicleStatus")
-        lands = status.armed and status.mode != "bench"  # there the end of the vehicle stops it
+        lands = status.armed and status.mode != "bench"  # the bench ends with the vehicle process
         (self.on_ground.clear if lands else self.on_ground.set)()
         self.heard.set()
 
@@ -69,7 +69,7 @@ class _Landing:
 
 
 def land_before_stopping(loopback_port: int, names: Sequence[str], stop: StopRequest) -> None:
-    """Land all through the station and wait for motors off; gives up when asked twice or late."""
+    """Land all through the station and wait for motors off; give up when asked twice or late."""
     from vehicle_link.transport.session import loopback_session
 
     try:

@@ -47,7 +47,7 @@ class PageOptions:
         return self._certificate(data) if self.has_tls else None
 
     def words(self) -> list[str]:
-        """Return these options for a command line of their own."""
+        """Return these options as words of a command line."""
         out = ["--host", self.host]
         if self.tls_certificate is not None and self.tls_key is not None:
             certificate, key = self.tls_certificate.absolute(), self.tls_key.absolute()
@@ -65,7 +65,7 @@ class PageOptions:
 
 
 def say_authority(tls: Tls) -> None:
-    """Print where the authority is and what to do with it, once at the start."""
+    """Print where the authority's certificate is and what to do with it, once at the start."""
     if tls.authority is not None:
         print(
             f"https with a certificate of this data folder's own authority. Trust it once in each "

@@ -7,11 +7,11 @@ import threading
 import time
 
 PROGRESS_PERIOD = 1.5
-"""s between two lines while the processes start."""
+"""Seconds between two lines while the processes start."""
 
 
 class Progress:
-    """Reports the progress of the start until the page answers and reports it itself."""
+    """Reporter of the start's progress until the page answers."""
 
     def __init__(self, host: str, port: int) -> None:
         self._address = host, port
@@ -34,10 +34,10 @@ class Progress:
                 if page is None:
                     page = socket.create_connection(self._address, PROGRESS_PERIOD)
                     page.sendall(b"GET / HTTP/1.0\r\n\r\n")
-                page.recv(1)  # whatever it is: with TLS it may only close
+                page.recv(1)  # any answer counts: with TLS it may only close
                 page.close()
                 return
-            except TimeoutError:  # it listens, and answers as soon as it runs
+            except TimeoutError:  # it listens, and will answer once it runs
                 pass
             except OSError:
                 self._ended.wait(PROGRESS_PERIOD)

@@ -1,4 +1,4 @@
-"""`quadlab vehicle`'s word `--serial`: which ports it means, and looking at what is behind them."""
+"""`quadlab vehicle`'s option `--serial`: the ports that it means, and the search behind them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST = 2
 
 
 def split_ports(words: Sequence[str]) -> list[str]:
-    """Separate words and commas alike; a device that has a comma in its name is left whole."""
+    """Split at words and commas; a device with a comma in its name stays whole."""
     ports: list[str] = []
     for word in words:
         parts = [word] if os.path.exists(word) else word.split(",")
@@ -28,7 +28,7 @@ def split_ports(words: Sequence[str]) -> list[str]:
 
 
 def flight_ports(words: Sequence[str], identity: Identity = THE_ONE) -> list[str]:
-    """Return the ports to fly with; `auto` looks for them behind all devices.
+    """Return the ports to fly with; `auto` searches for them behind all devices.
 
     Raises UsageError when they are not one or two, LinkError when none fits.
     """
@@ -50,17 +50,19 @@ def flight_ports(words: Sequence[str], identity: Identity = THE_ONE) -> list[str
         )
     if len({os.path.realpath(port) for port in named}) < len(named):
         raise UsageError(f"--serial {','.join(named)} is one device twice; give the other port")
-    return [os.path.abspath(port) for port in named]  # the flight process has another folder
+    return [os.path.abspath(port) for port in named]  # the flight process runs in another folder
 
 
 def ports_at_rate(
     words: Sequence[str], rate: int | None, *, in_process: bool, identity: Identity = THE_ONE
 ) -> tuple[list[str], int]:
-    """Return the ports to fly with, none when the vehicle is simulated in process; and Hz.
+    """Return the ports to fly with, none when the vehicle is simulated in process; and the rate in
+    Hz.
 
-    Args: `rate` in Hz, None for what the ports carry.
+    Args:
+        rate: in Hz; None for what the ports can carry.
 
-    Raises UsageError when they do not carry it, LinkError when one is a file or a folder, and as
+    Raises UsageError when they cannot carry it, LinkError when one is a file or a folder, and as
     `flight_ports`.
     """
     if rate is not None:
@@ -73,11 +75,11 @@ def ports_at_rate(
             )
         return [], DEFAULT_RATE if rate is None else rate
     if rate is not None and rate > samples_a_second(MOST):
-        check_rate(rate, MOST)  # whatever the ports will be: they need not be looked for
+        check_rate(rate, MOST)  # fails with any ports, so they need not be searched for
     ports = flight_ports(words, identity)
     for port in ports:
         if os.path.exists(port) and not stat.S_ISCHR(os.stat(port).st_mode):
-            # At once: opening it is the flight process's, seconds later.
+            # Fail early: the flight process would open it only seconds later.
             raise LinkError(f"serial port {port} cannot be opened: {NO_DEVICE}")
     if rate is None:
         return ports, default_rate(len(ports))
@@ -95,9 +97,9 @@ def check(words: Sequence[str], identity: Identity = THE_ONE) -> int:
 
 
 def ports_of_board(board: str, words: Sequence[str], rate: int | None) -> tuple[list[str], int]:
-    """Return the ports to fly another board with, and Hz.
+    """Return the ports with which to fly another board, and the rate in Hz.
 
-    Raises UsageError for a board that is not known, and for more ports than it has.
+    Raises UsageError for an unknown board, and for more ports than it has.
     """
     kind, named = find_kind(board), split_ports(words)
     if not 1 <= len(named) <= len(kind.bauds):
@@ -115,7 +117,8 @@ def check_other_board(
 ) -> int:
     """Run `--board NAME --check`: return exit status 0 when the board fits, else 1.
 
-    Args: `values`, of its options.
+    Args:
+        values: of its options.
 
     Raises UsageError for a board that cannot be checked; LinkError when the port cannot be opened
     or does not answer.
@@ -156,7 +159,7 @@ def find(words: Sequence[str], identity: Identity = THE_ONE) -> int:
 
 
 def _other_words(identity: Identity) -> str:
-    """Return the options that name this microcontroller, unless it is the usual one."""
+    """Return the options that select this microcontroller, unless it is the default one."""
     words = ""
     if identity.robot_id != THE_ONE.robot_id:
         words += f" --robot-id {identity.robot_id}"

@@ -1,4 +1,4 @@
-"""The wish of the person at the terminal to stop, by Ctrl-C or SIGTERM."""
+"""Requests by the user at the terminal to stop, by Ctrl-C or SIGTERM."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from types import FrameType
 
 
 class StopRequest:
-    """Ctrl-C or SIGTERM: the first asks to stop, a second one to stop at once."""
+    """Counter of Ctrl-C and SIGTERM: the first asks to stop, the second to stop at once."""
 
     def __init__(self) -> None:
         self.count = 0
 
     @contextlib.contextmanager
     def installed(self) -> Iterator[None]:
-        """Count the signals within; the handlers before come back after it."""
+        """Count the signals within; restore the previous handlers afterwards."""
         numbers = (signal.SIGINT, signal.SIGTERM)
         previous = {number: signal.signal(number, self._on_signal) for number in numbers}
         try:
@@ -27,7 +27,7 @@ class StopRequest:
                 signal.signal(number, handler)
 
     def wait(self, seconds: float) -> bool:
-        """Sleep at most `seconds`; return whether a stop was asked for."""
+        """Sleep at most `seconds`; return whether a stop was requested."""
         end = time.monotonic() + seconds
         while not self.count and (left := end - time.monotonic()) > 0:
             time.sleep(min(left, 0.1))

@@ -1,6 +1,6 @@
-"""Child processes: started, watched, restarted, and none left behind.
+"""Child processes: started, watched, restarted, and never left behind.
 
-Every child asks the kernel to end it when this process dies (see `follow_parent`), so even
+Every child asks the kernel to end it when this process dies (see `follow_parent`), so that even
 `kill -9` of the parent leaves nothing running.
 """
 
@@ -19,22 +19,22 @@ from quadrotor.errors import QuadlabError
 from vehicle_link.jobs import die_with_parent, how_it_ended
 
 PARENT = "QUADLAB_PARENT"
-"""Environment variable with the process whose end also ends the child."""
+"""Environment variable with the id of the process whose end also ends the child."""
 NICENESS = "QUADLAB_NICENESS"
-"""Environment variable with the niceness a child gives itself, where it may."""
+"""Environment variable with the niceness that a child sets for itself, if permitted."""
 RESTARTS_ALLOWED = 5
 RESTART_WINDOW = 30.0
-"""More than RESTARTS_ALLOWED deaths within this many seconds, and the process is given up."""
+"""Seconds; after more than RESTARTS_ALLOWED deaths within this time the process is given up."""
 
 
 def follow_parent() -> None:
-    """End by SIGTERM when the parent ends, however it ends; in a child of `Child`."""
+    """Have SIGTERM end this process when its parent ends, in whatever way; only for a `Child`."""
     parent, niceness = os.environ.pop(PARENT, ""), os.environ.pop(NICENESS, "")
     if parent:
         die_with_parent(int(parent))
     if niceness:
-        # To be preferred needs a right that an ordinary user lacks: then all are equal. Where the
-        # kernel groups processes by session, it is the group's niceness that counts.
+        # Negative niceness needs a right that an ordinary user lacks: then all are equal. Where the
+        # kernel groups processes by session, the group's niceness counts.
         with contextlib.suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, 0, int(niceness))
             Path("/proc/self/autogroup").write_text(niceness)
@@ -47,8 +47,8 @@ class Child:
     Args:
         name: shown to the user.
         words: command line after `python -m quadlab`.
-        restart: start it again when it dies by itself.
-        niceness: -20 first served … 19 last; below 0 where the system allows it.
+            restart: whether it is started again when it dies by itself.
+            niceness: from -20 (served first) to 19 (last); below 0 only where the system allows it.
     """
 
     name: str
@@ -60,7 +60,7 @@ class Child:
     _deaths: list[float] = field(default_factory=list)
 
     def start(self) -> None:
-        # A session of its own: Ctrl-C in the terminal reaches only the parent, which lands first.
+        # In a separate session: Ctrl-C in the terminal reaches only the parent, which lands first.
         self._process = subprocess.Popen(
             [sys.executable, "-m", "quadlab", *self.words],
             env=self._child_environment(),
@@ -77,9 +77,7 @@ class Child:
         return self._process.pid if self._process else None
 
     def watch(self) -> str | None:
-        """Restart the child if it died; return a sentence when something happened. Raises
-        QuadlabError when it keeps dying.
-        """
+        """Restart the child if it died; return a line if so. Raises QuadlabError if it gives up."""
         process = self._process
         if process is None or process.poll() is None:
             return None

@@ -1,11 +1,11 @@
-"""One datagram: a header, and a content that only the other end of the lane can read or make.
+"""The datagram of a lane: a header, and a content that only the lane's ends can read or make.
 
     header   version 1 B | id of the keys 4 B | counter 8 B
     content  topic 1 B | publisher's sequence 8 B, source time 8 B, GID 16 B | payload
     tag      16 B
 
-Little endian, times in ns. The header is authenticated, the content encrypted as well:
-ChaCha20-Poly1305 (RFC 8439) with the counter as nonce: as fast on processors without AES.
+Little endian, times in ns. The header is authenticated; the content is encrypted as well, by
+ChaCha20-Poly1305 (RFC 8439) with the counter as nonce: it is also fast on processors without AES.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from vehicle_link.transport.rmw_keys import GID_SIZE
 VERSION = 0xD1
 KEY_SIZE = 32
 LARGEST = 1200
-"""Bytes of a datagram that pass every network without fragments."""
+"""Largest datagram, in bytes, that passes every network unfragmented."""
 
 HELLO = "hello"
-"""Message of the station without payload; it shows where the station is, and that it listens."""
+"""Message of the station without payload, which shows the station's address and that it listens."""
 A_HELLO = Received(b"", 0, 0, 0)
 _ROWS = [row for row in TOPICS.values() if row.lane]
 TO_STATION = tuple(row.name for row in _ROWS if row.sender == "vehicle")
@@ -44,11 +44,11 @@ _SMALLEST = _HEADER.size + _CONTENT.size + _TAG
 
 @dataclass
 class Refused:
-    """Datagrams that were dropped, by why.
+    """Counts of the datagrams that were dropped, by reason.
 
     Attributes:
         foreign: not of this version, size or key. forged: not made with the key.
-        replayed: came already, or too old to tell. unexpected: of a topic not for this end.
+        replayed: received before, or too old to judge. unexpected: of a topic not for this end.
     """
 
     foreign: int = 0
@@ -62,10 +62,10 @@ class Refused:
 
 
 class Sealer:
-    """Makes the datagrams of one direction; any thread may.
+    """Maker of the datagrams of one direction; thread-safe.
 
     Args:
-        key: 32 bytes, for this object alone: its counter begins at 1.
+        key: 32 bytes, used by this object only, because its counter begins at 1.
     """
 
     def __init__(self, key_id: int, key: bytes) -> None:
@@ -84,11 +84,11 @@ class Sealer:
 
 
 class Opener:
-    """Reads the datagrams of one direction; of one thread.
+    """Reader of the datagrams of one direction; for one thread only.
 
     Args:
-        topics: what may come this way.
-        refused: counted up for what is not taken.
+        topics: topics that may arrive in this direction.
+        refused: counts of what is dropped.
     """
 
     def __init__(self, key: bytes, topics: tuple[str, ...], refused: Refused) -> None:
@@ -102,13 +102,13 @@ class Opener:
 
     @property
     def newest(self) -> int:
-        """Return the largest counter taken, 0 before the first."""
+        """Return the largest counter accepted, 0 before the first."""
         return self._window.newest
 
     def open(self, datagram: bytes) -> tuple[str, Received] | None:
-        """Open a datagram to (topic, message); None, and counted, for what cannot be taken.
+        """Open a datagram to (topic, message); return None, and count it, when it is refused.
 
-        Only what `key_id_of` has found to be of our key.
+        Only for datagrams in which `key_id_of` has found the id of this key.
         """
         received_ns = time_ns()
         counter = _HEADER.unpack_from(datagram)[2]
@@ -121,7 +121,7 @@ class Opener:
         except self._invalid:
             self._refused.forged += 1
             return None
-        self._window.take(counter)  # only now: a forged counter must not close the window
+        self._window.take(counter)  # only now: a forged counter must not move the window
         number, sequence, source_ns, gid = _CONTENT.unpack_from(content)
         topic = _TOPICS.get(number, "")
         if topic not in self._topics:
@@ -131,7 +131,7 @@ class Opener:
 
 
 def key_id_of(datagram: bytes) -> int | None:
-    """Return the id of the keys that a datagram names; None when it is not a datagram of a lane."""
+    """Return the id of the keys that a datagram names; None when it is no datagram of a lane."""
     if not _SMALLEST <= len(datagram) <= LARGEST or datagram[0] != VERSION:
         return None
     key_id: int = _HEADER.unpack_from(datagram)[1]

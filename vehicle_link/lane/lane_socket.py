@@ -15,22 +15,22 @@ from vehicle_link.lane.datagram import LARGEST
 log = logging.getLogger(__name__)
 
 LOW_DELAY = 46 << 2  # DSCP EF; on WiFi the queue for video
-PRIORITY = 6  # of the machine's own queues
+PRIORITY = 6  # in the machine's own queues
 SEND_BUFFER = 16_384
-"""Bytes: where the radio takes nothing, 0.1 s of telemetry waits, not 2 s."""
+"""Bytes; when the radio accepts nothing, 0.1 s of telemetry waits, not 2 s."""
 Address = Any
 """A socket address in the form of the socket's family."""
 
 
 class LaneSocket:
-    """The UDP socket of a lane's end.
+    """The UDP socket at one end of a lane.
 
     Attributes:
-        port: the socket's own.
+        port: its local port.
     """
 
     def __init__(self, family: int, host: str, port: int) -> None:
-        """Raise OSError: the port is in use, or there is no such address."""
+        """Raise OSError when the port is in use or there is no such address."""
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         try:
             self._socket.bind((host, port))
@@ -47,19 +47,19 @@ class LaneSocket:
             (socket.IPPROTO_IP, socket.IP_TOS, LOW_DELAY),
             (socket.IPPROTO_IPV6, socket.IPV6_TCLASS, LOW_DELAY),
         ):
-            with contextlib.suppress(OSError):  # a wish; not all systems allow it
+            with contextlib.suppress(OSError):  # best effort: not all systems allow it
                 self._socket.setsockopt(level, option, value)
 
     def send(self, datagram: bytes, address: Address) -> bool:
-        """Send at once or not at all, and return whether it was sent; from any thread."""
+        """Send at once or not at all; return whether it was sent. Thread-safe."""
         try:
             self._socket.sendto(datagram, address)
-        except OSError:  # its buffer is full, or no way leads there just now
+        except OSError:  # the buffer is full, or there is no route at the moment
             return False
         return True
 
     def start(self, take: Callable[[bytes, Address], None]) -> None:
-        """Hand every datagram, cut at LARGEST + 1 bytes, to `take`, in a thread."""
+        """Call `take` with every datagram, cut at LARGEST + 1 bytes, in a thread."""
         self._thread = threading.Thread(target=self._run, args=(take,), name="lane", daemon=True)
         self._thread.start()
 
@@ -78,7 +78,7 @@ class LaneSocket:
         while all(descriptor != closed for descriptor, _ in poll.poll()):
             try:
                 datagram, address = self._socket.recvfrom(LARGEST + 1)
-            except OSError:  # an ICMP answer to something sent, or nothing after all
+            except OSError:  # an ICMP error for something sent, or a spurious wake-up
                 continue
             try:
                 take(datagram, address)

@@ -1,6 +1,6 @@
-"""Messages that may come by two ways, let through in the order they were published in.
+"""A filter for messages that may arrive over two paths: it drops those that are out of order.
 
-An order must not be undone by an older one that the slower way brings later.
+A command must not be undone by an older one that the slower path delivers later.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from collections import OrderedDict
 from vehicle_link.transport.publisher import Received
 
 KEPT = 16
-"""Publishers of a topic remembered, those heard last."""
+"""Number of publishers remembered for each topic, the most recent ones."""
 
 
 class NewestOnly:
-    """Thread-safe. Publishers are told apart by their GIDs."""
+    """Filter of messages by publisher (GID) and sequence number. Thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -23,9 +23,7 @@ class NewestOnly:
         self.late = 0
 
     def is_newer(self, topic: str, received: Received) -> bool:
-        """Return whether no sample as new came from its publisher; counted in `late` when one
-        did.
-        """
+        """Return whether the message is the publisher's newest; count it in `late` if not."""
         with self._lock:
             newest = self._newest.setdefault(topic, OrderedDict())
             if received.sequence <= newest.get(received.gid, 0):

@@ -1,17 +1,17 @@
-"""The counters that came already (RFC 4303, section 3.4.3): a bitmap behind the newest one.
+"""The window of counters already received (RFC 4303, section 3.4.3): a bitmap behind the newest.
 
-Of the datagrams of a lane, and of the messages of a publisher that may come by two ways.
+It serves the datagrams of a lane, and messages of a publisher that may arrive over two paths.
 """
 
 from __future__ import annotations
 
 SIZE = 1024
-"""Counters looked back on: 5 s of one lane, and older ones count as known."""
+"""Number of counters remembered: 5 s of one lane. Older ones count as received."""
 _ALL = (1 << SIZE) - 1
 
 
 class ReplayWindow:
-    """A window that refuses what came before, used by one thread at a time. Counters begin at 1."""
+    """A window that refuses repeated counters; for one thread at a time. Counters begin at 1."""
 
     def __init__(self) -> None:
         self.newest = 0

@@ -1,4 +1,4 @@
-"""The station's end of the lane to one vehicle: asks for it, says hello, and knows if it stands."""
+"""Station end of the lane to one vehicle: requests it, says hello, tracks whether it is up."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ from vehicle_link.transport.publisher import Received
 log = logging.getLogger(__name__)
 
 HELLO_PERIOD = 0.1  # s
-SILENT_AFTER = 0.5  # s, for a lane that stood
+SILENT_AFTER = 0.5  # s; a lane that was up counts as down after this
 ASK_AGAIN, ASK_AGAIN_MOST = 1.0, 10.0
-"""s between two askings while the lane stays silent, each pause twice the one before: something in
-between may let no datagrams pass, and then asking does not help."""
+"""Shortest and longest pause, in s, between two requests while the lane stays silent; each pause is
+twice the one before. If the path blocks datagrams, asking more often does not help."""
 
 
 @dataclass(frozen=True)
 class _Keys:
-    vehicle: int  # the instance that gave them
+    vehicle: int  # the instance that issued them
     key_id: int
     address: Address
     sealer: Sealer = field(repr=False)
@@ -46,13 +46,13 @@ class _Keys:
 
 
 class StationLane:
-    """`put` and `vehicle_is` are for any thread.
+    """Station end of the lane to one vehicle. `put` and `vehicle_is` are thread-safe.
 
     Args:
-        host: of the vehicle, as it is dialled.
-        ask: asks the vehicle's service `lane`; called in a thread of its own. Raises LinkError.
-        deliver: (topic, message) of what the vehicle sends, in the thread that receives.
-        changed: whether the lane stands, when that changes; in a thread of this lane.
+        host: host name or address of the vehicle.
+        ask: calls the vehicle's service `lane`, in a separate thread. Raises LinkError.
+        deliver: called with (topic, message) of what the vehicle sends, in the receiving thread.
+        changed: called with whether the lane is up when that changes, in a thread of this lane.
     """
 
     def __init__(
@@ -78,19 +78,19 @@ class StationLane:
 
     @property
     def stands(self) -> bool:
-        """Return whether we receive from the vehicle by this lane."""
+        """Return whether data arrive from the vehicle by this lane."""
         heard = self._heard
         return heard is not None and clock.monotonic() - heard < SILENT_AFTER
 
     def vehicle_is(self, instance: int) -> None:
-        """Note the instance of the vehicle, received over the link, where it can be asked."""
+        """Note the vehicle's instance, received over the link, hence that it can be asked."""
         self._vehicle, self._vehicle_heard = instance, clock.monotonic()
 
     def put(self, topic: str, message: Received, *, greets: bool = False) -> bool:
-        """Send without waiting, and return whether it left, by a lane that is connected or not.
+        """Send without waiting; return whether it was sent, whether or not the lane is up.
 
         Args:
-            greets: the vehicle takes it from us as surely as a hello, which need not be sent then.
+            greets: whether the vehicle treats this message as a hello, which then need not be sent.
         """
         if greets:
             self._greeted = time.monotonic()
@@ -117,14 +117,14 @@ class StationLane:
                 self._pause = ASK_AGAIN
             if self._should_ask(stood):
                 self._asking = True
-                # Apart: an answer may take a second, and hellos must go on.
+                # In a thread: an answer may take a second, and hellos must continue.
                 threading.Thread(target=self._get_keys, name="lane keys", daemon=True).start()
 
     def _should_ask(self, stands: bool) -> bool:
         now, keys = clock.monotonic(), self._keys
         if self._asking or now - self._vehicle_heard > SILENT_AFTER:
             return False
-        if keys is not None and keys.vehicle != self._vehicle:  # another process: at once
+        if keys is not None and keys.vehicle != self._vehicle:  # another process: ask at once
             return now - self._asked >= HELLO_PERIOD
         return not stands and now - self._asked >= self._pause
 
@@ -141,7 +141,7 @@ class StationLane:
             self._asking = False
 
     def _use(self, vehicle: int, answer: Message) -> None:
-        """Use these keys. Raises LinkError or OSError; the keys used until now stay then."""
+        """Use the keys of this answer. Raises LinkError or OSError, and then keeps the old keys."""
         if not answer.accepted:
             raise LinkError(f"the vehicle gives no lane: {answer.reason}")
         to_station, to_vehicle = bytes(answer.key_to_station), bytes(answer.key_to_vehicle)

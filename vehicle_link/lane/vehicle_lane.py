@@ -1,4 +1,4 @@
-"""The vehicle's end: one UDP socket, a lane for each station that asked for one."""
+"""Vehicle end of the lanes: one UDP socket, and a lane for each station that requested one."""
 
 from __future__ import annotations
 
@@ -26,49 +26,50 @@ from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.publisher import Received
 
 MOST = 8
-"""Stations; one more takes the place of the one not heard for the longest, of those that only hear
-first."""
+"""Largest number of stations; one more replaces the one silent for the longest, receive-only
+stations first."""
 PATIENCE_NS = 2_000_000_000
-"""A station is sent to for so long after its last datagram. Longer than most breaks of a radio:
-then data flow again with the first packet that gets through, not with the station's next hello."""
+"""Nanoseconds after a station's last datagram for which it is still sent to. Longer than most radio
+outages: data then resume with the first packet that gets through, not with the next hello."""
 GONE_NS = 60_000_000_000
-"""A station that may send has its place for so long, whoever else asks for one."""
+"""Nanoseconds for which a silent station that may send keeps its place."""
 
 Deliver = Callable[[str, Received], None]
 
 
 @dataclass
 class _Lane:
-    instance: int  # of the station's process, as it says
-    topics: tuple[str, ...]  # it may send
+    instance: int  # of the station's process, as it reports it
+    topics: tuple[str, ...]  # that it may send
     key_id: int
     sealer: Sealer = field(repr=False)
     opener: Opener = field(repr=False)
-    since_ns: int  # granted, or received last
+    since_ns: int  # of the grant or of the last datagram
     address: Address = None  # None until the first datagram
 
     @property
     def station(self) -> tuple[int, tuple[str, ...]]:
-        """Return the instance and topics: an instance is no secret, and a station that may only
-        receive cannot pass for one that may send.
+        """Return the instance and topics as identity: an instance is no secret, and a station that
+        may only receive must not pass for one that may send.
         """
         return self.instance, self.topics
 
     @property
     def rank(self) -> tuple[bool, int]:
-        """Return the order of lanes: stations that may send and are present come first, then the
-        one received from last.
+        """Return the sort key: stations that may send and are present rank highest, then those with
+        the latest datagram.
         """
         is_there = clock.monotonic_ns() - self.since_ns < GONE_NS
         return len(self.topics) > 1 and is_there, self.since_ns
 
 
 class VehicleLane:
-    """`put` is for any thread; `deliver` is called in the one that receives.
+    """Vehicle end of the lanes of all stations. `put` is thread-safe.
 
     Args:
-        port: UDP; another when it is taken.
-        deliver: (topic, message) of what stations send; must return soon.
+        port: UDP port; another one is used when it is taken.
+        deliver: called with (topic, message) of what stations send, in the receiving thread; must
+            return soon.
     """
 
     def __init__(self, port: int, deliver: Deliver, host: str = "0.0.0.0") -> None:
@@ -76,7 +77,7 @@ class VehicleLane:
         self._socket = _bound(family, host, port)
         self._deliver = deliver
         self._changing = threading.Lock()
-        self._lanes: dict[int, _Lane] = {}  # by id of keys; replaced, never changed
+        self._lanes: dict[int, _Lane] = {}  # by key id; replaced, never changed
         self.refused = Refused()
         self._socket.start(self._take)
 
@@ -86,17 +87,17 @@ class VehicleLane:
 
     @property
     def stations(self) -> int:
-        """Return the number of stations that are sent to."""
+        """Return the number of stations that are being sent to."""
         oldest_ns = clock.monotonic_ns() - PATIENCE_NS
         return sum(_listens(lane, oldest_ns) for lane in self._lanes.values())
 
     def grant(self, instance: int, topics: tuple[str, ...] = TO_VEHICLE) -> Message:
-        """Answer the service `lane`: new keys for a station, each time.
+        """Answer the service `lane` with new keys for a station.
 
-        Keys it has already stay good until it uses the new ones: the answer may be lost.
+        The station's present keys stay valid until it uses the new ones, as the answer may be lost.
 
         Args:
-            topics: what it may send.
+            topics: topics that the station may send.
         """
         to_station, to_vehicle = os.urandom(KEY_SIZE), os.urandom(KEY_SIZE)
         opener = Opener(to_vehicle, topics, self.refused)
@@ -117,7 +118,7 @@ class VehicleLane:
         )
 
     def put(self, topic: str, message: Received) -> bool:
-        """Send to all stations that listen, without waiting, and return whether there is one."""
+        """Send to all listening stations without waiting; return whether there is one."""
         if len(message.payload) > LARGEST_PAYLOAD:
             return False
         oldest_ns = clock.monotonic_ns() - PATIENCE_NS
@@ -141,7 +142,7 @@ class VehicleLane:
             return
         if lane.address is None:
             self._forget_others(lane)
-        if lane.opener.newest > newest:  # one that was overtaken may be from where it was before
+        if lane.opener.newest > newest:  # an overtaken one may be from a previous address
             lane.address = address
         lane.since_ns = clock.monotonic_ns()
         topic, received = opened
@@ -149,7 +150,7 @@ class VehicleLane:
             self._deliver(topic, received)
 
     def _forget_others(self, lane: _Lane) -> None:
-        """Forget the other keys, as the station uses its new ones."""
+        """Forget the station's other keys once it uses the new ones."""
         with self._changing:
             self._lanes = {
                 key_id: one
@@ -163,8 +164,8 @@ def _listens(lane: _Lane, oldest_ns: int) -> bool:
 
 
 def _with(lanes: dict[int, _Lane], lane: _Lane) -> dict[int, _Lane]:
-    """Return the lanes with one more; of each station only what it uses and what it was given last,
-    of MOST stations.
+    """Return the lanes with one more, limited to MOST stations; each station keeps the lanes in use
+    and the newest.
     """
     kept = [one for one in lanes.values() if one.station != lane.station or one.address]
     kept.append(lane)

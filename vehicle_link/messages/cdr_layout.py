@@ -2,8 +2,8 @@
 
 A ROS message whose texts and sequence lengths never change has every field at a fixed place.
 `FixedLayout` finds those places by walking the message's definition with CDR's alignment (a
-primitive of n bytes starts at a multiple of n, counted from behind the 4-byte header) and offers
-them as a numpy structured type: filling N messages is one assignment a field.
+primitive of n bytes starts at a multiple of n, counted from the end of the 4-byte header) and
+offers them as a numpy structured type: filling N messages is one assignment per field.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Records = npt.NDArray[np.void]
 
 
 class FixedLayout:
-    """The byte layout of one message type with its texts and lengths nailed down.
+    """The byte layout of one message type whose texts and sequence lengths are fixed.
 
     Fields of the dtype are named by their path (`header.stamp.sec`). A nested message whose
     fields are all of one numeric type becomes one field with an axis: a Vector3 is
@@ -33,11 +33,11 @@ class FixedLayout:
 
     Args:
         type_name: for instance `nav_msgs/Odometry`.
-        strings: text of each string field, by path; those not named are empty.
-        lengths: number of items of each sequence of numbers, by path; those not named have none.
+            strings: text of each string field, by path; those not named are empty.
+            lengths: number of items of each sequence, by path; those not named have none.
 
-    Raises:
-        ValueError: a path in `strings` or `lengths` is no such field of the message.
+        Raises:
+            ValueError: a path in `strings` or `lengths` is no such field of the message.
     """
 
     def __init__(
@@ -83,13 +83,13 @@ class FixedLayout:
         """Return one record, read in place.
 
         Raises:
-            LinkError: other texts or lengths than this layout's (decode it with `messages`).
+                LinkError: texts or lengths differ from this layout's (decode it with `messages`).
         """
         record: np.void = self.decode_many([payload])[0]
         return record
 
     def decode_many(self, payloads: list[bytes]) -> Records:
-        """Decode the records of N payloads, shape (N,). Raises LinkError as `decode`."""
+        """Decode N payloads to records, shape (N,). Raises LinkError as `decode` does."""
         for payload in payloads:
             if not self.fits(payload):
                 raise LinkError(

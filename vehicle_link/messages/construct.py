@@ -1,4 +1,4 @@
-"""Making messages: `new` fills what is not given with zeros, down to the last nested field."""
+"""Making messages: `new` fills fields that are not given with zeros, at every level of nesting."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _new(name: str, fields: Mapping[str, Any]) -> Message:
 
 
 def _value(entry: Any, value: Any) -> Any:
-    """Return `value`, or zero, as rosbags wants a field described by this `fielddefs` entry."""
+    """Return `value`, or zero, as rosbags needs it for a field with this `fielddefs` entry."""
     kind, details = entry
     if kind == Nodetype.BASE:
         python = {"bool": bool, "string": str, "float32": float, "float64": float}

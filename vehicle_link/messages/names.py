@@ -23,7 +23,9 @@ def stored_name(type_name: str) -> str:
 
 
 def ros_name(type_name: str) -> str:
-    """Return the name ROS 2 tools show: `nav_msgs/msg/Odometry`, `quadlab_msgs/srv/Command`."""
+    """Return the name that ROS 2 tools show: `nav_msgs/msg/Odometry`,
+    `quadlab_msgs/srv/Command`.
+    """
     return stored_name(type_name).replace("/srv/msg/", "/srv/")
 
 

@@ -1,4 +1,4 @@
-"""The numbers in a message type: where each stands, and how to read it from a message."""
+"""The numbers in a message type: the path of each, and how to read it from a message."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from vehicle_link.messages.store import typestore
 Path = tuple[str | int, ...]
 
 TIMES = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
-"""Not values but when they were true."""
+"""Types that are not values but say when values were valid."""
 
 
 class Number(NamedTuple):
-    """One number of a message, true and false among them."""
+    """One number (or boolean) of a message."""
 
-    path: Path  # ("pose", "pose", "position", "x"); members of arrays by index
+    path: Path  # ("pose", "pose", "position", "x"); array members by index
     fields: tuple[tuple[str, str], ...]  # message type and field, from the outermost in
 
 
@@ -29,7 +29,7 @@ def numbers(type_name: str, members: int) -> list[Number]:
     """Return the numbers of a message of this type, in its order, without its times.
 
     Args:
-        members: how many of an array without a fixed length.
+        members: number of members of an array without a fixed length.
     """
     return list(_walk(stored_name(type_name), members, (), ()))
 

@@ -31,7 +31,7 @@ def typestore() -> Typestore:
         added.update(get_types_from_msg(path.read_text(), f"{package}/msg/{path.stem}"))
     for path in sorted(FOLDER.glob("*/srv/*.srv")):
         package = path.parts[-3]
-        # "---" alone on its line parts request and response; either may be empty.
+        # A line "---" separates request and response; either may be empty.
         request, response = ("\n" + path.read_text()).split("\n---\n")
         for text, part in ((request, "Request"), (response, "Response")):
             added.update(get_types_from_msg(text, f"{package}/srv/{path.stem}_{part}"))

@@ -1,4 +1,4 @@
-"""RIHS01 hashes of messages and services, which stand in every Zenoh key and MCAP channel."""
+"""RIHS01 hashes of messages and services, which are part of every Zenoh key and MCAP channel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Units of the fields of messages, as their .msg files state them; a nested field inherits."""
+"""Units of message fields, as their .msg files document them; nested fields inherit them."""
 
 from __future__ import annotations
 
@@ -112,9 +112,7 @@ _UNITS: dict[str, dict[str, str]] = {
 
 
 def unit_of_path(type_name: str, path: str) -> str:
-    """Return the unit of one of `numbers`' fields by its path without places in arrays
-    (`pose.pose.position.x`).
-    """
+    """Return the unit of a number by its path without array indices (`pose.pose.position.x`)."""
     return _units_of(type_name).get(path, "")
 
 
@@ -122,7 +120,7 @@ def unit_of_path(type_name: str, path: str) -> str:
 def _units_of(type_name: str) -> dict[str, str]:
     try:
         found = numbers(type_name, 1)
-    except KeyError:  # a type of another program, whose log is read too
+    except KeyError:  # a type of another program's log
         return {}
     return {
         ".".join(step for step in path if isinstance(step, str)): unit_of(fields)
@@ -131,10 +129,10 @@ def _units_of(type_name: str) -> dict[str, str]:
 
 
 def unit_of(fields: Sequence[tuple[str, str]]) -> str:
-    """Return the innermost unit known; empty when it has none, or it is not known.
+    """Return the innermost known unit; empty when there is none or it is not known.
 
     Args:
-        fields: message type (`nav_msgs/msg/Odometry`) and field, from the outermost in.
+        fields: message type (`nav_msgs/msg/Odometry`) and field, from the outermost inwards.
     """
     known = [_UNITS.get(type_name, {}).get(field, "") for type_name, field in fields]
     return next((unit for unit in reversed(known) if unit), "")

@@ -28,7 +28,7 @@ def encode_channels(pulses_us: Sequence[float]) -> bytes:
     packed = 0
     for index in range(CHANNELS):
         pulse = pulses_us[index] if index < len(pulses_us) else MIDDLE_US
-        if not 880.0 <= pulse <= 2159.0:  # not for NaN either
+        if not 880.0 <= pulse <= 2159.0:  # also catches NaN
             raise OutOfBoundsError(
                 f"channel {index + 1} of {pulse} µs cannot be sent; allowed are 880 to 2159"
             )

@@ -1,6 +1,6 @@
 """MSP v2 frames: `$X`, direction, flag, function, size, payload, CRC-8; numbers little-endian.
 
-A receiver of damaged bytes searches for the next `$X`; at most one frame is lost for each damage.
+After damaged bytes the receiver searches for the next `$X`; each damage costs at most one frame.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _DIRECTIONS = REQUEST, REPLY, ERROR
 _HEAD = struct.Struct("<BHH")  # flag, function, size
 _FRONT = len(START) + 1 + _HEAD.size
 PAYLOAD_MAX = 512
-"""Bytes; the firmware's own buffers are not longer, so that a larger size is damage."""
+"""Bytes; the firmware's own buffers are no longer than this, so a larger size is damage."""
 
 
 class Message(msgspec.Struct, frozen=True):
@@ -42,10 +42,10 @@ def encode(function: int, payload: bytes = b"", direction: bytes = REQUEST) -> b
 
 
 class MessageDecoder:
-    """Finds frames in a stream of bytes.
+    """Decoder that finds frames in a stream of bytes.
 
     Attributes:
-        damaged: number of runs of bytes that are no frames.
+        damaged: number of runs of bytes that are not frames.
     """
 
     def __init__(self) -> None:

@@ -1,1 +1,1 @@
-"""Parameters on the wire: messages, services, and which process keeps which."""
+"""Parameters on the wire: messages, services, and which process is the authority of which."""

@@ -1,4 +1,4 @@
-"""The authority of a parameter, by its name: each authority counts revisions of its own."""
+"""The authority of a parameter, by its name: each authority counts its own revisions."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ VEHICLE, STATION, SIMULATOR = "vehicle", "station", "simulator"
 
 
 def authority_of(name: str) -> str:
-    """Return the authority of a name: `station.…` is the station's, `simulator.…` the simulated
-    robot's, the rest the vehicle's.
+    """Return the authority of a name: the station for `station.…`, the simulator for `simulator.…`,
+    the vehicle for all others.
     """
     first = name.partition(".")[0]
     return first if first in (STATION, SIMULATOR) else VEHICLE

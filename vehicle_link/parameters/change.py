@@ -1,4 +1,4 @@
-"""A change of a parameter as the authority over it reports it."""
+"""A change of a parameter as its authority reports it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class ParameterChange(msgspec.Struct, frozen=True, tag="parameter_change"):
     """A change that an authority has applied.
 
     Attributes:
-        instance: of the process that counts the revisions; 0 unknown.
+        instance: of the process that counts the revisions; 0 if unknown.
     """
 
     stamp_ns: int

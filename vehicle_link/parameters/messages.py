@@ -1,7 +1,7 @@
 """Parameters as rcl_interfaces messages and back: values, lists of them, and descriptions.
 
-What ROS 2 has no field for (unit, default, one-sided bounds, choices, steps in flight) travels
-as JSON in `additional_constraints`, so that a ParameterDescription comes back exactly.
+Data for which ROS 2 has no field (unit, default, one-sided bounds, choices, steps in flight) travel
+as JSON in `additional_constraints`, so that a ParameterDescription is restored exactly.
 """
 
 from __future__ import annotations
@@ -40,9 +40,7 @@ def decode_change(payload: bytes) -> ParameterChange:
 
 
 def to_value(value: object) -> Message:
-    """Encode as rcl_interfaces/ParameterValue. Raises WrongTypeError for what ROS has no scalar
-    type for.
-    """
+    """Encode as rcl_interfaces/ParameterValue. Raises WrongTypeError without a ROS scalar type."""
     if isinstance(value, bool):
         return new("rcl_interfaces/ParameterValue", type=BOOL, bool_value=value)
     if isinstance(value, int) and -_INT64 <= value < _INT64:
@@ -57,9 +55,7 @@ def to_value(value: object) -> Message:
 
 
 def from_value(message: Message) -> ParameterValue:
-    """Return the value of a ParameterValue. Raises WrongTypeError for a value that is not
-    set, or an array.
-    """
+    """Return the value of a ParameterValue. Raises WrongTypeError if it is an array or not set."""
     if message.type == BOOL:
         return bool(message.bool_value)
     if message.type == INTEGER:
@@ -73,7 +69,7 @@ def from_value(message: Message) -> ParameterValue:
 
 
 def to_parameters(values: Mapping[str, ParameterValue]) -> list[Message]:
-    """Encode each as rcl_interfaces/Parameter. Raises WrongTypeError."""
+    """Encode each value as an rcl_interfaces/Parameter. Raises WrongTypeError."""
     return [
         new("rcl_interfaces/Parameter", name=name, value=to_value(value))
         for name, value in values.items()
@@ -122,7 +118,7 @@ def to_descriptor(description: ParameterDescription) -> Message:
 
 
 def from_descriptor(message: Message) -> ParameterDescription:
-    """Raise LinkError when the descriptor is not one of quadlab's."""
+    """Decode a description. Raises LinkError when the descriptor is not one of quadlab's."""
     try:
         kind = {number: name for name, number in ROS_TYPES.items()}[int(message.type)]
         constraints = json.loads(message.additional_constraints)

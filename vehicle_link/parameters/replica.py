@@ -1,8 +1,8 @@
-"""The one copy of another process's parameters: a snapshot, and the changes since.
+"""The replica of another process's parameters: a snapshot, and the changes since.
 
-A change, the answer to one and a snapshot come different ways and overtake each other. Each
+Changes, answers to changes and snapshots arrive by different paths and overtake each other. Each
 carries the revision at which its process applied it and the instance of that process, so that all
-copies end on the same value.
+replicas end with the same value.
 """
 
 from __future__ import annotations
@@ -16,12 +16,11 @@ from vehicle_link.clock import monotonic
 from vehicle_link.parameters.authority import VEHICLE, authority_of
 
 MISSED = 0.5
-"""s after which a revision that the vehicle shows needs a snapshot, when no change brought it or
-one before it."""
+"""Seconds for which changes up to the vehicle's revision may be missing without a snapshot."""
 
 
 class Snapshot(NamedTuple):
-    """A snapshot as it was taken over, and what the replica had before."""
+    """A snapshot as it was applied, and what the replica held before."""
 
     before: dict[str, ParameterValue]
     values: dict[str, ParameterValue]
@@ -31,40 +30,40 @@ class Snapshot(NamedTuple):
 
 
 class ParameterReplica:
-    """A copy of a vehicle's parameters, and of its station's and simulator's where they are given.
+    """A replica of a vehicle's parameters, and of its station's and simulator's if they are given.
 
     An older value never replaces a newer one; revisions of different processes are not compared.
     Thread-safe.
 
     Args:
-        values: known from before, which no process has confirmed yet.
+        values: known from before, and not yet confirmed by any process.
 
     Attributes:
-        revision: the newest of the vehicle; -1 before the first one.
-        instance: of the vehicle's process that the last snapshot is of; None before the first one.
+        revision: the vehicle's newest revision; -1 before the first one.
+        instance: of the vehicle's process from which the last snapshot is; None before the first.
         shown: (instance, revision) in the vehicle's status; None before the first one.
-        clock: counts what was taken over.
-        is_whole: whether there is a snapshot of which nothing was lost since.
+        clock: number of updates applied so far.
+        is_whole: whether there is a snapshot since which no change can have been lost.
     """
 
     def __init__(self, values: Mapping[str, ParameterValue] | None = None) -> None:
         self._lock = threading.Lock()
         self._values = dict(values or {})
         self._revisions: dict[str, int] = {}
-        self._taken: dict[str, int] = {}  # at which `clock`
+        self._taken: dict[str, int] = {}  # value of `clock` when it was applied
         self._instances: dict[str, int] = {}  # by authority, whose revisions are kept
         self.is_whole = False
         self._behind_since: float | None = None
         self._complete = -1  # the vehicle's revision up to which no change is missing
-        self._beyond: set[int] = set()  # revisions that came after a missing one
+        self._beyond: set[int] = set()  # revisions received beyond a missing one
         self.revision = -1
         self.instance: int | None = None
         self.shown: tuple[int, int] | None = None
         self.clock = 0
 
-    # ------------------------------------------------------------------ fed
+    # ------------------------------------------------------------------ updates
     def show(self, instance: int, revision: int) -> None:
-        """Take over which process and revision the vehicle shows in its status."""
+        """Store the instance and revision that the vehicle reports in its status."""
         with self._lock:
             self.shown = (instance, revision)
             if self._is_behind():
@@ -73,7 +72,7 @@ class ParameterReplica:
                 self._behind_since = None
 
     def lost(self) -> None:
-        """Note that changes may be missed unseen: the next snapshot may be of other processes."""
+        """Note that changes may have been lost: the next snapshot may be of other processes."""
         with self._lock:
             self.is_whole = False
 
@@ -84,11 +83,12 @@ class ParameterReplica:
         instance: int = 0,
         since: int | None = None,
     ) -> Snapshot:
-        """Take over a snapshot of all values.
+        """Apply a snapshot of all values.
 
         Args:
-            revision: the vehicle's, that these values have at least.
-            since: `clock` when reading began: what came meanwhile is newer and stays.
+            revision: the vehicle's revision that these values have at least.
+            since: value of `clock` when reading began: values that arrived later are newer and
+                stay.
         """
         with self._lock:
             before, instance_before = self._values, self.instance
@@ -112,11 +112,12 @@ class ParameterReplica:
     def apply(
         self, values: Mapping[str, ParameterValue], revision: int, instance: int | None = None
     ) -> dict[str, ParameterValue]:
-        """Take over applied values, of a change or an answer to one; return those that are news.
+        """Apply values of a change, or of the answer to one; return those that are new.
 
         Args:
             revision: of their authority; values that are newer than that stay.
-            instance: of the process that counts the revisions; another one counts anew.
+            instance: of the process that counts the revisions; another process counts from the
+                start.
         """
         news = {}
         with self._lock:
@@ -139,18 +140,16 @@ class ParameterReplica:
             self._close_ranks()
         return news
 
-    # ------------------------------------------------------------------ read
+    # ------------------------------------------------------------------ queries
     @property
     def in_step(self) -> bool:
-        """Return whether the values are those the vehicle shows."""
+        """Return whether the values are those that the vehicle reports."""
         with self._lock:
             return self.shown is not None and not self._is_behind()
 
     @property
     def is_due(self) -> bool:
-        """Return whether a snapshot is needed: the first one, one of another process, or one for a
-        change that was missed.
-        """
+        """Return whether a snapshot is due: the first, of another process, or for a lost change."""
         with self._lock:
             if self.shown is None:
                 return False
@@ -169,10 +168,10 @@ class ParameterReplica:
             return dict(self._values)
 
     def revision_of(self, name: str) -> int:
-        """Return the revision at which `name` was applied, -1 when that is not known."""
+        """Return the revision at which `name` was applied, -1 if unknown."""
         return self._revisions.get(name, -1)
 
-    # ------------------------------------------------------------------ inside
+    # ------------------------------------------------------------------ internals
     def _is_behind(self) -> bool:
         instance, revision = self.shown or (None, -1)
         return self.instance is None or instance != self.instance or revision > self._complete
@@ -186,7 +185,7 @@ class ParameterReplica:
         self._beyond = {revision for revision in self._beyond if revision > self._complete}
 
     def _forget(self, authority: str) -> None:
-        """Forget the revisions of a process that is gone."""
+        """Forget the revisions of a process that has ended."""
         for name in [name for name in self._revisions if authority_of(name) == authority]:
             del self._revisions[name]
             self._taken.pop(name, None)
@@ -195,6 +194,6 @@ class ParameterReplica:
             self._beyond.clear()
 
     def _newest(self) -> int:
-        """Return the vehicle's newest revision that is known by name."""
+        """Return the newest revision of any of the vehicle's values."""
         revisions = [r for name, r in self._revisions.items() if authority_of(name) == VEHICLE]
         return max(revisions, default=-1)

@@ -1,5 +1,5 @@
 """The six parameter services of a ROS 2 node, so that `ros2 param` and rqt find our parameters,
-and the client quadlab uses itself.
+and the client that quadlab itself uses.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from vehicle_link.parameters.messages import (
 from vehicle_link.transport.node import Node
 
 NAMES_A_CALL = 50
-"""Descriptions asked for at a time: about 15 kB, which a lossy link still carries quickly."""
+"""Number of descriptions requested at a time: about 15 kB, quick even on a lossy link."""
 
 ROS_REQUESTER = "ros2 param"
-"""Requester in the log: these services do not say who asks."""
+"""Requester in the log, as these services do not say who asks."""
 
 
 class ParameterBackend(Protocol):
@@ -60,7 +60,7 @@ def serve_parameters(node: Node, backend: ParameterBackend) -> None:
 
 
 class _ParameterService:
-    """One method a service: request message in, response message out."""
+    """Handlers, one method for each service: request message in, response message out."""
 
     def __init__(self, backend: ParameterBackend) -> None:
         self._backend = backend
@@ -72,7 +72,7 @@ class _ParameterService:
         return new("rcl_interfaces/srv/GetParameters_Response", values=found)
 
     def set_parameters(self, request: Message) -> Message:
-        """Set each parameter on its own, as ROS 2 specifies: one refused does not stop the
+        """Set each parameter separately, as ROS 2 specifies: a refused one does not stop the
         others.
         """
         results = [self._set([parameter]) for parameter in request.parameters]
@@ -119,11 +119,12 @@ class _ParameterService:
 
 
 class ParameterClient:
-    """Parameters of another node.
+    """Client of the parameters of another node.
 
     Args:
-        remote_node: its full name (`/quad1/vehicle`), or relative to the namespace of `node`.
-        timeout: of each call, s.
+        remote_node: its full name (`/quad1/vehicle`), or its name relative to the namespace of
+            `node`.
+        timeout: seconds for each call.
     """
 
     def __init__(self, node: Node, remote_node: str, timeout: float = 2.0) -> None:
@@ -140,9 +141,7 @@ class ParameterClient:
         )
 
     def names(self) -> list[str]:
-        """Return all of them, in the order of the authority. Raises LinkError, as all methods
-        here.
-        """
+        """Return all names, in the authority's order. Raises LinkError, as all methods here do."""
         request = new("rcl_interfaces/srv/ListParameters_Request")
         return list(self._list.call(request, self._timeout).result.names)
 
@@ -168,8 +167,8 @@ class ParameterClient:
         """Set values, all or nothing.
 
         Raises:
-            ParameterError: refused; the text is the authority's.
-            LinkError: no answer, so that it is not known whether they were set.
+                ParameterError: refused; the text is the authority's.
+                LinkError: no answer, so it is unknown whether they were set.
         """
         request = new(
             "rcl_interfaces/srv/SetParametersAtomically_Request", parameters=to_parameters(values)

@@ -1,1 +1,1 @@
-"""Certificates, who may command, and who is at the other end."""
+"""Certificates, access rights, and the identity of the other end."""

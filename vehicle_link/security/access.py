@@ -1,8 +1,9 @@
 """The rights of a station at a vehicle, by the common name of its certificate.
 
-A pilot everything; an observer hears telemetry and status and asks what only tells: it can send
-no pose, stick, heartbeat, command or value. Zenoh enforces it on board and denies in silence, so
-a vehicle answers `whoami` to all, and `pilot/whoami` to those whom it would obey.
+A pilot may do everything. An observer receives telemetry and status and may use the services that
+change nothing; it cannot send poses, sticks, heartbeats, commands or parameter values. Zenoh
+enforces this on board and denies without an answer, so a vehicle serves `whoami` to all, and
+`pilot/whoami` to those whose commands it accepts.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ COMMON_NAMES: dict[Access, str] = {"pilot": "quadlab station", "observer": "quad
 WHOAMI = "whoami"
 PILOT_WHOAMI = "pilot/whoami"
 LANE, PILOT_LANE = "lane", "pilot/lane"
-"""Services that give a station the keys of the lane; the first one is for listeners only."""
+"""Services that give a station the keys of the lane; the first one is for receiving only."""
 
 TELLING = (
     WHOAMI,
@@ -34,15 +35,13 @@ TELLING = (
 )
 """Services that change nothing."""
 
-_TOKENS = "@ros2_lv/**"  # "**" does not match names that begin with @
+_TOKENS = "@ros2_lv/**"  # "**" does not match names with a leading @
 _DOWN = ("put", "delete", "reply", "declare_queryable", "liveliness_token")
 _UP = ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query")
 
 
 def access_control() -> dict[str, Any]:
-    """Return Zenoh's configuration of the vehicle's session; certificates of others may do
-    nothing.
-    """
+    """Return the vehicle's access control for Zenoh; other certificates have no rights."""
     topics = [row.name for row in TOPICS.values() if row.sender == "vehicle"]
     open_to_all = [*(f"*/*/{name}/**" for name in (*topics, *TELLING)), _TOKENS]
     return {

@@ -1,13 +1,14 @@
-"""The private certificate authority of a data folder, made on first use; both ends must show a
-certificate of it (mutual TLS).
+"""The private certificate authority of a data folder, made on first use; both ends must present a
+certificate that it issued (mutual TLS).
 
 The vehicle needs `ca.pem`, `vehicle.pem`, `vehicle.key`; the station `ca.pem`, `station.pem`,
-`station.key`; `ca.key` stays on the base. A new host name or address of the vehicle makes its
-certificate again, for the key it has. `web.pem` is the page's under TLS, made when it is asked for.
+`station.key`; `ca.key` stays on the base. When the vehicle gets a new host name or address, its
+certificate is made again, for the existing key. `web.pem` is the page's, made when the page is
+to use TLS.
 
-Whoever loses the authority is a stranger to all it has let in. So one is made in an empty folder
-alone, and nothing that is there is written over but a certificate that is made again. Files are
-made in an order, keys first, in which a later start goes on where one was cut off.
+A base that loses its authority is a stranger to all machines that it has enrolled. So an authority
+is made only in an empty folder, and no existing file is overwritten except a certificate that is
+made again. Files are made in an order, keys first, in which an interrupted start can be resumed.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ def ensure_certificates(folder: Path, names: Sequence[str] = ()) -> TlsFiles:
 
     Raises:
         StorageError: the folder cannot be written.
-        LinkError: the authority is gone from files that need it, or a file cannot be used.
+        LinkError: the authority of existing files is missing, or a file cannot be used.
     """
     files = TlsFiles(folder)
     try:
@@ -95,11 +96,8 @@ def ensure_certificates(folder: Path, names: Sequence[str] = ()) -> TlsFiles:
 def ensure_web_certificate(folder: Path, names: Sequence[str]) -> TlsFiles:
     """Return the files of `ensure_certificates`, with a certificate of the page for these names.
 
-    It is a server's only: the link, where both ends show a certificate, does not take it for a
-    client's. It is renewed for a new name and when it ends within `WEB_RENEWED` days.
-
-    It is a server's only: the link, where both ends show a certificate, does not take it for a
-    client's. Made again for a new name and when it ends within `WEB_RENEWED` days.
+    It is a server's certificate only: the link, where both ends present one, does not accept it
+    from a client. It is made again for a new name and when it ends within `WEB_RENEWED` days.
 
     Raises StorageError or LinkError.
     """
@@ -120,14 +118,14 @@ def ensure_web_certificate(folder: Path, names: Sequence[str]) -> TlsFiles:
 
 
 def check_certificate(files: TlsFiles, role: Role, host: str = "") -> None:
-    """Check that a role's certificate will be accepted: Zenoh itself does not say why it is not.
+    """Check that a role's certificate will be accepted, as Zenoh does not say why one is not.
 
     Args:
-        host: a name or address the certificate must hold; "" = any.
+        host: a name or address that the certificate must contain; "" = any.
 
     Raises:
-        LinkError: a file is missing or unreadable, the certificate is not of this authority, has
-            expired, does not fit its key, or does not hold `host`.
+            LinkError: a file is missing or unreadable; the certificate is of another authority, has
+                expired, does not fit its key, or does not contain `host`.
     """
     from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 
@@ -164,17 +162,17 @@ def issue(
     subject: str = "",
     owner: str = "",
 ) -> TlsFiles:
-    """Issue a certificate, its key and the authority's certificate, into a folder of another
-    machine.
+    """Issue a certificate for another machine into a folder, with key and authority certificate.
 
     Args:
-        folder: made when missing, mode 0700; what was issued into it before is replaced.
-        subject: its common name, what access goes by (see `access`); the role's if empty.
-        owner: whose it is, for people who look at it.
+            folder: made when missing, mode 0700; what was issued into it before is replaced.
+            subject: common name, which decides the access rights (see `access`); the role's if
+                empty.
+            owner: name of the machine or person, for people who inspect the certificate.
 
     Raises:
         StorageError: the folder cannot be written.
-        LinkError: there is no authority's key here, or `folder` has one.
+            LinkError: there is no authority's key here, or `folder` has one.
     """
     signer = signing_key(authority)
     files = TlsFiles(folder)
@@ -197,11 +195,11 @@ def _ensure(files: TlsFiles, names: Sequence[str]) -> None:
     if not is_there(files.authority):
         _make_authority(files)
     if not is_there(files.authority_key) or is_of_another_authority(files):
-        return  # the copy of a vehicle or station: nothing can be issued here
+        return  # a vehicle's or station's copy: nothing can be issued here
     for role in ROLES:
         wanted = set(names)
         if is_there(files.certificate(role)):
-            check_certificate(files, role)  # one that does not fit is never replaced in silence
+            check_certificate(files, role)  # one that does not fit is never replaced silently
             held = _names(files, role)
             if wanted <= held:
                 continue
@@ -226,9 +224,7 @@ def _names(files: TlsFiles, role: Role) -> set[str]:
 
 
 def _make_authority(files: TlsFiles) -> None:
-    """Make an authority in a folder without any file, or with the key alone, where its making was
-    cut off.
-    """
+    """Make an authority in a folder that is empty or has only the key of an interrupted start."""
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec
 
@@ -257,8 +253,8 @@ def _make_certificate(
     subject: str = "",
     owner: str = "",
 ) -> None:
-    """Make a certificate for the key that exists, so that being cut off leaves no pair that does
-    not fit.
+    """Make a certificate for the key if it exists already, so that no interruption leaves a pair
+    that does not fit.
     """
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec

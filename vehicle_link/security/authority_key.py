@@ -1,4 +1,4 @@
-"""Check whether a folder of certificates can issue further ones, and say how to repair it."""
+"""Checks whether a folder of certificates can issue further ones, and how to repair it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def signing_key(files: TlsFiles) -> EllipticCurvePrivateKey:
-    """Return the key that signs. Raises LinkError when there is none, or it is not that of this
+    """Return the key that signs. Raises LinkError when there is none, or it does not belong to this
     ca.pem.
     """
     if not is_there(files.authority_key):
@@ -45,13 +45,13 @@ def authority_key(files: TlsFiles) -> EllipticCurvePrivateKey:
 
 
 def is_of_another_authority(files: TlsFiles) -> bool:
-    """Return whether ca.key is that of another ca.pem: a vehicle that had made its own was
+    """Return whether ca.key belongs to another ca.pem: a vehicle that had its own authority was
     enrolled.
     """
     try:
         key = read_key(files.authority_key, "")
         return read_certificate(files.authority, "").public_key() != key.public_key()
-    except LinkError:  # what needs it says so
+    except LinkError:  # reported where the file is needed
         return False
 
 

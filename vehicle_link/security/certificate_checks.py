@@ -1,4 +1,4 @@
-"""Checks whether an end of the link, or the page, has a certificate that will be accepted."""
+"""Checks whether the certificate of an end of the link, or of the page, will be accepted."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from vehicle_link.security.authority import Role, TlsFiles, check_certificate
 from vehicle_link.security.certificates import load_certificate, names_of
 
 SOON = 30
-"""Days before its end from which a certificate is worth a word."""
+"""Days before the end of a certificate from which there is a warning."""
 
 
 def certificate_check(
     place: Place, folder: Path, role: Role, now: datetime.datetime | None = None
 ) -> Check:
-    """Check that a certificate is present, of this folder's authority, and valid; with its end and
-    names.
+    """Check that a certificate is present, issued by this folder's authority, and valid; report its
+    end and names.
     """
     files = TlsFiles(folder)
     name = "page's certificate" if role == "web" else "link's certificate"
@@ -41,7 +41,7 @@ def validity_check(
     hosts: list[str],
     now: datetime.datetime | None = None,
 ) -> Check:
-    """Check how long a certificate known to be sound stays valid, and report for which hosts."""
+    """Check how long an accepted certificate stays valid, and report for which hosts."""
     left = end - (now or datetime.datetime.now(datetime.UTC))
     state: State = "ok" if left > datetime.timedelta(days=SOON) else "warn"
     if left <= datetime.timedelta(0):

@@ -1,4 +1,4 @@
-"""Parts of which certificates are made, and what is read from one."""
+"""Helpers to make certificates and to read them."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from vehicle_link.security.authority import LOCAL_NAMES, TlsFiles, ensure_certif
 
 
 def issue_vehicle(base: Path, folder: Path, name: str, hosts: Sequence[str]) -> TlsFiles:
-    """Issue a vehicle's certificate, for one that is dialled as one of `hosts`.
+    """Issue the certificate of a vehicle that is dialled as one of `hosts`.
 
     Args:
         base: the base's folder of certificates; its authority is made when missing.

@@ -1,5 +1,5 @@
-"""The files of a folder of certificates: where they are, what one that cannot be used lacks, and
-who may read the secret ones."""
+"""The files of a folder of certificates: their paths, why one cannot be used, and the protection
+of the secret ones."""
 
 from __future__ import annotations
 
@@ -54,21 +54,21 @@ class TlsFiles:
 
 
 def is_there(path: Path) -> bool:
-    """Return whether the path exists, also as a link that leads nowhere, to a disk that is not
-    mounted for instance.
+    """Return whether the path exists, even as a link without a target, for instance on a disk that
+    is not mounted.
     """
     return os.path.lexists(path)
 
 
 def readable_keys(files: TlsFiles) -> list[str]:
-    """Return a line for each secret key that others than its owner may use; for the start of an
-    end.
+    """Return a line for each secret key that users other than its owner may read or change; for the
+    start of a process.
     """
     lines = []
     for path in files.present():
         try:
             mode = stat.S_IMODE(path.stat().st_mode)
-        except OSError:  # what needs it says so
+        except OSError:  # reported where the file is needed
             continue
         if path.suffix == ".key" and mode & 0o077:
             lines.append(
@@ -79,7 +79,7 @@ def readable_keys(files: TlsFiles) -> list[str]:
 
 
 def read_certificate(path: Path, remedy: str) -> Certificate:
-    """Read a certificate. Raises LinkError that says the file, what is wrong with it, and
+    """Read a certificate. Raises LinkError that names the file, what is wrong with it, and
     `remedy`.
     """
     from cryptography.exceptions import UnsupportedAlgorithm
@@ -87,14 +87,14 @@ def read_certificate(path: Path, remedy: str) -> Certificate:
     text = _content(path, remedy)
     try:
         certificate = load_certificate(path)
-        certificate.public_key()  # read only now, and damage may be there
+        certificate.public_key()  # it is parsed only here, and may be damaged
     except (ValueError, UnsupportedAlgorithm):
         raise LinkError(f"{path} {_no('certificate', text)}; {remedy}") from None
     return certificate
 
 
 def read_key(path: Path, remedy: str) -> PrivateKeyTypes:
-    """Read a private key. Raises LinkError that says the file, what is wrong with it, and
+    """Read a private key. Raises LinkError that names the file, what is wrong with it, and
     `remedy`.
     """
     from cryptography.exceptions import UnsupportedAlgorithm
@@ -110,20 +110,20 @@ def read_key(path: Path, remedy: str) -> PrivateKeyTypes:
 
 
 def write_secret(path: Path, data: bytes) -> None:
-    """Write whole or not at all, and never readable by others, not even for a moment."""
+    """Write all or nothing, and never readable by others, not even for a moment."""
     part = path.with_name(f".{path.name}.part")
     part.unlink(missing_ok=True)
     descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(descriptor, "wb") as file:
         file.write(data)
         file.flush()
-        os.fsync(file.fileno())  # a robot's power may go right after
+        os.fsync(file.fileno())  # a robot may lose power right after
     part.replace(path)
 
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold a lock for one process at a time; it goes with the descriptor, also in a crash."""
+    """Hold a lock for one process at a time; the kernel releases it, even after a crash."""
     with (folder / ".lock").open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
@@ -149,7 +149,7 @@ def _content(path: Path, remedy: str) -> bytes:
 
 
 def _no(kind: str, text: bytes) -> str:
-    """Return what a file holds that is no certificate, or no private key."""
+    """Return what a file holds instead of a certificate or private key."""
     if f"{kind.upper()}-----".encode() in text:
         return f"holds a damaged {kind}"
     if b"PRIVATE KEY-----" in text or b"CERTIFICATE-----" in text:

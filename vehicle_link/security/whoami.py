@@ -1,4 +1,4 @@
-"""The vehicle's answer to who it is, and to who the asker is."""
+"""The vehicle's answer to who it is, and to what access the asking station has."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from vehicle_link.transport.protocol import protocol, version
 
 TYPE = SERVICES[WHOAMI]
 SHOWN_WITHIN = 0.3
-"""s after one door is seen, the other is, or is hidden from us: both are told of at once."""
+"""Seconds to wait for the pilot's service once the other is discovered: both are announced at once,
+unless one is hidden."""
 DOORS: dict[Access, str] = {"pilot": PILOT_WHOAMI, "observer": WHOAMI}
 
 
 def serve_whoami(node: Node, name: str, instance: int, identity: Identity) -> None:
-    """Serve who the vehicle is under two services, as an observer's question reaches only one of
+    """Serve the vehicle's identity under two services, as an observer can reach only one of
     them.
     """
     for access, door in DOORS.items():
@@ -40,7 +41,7 @@ def serve_whoami(node: Node, name: str, instance: int, identity: Identity) -> No
 
 
 class WhoAmI:
-    """The asking side."""
+    """Client of the service `whoami`."""
 
     def __init__(self, node: Node) -> None:
         self._clients = [node.client(door, TYPE) for door in DOORS.values()]
@@ -51,9 +52,9 @@ class WhoAmI:
         return self._clients[1].wait(0.0)
 
     def ask(self, timeout: float = 1.0) -> Message:
-        """Return quadlab_msgs/srv/WhoAmI's response, of the widest service that answers.
+        """Return quadlab_msgs/srv/WhoAmI's response, of the available service of widest access.
 
-        Raises LinkError: no one answered.
+        Raises LinkError when there is no answer.
         """
         pilot, observer = self._clients
         request = new(f"{TYPE}_Request")

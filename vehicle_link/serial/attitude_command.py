@@ -1,7 +1,7 @@
 """The four command bytes in near-hovering mode: pitch, roll, yaw rate and thrust, saturated.
 
-Angles and rate turn about the body axes of docs/conventions.md (right-handed, x forward, y left,
-z up). Thrust is a share of the weight, so that 1 hovers whatever the mass.
+Angles and rate are about the body axes of docs/conventions.md (right-handed, x forward, y left,
+z up). Thrust is a fraction of the weight, so that 1 hovers whatever the mass.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ ANGLE_COUNTS = 4 / math.radians(1.0)
 YAW_RATE_COUNTS = 1 / math.radians(1.0)
 """Counts per rad/s."""
 HOVER_THRUST = 110
-"""Counts per m g of thrust: the stick's position that hovers."""
+"""Counts per m g of thrust: the stick position that hovers."""
 SIGNED_MAX = 127
 THRUST_MIN, THRUST_MAX = 28, 210  # counts
 
@@ -36,11 +36,11 @@ class AttitudeCommand(msgspec.Struct, frozen=True):
     pitch: float  # rad, about y
     yaw_rate: float  # rad/s, about z
     thrust_share: float  # T / (m g)
-    thrust: float = 0.0  # N, the same
-    throttle: float = 0.0  # the share of full motor reference that gives it
+    thrust: float = 0.0  # N, the same thrust
+    throttle: float = 0.0  # the fraction of full motor reference that gives it
 
     def encode(self) -> tuple[int, int, int, int]:
-        """Return the command bytes as 0…255, each saturated at what it carries.
+        """Return the command bytes as 0…255, each saturated at its limits.
 
         Raises OutOfBoundsError when a number is not finite.
         """

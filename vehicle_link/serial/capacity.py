@@ -1,5 +1,5 @@
-"""The number of IMU samples a second that the serial ports carry, hence how fast the flight loop
-may run.
+"""The number of IMU samples a second that the serial ports can carry, and hence the rate limit of
+the flight loop.
 """
 
 from __future__ import annotations
@@ -8,28 +8,28 @@ from quadrotor.errors import UsageError
 from vehicle_link.serial.port import BAUD_RATE
 
 BYTES_PER_SECOND = BAUD_RATE // 10
-"""Each way: a start and a stop bit a byte."""
+"""Bytes a second in each direction; each byte has a start and a stop bit."""
 DATA_FRAME = 34
-"""Bytes of a `D` frame. The commands the other way take 14, so the samples are the bound."""
+"""Bytes of a `D` frame. Commands in the other direction have 14, so samples are the bottleneck."""
 RATE_MIN, RATE_MAX = 60, 1000
 DEFAULT_RATE = 500
 """Default rate with two ports, Hz."""
 
 
 def samples_a_second(ports: int) -> int:
-    """Return how many samples so many ports carry a second, at most."""
+    """Return how many samples a second so many ports can carry."""
     return ports * BYTES_PER_SECOND // DATA_FRAME
 
 
 def sample_period_us(rate: int) -> int:
-    """Return microseconds between two samples, as Id.MIRROR_PERIOD takes them."""
+    """Return the microseconds between two samples, the value for Id.MIRROR_PERIOD."""
     return round(1e6 / rate)
 
 
 def check_rate(rate: int, ports: int | None) -> None:
-    """Check `rate` in Hz; `ports` to carry the samples, None when they stay in memory.
+    """Check that `ports` can carry `rate` (Hz); `ports` is None when samples stay in memory.
 
-    Raises UsageError that says what is allowed.
+    Raises UsageError with what is allowed.
     """
     if not RATE_MIN <= rate <= RATE_MAX:
         raise UsageError(
@@ -53,5 +53,5 @@ def default_rate(ports: int) -> int:
 
 
 def rate_below(ports: int) -> int:
-    """Return a round rate that so many ports carry."""
+    """Return a round rate (Hz) that so many ports can carry."""
     return samples_a_second(ports) // 50 * 50

@@ -1,7 +1,7 @@
 """The serial contract's seven messages, typed: b, s, u, l to the microcontroller; S, D, L back.
 
-Every frame to the microcontroller starts with the four bytes of the present command, which in
-direct mode are the motor references, so that a set never leaves it without one.
+Every frame to the microcontroller starts with the four bytes of the current command, the motor
+references in direct mode, so that a set never leaves it without one.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ COMMAND, SET, REQUEST, MIRROR = ord("b"), ord("s"), ord("u"), ord("l")
 VALUE, DATA, MIRRORED = ord("S"), ord("D"), ord("L")
 
 MIRROR_SIZE = 10
-"""Values in one `D` frame."""
+"""Number of values in one `D` frame."""
 
 _TWO = struct.Struct("<hh")
 _ONE = struct.Struct("<h")
@@ -27,9 +27,7 @@ _PADDED = {COMMAND: 6, SET: 9, REQUEST: 6, MIRROR: 15, VALUE: 6, DATA: 21, MIRRO
 
 
 class Instruction(msgspec.Struct, frozen=True):
-    """An instruction to the microcontroller in a frame; `ids` only in `l`, `id` and `value` in s,
-    u.
-    """
+    """A frame's instruction; `ids` only in `l`, `id` in `s` and `u`, `value` in `s`."""
 
     kind: int
     references: tuple[int, int, int, int]
@@ -62,7 +60,7 @@ def encode_mirror(references: Sequence[int], ids: Sequence[int]) -> bytes:
 
 
 def decode_instruction(frame: Frame) -> Instruction | None:
-    """Decode a frame to the microcontroller; None when it is none of b, s, u, l."""
+    """Decode a frame to the microcontroller; None when it is not one of b, s, u, l."""
     kind, payload = frame.command, frame.payload
     if frame.address != FLIGHT_CONTROLLER or len(payload) != _PADDED.get(kind):
         return None
@@ -96,7 +94,7 @@ def encode_mirrored(ids: Sequence[int]) -> bytes:
 
 
 def decode_value(frame: Frame) -> tuple[int, int] | None:
-    """Decode (id, value) of an `S` frame, None for any other."""
+    """Decode (id, value) of an `S` frame; None for any other."""
     if frame.command != VALUE or len(frame.payload) != _PADDED[VALUE]:
         return None
     id, value = _TWO.unpack_from(frame.payload)
@@ -104,14 +102,14 @@ def decode_value(frame: Frame) -> tuple[int, int] | None:
 
 
 def decode_data(frame: Frame) -> tuple[int, ...] | None:
-    """Decode the ten int16 of a `D` frame, None for any other."""
+    """Decode the ten int16 of a `D` frame; None for any other."""
     if frame.command != DATA or len(frame.payload) != _PADDED[DATA]:
         return None
     return _TEN.unpack_from(frame.payload)
 
 
 def decode_mirrored(frame: Frame) -> tuple[int, ...] | None:
-    """Decode the ids of an `L` frame, None for any other."""
+    """Decode the ids of an `L` frame; None for any other."""
     if frame.command != MIRRORED or len(frame.payload) != _PADDED[MIRRORED]:
         return None
     return tuple(frame.payload[:MIRROR_SIZE])

@@ -1,4 +1,4 @@
-"""The way from serial devices to the ports of the one microcontroller that is to fly."""
+"""The search, among serial devices, for the ports of the one microcontroller that is to fly."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ PAUSE_S = 0.1
 WORTH_WAITING = frozenset(
     {Finding.MISSING, Finding.BUSY, Finding.SILENT, Finding.DEAF, Finding.FAILED, Finding.GONE}
 )
-"""Findings that plugging in, switching on or ending another program may mend meanwhile."""
+"""Findings that plugging in, switching on or ending another program may resolve in the meantime."""
 
 ANSWERED = frozenset({Finding.FOUND, Finding.OTHER_ROBOT, Finding.OTHER_FIRMWARE})
 
 
 def candidates(patterns: Iterable[str] = (), *, all_devices: bool = True) -> list[str]:
-    """Return paths to look at: the given ones (globs filled in), then this machine's serial
+    """Return the paths to check: the given ones (globs expanded), then this machine's serial
     devices.
 
     One device under several names is listed once; a path that does not exist stays in the list.
@@ -47,14 +47,14 @@ def await_devices(
     patience_s: float = PATIENCE_S,
     say: Callable[[str], None] = lambda line: None,
 ) -> list[Device]:
-    """Find what is behind these devices; those worth it are asked again until `patience_s` is
+    """Find what is behind these devices; repeat for the promising ones until `patience_s` is
     over.
     """
     deadline_s = time.monotonic() + patience_s
     found: dict[str, Device] = {}
     waited = False
     while True:
-        # A device that has just appeared may not have got its group yet.
+        # A device that has just appeared may not have its group yet.
         again = [
             path
             for path in paths
@@ -126,7 +126,7 @@ def find_ports(
 ) -> list[str]:
     """Return the ports of the one microcontroller that fits, behind any device of this machine.
 
-    Looks again until `patience_s` is over; then says what was behind each device.
+    Searches until `patience_s` is over; then reports through `say` what was behind each device.
 
     Raises LinkError when there is none, or more than one.
     """

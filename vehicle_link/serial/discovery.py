@@ -1,8 +1,8 @@
-"""The search for microcontrollers behind serial devices: all are asked at once, in one poll loop.
+"""The search for microcontrollers behind serial devices: all are queried at once, in one poll loop.
 
-A device is first only listened to: where a microcontroller reports running motors nothing is sent,
-for every frame to it carries a command. The others are asked for robot id, firmware revision and
-time. Two ports of one microcontroller are known by their time: the two clocks agree. (Two
+At first a device is only listened to: where a microcontroller reports running motors nothing is
+sent, because every frame to it carries a command. The others are asked for robot id, firmware
+revision and time. Two ports belong to one microcontroller if their clocks agree. (Two
 microcontrollers switched on within some 50 ms of each other look like one.)
 """
 
@@ -28,7 +28,8 @@ LISTEN_S = 0.1
 LIMIT_S = LISTEN_S + TRIES * REPEAT_S
 """Time limit for all devices together."""
 STALE_MS = 50
-"""The time a microcontroller tells may be that of its last sample, or it was busy meanwhile."""
+"""Largest age, in ms, of the time in an answer: it may be that of the last sample, or the
+microcontroller was busy."""
 CLOCK_QUESTIONS = 6
 _POLL_MS = 5
 _STOPPED = (0, 0, 0, 0)
@@ -37,7 +38,7 @@ _WHAT_TIME = encode_request(_STOPPED, Id.TIME)
 
 
 class Finding(Enum):
-    """The kinds of finding behind a device, or why it is not known."""
+    """The kinds of result of a search behind one device."""
 
     FOUND = "the microcontroller that was looked for"
     OTHER_ROBOT = "another robot's microcontroller"
@@ -56,19 +57,17 @@ class Finding(Enum):
 
 
 class Clock(msgspec.Struct, frozen=True):
-    """Bounds of a microcontroller's time less this host's, ms.
+    """Bounds of a microcontroller's time minus this host's, in ms.
 
-    An answer is never from later than it arrived; that the best of several is not older than its
-    question by more than STALE_MS is all that is believed of their age.
+    An answer's time is never later than its arrival. Of its age it is only assumed that the best of
+    several answers is older than its question by at most STALE_MS.
     """
 
     low: float = -math.inf
     high: float = -math.inf
 
     def updated(self, value_ms: int, asked_s: float, answered_s: float) -> Clock:
-        """Return the clock narrowed by one more answer; bounds are taken modulo 60 s, near the
-        present ones.
-        """
+        """Return the clock narrowed by one more answer; bounds are modulo 60 s, near these."""
         low, high = value_ms - 1e3 * answered_s, value_ms - 1e3 * asked_s + STALE_MS
         if math.isfinite(self.low):
             turns = TIME_PERIOD_MS * round((self.low - low) / TIME_PERIOD_MS)
@@ -76,13 +75,13 @@ class Clock(msgspec.Struct, frozen=True):
         return Clock(max(low, self.low), max(high, self.high))
 
     def agrees(self, other: Clock) -> bool:
-        """Return whether both may be one clock."""
+        """Return whether both may be the same clock."""
         low, high = self.low - other.high, self.high - other.low
         return TIME_PERIOD_MS * math.floor(high / TIME_PERIOD_MS) >= low
 
 
 class Device(msgspec.Struct, frozen=True):
-    """The finding behind one device."""
+    """The result of the search behind one device."""
 
     path: str
     finding: Finding
@@ -108,9 +107,9 @@ class Device(msgspec.Struct, frozen=True):
 def discover(
     paths: Sequence[str], *, robot_id: int, firmware: int, limit_s: float = LIMIT_S
 ) -> list[Device]:
-    """Open every device that can be opened, ask all at once, and close them again.
+    """Open every device that can be opened, query all at once, and close them again.
 
-    Never raises for what a device does; takes at most about `limit_s`.
+    Never raises because of a device; takes at most about `limit_s`.
     """
     probes = [_Probe(path) for path in paths]
     try:
@@ -137,7 +136,7 @@ def _ask_all(probes: Sequence[_Probe], limit_s: float) -> None:
 
 
 class _Probe:
-    """One device while it is being asked."""
+    """One device while it is being queried."""
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -147,7 +146,7 @@ class _Probe:
         self._exchange = Exchange([ask(Id.ROBOT_ID), ask(Id.FIRMWARE_REVISION), ask(Id.TIME)])
         self._answers: dict[int, int] = {}
         self._clock = Clock()
-        self._asked_s: deque[float] = deque()  # when the questions for the time left
+        self._asked_s: deque[float] = deque()  # when the questions for the time were sent
         self._questions = 0
         self._bytes = self._frames = 0
         self._echo = self._running = False
@@ -158,7 +157,7 @@ class _Probe:
 
     @property
     def done(self) -> bool:
-        """Return whether there is nothing more to learn."""
+        """Return whether nothing more can be learnt."""
         return self._problem is not None or self._running or not self._exchange.open
 
     def fileno(self) -> int:
@@ -166,7 +165,7 @@ class _Probe:
         return self._port.fileno()
 
     def service(self, now_s: float) -> None:
-        """Ask what is due."""
+        """Send the questions that are due."""
         frames = self._exchange.service(now_s, _STOPPED)
         if self._port is None or self.done:
             return
@@ -179,7 +178,7 @@ class _Probe:
             self._problem = error
 
     def read(self) -> None:
-        """Take what has arrived."""
+        """Process the bytes that have arrived."""
         assert self._port is not None
         try:
             data = self._port.read()
@@ -208,7 +207,7 @@ class _Probe:
         if not isinstance(value, int):
             return
         if id == Id.TIME and self._asked_s:
-            # Answers keep their order; if one was lost, bounds from an earlier question are wider.
+            # Answers keep their order; if one was lost, bounds of an earlier question are wider.
             asked_s = self._asked_s.popleft()
             self._clock = self._clock.updated(value & 0xFFFF, asked_s, time.monotonic())
             self._questions += 1
@@ -218,9 +217,9 @@ class _Probe:
         if id == Id.TIME and self._questions < CLOCK_QUESTIONS:
             self._exchange.put(ask(Id.TIME))
 
-    # ------------------------------------------------------------------ what it comes to
+    # ------------------------------------------------------------------ the result
     def device(self, robot_id: int, firmware: int, limit_s: float) -> Device:
-        """Return the device that was found."""
+        """Return the result of the search behind this device."""
         finding, text = self._judge(robot_id, firmware, limit_s)
         known = self._questions > 0
         robot, revision = (self._answers.get(id) for id in _IDENTITY)
@@ -276,7 +275,7 @@ class _Probe:
 
 
 def _motors_run(values: tuple[int, ...]) -> bool:
-    """Return whether this is a sample as quadlab has it mirrored, and motors turn in it."""
+    """Return whether this is a sample with quadlab's mirrored ids in which motors turn."""
     sample = dict(zip(MIRROR, values, strict=True))
     for id, value in sample.items():
         low, high = QUANTITIES[id].bounds

@@ -1,7 +1,7 @@
-"""Sets and requests, repeated every 25 ms until answered, 40 times: time in, bytes out, no waiting.
+"""Sets and requests, repeated every 25 ms until answered, at most 40 times. Pure, without waiting.
 
-A `Request` is one thing to be told or asked; an `Exchange` holds those still open. Who owns the
-ports sends what `service` gives and hands every reply to `settle`.
+A `Request` is one value to set or to ask for; an `Exchange` holds those that are open. The owner of
+the ports sends what `service` returns and passes every reply to `settle`.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from vehicle_link.serial.ids import Id
 REPEAT_S = 0.025
 TRIES = 40
 SLOW_REPEAT_S = 1.0
-"""Period at which a `persistent` question is repeated: the microcontroller may be switched on
-later."""
+"""Seconds between repetitions of a `persistent` request after all tries: the microcontroller may be
+switched on later."""
 MIRROR_KEY = -(2**15) - 1
-"""Key of the list of mirrored ids: no id, for it does not fit the 16 bits of one."""
+"""Key of the list of mirrored ids: not an id, because it does not fit 16 bits."""
 
 CHECK = ". Check the cables, the ports and its firmware"
 OTHER_ROBOT = ". Another robot? Give its ports, or fly this one with --robot-id"
@@ -40,15 +40,15 @@ Answer = int | tuple[int, ...]
 
 @dataclass(slots=True)
 class Request:
-    """Something to repeat until it is answered as expected."""
+    """A set or question to repeat until it is answered as expected."""
 
     key: int  # the id a reply names, or MIRROR_KEY
-    expected: Answer | None  # what settles it, None for any
+    expected: Answer | None  # the answer that settles it, None for any
     build: Callable[[Sequence[int]], bytes]  # the frame, around the four command bytes
     name: str
-    persistent: bool = True  # asked on slowly after all tries were in vain, else given up
+    persistent: bool = True  # after all tries repeated slowly, else given up
     hold: str = ""  # why it must not be sent now; counts as a try
-    advice: str = CHECK  # what to try when the answer is another one
+    advice: str = CHECK  # what to try when the answer is not the expected one
     tries: int = 0
     due_s: float = -math.inf
     answer: str = "nothing"
@@ -66,14 +66,14 @@ class Exchange:
     """The open requests of one microcontroller.
 
     Attributes:
-        failures: lines about requests that were not answered in time, for the caller to clear.
+        failures: lines about requests not answered in time; the caller clears them.
     """
 
     open: list[Request] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
 
     def put(self, request: Request) -> None:
-        """Open a request; one about the same key is dropped."""
+        """Open a request; it replaces one with the same key."""
         self.open[:] = [other for other in self.open if other.key != request.key]
         self.open.append(request)
 
@@ -99,7 +99,7 @@ class Exchange:
         return frames
 
     def settle(self, key: int, value: Answer) -> Request | None:
-        """Take the answer to `key`; return the request it settles, None when there is none."""
+        """Accept the answer to `key`; return the request that it settles, None if there is none."""
         for request in self.open:
             if request.key == key:
                 request.answer = f"{value}"
@@ -109,9 +109,7 @@ class Exchange:
         return None
 
     def _report(self, in_vain: Sequence[Request]) -> None:
-        """Report a line for each request whose last try was in vain; one for all that received
-        nothing.
-        """
+        """Report a line for each request tried in vain; a single one for all without an answer."""
         unheard = [request for request in in_vain if request.answer == "nothing"]
         heard = [[request] for request in in_vain if request.answer != "nothing"]
         for group in ([unheard] if unheard else []) + heard:
@@ -122,7 +120,7 @@ class Exchange:
             )
 
     def _next(self, request: Request, now_s: float, command: Sequence[int]) -> bytes | None:
-        """Return the frame to send now, none when it is held back."""
+        """Return the frame to send now; None when it is held back."""
         request.tries += request.tries < TRIES
         request.due_s = now_s + (REPEAT_S if request.tries <= TRIES else SLOW_REPEAT_S)
         if request.hold:
@@ -132,7 +130,7 @@ class Exchange:
 
 
 def decode_reply(frame: Frame) -> tuple[int, Answer] | None:
-    """Decode (key, answer) of an `S` or `L` frame, None for any other."""
+    """Decode (key, answer) of an `S` or `L` frame; None for any other."""
     if frame.command == VALUE:
         return decode_value(frame)
     ids = decode_mirrored(frame)
@@ -140,19 +138,19 @@ def decode_reply(frame: Frame) -> tuple[int, Answer] | None:
 
 
 def set_value(id: Id, value: int, *, persistent: bool = True) -> Request:
-    """Set an id, until this value is echoed."""
+    """Return a request that sets an id until this value is echoed."""
     name = f"set {id.name.lower()} to {value}"
     return Request(id, value, lambda command: encode_set(command, id, value), name, persistent)
 
 
 def ask(id: Id) -> Request:
-    """Ask for the value of an id, whatever it is."""
+    """Return a request for the value of an id, whatever it is."""
     name = f"read {id.name.lower()}"
     return Request(id, None, lambda command: encode_request(command, id), name)
 
 
 def confirm(id: Id, expected: int) -> Request:
-    """Ask for the value of an id until it is the expected one."""
+    """Return a request for the value of an id until it is the expected one."""
     name = f"confirm that {id.name.lower()} is {expected}"
     request = Request(id, expected, lambda command: encode_request(command, id), name)
     if id in _ADVICE:
@@ -164,7 +162,7 @@ _ADVICE = {Id.ROBOT_ID: OTHER_ROBOT, Id.FIRMWARE_REVISION: OTHER_FIRMWARE}
 
 
 def mirror(ids: Iterable[int]) -> Request:
-    """Choose what every `D` frame carries, until it is confirmed."""
+    """Return a request that chooses what every `D` frame carries, until it is confirmed."""
     wanted = tuple(int(id) for id in ids)
     return Request(
         MIRROR_KEY, wanted, lambda command: encode_mirror(command, wanted), "mirror the IMU"

@@ -1,9 +1,9 @@
 """Bytes to frames and back: `#`, address, command, data64, two CRC characters, `\\r`.
 
 data64 is base64 with another alphabet (`=` + 6 bits, zero padded), so the standard library's C
-code does the work. `#` and `\\r` occur nowhere inside a frame: a decoder finds its feet at the
-next one, and damage costs no more than the frames it hit. The CRC is only a 12-bit sum, so
-whoever uses a value still asks whether it is possible.
+code does the work. `#` and `\\r` occur nowhere inside a frame: a decoder resynchronises at the
+next one, and damage costs only the frames that it hits. The CRC is only a 12-bit sum, so the user
+of a value still checks whether it is possible.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ import msgspec
 START, END = b"#", b"\r"
 FLIGHT_CONTROLLER = ord("b")
 MAX_FRAME = 64
-"""Bytes; the longest frame of the contract has 34."""
+"""Longest frame in bytes; the longest one of the contract has 34."""
 
 _BASE64 = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
 _DATA64 = bytes(range(ord("="), ord("=") + 64))
 _TO_DATA64 = bytes.maketrans(_BASE64, _DATA64)
-# What is no data64 becomes `!`, which strict base64 refuses.
+# Bytes that are no data64 become `!`, which strict base64 refuses.
 _FROM_DATA64 = bytes(
     _BASE64[_DATA64.index(byte)] if byte in _DATA64 else ord("!") for byte in range(256)
 )
 _CRC = tuple(bytes((_DATA64[crc >> 6], _DATA64[crc & 63])) for crc in (4095, *range(4095)))
-"""Checksums by the lower 12 bits of Adler-32, which are 1 + the sum of up to 256 bytes: that is
-computed in a tenth of the time of Python's `sum`."""
+"""Checksums by the lower 12 bits of Adler-32, which are 1 + the sum of up to 256 bytes: computing
+that takes a tenth of the time of Python's `sum`."""
 _PAD = (b"", b"\0\0", b"\0")
 _MIN_CHUNK = 5  # `#`, address, command and CRC of a frame without data
 
@@ -49,9 +49,9 @@ def encode_frame(command: bytes, payload: bytes, address: bytes = b"b") -> bytes
 
 
 class FrameDecoder:
-    """Cuts one port's bytes into frames; keeps at most one unfinished frame.
+    """Decoder that cuts one port's bytes into frames; keeps at most one unfinished frame.
 
-    `damaged` counts pieces between two frames that were not a frame.
+    `damaged` counts the pieces between two frames that were not a frame.
     """
 
     def __init__(self) -> None:
@@ -60,12 +60,12 @@ class FrameDecoder:
 
     def feed(self, data: bytes) -> list[Frame]:
         """Decode the frames that end within `data`, in order. Never raises, whatever the bytes."""
-        if not self._rest and data.find(END) + 1 == len(data) > 0:  # one frame, as a rule
+        if not self._rest and data.find(END) + 1 == len(data) > 0:  # usually exactly one frame
             frame = self._decode(data[:-1])
             return [] if frame is None else [frame]
         chunks = (self._rest + data).split(END)
         rest = chunks.pop()
-        if len(rest) > MAX_FRAME:  # no frame is this long: keep only what may begin one
+        if len(rest) > MAX_FRAME:  # no frame is this long: keep only a possible start
             self.damaged += 1
             rest = rest[rest.rfind(START) :][:MAX_FRAME] if START in rest else b""
         self._rest = rest

@@ -1,5 +1,5 @@
-"""The identity of the microcontroller that a flight stack flies: a robot's number and the firmware
-it speaks with.
+"""The identity of the microcontroller that a flight stack flies: the robot's number and the
+firmware's revision.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ LARGEST = 32767
 
 
 class Identity(msgspec.Struct, frozen=True):
-    """The identity that the microcontroller must answer to ROBOT_ID and FIRMWARE_REVISION."""
+    """The identity that the microcontroller must report as ROBOT_ID and FIRMWARE_REVISION."""
 
     robot_id: int = 1
     firmware: int = 1
@@ -21,7 +21,7 @@ class Identity(msgspec.Struct, frozen=True):
         return f"robot {self.robot_id} with firmware {self.firmware}"
 
     def check(self) -> None:
-        """Raise UsageError when no microcontroller can answer that."""
+        """Raise UsageError when no microcontroller can have this identity."""
         for option, value in (("--robot-id", self.robot_id), ("--firmware", self.firmware)):
             if not 0 <= value <= LARGEST:
                 raise UsageError(f"{option} {value} is not allowed; allowed are 0 to {LARGEST}")

@@ -1,4 +1,4 @@
-"""Numbers of the values the microcontroller keeps, and of its states.
+"""Numbers of the microcontroller's values, and of its states.
 
 Source: facts of TeleKyb's MikroKopter interface, listed in docs/microcontroller.md.
 """
@@ -83,7 +83,7 @@ class MotorState(IntEnum):
 
     INIT = 0
     ON = 1
-    EMERGENCY = 2  # the microcontroller missed commands and took over
+    EMERGENCY = 2  # commands were missing, so the microcontroller took over
     OFF = 3
 
 
@@ -95,10 +95,10 @@ class FlightControlMode(IntEnum):
 
 
 PRESSURE_OFFSET = 90_000
-"""Pa: what Id.PRESSURE leaves out so that it fits 16 bits."""
+"""Pa; subtracted from Id.PRESSURE so that it fits 16 bits."""
 
 TIME_PERIOD_MS = 60_000
-"""Id.TIME starts over after this many milliseconds."""
+"""Milliseconds after which Id.TIME wraps around."""
 
 MIRROR = (
     Id.TIME,
@@ -112,4 +112,4 @@ MIRROR = (
     Id.MOTOR_STATE,
     Id.PRESSURE,
 )
-"""Values that one `D` frame carries here: everything a tick needs, so that samples stay whole."""
+"""Values in one `D` frame: everything that a tick needs, so that samples are complete."""

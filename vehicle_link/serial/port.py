@@ -19,9 +19,9 @@ from quadrotor.errors import LinkError
 BAUD_RATE = 115_200
 NO_DEVICE = "not a serial device; `quadlab vehicle --find` looks for those there are"
 READ_AND_WRITE = 0o060
-"""Permission bits of a file's group."""
+"""Permission bits of the file's group."""
 _CHUNK = 4096  # one kernel buffer of a terminal
-_CHUNKS = 16  # read at once, at most: a device that floods must not keep the reader
+_CHUNKS = 16  # most to read at once: a device that floods must not block the reader
 
 
 class PortProblem(Enum):
@@ -36,7 +36,7 @@ class PortProblem(Enum):
 
 
 class PortError(LinkError):
-    """A serial device cannot be opened, or is gone. `why` is the message without the path."""
+    """A serial device cannot be opened, or was lost. `why` is the message without the path."""
 
     def __init__(self, problem: PortProblem, path: str, why: str) -> None:
         verb = "is gone" if problem is PortProblem.GONE else "cannot be opened"
@@ -49,23 +49,19 @@ class Port(Protocol):
     """One serial line, read and written without ever waiting."""
 
     def read(self) -> bytes:
-        """Return everything that has arrived, maybe nothing. Raises LinkError when the line is
-        gone.
-        """
+        """Return everything that has arrived, maybe nothing. Raises LinkError if the line broke."""
 
     def write(self, data: bytes) -> None:
-        """Send, or drop when the line is congested. Raises LinkError when the line is gone."""
+        """Send, or drop when the line is congested. Raises LinkError when the line is lost."""
 
     def fileno(self) -> int:
-        """Return the file descriptor for poll(). Raises LinkError when there is no file behind this
-        port.
-        """
+        """Return the file descriptor for poll(). Raises LinkError when this port has none."""
 
     def close(self) -> None: ...
 
 
 class SerialPort:
-    """A serial device, 8N1, opened exclusively; what waited in it is discarded.
+    """A serial device, 8N1, opened exclusively; input that was waiting is discarded.
 
     `dropped` counts frames that did not fit into the kernel's output buffer.
 
@@ -80,7 +76,7 @@ class SerialPort:
                 self.path, baud_rate, timeout=0, write_timeout=0, exclusive=True
             )
             self._fd: int = self._serial.fileno()
-            # pyserial asks for VMIN = 0, where "nothing yet" and "line gone" look the same.
+            # pyserial sets VMIN = 0, with which "nothing yet" and "line lost" look the same.
             attributes = termios.tcgetattr(self._fd)
             attributes[6][termios.VMIN] = 1
             termios.tcsetattr(self._fd, termios.TCSANOW, attributes)
@@ -135,14 +131,14 @@ class SerialPort:
 class MemoryPort:
     """One end of a serial line in memory; made in pairs by `memory_port_pair`.
 
-    Holds what a kernel's buffer would hold; `dropped` counts the writes that did not fit.
+    Holds as much as a kernel's buffer; `dropped` counts the writes that did not fit.
     """
 
     def __init__(self) -> None:
         self.dropped = 0
         self._arrived = b""
         self._peer = self
-        self._plugged: MemoryPort | None = None  # the other end while it is pulled out
+        self._plugged: MemoryPort | None = None  # the other end while it is unplugged
         self._gone = False
 
     def read(self) -> bytes:
@@ -172,14 +168,14 @@ class MemoryPort:
         self._arrived = b""
 
     def unplug(self) -> None:
-        """Pull the other end's adapter out: there the line is gone, here it falls silent."""
+        """Unplug the other end's adapter: reading there fails, and nothing more arrives here."""
         if self._plugged is None:
             self._plugged, self._peer = self._peer, MemoryPort()
             self._plugged._gone = True
             self._plugged._arrived = self._arrived = b""
 
     def plug_in(self) -> None:
-        """Put it back."""
+        """Plug the other end's adapter in again."""
         if self._plugged is not None:
             self._peer, self._plugged = self._plugged, None
             self._peer._gone = False
@@ -227,7 +223,7 @@ def _refused(path: str, error: Exception) -> PortError:
 
 
 def _number(error: BaseException | None) -> int | None:
-    """Return the errno; pyserial keeps that of a termios.error only as what it came from."""
+    """Return the errno; pyserial keeps that of a termios.error only in the exception's context."""
     while error is not None:
         number = getattr(error, "errno", None)
         if number is None and isinstance(error, termios.error) and error.args:
@@ -239,7 +235,7 @@ def _number(error: BaseException | None) -> int | None:
 
 
 def _permission(path: str) -> str:
-    """Return the advice that gives the right to open the device."""
+    """Return advice on how to get the right to open the device."""
     group, opens = "dialout", True
     try:
         about = os.stat(path)

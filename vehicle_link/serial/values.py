@@ -1,7 +1,8 @@
 """The meaning of each value of the microcontroller: unit, counts per unit, bounds; counts <-> SI.
 
-The facts name the ids and only some of the units; the others are quadlab's choice, marked so in
-docs/microcontroller.md. Inertial readings stay counts here: their scale is a calibration's matter.
+The source defines the ids and only some of the units; the others are quadlab's choice, marked so
+in docs/microcontroller.md. Inertial readings stay in counts here: their scale comes from the
+calibration.
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ _SI = {
     "µs": ("s", 1e-6),
     "mN m": ("N m", 1e-3),
 }
-"""Units on the line that are not SI, and what they become."""
+"""Units on the line that are not SI: the SI unit and factor of each."""
 
 
 class Quantity(msgspec.Struct, frozen=True):
-    """One id: value in `unit` = counts / counts_per_unit + offset."""
+    """The scale of one id: value in `unit` = counts / counts_per_unit + offset."""
 
     description: str
-    unit: str = ""  # as on the line; empty for numbers, switches and choices
+    unit: str = ""  # on the line; empty for numbers, switches and choices
     counts_per_unit: float = 1
     offset: float = 0  # in `unit`
     bounds: tuple[int, int] = INT16  # counts, both allowed
@@ -56,9 +57,9 @@ def to_si(id: int, raw: int) -> float:
 
 
 def to_raw(id: int, value: float) -> int:
-    """Return the int16 that carries a value, the nearest one, from SI units.
+    """Return the int16 that carries the value nearest to one in SI units.
 
-    Raises OutOfBoundsError when the value is not finite or the id does not take it.
+    Raises OutOfBoundsError when the value is not finite or out of the id's bounds.
     """
     quantity = quantity_of(id)
     low, high = quantity.bounds
@@ -104,7 +105,7 @@ def _axes(
     bounds: tuple[int, int] = INT16,
     writable: bool = False,
 ) -> dict[Id, Quantity]:
-    """Return three ids in a row."""
+    """Return the quantities of three consecutive ids."""
     return {
         Id(first + axis): Quantity(f"{of}, {name}", unit, counts_per_unit, 0, bounds, writable)
         for axis, name in enumerate(_AXES)

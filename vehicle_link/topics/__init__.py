@@ -1,4 +1,4 @@
-"""The topics of a vehicle: their table, and payloads from and to the records of a tick."""
+"""The topics of a vehicle: their table, and conversions between payloads and tick records."""
 
 from vehicle_link.topics.bench import encode_bench_reading
 from vehicle_link.topics.control_inputs import (

@@ -14,7 +14,7 @@ def _layout() -> FixedLayout:
 
 
 def encode_bench_reading(stamp_ns: int, force: float, torque: float, speed: float) -> bytes:
-    """Encode quadlab_msgs/BenchReading: N, N m, and a speed in any unit, NaN without a
+    """Encode quadlab_msgs/BenchReading: N, N m, and the speed in any unit, NaN without a
     tachometer.
     """
     out = _layout().new()

@@ -1,4 +1,4 @@
-"""The messages that steer the vehicle and keep its link alive: sticks, external references,
+"""Messages that steer the vehicle and keep its link alive: sticks, external references,
 heartbeats."""
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ STICK_AXES = ("forward", "left", "up", "yaw")
 
 @dataclass(frozen=True, slots=True)
 class Sticks:
-    """Axes (forward, left, up, yaw) in -1..1; enabled while the dead-man is held."""
+    """Axes (forward, left, up, yaw) in -1..1; `enabled` while the dead-man button is held."""
 
     stamp_ns: int
     axes: tuple[float, float, float, float]
     enabled: bool
-    requester: str = ""  # whose they are: the message's frame_id
+    requester: str = ""  # who holds the sticks: the message's frame_id
 
 
 @cache
@@ -36,8 +36,8 @@ def _sticks_layout() -> FixedLayout:
 
 
 def encode_joy(stamp_ns: int, axes: Sequence[float], enabled: bool) -> bytes:
-    """Encode `joy` and `stick`: sensor_msgs/Joy; axes forward, left, up, yaw; buttons[0] the
-    dead-man.
+    """Encode `joy` and `stick`: sensor_msgs/Joy; axes forward, left, up, yaw; buttons[0] is the
+    dead-man button.
     """
     out = _sticks_layout().new()
     set_stamps(out, stamp_ns)
@@ -47,10 +47,10 @@ def encode_joy(stamp_ns: int, axes: Sequence[float], enabled: bool) -> bytes:
 
 
 def decode_joy(payload: bytes) -> Sticks:
-    """Decode sticks; axes are cut to -1..1.
+    """Decode sticks; axes are clipped to -1..1.
 
     Raises:
-        LinkError: the bytes are no Joy.
+        LinkError: the bytes are not a Joy.
         MeasurementError: not four finite axes, or no button.
     """
     message = decode(payload, "sensor_msgs/Joy")
@@ -72,7 +72,7 @@ def decode_external_reference(payload: bytes) -> tuple[int, Record]:
     """Decode `external_reference`: (stamp in ns, REFERENCE record of shape (1,)).
 
     Raises:
-        LinkError: the bytes are no Reference.
+        LinkError: the bytes are not a Reference.
         MeasurementError: a number is not finite, or the frame is not the world.
     """
     message = decode(payload, "quadlab_msgs/Reference")
@@ -96,9 +96,11 @@ def _heartbeat_layout() -> FixedLayout:
 
 
 class Heartbeat(NamedTuple):
-    """Attributes:
-    instance: of the process that sends it, 0 unknown.
-    holder: of the station the vehicle takes its orders from, 0 none.
+    """A heartbeat of one end of the link.
+
+    Attributes:
+        instance: of the process that sends it, 0 if unknown.
+        holder: instance of the station whose commands the vehicle accepts, 0 for none.
     """
 
     sequence: int
@@ -108,7 +110,7 @@ class Heartbeat(NamedTuple):
 
 
 def encode_heartbeat(sequence: int, stamp_ns: int, instance: int = 0, holder: int = 0) -> bytes:
-    """Encode `vehicle_heartbeat`, `station_heartbeat`: quadlab_msgs/Heartbeat."""
+    """Encode `vehicle_heartbeat` or `station_heartbeat`: quadlab_msgs/Heartbeat."""
     out = _heartbeat_layout().new()
     out["sequence"] = sequence & 0xFFFF_FFFF
     out["stamp_ns"] = stamp_ns

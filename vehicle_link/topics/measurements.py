@@ -1,7 +1,7 @@
 """Measurements for the vehicle: tracker poses, positions of a marker, bearings, sweeps.
 
-Stamps are already of the vehicle's clock. Decoders take any ROS node's message and refuse
-numbers the estimator could not use.
+Stamps are already on the vehicle's clock. Decoders accept the messages of any ROS node and refuse
+numbers that the estimator could not use.
 """
 
 from __future__ import annotations
@@ -58,14 +58,14 @@ def pose_messages(samples: Record) -> Records:
 
 
 def decode_pose(payload: bytes, *, or_position: bool = False) -> Record:
-    """Decode POSE_SAMPLE of shape (1,), the quaternion normalised.
+    """Decode POSE_SAMPLE of shape (1,), with the quaternion normalised.
 
     Args:
-        or_position: whether NO_ATTITUDE may stand for the quaternion.
+        or_position: whether the quaternion may be NO_ATTITUDE.
 
     Raises:
-        LinkError: the bytes are no PoseStamped.
-        MeasurementError: a number is not finite or the quaternion far from unit length.
+        LinkError: the bytes are not a PoseStamped.
+        MeasurementError: a number is not finite or the quaternion is far from unit length.
     """
     sample = np.zeros(1, POSE_SAMPLE)
     poses = layout("geometry_msgs/PoseStamped", WORLD)
@@ -93,8 +93,8 @@ def decode_pose(payload: bytes, *, or_position: bool = False) -> Record:
 
 
 def encode_positions(samples: Record) -> list[bytes]:
-    """Encode `tracker_position`: geometry_msgs/PointStamped of POSE_SAMPLE without attitude,
-    shape (N,).
+    """Encode `tracker_position`: geometry_msgs/PointStamped of POSE_SAMPLE records without
+    attitude, shape (N,).
     """
     return payloads_of(position_messages(samples))
 
@@ -160,9 +160,9 @@ def encode_bearings(
 
 
 def decode_bearings(payload: bytes) -> Record:
-    """Decode BEARINGS_SAMPLE of shape (1,) without the beacons' places.
+    """Decode BEARINGS_SAMPLE of shape (1,), without the beacons' positions.
 
-    Raises LinkError; MeasurementError when numbers are not usable as bearings.
+    Raises LinkError; MeasurementError when the numbers are not usable as bearings.
     """
     message = decode(payload, "quadlab_msgs/BearingArray")
     ids = tuple(int(one) for one in message.beacon_ids)
@@ -184,8 +184,8 @@ def _sweeps_layout(count: int, vehicle: str) -> FixedLayout:
 
 
 def sweep_messages(samples: Record, vehicle: str = VEHICLE) -> Records:
-    """Encode `sweeps`: quadlab_msgs/SweepArray of SWEEPS_SAMPLE records, shape (N,), all of as
-    many sensors.
+    """Encode `sweeps`: quadlab_msgs/SweepArray of SWEEPS_SAMPLE records, shape (N,), all with the
+    same number of sensors.
     """
     count, plane = int(samples["count"][0]), samples["plane"]
     out = _sweeps_layout(count, vehicle).new(len(samples))
@@ -202,7 +202,7 @@ def sweep_messages(samples: Record, vehicle: str = VEHICLE) -> Records:
 
 def decode_sweeps(payload: bytes) -> Record:
     """Decode SWEEPS_SAMPLE of shape (1,). Raises LinkError; MeasurementError when there are more
-    sensors than a record holds, or not as many places as angles.
+    sensors than a record holds, or another number of sensors than of angles.
     """
     message = decode(payload, "quadlab_msgs/SweepArray")
     sample, count = np.zeros(1, SWEEPS_SAMPLE), len(message.angles)

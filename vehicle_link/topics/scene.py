@@ -1,8 +1,8 @@
 """The flight for 3D panels: transforms, and markers of the vehicle and of its paths.
 
-Foxglove, Lichtblick and RViz draw them as they come. `map` is `world` and `quad1/base_link` is
-`quad1/body`, so that tools with the frames of REP 105 find theirs; `quad1/reference` is where the
-vehicle is to be. The paths are those of the last 20 s.
+Foxglove, Lichtblick and RViz draw them without settings. `map` equals `world` and
+`quad1/base_link` equals `quad1/body`, for tools that expect the frames of REP 105;
+`quad1/reference` is where the vehicle should be. The paths are those of the last 20 s.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from vehicle_link.topics.ticks import TO_ROS, WORLD, Array, body_frame, set_stam
 SCENE_TOPICS = ("/tf", "/tf_static", "scene")
 PERIODS_NS = (20_000_000, 1_000_000_000, 500_000_000)
 POINT_NS = 200_000_000
-"""Between two points of a path."""
+"""Nanoseconds between two points of a path."""
 POINTS = 100
 ARM, ROTOR = 0.25, 0.125  # m
 TIPS = ((ARM, 0.0), (0.0, ARM), (-ARM, 0.0), (0.0, -ARM))  # front, left, rear, right
@@ -34,7 +34,7 @@ Drawn = tuple[str, bytes, int]
 
 
 class SceneMessages:
-    """Makes the messages of one vehicle from its ticks, each when it is due by their stamps."""
+    """Maker of one vehicle's messages from its ticks, each when it is due by their stamps."""
 
     def __init__(self, vehicle: str) -> None:
         self._vehicle = vehicle
@@ -44,10 +44,10 @@ class SceneMessages:
         self._wanted: deque[Array] = deque(maxlen=POINTS)
 
     def of(self, ticks: Record) -> list[Drawn]:
-        """Return what is due at these TICK records, shape (N,), oldest first."""
+        """Return the messages due at these TICK records, shape (N,), oldest first."""
         found: list[Drawn] = []
         for index, stamp in enumerate(ticks["imu"]["stamp_ns"].tolist()):
-            if stamp < self._newest:  # the vehicle has started again
+            if stamp < self._newest:  # the vehicle has restarted
                 self._due, self._point_due = [0] * len(SCENE_TOPICS), 0
                 self._flown.clear()
                 self._wanted.clear()
@@ -94,8 +94,8 @@ class SceneMessages:
 
 
 def _path(points: Sequence[Array], newest: Array) -> Array:
-    """Return POINTS points that end with the newest, shape (POINTS, 3); missing ones are the
-    first.
+    """Return POINTS points that end with the newest, shape (POINTS, 3), the first one repeated if
+    there are too few.
     """
     known = [*points, newest][-POINTS:]
     return np.array([known[0]] * (POINTS - len(known)) + known)
@@ -111,7 +111,7 @@ def _transforms(parent: str, child: str, second_parent: str, second_child: str) 
 
 @cache
 def _still_markers(vehicle: str) -> tuple[FixedLayout, bytes]:
-    """Return the layout of `scene`, and a message with what never changes."""
+    """Return the layout of `scene`, and a message filled with the parts that never change."""
     body, count = body_frame(vehicle), WANTED + 1
     frames = {n: body if n < FLOWN else WORLD for n in range(count)}
     strings = {f"markers.{n}.header.frame_id": frame for n, frame in frames.items()}

@@ -60,10 +60,11 @@ def encode_status(
 ) -> bytes:
     """Encode `status`: quadlab_msgs/VehicleStatus of one TICK record, shape (1,).
 
-    The texts are given because their enums live in the layers above; `instance` is the vehicle's.
+    The texts are arguments because their enums are in the layers above; `instance` is the
+    vehicle's.
     """
     status = tick["status"][0]
-    if not flags:  # almost always: then only numbers differ
+    if not flags:  # almost always; only numbers change then
         statuses = _status_layout(mode, behavior, control_mode)
         out = statuses.new()
         set_stamps(out, int(tick["imu"]["stamp_ns"][0]))
@@ -132,7 +133,7 @@ def encode_batteries(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
     set_stamps(out, ticks["imu"]["stamp_ns"])
     out["voltage"] = ticks["status"]["battery_voltage"]
     for field in ("temperature", "current", "charge", "capacity", "design_capacity", "percentage"):
-        out[field] = np.nan  # the message's way of saying not measured
+        out[field] = np.nan  # by convention of the message: not measured
     out["power_supply_status"] = DISCHARGING
     out["power_supply_technology"] = LIPO
     out["present"] = True
@@ -149,7 +150,7 @@ def encode_pressures(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
 
 
 UNHEARD = "while the station sent nothing: "
-"""The beginning of an event that repeats what the vehicle said while it was not heard."""
+"""Beginning of an event that repeats what the vehicle reported while the station had no contact."""
 
 
 def encode_event(stamp_ns: int, level: int, text: str, name: str) -> bytes:

@@ -1,4 +1,4 @@
-"""The table of topics: the type of each, who sends it, how often, and how it may travel."""
+"""The table of topics: the type of each, its sender, its rate, and how it may be transported."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ Priority = Literal["real_time", "interactive_high", "data_high", "data", "backgr
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One row; the name is relative to the vehicle's namespace (`/quad1`) unless it begins with a
-    slash.
+    """One row of the table; the name is relative to the vehicle's namespace (`/quad1`) unless it
+    has a leading slash.
     """
 
     name: str
@@ -24,12 +24,12 @@ class Topic:
     rate: float  # Hz; 0 = on change
     priority: Priority = "data"
     qos: Qos = SENSOR_DATA
-    lane: int = 0  # its number in datagrams next to QUIC; 0: it has none
+    lane: int = 0  # its number in datagrams of the lane; 0: it has none
     one_source: bool = False  # the vehicle follows one sender at a time
-    recorded: bool = False  # by the station: what it sends as sent, what others send as received
-    newest: int = 0  # so many wait at most at the station, late ones are worthless; 0: all
-    stale: float = 0.0  # s until the page shows its values grey; 0: the page keeps none
-    page: Literal["always", "seen", "chart"] = "always"  # when the page takes it
+    recorded: bool = False  # by the station: its own as sent, others as received
+    newest: int = 0  # most that may wait at the station, as late ones are worthless; 0: all
+    stale: float = 0.0  # s until the page greys its values out; 0: the page keeps none
+    page: Literal["always", "seen", "chart"] = "always"  # when the page subscribes
 
     @property
     def on_radio(self) -> bool:
@@ -38,17 +38,17 @@ class Topic:
 
     @property
     def express(self) -> bool:
-        """Return whether it is not batched with what follows."""
+        """Return whether it is sent at once instead of batched with what follows."""
         return self.priority == "real_time"
 
     @property
     def drop(self) -> bool:
-        """Return whether it is dropped on congestion; else it waits."""
+        """Return whether it is dropped on congestion; otherwise it waits."""
         return not self.qos.reliable
 
 
 _ROWS = (
-    # On loopback: telemetry expanded; first, as the page lists them first.
+    # On loopback: expanded telemetry; in the first rows because the page lists them first.
     Topic("state", "nav_msgs/Odometry", "station", 100, stale=0.3, page="seen"),
     Topic("reference", "quadlab_msgs/Reference", "station", 100, stale=0.3, page="seen"),
     Topic("actuators", "quadlab_msgs/Actuators", "station", 100, stale=0.3, page="seen"),
@@ -106,7 +106,7 @@ _ROWS = (
     ),
     Topic("events", "rcl_interfaces/Log", "vehicle", 0, qos=RELIABLE, recorded=True),
     Topic("vehicle_heartbeat", "quadlab_msgs/Heartbeat", "vehicle", 20, "real_time", lane=2),
-    # On the radio, from the station; stamps are of the vehicle's clock.
+    # On the radio, from the station; stamps are on the vehicle's clock.
     Topic(
         "tracker_pose",
         "geometry_msgs/PoseStamped",
@@ -119,7 +119,7 @@ _ROWS = (
         stale=0.3,
         page="chart",
     ),
-    Topic(  # of a single marker, in place of poses
+    Topic(  # of a single marker, instead of poses
         "tracker_position",
         "geometry_msgs/PointStamped",
         "station",
@@ -155,11 +155,11 @@ _ROWS = (
         stale=0.3,
         page="chart",
     ),
-    Topic(  # from ROS 2 nodes alone, as often as they like
+    Topic(  # only from ROS 2 nodes, at any rate
         "external_reference", "quadlab_msgs/Reference", "station", 0, "real_time", one_source=True
     ),
     Topic("station_heartbeat", "quadlab_msgs/Heartbeat", "station", 20, "real_time", lane=6),
-    # On loopback: what the station knows.
+    # On loopback: what the station reports.
     Topic("station_status", "quadlab_msgs/StationStatus", "station", 5, recorded=True, stale=1.5),
     Topic("link_status", "quadlab_msgs/LinkStatus", "station", 5, recorded=True, stale=1.5),
     Topic(
@@ -198,16 +198,16 @@ _ROWS = (
         stale=0.3,
         page="seen",
     ),
-    # Of the tracker process; stamps are of the station's clock.
+    # From the tracker process; stamps are on the station's clock.
     Topic("tracker_body", "geometry_msgs/PoseStamped", "tracker", 100, "real_time", newest=50),
     Topic("tracker_status", "quadlab_msgs/TrackerStatus", "tracker", 10, recorded=True, stale=1.5),
-    # Pictures for people, tags marked: made only while somebody looks or records.
+    # Pictures for people, with tags marked: made only while someone watches or records.
     Topic("tracker_picture", "sensor_msgs/CompressedImage", "tracker", 10, newest=2),
-    # Of a camera on the vehicle, from a process of its own; stamps as above.
+    # From the process of a camera on the vehicle; stamps as above.
     Topic("camera_bearings", "quadlab_msgs/BearingArray", "tracker", 30, "real_time", newest=50),
     Topic("camera_status", "quadlab_msgs/TrackerStatus", "tracker", 10, recorded=True, stale=1.5),
     Topic("camera_picture", "sensor_msgs/CompressedImage", "tracker", 10, newest=2),
-    # In imported flights alone: Lighthouse base stations.
+    # Only in imported flights: Lighthouse base stations.
     Topic("sweeps", "quadlab_msgs/SweepArray", "simulator", 120),
     Topic("stick", "sensor_msgs/Joy", "web", 50),
     Topic("stick_status", "quadlab_msgs/StickStatus", "station", 50),
@@ -217,7 +217,7 @@ TOPICS: dict[str, Topic] = {topic.name: topic for topic in _ROWS}
 """Topics by name."""
 
 SHARED = ("events", "parameter_changes")
-"""The station sends these too, with stamps of its own; recorded where they are received."""
+"""Topics that the station sends too, with its own stamps; recorded where they are received."""
 
 SERVICES: dict[str, str] = {
     **{name: command.service for name, command in COMMANDS.items()},
@@ -236,7 +236,7 @@ SERVICES: dict[str, str] = {
     "calibrate": "quadlab_msgs/srv/Calibrate",
 }
 """Type of each service by name: the vehicle's `/quad1/<name>`, the station's
-`/quad1/station/<name>`. Of those that are no command the station alone has `mark`, `experiment`,
-`control`, `transfer` and `recent_telemetry`, and hands `onboard_files` and `onboard_log` on to the
-vehicle; the vehicle alone has `time_sync`, `whoami`, `lane`, `calibrate` and the rest about the
-files of its log."""
+`/quad1/station/<name>`. Of those that are not commands only the station has `mark`, `experiment`,
+`control`, `transfer` and `recent_telemetry`, and it forwards `onboard_files` and `onboard_log` to
+the vehicle; only the vehicle has `time_sync`, `whoami`, `lane`, `calibrate` and the other
+services for the files of its log."""

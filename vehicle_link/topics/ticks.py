@@ -1,8 +1,8 @@
 """Ticks to the standard topics and back: state, reference, imu, actuators, and the truth.
 
 All encoders take TICK (or STATE) records of shape (N,) and return N payloads; the `..._messages`
-below them return the same bytes as one array of N records, for who writes many at once. A twist
-is in body axes, as nav_msgs/Odometry wants it; `decode_odometry` turns it back into world axes.
+below them return the same bytes as one array of N records, for writing many at once. A twist is
+in body axes, as nav_msgs/Odometry requires; `decode_odometry` converts it back to world axes.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def decode_odometry(payload: bytes, vehicle: str = VEHICLE) -> tuple[int, Record
         state["position_w"] = record["pose.pose.position"]
         state["quaternion_wb"] = record["pose.pose.orientation"][FROM_ROS]
         velocity_b, omega_b = record["twist.twist.linear"], record["twist.twist.angular"]
-    else:  # other frames: a foreign node's
+    else:  # other frames: of another node
         message = decode(payload, "nav_msgs/Odometry")
         stamp, pose, twist = stamp_of(message), message.pose.pose, message.twist.twist
         state["position_w"] = xyz(pose.position)
@@ -119,9 +119,7 @@ def decode_reference(payload: bytes) -> tuple[int, Record]:
 
 
 def encode_imus(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
-    """Encode `imu`: sensor_msgs/Imu, calibrated; the message's orientation is marked as not
-    given.
-    """
+    """Encode `imu`: sensor_msgs/Imu, calibrated; its orientation is marked as not given."""
     return payloads_of(imu_messages(ticks, vehicle))
 
 

@@ -1,1 +1,1 @@
-"""Zenoh sessions and nodes as ROS 2 sees them, and how well they carry."""
+"""Zenoh sessions and nodes as ROS 2 sees them, and the quality of their links."""

@@ -1,4 +1,4 @@
-"""The calling side of a service."""
+"""Clients of services."""
 
 from __future__ import annotations
 
@@ -17,25 +17,27 @@ from vehicle_link.transport.rmw_keys import attachment
 log = logging.getLogger(__name__)
 
 TIMEOUT = 1.0
-"""s; a command is worth repeating under the same request id for 5 s, not waiting for longer."""
+"""Seconds to wait for an answer; a command should be repeated under the same request id for 5 s
+rather than waited for longer."""
 
 NOBODY = 0.1
-"""s; a question that nobody gets ends sooner. One that ends later may have been carried out."""
+"""Seconds within which a request that reaches no service fails; one that fails later may have been
+executed."""
 
 KINDS: dict[str, type[LinkError]] = {"no answer": NoAnswerError, "unreachable": UnreachableError}
-"""Errors that stay of their kind on the way from a service to its client, by the schema of the
-error reply's encoding; all others become a LinkError."""
+"""Errors that keep their type between a service and its client, by the schema of the error reply's
+encoding; all others become a LinkError."""
 
 
 def encoding_of(error: Exception) -> zenoh.Encoding:
-    """Return the encoding of an error reply, which says of which kind the error is."""
+    """Return the encoding of an error reply, which carries the kind of the error."""
     kind = next((name for name, one in KINDS.items() if type(error) is one), "")
     text = zenoh.Encoding.TEXT_PLAIN
     return text.with_schema(kind) if kind else text
 
 
 def peer_of(name: str) -> str:
-    """Return who serves a service, as people are told: they know no services."""
+    """Return which program serves a service, in words for users, who do not know services."""
     parts = name.split("/")
     if "station" in parts:
         return "the base station"
@@ -44,7 +46,7 @@ def peer_of(name: str) -> str:
 
 def wait_for_match(entity: zenoh.Querier | zenoh.Publisher, timeout: float) -> bool:
     """Wait at most `timeout` seconds until a querier has a service, or a publisher a subscription;
-    return whether it has.
+    return whether it has one.
     """
     matched = threading.Event()
 
@@ -53,12 +55,12 @@ def wait_for_match(entity: zenoh.Querier | zenoh.Publisher, timeout: float) -> b
             matched.set()
 
     with entity.declare_matching_listener(changed):
-        now: Any = entity.matching_status  # the listener tells of changes only
+        now: Any = entity.matching_status  # the listener reports changes only
         return now.matching or matched.wait(timeout)
 
 
 class ServiceClient:
-    """Made by `Node.client`; may be called from several threads."""
+    """Client of one service, made by `Node.client`; thread-safe."""
 
     def __init__(
         self,
@@ -74,13 +76,11 @@ class ServiceClient:
         self._key = key
         self._type = srv_type
         self._gid = gid
-        self._priority = priority  # of the answer too
+        self._priority = priority  # also of the answer
         self._sequence = itertools.count(1)
 
     def wait(self, timeout: float) -> bool:
-        """Wait for the service for at most `timeout` seconds, and return whether it can be
-        reached.
-        """
+        """Wait for the service for at most `timeout` seconds; return whether it can be reached."""
         return wait_for_match(
             self._session.declare_querier(self._key, target=zenoh.QueryTarget.ALL_COMPLETE), timeout
         )
@@ -89,10 +89,10 @@ class ServiceClient:
         """Return the response; blocks for at most `timeout` seconds.
 
         Raises:
-            UnreachableError: no one is there to answer.
-            NoAnswerError: no answer came in time, here or where the service asked on, or contact
-                broke meanwhile.
-            LinkError: the service answered with another error.
+                UnreachableError: no service was reached.
+                NoAnswerError: no answer arrived in time, here or where the service forwarded the
+                    request, or contact broke in the meantime.
+                LinkError: the service answered with another error.
         """
         started = time.monotonic()
         try:
@@ -113,13 +113,13 @@ class ServiceClient:
             if reply.ok is not None:
                 return decode(reply.ok.payload.to_bytes(), f"{self._type}_Response")
             text = reply.err.payload.to_string() if reply.err else ""
-            if reply.err and text != "Timeout":  # Zenoh's own way of saying that time is up
+            if reply.err and text != "Timeout":  # Zenoh's own word for a time-out
                 kind = str(reply.err.encoding).partition(";")[2]
                 raise KINDS.get(kind, LinkError)(text)
         waited, peer = time.monotonic() - started, peer_of(self._name)
         log.debug("%s: no answer in %.3f s of %g s", self._name, waited, timeout)
         if waited < NOBODY:
             raise UnreachableError(f"{peer} is not reached; is it running?")
-        if waited < 0.9 * timeout:  # it was asked, and the link or itself has ended since
+        if waited < 0.9 * timeout:  # it was reached, and since then it or the link has ended
             raise NoAnswerError(f"contact with {peer} broke before it answered")
         raise NoAnswerError(f"{peer} has not answered within {timeout:g} s")

@@ -1,4 +1,4 @@
-"""The state of the link, judged by when the other end was last received. Pure: fed with times."""
+"""The state of the link, by when the other end was last received. Pure: times are arguments."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ HEARTBEAT_RATE = 20.0  # Hz
 DEGRADED_AFTER = 0.2  # s
 LOST_AFTER = 1.0  # s
 SELDOM = 2
-"""One in so many of the heartbeats that a connected lane carries goes over the link too, where
-several vehicles share a computer: enough to know that it works."""
+"""Where several vehicles share a computer, the number of heartbeats carried by a connected lane of
+which one is also sent over the link: enough to know that it works."""
 
 
 class LinkState(StrEnum):
@@ -19,10 +19,10 @@ class LinkState(StrEnum):
 
 
 class HeartbeatMonitor:
-    """Degraded and lost by the time since the last sign of life; lost before the first.
+    """Monitor of the link by the time since the last sign of life; lost before the first.
 
     Args:
-        degraded_after, lost_after: s without one.
+        degraded_after, lost_after: seconds without a sign of life.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class HeartbeatMonitor:
         self._heard_ns: int | None = None
 
     def heard(self, now_ns: int) -> None:
-        """Note that a sign of life came at this time of any steady clock."""
+        """Note a sign of life at this time of any steady clock."""
         if self._heard_ns is None or now_ns > self._heard_ns:
             self._heard_ns = now_ns
 

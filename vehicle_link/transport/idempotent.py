@@ -1,7 +1,7 @@
 """Handlers of services: a refusal is an answer, and a repeated request has no second effect.
 
-A caller whose answer was lost sends the same request id again within 5 s, and gets the first one's
-answer.
+A caller that lost the answer sends the same request id again within 5 s, and gets the answer to
+the first one.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from quadrotor.errors import NoAnswerError, QuadlabError
 from vehicle_link.messages import Message, decode, encode, new, stored_name, typestore
 
 KEEP = 5.0
-"""s for which an answer is remembered."""
+"""Seconds for which an answer is remembered."""
 
 
 def answering(srv_type: str, handler: Callable[[Message], Message]) -> Callable[[Message], Message]:
-    """Make a handler whose refusals are answers, where the service has `accepted`."""
+    """Return a handler whose refusals are answers, if the service's response has `accepted`."""
     answer = f"{srv_type}_Response"
 
     def handle(request: Message) -> Message:
@@ -36,16 +36,16 @@ def answering(srv_type: str, handler: Callable[[Message], Message]) -> Callable[
 
 
 def prepare(srv_type: str) -> None:
-    """Make the serialisers now: rosbags writes them on first use, which takes up to 0.1 s."""
+    """Make the serialisers now: rosbags generates them on first use, which takes up to 0.1 s."""
     encode(new(f"{srv_type}_Response"))
     decode(encode(new(f"{srv_type}_Request")), f"{srv_type}_Request")
 
 
 class Idempotent:
-    """Wraps the handler of a service whose requests have a `request_id`.
+    """Wrapper of the handler of a service whose requests have a `request_id`.
 
-    The same id while the first is still being handled waits for it. An empty id is always
-    handled. What the handler raises is remembered like an answer.
+    A repeated id waits while the first request is still being handled. A request with an empty id
+    is always handled. An exception from the handler is remembered like an answer.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
-"""Calls of one kind, one after the other, on threads that many kinds share.
+"""Queues of calls, each handled in order, on threads that many queues share.
 
-A thread for each service would be idle nearly all the time; a shared one alone would let a slow
-service hold up all others.
+A thread for each service would be idle nearly all the time; with a single shared thread a slow
+service would hold up all others.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ T = TypeVar("T")
 
 
 class InTurn(Generic[T]):
-    """Handles items in the order in which they came, so many at a time.
+    """Queue that handles items in the order of their arrival, a limited number at a time.
 
     Args:
         executor: lends threads while items wait.
         handle: called with each item; must not raise.
-        at_once: items handled at the same time.
+        at_once: number of items handled at the same time.
     """
 
     def __init__(self, executor: Executor, handle: Callable[[T], None], at_once: int = 1) -> None:
@@ -31,7 +31,7 @@ class InTurn(Generic[T]):
         self._threads = 0
 
     def put(self, item: T) -> None:
-        """Add an item; any thread may.
+        """Add an item; thread-safe.
 
         Raises:
             RuntimeError: the executor is shut down; the item is not kept.

@@ -1,6 +1,4 @@
-"""The performance of a link to a vehicle, measured by a station of its own next to or without
-another.
-"""
+"""Measurement of the quality of a link to a vehicle, by a separate station."""
 
 from __future__ import annotations
 
@@ -34,21 +32,21 @@ from vehicle_link.transport.session import (
     wait_connected,
 )
 
-QUESTIONS = 20  # a second
+QUESTIONS = 20  # per second
 PATIENCE = 1.0  # s for an answer
 READERS = 4
-"""Questions at once with which throughput is measured."""
+"""Number of concurrent questions with which throughput is measured."""
 NAMES = 50
 TRIES = 3
 CONNECT = 5.0  # s
 CLOSE_PATIENCE = 2.0
-"""s; with a vehicle that went meanwhile it may take ten."""
+"""Seconds to wait for closing; it may take ten if the vehicle has gone away in the meantime."""
 DESCRIBE, LIST = "rcl_interfaces/srv/DescribeParameters", "rcl_interfaces/srv/ListParameters"
 
 
 @dataclass
 class Figures:
-    """Times in s; NaN where nothing was measured."""
+    """The measured figures. Times in s; NaN where nothing was measured."""
 
     address: str
     vehicle: str = ""
@@ -61,7 +59,7 @@ class Figures:
     packets: int = 0  # of telemetry
     rate: float = 0.0  # Hz
     loss: float = math.nan  # share, 0 to 1
-    jitter: float = math.nan  # standard deviation of the time under way
+    jitter: float = math.nan  # standard deviation of the transit time
     throughput: float = math.nan  # bit/s of background answers
     armed: bool = False
     held_by_another: bool = False
@@ -74,18 +72,18 @@ def measure(
     name: str = "",
     progress: Callable[[str], None] = lambda text: None,
 ) -> Figures:
-    """Connect, measure for `seconds` and hang up.
+    """Connect, measure for `seconds` and disconnect.
 
-    While no one else has the vehicle and it is not armed, we take it, so that telemetry comes at
-    its full rate.
+    While no other station controls the vehicle and it is not armed, this station takes control, so
+    that telemetry arrives at its full rate.
 
     Args:
-        name: the vehicle's; "" takes what the vehicle calls itself.
-        progress: told what is being done.
+        name: the vehicle's; "" uses the name that the vehicle announces.
+        progress: called with what is being done.
 
     Raises:
-        LinkError: no link, with what is known of why.
-        UsageError: the endpoint cannot be read.
+        LinkError: no link, with the reason as far as known.
+        UsageError: the endpoint cannot be parsed.
     """
     check_station(endpoint, tls)
     host, port = parse_endpoint(endpoint)
@@ -138,7 +136,7 @@ def _only_name(session: zenoh.Session, host: str, port: int) -> str:
 
 
 class _Test:
-    """Fills `found`."""
+    """One measurement, which fills `found`."""
 
     def __init__(self, node: Node, found: Figures) -> None:
         self._node, self._found = node, found
@@ -158,7 +156,7 @@ class _Test:
         self._heartbeats = node.advertise(TOPICS["station_heartbeat"])
 
     def introduce(self) -> None:
-        """Ask who the vehicle is. Raises LinkError when no one answers."""
+        """Ask the vehicle for its identity. Raises LinkError when there is no answer."""
         deadline = time.monotonic() + CONNECT
         while True:
             try:
@@ -176,7 +174,7 @@ class _Test:
         self._found.disagreement = disagreement(str(answer.protocol), str(answer.version))
 
     def run(self, quiet: float, busy: float) -> None:
-        """Measure first the link by itself, then what goes over it next to telemetry."""
+        """Measure the link first without load, then under load next to telemetry."""
         done = threading.Event()
         beats = threading.Thread(target=self._beat_on, args=(done,), daemon=True)
         beats.start()
@@ -207,7 +205,7 @@ class _Test:
             self._found.clock_offset = clock.offset_ns * 1e-9
 
     def _read(self, seconds: float) -> None:
-        """Ask background questions whose answers are long, some at once."""
+        """Ask background questions with long answers, several at once."""
         for attempt in range(TRIES):
             try:
                 listed = self._list.call(new(f"{LIST}_Request"), PATIENCE)
@@ -258,7 +256,7 @@ class _Test:
     def _telemetry(self, received: Received) -> None:
         try:
             sequence, ticks = unpack(received.payload)
-        except (LinkError, ValueError):  # of another protocol; `disagreement` says so
+        except (LinkError, ValueError):  # of another protocol, which `disagreement` reports
             return
         self._packets.append((sequence, int(ticks["imu"]["stamp_ns"][-1]), received.received_ns))
 

@@ -1,4 +1,4 @@
-"""The networks this machine stands in, small enough to look through."""
+"""The networks of this machine that are small enough to scan."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import ipaddress
 from pathlib import Path
 
 SMALLEST_PREFIX = 22
-"""Shortest prefix that is searched: at most some 1000 addresses."""
+"""Shortest prefix that is scanned: at most about 1000 addresses."""
 ROUTES = Path("/proc/net/route")
 
 
 def own_networks(routes: Path = ROUTES) -> list[ipaddress.IPv4Network]:
-    """Return directly attached IPv4 networks (Linux); larger ones are left out."""
+    """Return the directly attached IPv4 networks (Linux) that are small enough."""
     try:
         rows = [line.split() for line in routes.read_text().splitlines()[1:]]
     except OSError:
@@ -26,9 +26,7 @@ def own_networks(routes: Path = ROUTES) -> list[ipaddress.IPv4Network]:
 
 
 def _swapped(word: int) -> int:
-    """Return an address; the kernel prints them in the machine's own order of bytes (little
-    endian).
-    """
+    """Return an address that the kernel prints in the machine's own byte order (little endian)."""
     return int.from_bytes(word.to_bytes(4, "little"), "big")
 
 

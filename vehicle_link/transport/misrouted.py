@@ -1,8 +1,8 @@
-"""Samples that Zenoh hands to the subscription of another topic.
+"""A filter of samples that Zenoh delivers to the subscription of another topic.
 
-Zenoh sends numbers for keys. When links come and go under load, a sample of the best-effort channel
-may arrive after its number has got another meaning: seen once, an odometry that came as a parameter
-change. Every publisher has one topic, so its GID tells.
+Zenoh sends numbers instead of keys. When links open and close under load, a sample of the
+best-effort channel may arrive after its number has been given another meaning: seen once, when an
+odometry arrived as a parameter change. Every publisher has one topic, so its GID reveals this.
 """
 
 from __future__ import annotations
@@ -10,18 +10,20 @@ from __future__ import annotations
 import threading
 
 ESTABLISHED = 10
-"""Samples after which a publisher's topic is known."""
+"""Number of samples after which a publisher's topic is known."""
 FORGIVEN = 3
-"""Samples in a row on another topic that are refused; who goes on means it."""
+"""Number of consecutive samples on another topic that are refused; after that the topic counts as
+the publisher's."""
 KNOWN = 1000
-"""Publishers remembered, of all nodes of this process; the first known is forgotten first."""
+"""Number of publishers remembered, over all nodes of this process; the oldest is forgotten
+first."""
 
 
 class Topics:
-    """The topics of each publisher, learnt from what comes. Thread-safe.
+    """The topics of each publisher, learnt from its samples. Thread-safe.
 
     Attributes:
-        refused: samples so far.
+        refused: number of samples refused so far.
     """
 
     def __init__(self) -> None:
@@ -30,9 +32,9 @@ class Topics:
         self.refused = 0
 
     def belongs(self, gid: bytes, key: str) -> bool:
-        """Return whether a sample of this publisher may have come under this key."""
-        # Without the lock, as nearly always: threads of all subscriptions would queue up behind
-        # whoever holds it and waits for the interpreter.
+        """Return whether a sample under this key may be from this publisher."""
+        # Usually without the lock: otherwise threads of all subscriptions would queue up behind the
+        # one that holds it while it waits for the interpreter.
         known = self._known.get(gid, (key, 0, 0))
         if known == (key, ESTABLISHED, 0):
             return True

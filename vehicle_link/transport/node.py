@@ -1,12 +1,12 @@
 """A ROS 2 node over Zenoh without ROS: publishers, subscriptions, services and their clients.
 
-Threads: subscriptions and services of a node share threads, made as they are needed. Each takes
-its messages one after the other, and none waits for another: a slow callback delays only its own
-topic. With `direct=True` the callback runs on Zenoh's network thread
-instead, but it must return at once. `put` may take 1 ms (50 ms for large messages),
-so it does not belong into a control thread.
+Threads: the subscriptions and services of a node share threads, made as they are needed. Each
+handles its messages one after the other, and none waits for another: a slow callback delays only
+its own topic. With `direct=True` the callback runs on Zenoh's network thread instead, but it must
+return at once. `put` may take 1 ms (50 ms for large messages), so it does not belong in a control
+thread.
 
-There is no latching: a topic whose last value a newcomer needs is sent again periodically.
+There is no latching: a topic whose last value new subscribers need is published periodically.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-# One counter a session numbers nodes and endpoints (rmw_zenoh).
+# One counter for each session numbers nodes and endpoints (rmw_zenoh).
 _counters: dict[str, itertools.count[int]] = {}
 _counters_lock = threading.Lock()
 _published = Topics()
 PUT_LONGEST = 2.0  # s
 MOST_THREADS = 64
-"""Threads of a node at most: more than the subscriptions and services that work at one time."""
+"""Limit of a node's threads: more than subscriptions and services are active at one time."""
 
 
 class Node:
@@ -63,7 +63,7 @@ class Node:
 
     Args:
         namespace: `/quad1`, or empty.
-        name: for instance `vehicle`; may hold no slash.
+        name: for instance `vehicle`; must not contain a slash.
     """
 
     def __init__(self, session: zenoh.Session, namespace: str, name: str, domain: int = 0) -> None:
@@ -90,7 +90,7 @@ class Node:
         express: bool = False,
         drop: bool = True,
     ) -> Publisher:
-        """Make a publisher. `drop`: on congestion its messages are dropped rather than waited
+        """Make a publisher. `drop`: on congestion its messages are dropped instead of waited
         for.
         """
         key, gid = self._announce("MP", topic, type_name, qos)
@@ -109,7 +109,7 @@ class Node:
         return Publisher(publisher, gid)
 
     def advertise(self, topic: Topic) -> Publisher:
-        """Make a publisher as the table of topics says."""
+        """Make a publisher as the table of topics defines it."""
         return self.publisher(
             topic.name,
             topic.type_name,
@@ -129,13 +129,13 @@ class Node:
         direct: bool = False,
         newest: int = 0,
     ) -> None:
-        """Call back with each message; see the module for the threads.
+        """Call back with each message; the module docstring describes the threads.
 
-        With `newest` a callback that does not keep up gets no more than so many of the last ones:
-        for what is worthless when late. Otherwise all wait for their turn, whatever it takes.
+        With `newest` a callback that falls behind gets only that many of the latest messages: for
+        data that are worthless when late. Otherwise all messages wait for their turn, however long.
 
-        What the callback raises is logged with its traceback and ends that call only. A sample
-        without ROS attachment is logged and dropped.
+        An exception from the callback is logged with its traceback and ends that call only. A
+        sample without ROS attachment is logged and dropped.
         """
 
         key, _ = self._announce("MS", topic, type_name, qos)
@@ -163,9 +163,7 @@ class Node:
             def arrived(sample: zenoh.Sample) -> None:
                 if direct:
                     return deliver((sample, clock.time_ns()))
-                with suppress(
-                    RuntimeError
-                ):  # the pool is closed: on its way while `close` undeclared
+                with suppress(RuntimeError):  # the pool is closed: it arrived during `close`
                     samples.put((sample, clock.time_ns()))
 
             heard = self.session.declare_subscriber(key, Callback(arrived, indirect=False))
@@ -180,14 +178,14 @@ class Node:
         direct: bool = False,
         at_once: int = 1,
     ) -> None:
-        """Answer requests of a service, one after the other; see the module for the threads.
+        """Answer requests of a service one by one; the module docstring describes the threads.
 
-        With `at_once` above 1 as many at the same time: then none waits behind one that is slow.
+        With `at_once` above 1 that many are handled at the same time, so none waits for a slow one.
 
-        A QuadlabError of the handler is an answer, not accepted and with the text as the reason,
-        where the service has such; else the client's LinkError with the same text. A NoAnswerError
-        is the client's: it is not known what became of the request. Anything else is logged with
-        its traceback, and the client told of it.
+        A QuadlabError of the handler becomes an answer, not accepted and with the text as the
+        reason, if the response has such fields; otherwise a LinkError with the same text at the
+        client. A NoAnswerError is passed to the client: it is unknown what became of the request.
+        Any other error is logged with its traceback and reported to the client.
         """
         key, _ = self._announce("SS", name, srv_type, RELIABLE)
         handle = answering(srv_type, handler)
@@ -213,7 +211,7 @@ class Node:
         def hand_over(query: zenoh.Query) -> None:
             try:
                 queries.put(query)
-            except RuntimeError:  # a query that was on its way while `close` undeclared
+            except RuntimeError:  # a query that arrived during `close`
                 log.debug("service %s was asked while it closes", name)
                 with query:
                     query.reply_err(f"{peer_of(name)} is closing".encode())
@@ -224,7 +222,7 @@ class Node:
     def client(
         self, name: str, srv_type: str, *, priority: Priority = "interactive_high"
     ) -> ServiceClient:
-        """Make a client. `priority`: of the questions and of their answers."""
+        """Make a client; `priority` applies to its requests and to their answers."""
         key, gid = self._announce("SC", name, srv_type, RELIABLE)
         return ServiceClient(
             self.session,
@@ -236,7 +234,7 @@ class Node:
         )
 
     def close(self) -> None:
-        """Undeclare all of this node; its session stays open."""
+        """Undeclare everything of this node; its session stays open."""
         while self._entities:
             _undeclare(self._entities.pop())
         self._pool.shutdown(wait=False, cancel_futures=True)
@@ -262,7 +260,7 @@ def _each(samples: Any, deliver: Callable[[tuple[zenoh.Sample, int]], None]) -> 
 
 
 def _undeclare(entity: Any) -> None:
-    """Wait for a `put` of another thread, during which Zenoh's object cannot be closed."""
+    """Undeclare; wait for a `put` of another thread, during which Zenoh cannot close it."""
     until = time.monotonic() + PUT_LONGEST
     while True:
         try:

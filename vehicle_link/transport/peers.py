@@ -6,7 +6,7 @@ import zenoh
 
 
 def namespaces(session: zenoh.Session, timeout: float = 1.0) -> set[str]:
-    """Return the namespaces of the nodes there (`quad1`), as far as we may see them; asks over the
+    """Return the namespaces of the nodes there (`quad1`) that this session may see; asks over the
     link.
     """
     found: set[str] = set()
@@ -17,6 +17,6 @@ def namespaces(session: zenoh.Session, timeout: float = 1.0) -> set[str]:
                 if reply.ok is not None:
                     # @ros2_lv/domain/session/node/endpoint/kind/enclave/namespace/…
                     found.add(str(reply.ok.key_expr).split("/")[7].strip("%"))
-    except zenoh.ZError:  # closed meanwhile
+    except zenoh.ZError:  # closed in the meantime
         return set()
     return found - {""}

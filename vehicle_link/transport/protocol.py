@@ -1,7 +1,8 @@
-"""A check whether the two ends of a link understand each other.
+"""A check whether the two ends of a link use the same message definitions.
 
-Zenoh's keys hold the hash of each type, so ends with other definitions do not hear each other, one
-topic at a time and in silence. The protocol is one hash over all of them, which both can compare.
+Zenoh's keys contain the hash of each type, so ends with different definitions silently fail to
+receive each other, topic by topic. The protocol is one hash over all of them, which both ends can
+compare.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from vehicle_link.topics import SERVICES, TOPICS
 AT_STATION = {"mark", "experiment", "control", "transfer"} | {
     name for name, command in COMMANDS.items() if command.at != "vehicle"
 }
-"""These services stay on the station's loopback, as its other topics do."""
+"""Services that stay on the station's loopback, as its other topics do."""
 
 
 @cache
 def protocol() -> str:
-    """Return eight digits, of the definitions of every topic and service on the radio."""
-    rows = [f"tick {TICK.descr}"]  # what telemetry packs is no ROS type
+    """Return eight hex digits: a hash of all definitions of topics and services on the radio."""
+    rows = [f"tick {TICK.descr}"]  # the contents of telemetry are not a ROS type
     for row in TOPICS.values():
         if row.on_radio:
             rows.append(f"{row.name} {type_hash(row.type_name)}")
@@ -45,9 +46,7 @@ def version() -> str:
 
 
 def disagreement(their_protocol: str, their_version: str) -> str:
-    """Return what keeps this station from understanding a vehicle, and what to update; "" for
-    nothing.
-    """
+    """Return why this station cannot understand a vehicle, and what to update; "" if it can."""
     if their_protocol == protocol():
         return ""
     ours, theirs = _number(version()), _number(their_version)

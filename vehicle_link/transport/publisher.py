@@ -17,22 +17,22 @@ from vehicle_link.transport.rmw_keys import attachment
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """One message as it came; `decode` of vehicle_link.messages or topics makes sense of it."""
+    """One message as received; `decode` of vehicle_link.messages or topics decodes its payload."""
 
     payload: bytes
     sequence: int  # of its publisher, from 1
-    source_ns: int  # as the publisher stamped it
+    source_ns: int  # the publisher's stamp
     received_ns: int  # clock.time_ns here
     gid: bytes = b""  # of its publisher
 
 
 class Publisher:
-    """Made by `Node.publisher`.
+    """Publisher of one topic, made by `Node.publisher`.
 
     Attributes:
-        beside: gets each message before it is put, to send it another way as well; whether that
-            way works.
-        every: of the messages that have gone a way that works, one in so many is put here too.
+        beside: called with each message before it is published, to send it over another path as
+            well; returns whether that path works.
+        every: while the other path works, one message in so many is also published here.
     """
 
     def __init__(self, publisher: zenoh.Publisher, gid: bytes) -> None:
@@ -43,7 +43,7 @@ class Publisher:
         self.every = 1
 
     def put(self, payload: bytes, source_ns: int | None = None) -> None:
-        """Send CDR bytes.
+        """Publish CDR bytes.
 
         Args:
             source_ns: source time in ns; now (clock.time_ns) when not given.
@@ -72,5 +72,5 @@ class Publisher:
         return bool(status.matching)
 
     def wait(self, timeout: float) -> bool:
-        """Wait for a subscriber for at most `timeout` seconds, and return whether there is one."""
+        """Wait for a subscriber for at most `timeout` seconds; return whether there is one."""
         return wait_for_match(self._publisher, timeout)

@@ -1,8 +1,8 @@
-"""A probe whether a vehicle's end of the link answers at all, without showing or seeing a
-certificate.
+"""A probe whether a vehicle's end of the link answers, without presenting or seeing a certificate.
 
-A QUIC server answers a packet of a version no one speaks with those it does (RFC 9000, section 6);
-so a link that does not stand can be told apart: no one there, or someone who does not want us.
+A QUIC server answers a packet of an unknown version with the versions that it supports (RFC 9000,
+section 6). So for a link that does not open one can tell whether no machine answers or whether one
+does not accept us.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ AT_ONCE = 64
 
 class Door(StrEnum):
     ANSWERS = "answers"
-    CLOSED = "closed"  # the machine is there, no one listens
+    CLOSED = "closed"  # the machine is up, but nothing listens
     SILENT = "silent"
-    NAMELESS = "nameless"  # the host name leads nowhere
+    NAMELESS = "nameless"  # the host name cannot be resolved
 
 
 WHY = {
@@ -37,11 +37,11 @@ WHY = {
     Door.SILENT: "nothing answers; is the vehicle on, in this network, and UDP let through?",
     Door.NAMELESS: "this name cannot be resolved; give the vehicle's address instead",
 }
-"""There is no link: what to tell people."""
+"""Reasons, for users, why there is no link."""
 
 
 def knock(host: str, port: int, timeout: float = 0.3) -> Door:
-    """Wait at most three times `timeout` seconds, and for the resolver."""
+    """Probe one host; wait at most three times `timeout` seconds, and for the resolver."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[
             0
@@ -77,15 +77,15 @@ def knock_at_all(places: Sequence[tuple[str, int]]) -> dict[tuple[str, int], Doo
 
 
 def _initial(own: bytes) -> bytes:
-    """Return a long header of the reserved version; `own` is where answers go (8 bytes)."""
+    """Return a long header of the reserved version; answers are addressed to `own` (8 bytes)."""
     head = bytes([0xC0]) + RESERVED_VERSION.to_bytes(4, "big")
     head += bytes([8]) + secrets.token_bytes(8) + bytes([len(own)]) + own
     return head.ljust(LEAST, b"\0")
 
 
 def _negotiates(answer: bytes, own: bytes) -> bool:
-    """Return whether this is Version Negotiation: long header, version 0, our own connection id as
-    its destination.
+    """Return whether this is a Version Negotiation: long header, version 0, our own connection id
+    as its destination.
     """
     return (
         len(answer) > 6 + len(own)

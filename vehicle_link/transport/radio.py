@@ -1,8 +1,8 @@
-"""One vehicle's radio: the session that dials it and carries it to the hub, opened again when it
-stands but brings nothing.
+"""The radio of one vehicle: the session that dials it and joins it to the hub, opened again when it
+is connected but delivers nothing.
 
-Nothing here blocks a caller: sessions are opened, watched and abandoned by threads of their own,
-and neither the hub nor another vehicle's radio notices.
+Nothing here blocks a caller: sessions are opened, watched and abandoned by separate threads, and
+neither the hub nor another vehicle's radio is affected.
 """
 
 from __future__ import annotations
@@ -21,42 +21,44 @@ from vehicle_link.transport.session import check_station, parse_endpoint, radio_
 from vehicle_link.transport.unused_memory import give_back_what_is_free
 
 SILENT = 2.0
-"""s without data over a link that stands, after which its session is opened anew."""
+"""Seconds without data over a connected link after which its session is opened again."""
 LONGEST = 60.0
-"""s: each vain attempt doubles the patience, so that a vehicle that hangs is not stormed."""
+"""Longest patience in s: each attempt in vain doubles it, so that a vehicle that hangs is not
+flooded with attempts."""
 LOOK, LOOK_CLOSELY = 0.1, 0.03  # s
 AWAY = 0.4
-"""s without anything from the vehicle by any way: an outage."""
+"""Seconds without data from the vehicle over any path that make an outage."""
 AWAKE = 0.2
-"""s after one, in which a session that stood meanwhile brings an answer, or it is opened anew."""
+"""Seconds after an outage in which a session that stayed connected must deliver an answer; if not,
+it is opened again."""
 ABANDONED = "abandoned radio"
 
 
 def never() -> float:
-    """Return the seconds since something that never was: inf."""
+    """Return the seconds since an event that never happened: inf."""
     return math.inf
 
 
 def is_hanging_up() -> bool:
-    """Return whether a session of any radio is still being closed: then only os._exit ends a
+    """Return whether a session of any radio is still being closed: until then only os._exit ends a
     process.
     """
     return any(thread.name.startswith(ABANDONED) for thread in threading.enumerate())
 
 
 class Outage:
-    """An outage of everything that comes from a vehicle.
+    """Detector of outages of all data from a vehicle.
 
-    QUIC waits twice as long before each question whether the other end is there (RFC 9002, section
-    6.2): after an outage shorter than Zenoh's lease either end's may sleep on for as long again,
-    while a new session is there in 0.1 s.
+    QUIC doubles its pause before each probe whether the other end is alive (RFC 9002, section 6.2):
+    after an outage shorter than Zenoh's lease either end may stay idle for as long again, while a
+    new session is up in 0.1 s.
     """
 
     def __init__(self) -> None:
         self._lasted = 0.0
 
     def ended(self, unheard: float) -> float:
-        """Return the seconds the outage lasted, once, when the vehicle is received again; else
+        """Return the duration of the outage in s, once, when the vehicle is received again; else
         0.
         """
         if unheard > AWAY:
@@ -67,21 +69,21 @@ class Outage:
 
 
 class Radio:
-    """The link to one vehicle, for as long as it lives.
+    """The link to one vehicle, until it is closed.
 
     Args:
         endpoint: `host`, `host:port` or `quic/host:port`.
         loopback_port, loopback_host: of the hub.
-        silent: s since anything came from the vehicle over its session (not next to it); inf
-            before the first. Asked in a thread of the radio.
-        beside: the same of what came next to its session.
-        answers: whether the vehicle answers over the session within so many seconds; asked in the
-            same thread, after an outage.
-        say: told when a session is opened again, in one line.
+        silent: returns the seconds since data arrived from the vehicle over its session (not by
+            the lane); inf before the first. Called in a thread of the radio.
+        beside: the same for data that arrived outside the session.
+        answers: returns whether the vehicle answers over the session within so many seconds;
+            called in the same thread, after an outage.
+        say: called with a line when a session is opened again.
 
     Raises:
         LinkError: a certificate does not fit.
-        UsageError: the endpoint cannot be read.
+        UsageError: the endpoint cannot be parsed.
     """
 
     def __init__(
@@ -123,13 +125,11 @@ class Radio:
         return time.monotonic() - self._stands_since if self._stands.is_set() else 0.0
 
     def wait(self, timeout: float) -> bool:
-        """Wait for the link for at most `timeout` seconds, and return whether it is connected."""
+        """Wait for the link for at most `timeout` seconds; return whether it is connected."""
         return self._stands.wait(timeout)
 
     def names(self) -> set[str]:
-        """Return namespaces of the nodes at the other end; asks the vehicle, for a second at
-        most.
-        """
+        """Return the namespaces of the nodes at the other end; asks it, for at most a second."""
         session = self._session
         return set() if session is None else namespaces(session)
 
@@ -144,8 +144,7 @@ class Radio:
         return self._unopened
 
     def close(self, patience: float = 0.0) -> None:
-        """Hang up. Waits at most `patience` seconds for it: with a vehicle that is gone it can
-        take ten."""
+        """Hang up, waiting at most `patience` seconds; it may take ten if the vehicle is away."""
         self._closing.set()
         self._thread.join(patience)
 
@@ -154,7 +153,7 @@ class Radio:
         while not self._closing.is_set():
             try:
                 session = radio_session(self._endpoint, self._tls, *self._loopback)
-            except LinkError as error:  # files that are gone, no memory: never for good
+            except LinkError as error:  # missing files or no memory: may be temporary
                 self._unopened = str(error)
                 self._say(f"radio to {self.address}: {error}; trying again in {patience:g} s")
                 self._closing.wait(patience)
@@ -172,7 +171,7 @@ class Radio:
                 abandoned.join()
 
     def _watch(self, session: zenoh.Session, patience: float) -> float:
-        """Watch until the session has to be closed, and return the patience for the next."""
+        """Watch until the session has to be closed; return the patience for the next one."""
 
         def changed(event: zenoh.LinkEvent) -> None:
             if not event.link.dst.startswith("quic/"):

@@ -1,6 +1,6 @@
 """Keys, tokens and attachments with which ROS 2 nodes (rmw_zenoh) recognise our traffic.
 
-After rmw_zenoh's design notes; the tests hold vectors captured from a live rmw_zenoh.
+They follow rmw_zenoh's design notes; the tests compare with keys captured from a live rmw_zenoh.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Qos:
 
     @property
     def text(self) -> str:
-        """Return the text of liveliness tokens: a field is empty where it is rmw_zenoh's
+        """Return the text in liveliness tokens: a field is empty where it is rmw_zenoh's
         default.
         """
         depth = "" if self.depth == 42 else str(self.depth)
@@ -45,7 +45,7 @@ LATCHED = Qos(latched=True, depth=1)
 
 @dataclass(frozen=True, slots=True)
 class NodeIdentity:
-    """One node in one session; `namespace` with a leading slash or empty."""
+    """One node in one session; `namespace` has a leading slash or is empty."""
 
     zid: str
     nid: int
@@ -71,12 +71,12 @@ class NodeIdentity:
 
 
 def data_key(domain: int, topic: str, type_name: str) -> str:
-    """Return the Zenoh key of a topic or service of full name `topic` (`/quad1/state`)."""
+    """Return the Zenoh key of a topic or service with the full name `topic` (`/quad1/state`)."""
     return f"{domain}/{topic.strip('/')}/{dds_name(type_name)}/{type_hash(type_name)}"
 
 
 def full_name(namespace: str, name: str) -> str:
-    """Return `state` in `/quad1` → `/quad1/state`; a name with a leading slash stays as it is."""
+    """Return the full name: `state` in `/quad1` → `/quad1/state`; `/state` → `/state`."""
     return name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
 
 
@@ -87,14 +87,12 @@ def gid_of(token: str) -> bytes:
 
 
 def attachment(sequence: int, source_ns: int, gid: bytes) -> bytes:
-    """Return 33 bytes; rmw_zenoh drops a sample that comes without."""
+    """Return the attachment of 33 bytes, without which rmw_zenoh drops a sample."""
     return _ATTACHMENT.pack(sequence, source_ns, GID_SIZE, gid)
 
 
 def parse_attachment(data: bytes) -> tuple[int, int, bytes]:
-    """Return (sequence, source time in ns, GID). Raises ValueError when it is no such
-    attachment.
-    """
+    """Return (sequence, source time in ns, GID). Raises ValueError for anything else."""
     if len(data) != _ATTACHMENT.size:
         raise ValueError(f"an attachment has {_ATTACHMENT.size} bytes, not {len(data)}")
     sequence, source_ns, length, gid = _ATTACHMENT.unpack(data)

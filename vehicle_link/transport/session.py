@@ -1,9 +1,9 @@
 """Zenoh sessions of the vehicle, the station and everything on the station's loopback.
 
-One QUIC link with mutual TLS between vehicle and station: reliable streams, and datagrams for best
+Vehicle and station share one QUIC link with mutual TLS: reliable streams, and datagrams for best
 effort (`mixed_rel=1`). The station has one session on its loopback (`hub_session`) with its nodes,
-and one more a vehicle (vehicle_link.transport.radio) that dials it and routes between the two. The
-numbers are those measured on an emulated lossy link: short leases and time-outs bring data back
+and one more for each vehicle (vehicle_link.transport.radio) that dials it and routes between the
+two. The numbers were measured on an emulated lossy link: short leases and time-outs resume data
 0.35 s after an outage instead of seconds, short queues keep old samples from arriving in a burst.
 """
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 VEHICLE_PORT = 7447
 OPEN_S = 0.3
-"""Time limit of one attempt to open a link."""
+"""Time limit, in s, of one attempt to open a link."""
 RETRY = {
     "timeout_ms": -1,
     "exit_on_failure": False,
@@ -34,10 +34,10 @@ RETRY = {
     "retry": {"period_init_ms": 50, "period_max_ms": 100, "period_increase_factor": 2},
 }
 ONE_RECEIVER = "(rx: (worker_threads: 1))"
-"""Zenoh's threads in a process whose only session is one on loopback."""
+"""Zenoh's threads in a process whose only session is on loopback."""
 VEHICLES = "vehicle"
-"""Region of the vehicles. A router passes nothing on within one region, where peers see each other
-by themselves; ROS 2 nodes are peers, too, and could not reach a vehicle otherwise."""
+"""Region of the vehicles. A router forwards nothing within one region, where peers connect to each
+other directly; ROS 2 nodes are peers too, and could not reach a vehicle otherwise."""
 GATEWAY = {
     "south": [
         {"filters": [{"region_names": [VEHICLES]}]},
@@ -57,7 +57,7 @@ _QUEUES = {
 
 
 def vehicle_session(port: int, tls: TlsFiles, host: str = "0.0.0.0") -> zenoh.Session:
-    """Listen for the station on UDP `port`, and never dials.
+    """Open a session that listens for the station on UDP `port`, and never dials.
 
     Raises:
         LinkError: the port is in use, or the vehicle's certificate cannot be used.
@@ -73,7 +73,7 @@ def vehicle_session(port: int, tls: TlsFiles, host: str = "0.0.0.0") -> zenoh.Se
 def hub_session(loopback_port: int, loopback_host: str = "127.0.0.1") -> zenoh.Session:
     """Open the hub, where the station's nodes, radios, page, tools and ROS 2 meet; it never dials.
 
-    Raises LinkError: the loopback port is in use.
+    Raises LinkError when the loopback port is in use.
     """
     config = link_config("router")
     config["listen"] = {"endpoints": [f"tcp/{loopback_host}:{loopback_port}"]}
@@ -87,18 +87,17 @@ def radio_session(
     loopback_port: int | None = None,
     loopback_host: str = "127.0.0.1",
 ) -> zenoh.Session:
-    """Open a session that dials a vehicle for as long as it lives, and routes between it and the
-    hub, if one is named.
+    """Open a session that keeps dialling a vehicle, and routes between it and the hub, if named.
 
-    Returns within a second, vehicle or not.
+    Returns within a second, whether or not the vehicle answers.
 
     Args:
-        vehicle_endpoint: `host`, `host:port` or `quic/host:port`; a name or address that stands
-            in the vehicle's certificate.
+        vehicle_endpoint: `host`, `host:port` or `quic/host:port`; a name or address that is in the
+            vehicle's certificate.
 
     Raises:
         LinkError: the session cannot be opened.
-        UsageError: the endpoint cannot be read.
+        UsageError: the endpoint cannot be parsed.
     """
     keep_large_buffers_apart()
     config = link_config("router", tls, "station")
@@ -112,13 +111,13 @@ def radio_session(
 
 
 def check_station(vehicle_endpoint: str, tls: TlsFiles) -> None:
-    """Check that the certificates let us dial this vehicle, as far as it can be known here.
+    """Check that the certificates let us dial this vehicle, as far as this machine can know.
 
     Raises LinkError or UsageError.
     """
     host, _ = parse_endpoint(vehicle_endpoint)
     check_certificate(tls, "station")
-    if tls.certificate("vehicle").exists():  # the base issued it, so we can say what is wrong
+    if tls.certificate("vehicle").exists():  # the base issued it, so its faults can be reported
         check_certificate(tls, "vehicle", host)
 
 
@@ -127,10 +126,10 @@ def loopback_session(
 ) -> zenoh.Session:
     """Open a client of the station's router: web, simulator, tools.
 
-    Waits for a station to answer; once open, it comes back by itself after the station's restart.
+    Waits for a station to answer; once open, it reconnects by itself after the station's restart.
 
     Args:
-        timeout: how long to wait, s; a client that should start before its station tries again.
+        timeout: seconds to wait; a client that should start before its station tries again.
 
     Raises:
         LinkError: no station answered in time.
@@ -153,9 +152,7 @@ def loopback_session(
 
 
 def wait_connected(session: zenoh.Session, timeout: float) -> bool:
-    """Wait at most `timeout` seconds for the QUIC link of a session, and return whether it
-    is connected.
-    """
+    """Wait at most `timeout` seconds for a session's QUIC link; return whether it is connected."""
     import zenoh
 
     stands = threading.Event()
@@ -183,8 +180,8 @@ def parse_endpoint(text: str) -> tuple[str, int]:
 
 
 def link_config(mode: str, tls: TlsFiles | None = None, role: Role = "station") -> dict[str, Any]:
-    """Return what all routing sessions share; with `tls`, the certificates of an end of the radio
-    link.
+    """Return the configuration that all routing sessions share; with `tls`, also the certificates
+    of an end of the radio link.
     """
     attempt = round(1e3 * OPEN_S)
     link: dict[str, Any] = {
@@ -213,10 +210,10 @@ def link_config(mode: str, tls: TlsFiles | None = None, role: Role = "station") 
         }
     return {
         "mode": mode,
-        # No one is looked for, so opening need not wait half a second for who is found.
+        # Nothing is discovered, so opening need not wait half a second for results.
         "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
         "transport": {
-            # Shared memory would carry large messages around the link on one host.
+            # On one host, shared memory would let large messages bypass the link.
             "shared_memory": {"enabled": False},
             "unicast": {"open_timeout": attempt, "accept_timeout": attempt, "max_links": 1},
             "link": link,

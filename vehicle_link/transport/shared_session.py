@@ -1,4 +1,4 @@
-"""One session for several users in one process, opened with the first and closed with the last."""
+"""One session for several users in one process, opened for the first and closed after the last."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 class SharedSession:
-    """Thread-safe. Args: `open_session` returns a Zenoh session or raises LinkError."""
+    """Shared session; thread-safe. `open_session` returns a Zenoh session or raises LinkError."""
 
     def __init__(self, open_session: Callable[[], Any]) -> None:
         self._open_session = open_session
@@ -17,7 +17,7 @@ class SharedSession:
         self._users = 0
 
     def open(self) -> Any:
-        """Open the session or share the open one; give it back with `close`. Raises LinkError."""
+        """Open the session or share the open one; release it with `close`. Raises LinkError."""
         with self._lock:
             if self._session is None:
                 self._session = self._open_session()
@@ -25,7 +25,7 @@ class SharedSession:
             return self._session
 
     def close(self) -> None:
-        """Close the session after its last user, which takes as long as closing one does."""
+        """Release the session; after its last user it is closed, which may take long."""
         with self._lock:
             self._users -= 1
             if self._users:

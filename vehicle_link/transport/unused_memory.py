@@ -1,4 +1,4 @@
-"""Return unused memory to the system while a station dials without an answer."""
+"""Ways to return unused memory to the system while a station dials without an answer."""
 
 from __future__ import annotations
 
@@ -10,28 +10,29 @@ LARGE = 1 << 20  # B
 
 
 def keep_large_buffers_apart() -> bool:
-    """Let each buffer of 1 MiB or more be a mapping of its own, given back when it is freed.
+    """Allocate each buffer of 1 MiB or more as a separate mapping, returned when it is freed.
 
-    Each vain attempt to dial takes a receive buffer of 3 MB in QUIC's endpoint (quinn), most of it
-    never touched, and some nine attempts are alive during an outage. glibc takes such buffers from
-    its heap once the first has been freed, zeroes them, and keeps what they touched: + 29 MB after
-    the first long outage. For the whole process, at any time and as often as one likes.
+    Each attempt to dial in vain allocates a receive buffer of 3 MB in QUIC's endpoint (quinn), most
+    of it never touched, and about nine attempts are alive during an outage. glibc takes such
+    buffers from its heap once the first has been freed, zeroes them, and keeps the touched pages:
+    29 MB more after the first long outage. Applies to the whole process; may be called at any time
+    and repeatedly.
 
     Returns:
-        False where the C library has no mallopt.
+        False if the C library has no mallopt.
     """
     library = ctypes.CDLL(None)
     return hasattr(library, "mallopt") and bool(library.mallopt(M_MMAP_THRESHOLD, LARGE))
 
 
 def give_back_what_is_free() -> bool:
-    """Give whole free pages inside the heaps back; takes 0.2 to 2 ms.
+    """Return whole free pages inside the heaps to the system; takes 0.2 to 2 ms.
 
-    glibc has a heap for each few threads and gives back only what lies at a heap's end. Sixty
-    outages left 6 MB of free pages in them, which nothing asked for again.
+    glibc has one heap for every few threads and returns only what is at a heap's end. Sixty outages
+    left 6 MB of free pages in them, which were never used again.
 
     Returns:
-        False where nothing could be given back, or the C library has no malloc_trim.
+        False if nothing could be returned, or the C library has no malloc_trim.
     """
     library = ctypes.CDLL(None)
     return hasattr(library, "malloc_trim") and bool(library.malloc_trim(0))
