@@ -124,7 +124,7 @@ class _Files:
             k = back[0]
             raise LogFormatError(
                 f"{where}: stamps go back {len(back)} times, first from {seconds[k]:.6f} s to "
-                f"{seconds[k + 1]:.6f} s in row {k + 2}; is time the right column, or are it two "
+                f"{seconds[k + 1]:.6f} s in row {k + 2}; is time the right column, or are these two "
                 "flights in one file? Cut it there"
             )
         self._kept = np.concatenate([[True], steps > 0.0])

@@ -173,7 +173,7 @@ def parse_bodies(words: Sequence[str]) -> dict[str, str]:
         check_name(vehicle)
         if vehicle in found or body in found.values():
             raise UsageError(
-                f"--body {word} names a vehicle or a body twice; give each vehicle its own body "
+                f"--body {word} names a vehicle or a body twice; give each vehicle a body "
                 "of its own, like --body quad1=cf7 --body quad2=cf8"
             )
         if not body:
