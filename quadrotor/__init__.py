@@ -1,5 +1,5 @@
 """Shared vocabulary of quadlab: rotations, records, vehicle model, parameters, errors.
 
-Layer 0: imports only numpy, numba and pydantic; no I/O, no clock, no randomness.
+Layer 0: no clock, no randomness, no I/O but for reading Python files and caching compiled code.
 Frames, units and quaternion order are defined in docs/conventions.md.
 """

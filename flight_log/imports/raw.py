@@ -124,8 +124,8 @@ class _Files:
             k = back[0]
             raise LogFormatError(
                 f"{where}: stamps go back {len(back)} times, first from {seconds[k]:.6f} s to "
-                f"{seconds[k + 1]:.6f} s in row {k + 2}; is time the right column, or are these two "
-                "flights in one file? Cut it there"
+                f"{seconds[k + 1]:.6f} s in row {k + 2}; is time the right column? "
+                "If these are two flights in one file, cut it there"
             )
         self._kept = np.concatenate([[True], steps > 0.0])
         if same := int((~self._kept).sum()):
