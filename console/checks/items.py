@@ -232,7 +232,9 @@ def sticks(f: Facts, p: PreflightParameters) -> Check:
 
 
 def flight_loop(f: Facts, p: PreflightParameters) -> Check:
-    """Check the flight loop. A problem is a warning only, because a simulation is seldom real time."""
+    """Check the flight loop. A problem only gives a warning, because a simulation is seldom real
+    time.
+    """
     wanted = "real time, at most 1 % of its periods missed"
     if f.mode is None:
         return Check("flight loop", "unknown", _SILENT, wanted)
