@@ -79,7 +79,9 @@ class StickDesk:
         )
 
     def received(self, message: Received) -> None:
-        """Handle one message of `stick`. Raises LinkError or MeasurementError when it is invalid."""
+        """Handle one message of `stick`. Raises LinkError or MeasurementError when it
+        is invalid.
+        """
         timeout = self._timeout()
         if message.received_ns - message.source_ns > timeout * 1e9:
             return  # from a process that was stopped; the watchdog has noticed
