@@ -32,7 +32,8 @@ WANTED = {
 SAMPLES_MIN = 20
 """Fewest samples of a pose."""
 DEVIATION_MAX = 0.15
-"""Largest standard deviation, in m/s^2 on any axis, of the samples of a pose; above their noise at rest."""
+"""Largest standard deviation, in m/s^2 on any axis, of the samples of a pose; above their noise at
+rest."""
 SATURATED = 19.4
 """Saturation of the accelerometer, in m/s^2."""
 RESIDUAL_MAX = 0.1
