@@ -1,4 +1,6 @@
-"""One telemetry packet to the standard topics: every sample recorded, the last one published."""
+"""Conversion of a telemetry packet to the standard topics: every sample recorded, the last
+published.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,7 @@ ENCODERS: dict[str, Callable[[Record, str], list[bytes]]] = {
     "imu": encode_imus,
     "actuators": encode_actuators,
 }
-"""Topic → its payloads of TICK records, shape (N,)."""
+"""Topic → function that returns its payloads for TICK records, shape (N,)."""
 
 
 def expanded(
