@@ -1,11 +1,11 @@
 """The response of the actual value to one step of the set-point, in the usual figures.
 
-  delay          until half of the step is done
-  rise           from 10 to 90 % of it
-  overshoot      beyond the set-point, % of the step
-  settling       until it stays within 5 % of the step about the set-point
-  steady error   set-point minus actual, mean of the last fifth
-  rms error      of set-point minus actual, over the whole interval
+    delay          until half of the step is done
+    rise           from 10 to 90 % of it
+    overshoot      beyond the set-point, % of the step
+    settling       until it stays within 5 % of the step about the set-point
+    steady error   set-point minus actual, mean of the last fifth
+    rms error      of set-point minus actual, over the whole interval
 
 The step goes from the actual value at the edge to the new set-point: an earlier error is not part
 of it. Figures that the response does not reach are None.
