@@ -3,11 +3,11 @@
 A nominal state is one array (16,): position_w (m), velocity_w (m/s), quaternion_wb, gyroscope bias
 (rad/s), accelerometer bias (m/s^2). The error has 15 components, in this order:
 
-  0:3   position, true - estimated, m, world axes
-  3:6   attitude phi, R_true = exp(phi) R_estimated, rad, world axes
-  6:9   velocity, m/s, world axes
-  9:12  gyroscope bias, rad/s, body axes
-  12:15 accelerometer bias, m/s^2, body axes
+    0:3   position, true - estimated, m, world axes
+    3:6   attitude phi, R_true = exp(phi) R_estimated, rad, world axes
+    6:9   velocity, m/s, world axes
+    9:12  gyroscope bias, rad/s, body axes
+    12:15 accelerometer bias, m/s^2, body axes
 
 Measurements depend on the first six only, so these come first.
 """

@@ -4,7 +4,7 @@ The true state obeys p' = v, v' = R (f - b_a) + g, R' = R [w - b_g]. Errors as i
 axes, R_true = exp(phi) R) then obey, to first order, with a = R (f - b_a) the specific force in
 world axes,
 
-  dp' = dv,    dv' = phi x a - R db_a,    phi' = -R db_g,
+    dp' = dv,    dv' = phi x a - R db_a,    phi' = -R db_g,
 
 and the biases follow random walks. Only a and R enter, not the yaw by itself, so a turned world
 gives turned results. Between two samples, rate and force are linear in time.

@@ -4,7 +4,7 @@ A bearing x_b to a beacon at c, seen from p: with d the unit vector of c - p, rh
 R x_b, the residual is the tangent vector at d that leads to x; its length is the angle. With a
 position error dp and an attitude error phi (R_true = exp(phi) R) it is
 
-  e = -(I - d d^T) dp / rho + d x phi + noise,   sigma on each tangent axis,
+    e = -(I - d d^T) dp / rho + d x phi + noise,   sigma on each tangent axis,
 
 so along a tangent axis t the row is (-t / rho, t x d). There is no division by a depth: bearings
 may point anywhere. For a pose, e = (p_m - p, log(R_m R^T)) and the rows are those of the identity.
