@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from console.catalogue.catalogue import Catalogue
 
 LONGEST = 500
-"""Most characters of a mark's text."""
+"""Maximum number of characters of a mark's text."""
 OLDEST = 10.0
 """Longest time, in s, since the key press of a mark."""
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 LONGEST = 40
 MOST = 20
-"""Most tags of one run."""
+"""Maximum number of tags of one run."""
 
 
 def all_tags(catalogue: Catalogue) -> dict[str, int]:
