@@ -35,8 +35,8 @@ log = logging.getLogger(__name__)
 LOOK = 1.0
 """Seconds between two checks of the clock."""
 SETTLE, ALONE = 4, 10
-"""Looks from the vehicle's connecting to the checks (rates need two seconds to count), and from the
-start when none connects."""
+"""Number of LOOK periods from the vehicle's connecting to the checks (rates need two seconds to
+count), and from the start when none connects."""
 TIMEOUT = 2.0
 """Seconds that the vehicle has for its own checks."""
 INFO, WARN = 20, 30
