@@ -24,8 +24,8 @@ from vehicle_link.transport.idempotent import Idempotent
 from vehicle_link.transport.node import Node
 
 AT_ONCE = 4
-"""Most simultaneous requests of one service: a cut does not wait behind a landing that the vehicle
-does not answer, nor a landing behind a take-off."""
+"""Maximum number of simultaneous requests of one service: a cut does not wait behind a landing that
+the vehicle does not answer, nor a landing behind a take-off."""
 
 
 class CommandGateway:

@@ -1,9 +1,9 @@
 """The control lease: one operator commands at a time, and everyone sees who.
 
 The first person who commands while the lease is free gets it. The holder hands it over on request,
-releases it, or loses it by leaving the page; an admin may take it. A person whose request the
-holder neither answers nor outlasts by any action gets it in the end: a page left open must not keep
-a laboratory waiting, and hands on the sticks must not lose them.
+releases it, or loses it by leaving the page; an admin may take it. When the holder neither answers
+a request nor does anything else, the requester gets it in the end: a page left open must not keep a
+laboratory waiting, and hands on the sticks must not lose them.
 """
 
 from __future__ import annotations

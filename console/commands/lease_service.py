@@ -23,8 +23,8 @@ from vehicle_link.transport.publisher import Received
 INFO = 20
 ANSWER = f"{SERVICES['control']}_Response"
 OWN = ("quadlab up",)
-"""Our own requesters, which end a flight whoever has control; names of people have no spaces, or
-end in a number."""
+"""Our own requesters, which may end a flight no matter who has control; names of people have no
+spaces, or end in a number."""
 EVERY = 10  # heartbeats between two messages without a change
 
 
