@@ -38,7 +38,8 @@ Array = npt.NDArray[np.float64]
 
 VEHICLE = "vehicle"
 SPACING_NS = 9_000_000
-"""Shortest time between compared estimates, in ns: one, the last, of each packet of telemetry."""
+"""Shortest time between compared estimates, in ns: only the last of each packet of telemetry is
+compared."""
 ROWS, FRAMES = 200, 64
 CARRIED_NS = 50_000_000
 """Longest time, in ns, over which an estimate is extrapolated to the instant of a frame."""

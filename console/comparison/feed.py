@@ -29,7 +29,7 @@ Array = npt.NDArray[np.float64]
 COMMAND = (sys.executable, "-m", "console.comparison.process")
 PERIOD = 0.05
 HELD = 4000
-"""Most messages queued for the process: about 10 s of them."""
+"""Maximum number of messages queued for the process: about 10 s of them."""
 AGAIN = 5.0
 """Seconds between two starts of the process."""
 LOOK, LINGER = 1.0, 30.0

@@ -11,7 +11,7 @@ from quadrotor.errors import OutOfBoundsError
 from quadrotor.parameters import Parameters, parameter
 
 MOST = 6
-"""Most estimators at once: each uses a share of the station's only interpreter."""
+"""Maximum number of estimators at once: each uses a share of the station's only interpreter."""
 PRESET_OF: Mapping[str, str] = {"complementary": "resolved"}
 """Presets for names given without one; other names use the defaults."""
 

@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 Source = Literal["truth", "tracker"]
 
 KEPT = 300
-"""Most poses, and rows, that wait for the others: 3 s at 100 a second."""
+"""Maximum number of poses, and of rows, that wait for the others: 3 s at 100 a second."""
 FORGOTTEN_NS = 1_000_000_000
 """Time in ns without the truth after which the tracker's poses count as true."""
 
