@@ -30,7 +30,7 @@ WANTED = {
     "tracker_pose": tuple(f"pose.orientation.{axis}" for axis in "wxyz"),
 }
 SAMPLES_MIN = 20
-"""Fewest samples of a pose."""
+"""Minimum number of samples of a pose."""
 DEVIATION_MAX = 0.15
 """Largest standard deviation, in m/s^2 on any axis, of the samples of a pose; above their noise at
 rest."""

@@ -32,8 +32,8 @@ ERRORS = len(START)
 NEAREST = 0.05
 """Distance in m below which the direction to a beacon is not used."""
 LONGEST = 1.0
-"""Longest time, in s, between frames that is propagated; longer gaps count as this, as nothing is
-known of the flight in them."""
+"""Longest time, in s, over which the error is propagated between frames; longer gaps count as this,
+as nothing is known of the flight in them."""
 
 
 class Frame(NamedTuple):

@@ -35,7 +35,7 @@ RAMP = 3.0
 POLE = 2.0
 """Pole a of the low pass, rad/s."""
 LEAST = 6.0
-"""Fewest seconds of circling for a result."""
+"""Shortest time of circling, in s, for a result."""
 SPEED_MIN = 0.4
 """Lowest rms speed, in m/s; below it the drag is lost in the noise."""
 ERROR_MAX = 0.02

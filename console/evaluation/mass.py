@@ -24,7 +24,7 @@ WITHIN = 0.01
 WITHIN_MAX = 3.0
 """Share of the mass, and longest time in s from lift-off until the estimate stays within it."""
 LEAST = 5.0
-"""Fewest seconds of erratic flight for a result."""
+"""Shortest erratic flight, in s, for a result."""
 SLICES = 6
 MASS_BOUNDS = (0.5, 2.4)
 """Bounds of model.mass, kg."""

@@ -30,7 +30,7 @@ RATE = tuple(f"angular_velocity.{axis}" for axis in "xyz")
 THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
 WANTED = {"imu": FORCE + RATE, "actuators": THRUSTS, "status": ("mode", "behavior")}
 REST_MIN, HOVER_MIN = 8.0, 8.0
-"""Fewest seconds for a result."""
+"""Shortest rest and hover, in s, for a result."""
 SETTLE = 2.0
 """Seconds at the start of a hover that do not count."""
 LOWEST = 15.0
