@@ -17,7 +17,7 @@ class ImuReadings:
 
     time: Array  # (N,) s, vehicle clock
     specific_force_b: Array  # (N, 3) m/s^2, by the calibration in force
-    angular_velocity_b: Array  # (N, 3) rad/s, less the drift
+    angular_velocity_b: Array  # (N, 3) rad/s, without the drift
     motor_references: Array  # (N, 4) counts
     wrench: Array  # (N, 4) N and N m, commanded
 
