@@ -28,7 +28,7 @@ ENCODERS: dict[str, Callable[[Record, str], list[bytes]]] = {
 def expanded(
     ticks: Record, vehicle: str, wanted: Collection[str] = tuple(ENCODERS)
 ) -> dict[str, list[bytes]]:
-    """Return the payloads of the wanted topics, one for each of the TICK records (N,)."""
+    """Return the payloads of the requested topics, one for each of the TICK records (N,)."""
     return {topic: ENCODERS[topic](ticks, vehicle) for topic in wanted}
 
 
