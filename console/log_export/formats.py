@@ -20,7 +20,7 @@ from console.log_export.tables import Piece
 from quadrotor.errors import StorageError
 
 MAT_NAME = 63
-"""Most characters that MATLAB allows in a name."""
+"""Maximum number of characters that MATLAB allows in a name."""
 MAT_BYTES = 250_000_000
 """Largest size of the values in a .mat file, all topics together."""
 COMPRESSED_BYTES = 20_000_000

@@ -22,7 +22,7 @@ from quadrotor.errors import UsageError
 from vehicle_link.messages.units import unit_of_path
 
 ROWS = 20_000
-"""Most rows of a piece."""
+"""Maximum number of rows of a piece."""
 TIME_UNITS = {"time": "s", STAMP: "ns", RECEIVED: "ns"}
 
 
