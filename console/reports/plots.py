@@ -24,7 +24,7 @@ GOOD = "#009e73"
 AXES = ("x", "y", "z")
 ANGLES = ("roll", "pitch", "yaw")
 POINTS = 1600
-"""Most points of a line: the lowest and the highest value of each bucket."""
+"""Maximum number of points of a line: the lowest and the highest value of each bucket."""
 STYLE: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "sans-serif"],
