@@ -25,11 +25,11 @@ from vehicle_link.clock import monotonic
 log = logging.getLogger(__name__)
 
 QUEUE_LIMIT = 20_000
-"""Most queued messages: 10 s at the full rate, some 15 MB."""
+"""Maximum number of queued messages: 10 s at the full rate, some 15 MB."""
 
 PERIOD = 0.02
 AT_ONCE = 1000
-"""Most messages written together: a chunk may become larger by all of them."""
+"""Maximum number of messages written together: a chunk may exceed its size by all of them."""
 SYNC_PERIOD = 0.25
 WATCH_PERIOD = 1.0
 AGAIN_PERIOD = 3.0
