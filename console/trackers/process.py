@@ -48,7 +48,7 @@ KEPT = 64
 LATENCIES, STEP = 32, 0.001
 """Bars of the histogram of latency, and their width in s."""
 SEEN_MOST = 8
-"""Most bodies listed in a line."""
+"""Maximum number of bodies listed in a line."""
 
 
 _FIGURES = re.compile(r"[\d.]+")
