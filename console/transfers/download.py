@@ -19,7 +19,7 @@ BLOCK = 1 << 20
 SUM_PAUSE = 0.2
 """Seconds between requests for a checksum that is being computed."""
 SUMS = 600
-"""Most requests for it."""
+"""Maximum number of requests for it."""
 
 
 @dataclass(frozen=True)

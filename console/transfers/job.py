@@ -32,7 +32,7 @@ class Job:
     Attributes:
         id: distinguishes it from an earlier one of the same name.
         name: of the file on board, or of the run.
-        asked: whether a person requested it, who is then told again what is missing.
+        asked: whether a person requested it, and so gets its result reported in any case.
         rate: bytes/s.
         tries: number of unsuccessful tries.
         ended: s, monotonic, when it ended.

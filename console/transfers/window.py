@@ -19,7 +19,7 @@ GAINS = 1.4
 """Largest ratio of round trips for a doubling to be kept; it then brings 1.43 times as much, or
 more."""
 ROUND = 8
-"""Fewest answers for a median."""
+"""Minimum number of answers for a median."""
 SLOW = 2.0
 """Ratio to the settled round trip above which the link has become narrower."""
 HOLD = 60.0
