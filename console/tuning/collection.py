@@ -14,7 +14,7 @@ Floats = npt.NDArray[np.float32]
 Stamps = npt.NDArray[np.int64]
 
 FRUITLESS_MAX = 8
-"""Most answers in a row without anything new."""
+"""Number of answers in a row without anything new after which the collection ends."""
 GAP_PERIODS = 2.5
 """Distance of two ticks, in usual periods, above which there is a gap; a single missing tick hides
 nothing of the response."""
