@@ -37,7 +37,7 @@ Array = npt.NDArray[np.float64]
 SEGMENT = 1.0
 """Length of a segment, s."""
 POSES_MIN = 8
-"""Fewest poses of a segment."""
+"""Minimum number of poses in a segment."""
 SHORTEST = 10.0
 """Shortest overlap of both signals, s."""
 STILL = 0.05
