@@ -74,7 +74,7 @@ def refine(
         r: m, from the plane's centre.
         q: unit.
         sigma: rad, the size of the noise, for the stopping rule.
-        steps: most steps; 0 evaluates the given pose.
+        steps: maximum number of steps; 0 evaluates the given pose.
     """
     move, turn = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     kept_r, kept_q, cost = r, q, math.inf
