@@ -28,7 +28,7 @@ Array = npt.NDArray[np.float64]
 DOWN = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """R_bc of a camera that looks along the body's -z, with the top of its picture forward."""
 LEAST = 4
-"""Fewest beacons in a picture that show whether they fit their places."""
+"""Minimum number of beacons in a picture that shows whether they fit their places."""
 
 
 class Mount(Strict):
