@@ -1,5 +1,5 @@
-"""The completeness of runs: whether each has every tick that the vehicle logged, as stored in the
-catalogue.
+"""The completeness of runs in the catalogue: whether each has every tick that the
+vehicle logged.
 """
 
 from __future__ import annotations
