@@ -1,6 +1,4 @@
-"""The newest messages that the station received from the vehicle, stored for its checks and decoded
-only on demand.
-"""
+"""The newest messages from the vehicle, stored for the station's checks and decoded on demand."""
 
 from __future__ import annotations
 
