@@ -1,5 +1,4 @@
-"""Comparison of estimators with the truth during a flight: the vehicle's own, and others in
-parallel.
+"""Comparison of estimators with the truth in flight: the vehicle's own, and others in parallel.
 
 The input is what the station has: telemetry, the truth or the tracker's poses, frames of bearings.
 No clock is read: the same input gives the same output. Single-threaded.

@@ -1,6 +1,4 @@
-"""Errors of states with respect to a true pose; their rms and maximum over 10 s and over the
-session.
-"""
+"""Errors of states relative to a true pose; their rms and maximum over 10 s and the session."""
 
 from __future__ import annotations
 

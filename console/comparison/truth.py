@@ -1,6 +1,4 @@
-"""The poses that count as true, at the stamps of the estimates: both arrive late and
-out of order.
-"""
+"""The poses that count as true, at the estimates' stamps: both arrive late and out of order."""
 
 from __future__ import annotations
 
