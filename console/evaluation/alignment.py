@@ -15,7 +15,7 @@ LARGEST_GAP_NS = 20_000_000
 def between(
     stamps: Stamps, given: Stamps, values: npt.NDArray[np.floating]
 ) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Interpolate linearly between neighbours; a message with the very stamp is used exactly.
+    """Interpolate linearly between neighbours; a message with exactly a given stamp is used as is.
 
     In simulated time the stamps of all topics coincide; over a link each source has its own.
 
