@@ -1,6 +1,4 @@
-"""The station's subscriptions to its vehicle: each message is handled, then recorded as
-received.
-"""
+"""The station's subscriptions to its vehicle: each message is handled, then recorded."""
 
 from __future__ import annotations
 

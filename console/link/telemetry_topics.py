@@ -1,6 +1,4 @@
-"""Conversion of a telemetry packet to the standard topics: every sample recorded, the last
-published.
-"""
+"""Conversion of telemetry to the standard topics: all samples recorded, the last published."""
 
 from __future__ import annotations
 
