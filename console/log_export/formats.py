@@ -1,5 +1,4 @@
-"""The file formats of tables: one file per topic for CSV and Parquet, one for all topics for
-MATLAB.
+"""File formats of tables: a file per topic for CSV and Parquet, one for all topics for MATLAB.
 
 Files are written under temporary names and renamed at the end, so that a file with its final name
 is complete.
