@@ -1,5 +1,4 @@
-"""Every change of every parameter, stored in the data folder's database: who, when, old, new,
-flight.
+"""Every change of every parameter, in the data folder's database: who, when, old, new, flight.
 
 The station writes (`console.parameters.history_writer`), the page reads. Values are stored as
 Python literals, which distinguish a text from a number.

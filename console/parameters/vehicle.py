@@ -1,6 +1,4 @@
-"""The station's copy of the vehicle's parameters, for runs' files and for values that
-must agree.
-"""
+"""The station's copy of the vehicle's parameters, for runs' files and for shared values."""
 
 from __future__ import annotations
 
