@@ -1,5 +1,4 @@
-"""The style of all plots in reports: colours safe for colour-blind readers, plain axes, thinned
-lines.
+"""The style of all plots in reports: colours for colour-blind readers, plain axes, thinned lines.
 
 matplotlib is imported only where a figure is created.
 """
