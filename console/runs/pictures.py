@@ -1,6 +1,4 @@
-"""The cameras' pictures in a run: subscribed from the tracker processes only while it
-is recorded.
-"""
+"""The cameras' pictures in a run: subscribed only while a run is recorded."""
 
 from __future__ import annotations
 

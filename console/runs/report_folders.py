@@ -1,5 +1,6 @@
-"""The location of a run's report: `runs/<run_id>/report/`, or `runs/<run_id>_report/` next to a
-single file.
+"""The location of a run's report: the folder `runs/<run_id>/report/`.
+
+A run that is a single file has it next to the file, in `runs/<run_id>_report/`.
 
 `result.json` is the verdict; the other files are the experiment's plots and text.
 """
