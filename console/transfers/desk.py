@@ -1,8 +1,8 @@
-"""The transfers from the vehicle, one at a time: the service `transfer`, the topic `transfers`, and
-each run's comparison with the vehicle's own log.
+"""The transfers from the vehicle, one at a time: service `transfer`, topic `transfers`.
 
-Its own thread waits for vehicle and disk. Pending work survives a restart of the station: a run
-that is not compared yet is marked in the catalogue, a download by its part file.
+They include each run's comparison with the vehicle's own log. Their own thread waits for vehicle
+and disk. Pending work survives a restart of the station: a run that is not compared yet is marked
+in the catalogue, a download by its part file.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""Services and topic of the transfers: `/<vehicle>/station/transfer`, the vehicle's list of files,
-`transfers`.
-"""
+"""Services and topic of the transfers, and the list of the vehicle's files."""
 
 from __future__ import annotations
 

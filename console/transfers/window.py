@@ -3,8 +3,8 @@
 By Little's law twice as many requests bring twice as much only while each is answered as fast as
 before; on a full link each takes twice as long, telemetry queues behind them, and nothing is
 gained. The number is therefore doubled, and kept only if the median round trip stays below GAINS
-times its previous value. From time to time, and when answers become slow, it is determined again
-from one on, because a vehicle flies away and returns.
+times its previous value. From time to time, and when answers become slow, it is determined again,
+starting from one, because a vehicle flies away and returns.
 """
 
 from __future__ import annotations
