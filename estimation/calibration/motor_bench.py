@@ -1,8 +1,8 @@
 """The motor bench: the schedule of references, and the mean response to each step (Sec. 5.3).
 
 References from 30 to 190 in steps of 10 are held for 5 s, with a rest of 10 s at low speed before
-each so that the motor does not overheat. Force and torque of a step are means over the end of its
-hold, when the rotor has settled.
+each so that the propeller does not overheat. Force and torque of a step are means over the end of
+its hold, when the rotor has settled.
 """
 
 from __future__ import annotations
