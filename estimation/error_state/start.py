@@ -1,6 +1,4 @@
-"""Starts of the error-state filter: the poses that measurements give alone, and the
-initial memory.
-"""
+"""Starts of the error-state filter: poses from measurements alone, and the initial memory."""
 
 from __future__ import annotations
 
