@@ -1,6 +1,4 @@
-"""The quantities of coplanar beacons that are the same in all frames: plane, axes, projective
-basis.
-"""
+"""Quantities of coplanar beacons that are constant over all frames: plane, axes, basis."""
 
 from __future__ import annotations
 
