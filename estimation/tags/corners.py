@@ -1,7 +1,7 @@
 """Corners of a tag to a few hundredths of a pixel, from its whole picture.
 
 A detector's corners of a small tag are off by half a pixel, because a window around a corner is
-soon as large as the tag's cells. The printed picture is known, and its inner edges contain more
+quickly as large as the tag's cells. The printed picture is known, and its inner edges contain more
 information than its outline: a blurred copy of it is overlaid on the camera's picture, and the
 homography is refined by Gauss-Newton on the differences in brightness. S. Baker and I. Matthews,
 "Lucas-Kanade 20 years on: a unifying framework" (2004), the inverse compositional step.
