@@ -110,9 +110,11 @@ class Client(Protocol):
         ...
 
     def bench(self, motor: int, reference: int) -> None:
-        """Turn one motor alone (1 front, 2 left, 3 rear, 4 right; 0 ends it) with a reference
-        (counts), on the ground, after `confirm`; it keeps turning while the experiment waits. A
-        simulated vehicle is then fixed on a force/torque sensor under that motor.
+        """Turn one motor alone (1 front, 2 left, 3 rear, 4 right; 0 ends it) at a reference
+        (counts).
+
+        Call it on the ground, after `confirm`. The motor keeps turning while the experiment waits.
+        A simulated vehicle is then fixed on a force/torque sensor under that motor.
         """
         ...
 
@@ -181,8 +183,9 @@ class Calibrating(Protocol):
     """An experiment whose result the vehicle may apply as a calibration."""
 
     def proposal(self, log: Path) -> CalibrationRecord:
-        """Return the proposal from the log alone, without run_id, requester and stamp, which are
-        added when it is accepted. Raises MeasurementError with the reason when there is nothing to
-        propose.
+        """Return the proposal from the log alone.
+
+        Its run_id, requester and stamp are added when it is accepted. Raises MeasurementError with
+        the reason when there is nothing to propose.
         """
         ...
