@@ -55,9 +55,10 @@ class Standing:
         self.stranger = disagreement(str(whoami.protocol), str(whoami.version))
 
     def gone(self) -> None:
-        """Forget the vehicle, because the link is down and another one may return. The reason
-        against a stranger stays until more is known, because a link without messages is reopened
-        again and again.
+        """Forget the vehicle, because the link is down and another one may return.
+
+        The reason against a stranger stays until more is known, because a link without messages is
+        reopened again and again.
         """
         self.access = ""
 
@@ -70,9 +71,10 @@ class Standing:
 
     @property
     def speaks(self) -> bool:
-        """Return whether the vehicle accepts poses, bearings and sticks from us: not before it has
-        reported so. A vehicle that does not report whom it follows (no instance) accepts them from
-        anyone.
+        """Return whether the vehicle accepts poses, bearings and sticks from us.
+
+        It does not before it has reported so. A vehicle that does not report whom it follows (no
+        instance) accepts them from anyone.
         """
         return self._holder == self.instance or self._newest == 0
 
