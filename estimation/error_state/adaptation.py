@@ -56,9 +56,10 @@ def gather(m: Any, kind: int, step: float) -> None:
 
 @compiled(inner=True)
 def learn(m: Any, first: int, u: Vector, largest: float) -> bool:
-    """Adapt a noise of the IMU to three innovations, in deviations, of the position (`first` 0) or
-    the attitude (3), up to a factor `largest`; return whether they point in the same direction as
-    the last ones.
+    """Adapt a noise of the IMU to three innovations, in deviations, up to a factor `largest`.
+
+    They are of the position (`first` 0) or the attitude (3). Returns whether they point in the same
+    direction as the last ones.
     """
     fresh = m.base_ns - m.last_ns < FRESH_NS
     squares, last_squares, product = 0.0, 0.0, 0.0

@@ -131,9 +131,10 @@ class ErrorStateEstimator(CompiledEstimator):
     def initialize(
         self, pose: Record, deviations: Array = START, velocity_w: Array | None = None
     ) -> None:
-        """Restart at a POSE_SAMPLE (1,), with the present biases. With a marker's position, the
-        attitude is the present one or, at the first start, level by the accelerometer with the
-        heading of the parameters.
+        """Restart at a POSE_SAMPLE (1,), with the present biases.
+
+        With a marker's position, the attitude is the present one or, at the first start, level by
+        the accelerometer with the heading of the parameters.
 
         Args:
             deviations: (15,) of the error, in its order.

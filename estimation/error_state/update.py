@@ -159,9 +159,10 @@ def doubted(m: Any, pairs: int) -> float:
 
 @compiled(inner=True)
 def judge(m: Any, pairs: int, kind: int, count: int) -> None:
-    """Evaluate the newest measurement, of which `count` pairs passed the gate. A frame most of
-    whose bearings are refused counts as refused: one of four fits by chance wherever a lost filter
-    is.
+    """Evaluate the newest measurement, of which `count` pairs passed the gate.
+
+    A frame most of whose bearings are refused counts as refused: one of four fits by chance
+    wherever a lost filter is.
     """
     tell_innovation(m, pairs, kind, count)
     m.freedom, m.nis = min(2 * count, 3) if kind == MARKER else 2 * count, 0.0
