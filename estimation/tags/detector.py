@@ -61,11 +61,11 @@ class TagDetector:
         self._scale = max(1, READ_AT // lens.width)
 
     def detect(self, grey: Picture) -> list[tuple[int, Array]]:
-        """Return the tags in a picture: number and corners (4, 2) in pixels, in the order top left,
-        top right, bottom right, bottom left of the upright tag. A tag whose print does not fit the
-        picture is left out: its corners would be off by a pixel.
+        """Return the tags in a picture: number and corners (4, 2), in pixels.
 
-        Raises MeasurementError for a picture of another size than the lens's.
+        The corners are in the order top left, top right, bottom right, bottom left of the upright
+        tag. A tag whose print does not fit the picture is left out: its corners would be off by a
+        pixel. Raises MeasurementError for a picture of another size than the lens's.
         """
         size, wanted = grey.shape[::-1], (self._lens.width, self._lens.height)
         if size != wanted:
