@@ -48,7 +48,7 @@ class Facts:
     free_bytes: float = 0.0
     keep_free: float = 0.0  # bytes
     folder_problem: tuple[str, str] = ("", "")
-    """Why no run can be written to its folder, and what to do; empty when one can."""
+    """The reason why no run can be written to its folder, and what to do; empty when one can."""
     alarms: tuple[str, ...] = ()
     notices: tuple[str, ...] = field(default=())
     """Alarms that do not prevent a flight."""
