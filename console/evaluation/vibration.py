@@ -73,8 +73,7 @@ class SensorNoise:
     Attributes:
         rest, hover: (3,) density of the white noise, unit/√Hz.
         uncertain: standard deviation of the hover's density, as a share of it.
-        walk: density of the bias walk, unit/√s; an upper limit when none was seen.
-        walks: whether a bias walk was seen.
+        walk: density of the bias walk, unit/√s, an upper limit unless `walks`: one was seen.
         vibration: rms above LOWEST in hover, all axes.
         lines: of the mean spectrum of the three axes.
         frequency, density: (M,) Hz and (M, 3) unit²/Hz in hover.
