@@ -36,9 +36,9 @@ class Standing:
         self.access = ""
         """Pilot or observer, once the vehicle has reported it."""
         self.stranger = ""
-        """Why this vehicle may not be commanded; set by the identity check."""
+        """The reason why this vehicle may not be commanded; set by the identity check."""
         self.unreachable = ""
-        """Why there has been no link for a while; set by the same check."""
+        """The reason why there has been no link for a while; set by the same check."""
 
     def heartbeat(self, beat: Heartbeat, now_ns: int) -> None:
         """Handle a heartbeat of the vehicle, at this time of any steady clock."""
