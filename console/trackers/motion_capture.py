@@ -34,7 +34,7 @@ SYSTEMS: Mapping[str, tuple[str, int, Settings]] = {
     "qtm": ("qualisys", 22222, lambda host, port: {"hostname": host, "port": str(port)}),
     "vrpn": ("vrpn", 3883, lambda host, port: {"hostname": f"{host}:{port}"}),
 }
-"""By our name: the library's name, the usual port, its settings."""
+"""The library's name, the usual port and its settings, by our name."""
 
 
 def check_library(system: str) -> None:

@@ -24,9 +24,9 @@ class Frame(NamedTuple):
     """All bodies seen at one instant, without those that were not seen."""
 
     stamp_ns: int | None
-    """When the cameras exposed, on the system's own clock of any epoch; None when it has none."""
+    """Time of the exposure on the system's own clock, of any epoch; None when it has none."""
     received_ns: int
-    """When the frame arrived, on the host's steady clock."""
+    """Time of the frame's arrival on the host's steady clock, ns."""
     bodies: tuple[Body, ...] = ()
     beacons: Sighting | None = None
     """Bearings of a camera on the vehicle."""
