@@ -15,7 +15,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Convergence:
-    """Whether an estimator may be flown on; `reason` explains it with numbers in either case."""
+    """The judgement whether an estimator may be flown on, and its `reason` with numbers."""
 
     reached: bool
     reason: str
