@@ -1,8 +1,8 @@
 """Parameters of the complementary filter, its gate, their presets and their compiled record.
 
-Bandwidths (rad/s) are the filter's poles: eq. 11's gains K_p, K_v of a double pole are
-2 omega and omega^2, so the printed 126.3 and 3987.3 are a double pole at 63.15 rad/s. Gains as
-printed, or per measurement, become parameters by `estimation.gains`.
+Bandwidths (rad/s) are the filter's poles: eq. 11's gains K_p, K_v of a double pole are 2 omega and
+omega^2, so the printed 126.3 and 3987.3 are a double pole at 63.15 rad/s. `estimation.gains`
+converts gains as printed, or per measurement, to parameters.
 """
 
 from __future__ import annotations
@@ -43,19 +43,19 @@ class TrackerCalibration(TrackedBody):
     """by which the tracker's poses are stamped too late; taken off their stamps"""
 
     def measured(self, pose: Record) -> Record:
-        """Return the vehicle's POSE_SAMPLE (1,) of the tracked body's."""
+        """Return the vehicle's POSE_SAMPLE (1,) from that of the tracked body."""
         if self.delay == 0.0 and self.is_vehicle:
             return pose
         position_w, quaternion_wb = pose["position_w"][0], pose["quaternion_wb"][0]
-        if not math.isnan(quaternion_wb[0]):  # of a single marker the delay alone is taken off
+        if not math.isnan(quaternion_wb[0]):  # a single marker is only corrected for delay
             position_w, quaternion_wb = self.vehicle(position_w, quaternion_wb)
         stamp_ns = pose["stamp_ns"].item() - round(1e9 * self.delay)
         return pose_sample(stamp_ns, position_w, quaternion_wb)
 
 
 class EstimationParameters(Parameters):
-    """The choice of estimator and source; gains of eqs. 11 and 12 as poles, for a 100 Hz
-    tracker.
+    """The choice of estimator and source; gains of eqs. 11 and 12 as poles, for a 100
+    Hz tracker.
     """
 
     estimator: str = parameter("complementary", choices=("complementary", "error_state"))
@@ -117,8 +117,9 @@ PRESETS: dict[str, dict[str, float]] = {
         "accelerometer_bias_bandwidth": 0.15,
         "gyroscope_bias_bandwidth": 0.08,
     },
-    # For bearings given to the filter itself, which solves the position again at its own attitude:
-    # found by search on flights of benchmarks/estimation/flights.py, of other seeds than reported.
+    # For bearings applied by the filter itself, which solves the position again at its own
+    # attitude: found by search on flights of benchmarks/estimation/flights.py, with other seeds
+    # than reported.
     "resolved": {
         "position_bandwidth": 1.8,
         "attitude_bandwidth": 0.2,

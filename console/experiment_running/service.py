@@ -1,6 +1,4 @@
-"""The service `experiment`: each request gets an answer with its reason, and retries are
-idempotent.
-"""
+"""The service `experiment`: each answer has its reason, and retries are idempotent."""
 
 from __future__ import annotations
 
