@@ -94,7 +94,7 @@ class ImuCalibration(Parameters):
     """nominal gyroscope reading at rest; the drift about it is found at each start"""
 
     def record(self) -> Record:
-        """Return the calibration as one CALIBRATION record, shape (1,), with no gyroscope drift."""
+        """Return the calibration as one CALIBRATION record, shape (1,), without gyroscope drift."""
         out = np.zeros(1, CALIBRATION)
         out["accelerometer_scale"] = self.accelerometer_scale * GRAVITY
         out["accelerometer_zero"] = self.accelerometer_zero
@@ -136,7 +136,9 @@ def _apply(
 
 
 def calibrate(raw: RawSample, calibration: Record, sample: Record | None = None) -> Record:
-    """Return the IMU_SAMPLE (1,) of a raw sample, by a CALIBRATION record; in `sample` if given."""
+    """Return the IMU_SAMPLE (1,) of a raw sample by a CALIBRATION record; written to `sample` if
+    given.
+    """
     if sample is None:
         sample = np.zeros(1, IMU_SAMPLE)
     _apply(raw.stamp_ns, raw.accelerometer, raw.gyroscope, calibration, sample)
@@ -151,7 +153,7 @@ class ImuCalibrator:
         self.configure(parameters)
 
     def configure(self, parameters: ImuCalibration) -> None:
-        """Set new parameters; the gyroscope drift found at the start is kept."""
+        """Set new parameters, keeping the gyroscope drift found at the start."""
         self._calibration = parameters.record()
         self._calibration["gyroscope_bias_b"] = self._gyroscope_bias_b
 

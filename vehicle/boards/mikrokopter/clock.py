@@ -21,14 +21,16 @@ from vehicle_link.serial.port import BAUD_RATE
 
 SETTLING_SAMPLES = 50
 SETTLING_NS = 400_000_000
-"""Time between the first and the last of them: a busy machine may delay all bytes by 0.3 s."""
+"""Shortest time, in ns, between the first and the last of them: a busy machine may delay all bytes
+by 0.3 s."""
 LATE_MS = 1_000
-"""A step that looks like 59 s to 60 s forward is a sample that came late by up to 1 s."""
+"""A step that appears to be 59 s to 60 s forward is a sample that is late by up to this many ms."""
 JUMP_MS = 50
-"""A longer step forward is accepted only when a second sample confirms it: after a wrong one every
-true sample would be late until that time."""
+"""Longest step, in ms, that is accepted at once; a longer one needs a second sample to confirm it,
+as after a wrong one every true sample would be late until that time."""
 SLACK_MS = 1_000
-"""Such a step may exceed the largest lead over the host's steady clock so far by this much."""
+"""A step over JUMP_MS may exceed the largest lead over the host's steady clock so far by this much.
+"""
 RESTART_MS = 1_000
 """Times refused for this long mean that the microcontroller was restarted."""
 MS = 1_000_000
