@@ -64,7 +64,7 @@ class Kind(msgspec.Struct, frozen=True):
 
     @property
     def is_asked(self) -> bool:
-        """Return whether it gives samples only when it is asked for them."""
+        """Return whether the board gives samples only on request."""
         return self.poll_ms * self.rate < 1000
 
     def configured(self, values: Mapping[str, ParameterValue]) -> Parameters | None:

@@ -133,9 +133,9 @@ class CalibrationStore:
     ) -> None:
         count = "a line" if len(foreign) == 1 else f"{len(foreign)} lines"
         try:
-            for line in (
-                foreign
-            ):  # appended first: a crash in between duplicates lines but never loses them
+            for (
+                line
+            ) in foreign:  # appended first: a crash in between may duplicate lines, not lose any
                 _append(self._folder / SET_ASIDE, line + b"\n")
             _replace(path, b"".join(map(encoded, kept)))
         except OSError as error:

@@ -158,7 +158,9 @@ class MicrocontrollerClock:
         return set_ns * 1e-9
 
     def _host_over_steady(self, steady_ns: Callable[[], int]) -> int:
-        """Read in this order a pause between the two makes it larger: the least is right."""
+        """Return the host's clock minus the steady clock: the least of three readings, as a pause
+        between the two clocks only makes it larger.
+        """
         return min(-steady_ns() + self._host_ns() for _ in range(3))
 
     def _host_ms(self) -> int | None:
