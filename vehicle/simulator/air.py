@@ -20,7 +20,8 @@ Item = Any
 """One record `array[k]` inside compiled code."""
 
 ROTOR_RADIUS, ROTOR_HEIGHT = 0.127, 0.15
-"""m (Sec. 2); of the rotors' plane over the body's origin, where the feet are folded."""
+"""Radius, and height of the rotors' plane over the body's origin, where the feet are folded, in m
+(Sec. 2)."""
 
 _SHAPED = 1.0 - math.sqrt(3.0)
 

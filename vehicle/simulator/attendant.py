@@ -10,7 +10,7 @@ from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 ACTIONS = ("swap_battery", "reset")
 PATIENCE = 0.8
-"""s the loop has to carry out a request."""
+"""Time, in s, within which the loop has to carry out a request."""
 
 
 class Attendant:

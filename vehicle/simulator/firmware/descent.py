@@ -1,6 +1,7 @@
-"""The emergency descent: level, at a rate held by the barometer, motors off on the ground.
+"""The emergency descent: level, at a climb rate held by the barometer, with motors off on the
+ground.
 
-It needs nothing from outside. The horizontal drift is not controlled: only the attitude is.
+It needs no external input. Only the attitude is controlled, not the horizontal drift.
 """
 
 from __future__ import annotations
@@ -61,14 +62,16 @@ def watch_thrust(p: Item) -> None:
 
 @compiled(inner=True)
 def _given(p: Item, thrust: int) -> int:
-    """Return the specific force along z_B over what a thrust (2^-12 N) gives, 2^-12."""
+    """Return the ratio of the specific force along z_B to that expected from a thrust (2^-12 N),
+    2^-12.
+    """
     force: int = max(0, p.force_b[2])
     return min(SUPPORT_MAX, force * SUPPORT_UNIT // thrust)
 
 
 @compiled(inner=True)
 def descend(p: Item, registers: Registers) -> None:
-    """Run one period of the descent of a PROGRAM; sets `landed` at its end."""
+    """Run one period of the descent of a PROGRAM; set `landed` at its end."""
     second = p.gains.second
     cosine = vertical(p)[2]
     wanted = SINK_FLARE if p.height - p.ground < FLARE_HEIGHT else SINK
