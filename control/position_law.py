@@ -1,4 +1,4 @@
-"""The desired force, eq. 4, and the limits that keep it pointable."""
+"""The desired force, eq. 4, and the limits that keep its direction feasible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Way-points from text."""
+"""Parse way-points from text."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from quadrotor.errors import OutOfBoundsError, WrongTypeError
 from quadrotor.rotations import wrap_angle
 
 COUNT_MAX = 12
-"""So that a path through them is found between two ticks."""
+"""Largest number of way-points, for which a path is found between two ticks."""
 
 FARTHEST = 100.0
-"""m, and rad: larger numbers are slips."""
+"""Largest absolute value, in m and rad: larger numbers are typing errors."""
 
 CLOSEST = 1e-3
-"""m: nearer neighbours with the same yaw are the same point."""
+"""Distance, in m, below which neighbours with the same yaw are the same point."""
 
 EXAMPLE = "give 'x y z yaw; x y z; ...' in m and rad"
 

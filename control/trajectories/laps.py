@@ -25,8 +25,8 @@ def lap_rates(laps: int, period: float) -> tuple[float, float]:
 
 
 def lap_stretches(laps: int, period: float, ramp: float) -> tuple[Stretch, ...]:
-    """Return ramp up, at most one lap at the constant rate, ramp down: further laps repeat that
-    one.
+    """Return the ramp up, at most one lap at the constant rate, which further ones repeat, and the
+    ramp down.
     """
     end = laps * period + ramp
     steady = end - 2.0 * ramp

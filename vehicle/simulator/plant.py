@@ -226,7 +226,7 @@ def _approach(speeds: Four, target: Four, share: float) -> Four:
 
 @compiled(inner=True)
 def _driven(p: Item, speeds: Four, inverse_mass: float, inverse: Vector) -> tuple[float, Vector]:
-    """Return thrust over mass (m/s^2), and torque over inertia of rotors at these speeds (counts)."""
+    """Return thrust over mass (m/s^2), and torque over inertia, at these rotor speeds (counts)."""
     m, e, g = p.model, p.thrust_efficiency * p.battery_share * p.air_share, p.motor_gain
     a, b = m.motor_slope, m.motor_offset
     thrusts = (
