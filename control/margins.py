@@ -17,7 +17,7 @@ motors G = 1 / (tau s + 1) next to the true ones. Broken there, L becomes (L + Q
 torque's at the motors and in yaw, the force's in height. Sideways it holds the measured motion
 against the measured tilt, neither of which is behind the desired tilt or the motors: those two
 cuts do not see it. The loop `estimate` does, broken at the measured motion: with T the position
-loop's tilt over the desired one, and T_o that of what the observer takes off, whose rate is fed
+loop's tilt over the desired one, and T_o that of what the observer subtracts, whose rate is fed
 forward behind a low pass b / (s + b),
 
     L = (T P + T_o Q s^2) / (s^2 (1 - Q T_o))

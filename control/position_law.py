@@ -19,7 +19,7 @@ def desired_force(
 ) -> Vector:
     """Return f_d (N, world axes) of eq. 4.
 
-    Departs from print: eq. 4 writes K_v before the integral; it is K_i, a gain of its own.
+    Departs from print: eq. 4 writes K_v before the integral; it is K_i, a separate gain.
 
     Args:
         e_p, e_v: m and m/s, reference minus state, world axes.

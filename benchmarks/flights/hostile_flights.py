@@ -212,7 +212,7 @@ class HostileFlight(WatchedFlight):
         pose["quaternion_wb"] = quaternion_multiply(turn, self._true_quaternion_wb)
         estimator.initialize(pose)
 
-    # ------------------------------------------------------------------ what truly happens
+    # ------------------------------------------------------------------ the truth
     def advance(self) -> None:
         super().advance()
         if not self._watching:

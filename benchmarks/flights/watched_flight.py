@@ -78,7 +78,7 @@ class WatchedFlight(SimulatedFlight):
         log: Any = self.events
         super().__init__(parameters, self.robot, log, estimator, kind=kind)
 
-    # ------------------------------------------------------------------ what truly happens
+    # ------------------------------------------------------------------ the truth
     def advance(self) -> None:
         sinking = -float(self.robot.truth["velocity_w"][0, 2])
         if self.frozen:
@@ -118,7 +118,7 @@ class WatchedFlight(SimulatedFlight):
         self._trace.clear()
         self.hardest = self.most_tilted = 0.0
 
-    # ------------------------------------------------------------------ what is done
+    # ------------------------------------------------------------------ actions
     def hover(self, height: float = 1.0, settling: float = 3.0) -> Self:
         """Take off and settle. Raises RefusedError."""
         self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=20)

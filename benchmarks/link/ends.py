@@ -290,7 +290,7 @@ def station(folder: Path, plan: Plan) -> None:
 
 
 class Download:
-    """Fetches a log as the station fetches it, until the end."""
+    """Download of a log, as the station fetches it, until the end."""
 
     def __init__(self, program: Program, node: Node) -> None:
         self._ending = program.ending

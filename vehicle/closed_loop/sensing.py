@@ -89,10 +89,11 @@ def read_imu(p: Item, s: Item, bias_b: Any, random: Any, drawn: Any, imu: Item) 
 def track(
     t: Item, p: Item, stamp_ns: int, random: Any, drawn: Any, memory: Item, gains: Item, out: Item
 ) -> None:
-    """Take a pose of a PLANT record when one is due; give the filter those that have arrived.
+    """Measure a pose of a PLANT record when one is due; pass those that arrived to the filter.
 
     Args:
-        t: TRACKER. drawn: (6,), room for random numbers.
+        t: TRACKER.
+        drawn: (6,), buffer for random numbers.
         memory, gains, out: ESTIMATOR_MEMORY, ESTIMATION_GAINS and ESTIMATE of the filter.
     """
     if stamp_ns >= t.next_ns:

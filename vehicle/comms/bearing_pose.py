@@ -14,7 +14,7 @@ def bearing_pose(seen: Record, beacons: KnownBeacons, state: Record | None) -> b
     """Return the encoded `bearing_pose` of one frame.
 
     Args:
-        seen: BEARINGS_SAMPLE (1,); places are taken from `beacons`.
+        seen: BEARINGS_SAMPLE (1,); places are read from `beacons`.
         state: STATE of shape (1,) from which the search starts, which makes poses near the beacons'
             own plane possible; None when there is none.
 

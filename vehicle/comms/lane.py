@@ -38,7 +38,7 @@ class CommsLane:
     """Lane of one vehicle.
 
     Args:
-        port: UDP port; another one is used when it is taken.
+        port: UDP port; another one if it is in use.
         came: called with each message of the lane, after it and those that its sender sent before
             it have been handled.
     """

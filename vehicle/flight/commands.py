@@ -27,7 +27,7 @@ WITH_HEADING = ("follow_trajectory", "excite", "external")
 
 
 class CommandHandler:
-    """Carries out commands between two ticks of one flight stack."""
+    """Handler of the commands to one flight stack, between two of its ticks."""
 
     def __init__(
         self,

@@ -52,7 +52,7 @@ def check_steps(store: ParameterStore, values: Mapping[str, ParameterValue]) -> 
 
 
 class Configuration:
-    """Changes the parameters of one flight stack, between two ticks.
+    """Parameters of one flight stack, which are changed between two ticks.
 
     Attributes:
         store: the vehicle's parameters, written here only.

@@ -66,7 +66,7 @@ class Deadlines:
 
 
 class Pacer(Protocol):
-    """Wait for the next sample on behalf of the loop."""
+    """Timing of the loop: waits for the next sample."""
 
     deadlines: Deadlines
 

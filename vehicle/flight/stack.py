@@ -282,7 +282,7 @@ class FlightStack:
         """Add a line for the log and the page."""
         self._outbox.say(text, level)
 
-    # ------------------------------------------------------------------ what others read
+    # ------------------------------------------------------------------ outputs
     @property
     def record(self) -> Record:
         """Return TICK (1,), filled by each tick."""

@@ -53,7 +53,7 @@ class Situation:
 
 
 class Supervisor:
-    """Monitors a flight; each cause reacts at most once per flight."""
+    """Monitor of a flight; each cause reacts at most once per flight."""
 
     def __init__(self, parameters: SafetyParameters) -> None:
         self._parameters = parameters

@@ -14,7 +14,7 @@ PATIENCE = 0.8
 
 
 class Attendant:
-    """Passes requests to the loop, the only one that changes the plant; thread-safe."""
+    """Queue of requests to the loop, which alone changes the plant; thread-safe."""
 
     def __init__(self) -> None:
         self._asked: deque[tuple[str, Future[None]]] = deque()

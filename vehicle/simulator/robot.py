@@ -48,8 +48,8 @@ class Pace:
 
 
 ALONE = Pace(1, 100)
-"""Pace for one vehicle, in lockstep too: woken once per sample, up to half of the ticks came a
-period late with the page open."""
+"""Pace for one vehicle, in lockstep too: when woken only once per sample, up to half of the ticks
+were a period late with the page open."""
 SOME, MANY = Pace(5, 30), Pace(9, 15)
 """Paces for several on one processor, with which commands take up to 4 or 8 ms longer to the
 motors."""

@@ -39,7 +39,7 @@ GUSTS = 8
 """First channel of the gusts."""
 BLOCK = 512
 WARM_UP_TIME = 120.0
-"""Time, in s, within which a sensor's temperature approaches its end by a factor e."""
+"""Time constant, in s, of a sensor's warm-up."""
 
 _ACCELEROMETER, _GYROSCOPE = int(Id.ACCELEROMETER_X), int(Id.GYROSCOPE_X)
 _BATTERY, _PRESSURE = int(Id.BATTERY), int(Id.PRESSURE)

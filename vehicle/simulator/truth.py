@@ -35,7 +35,7 @@ PUBLISHED = ("truth", "bench_reading")
 
 
 class Put(Protocol):
-    """Send one payload with its source time in ns."""
+    """Function that sends one payload with its source time in ns."""
 
     def __call__(self, payload: bytes, source_ns: int, topic: str = "truth", /) -> None: ...
 

@@ -97,7 +97,7 @@ class BetaflightBoard:
         self._command: BodyRates | AttitudeCommand = _IDLE
         self._sticks_due_s = self._imu_due_s = -math.inf
 
-    # ------------------------------------------------------------------ what it tells
+    # ------------------------------------------------------------------ reports
     @property
     def damaged(self) -> int:
         return self._decoder.damaged
@@ -177,7 +177,7 @@ class BetaflightBoard:
             RawSample(stamp_ns, accelerometer, gyroscope, self._voltage, PRESSURE, self._state)
         )
 
-    # ------------------------------------------------------------------ what it takes
+    # ------------------------------------------------------------------ commands
     def command(self, command: Command) -> None:
         """Send a command with the next `service`. Raises OutOfBoundsError, LinkError."""
         if isinstance(command, tuple):
@@ -194,7 +194,7 @@ class BetaflightBoard:
         """Do nothing: the time is the board's own setting, compared by `--check`."""
 
     def service(self, now_s: float) -> None:
-        """Ask for what is due, and keep the sticks alive."""
+        """Send the requests that are due, and repeat the stick commands."""
         for function in _START:
             if function not in self._told:
                 self._ask(function, now_s, SLOW_S)
@@ -216,7 +216,7 @@ class BetaflightBoard:
 
     def _send_sticks(self) -> None:
         if self._wanted is MotorState.EMERGENCY:
-            return  # by its switch, with sticks that still come, it lands tilted (4.6)
+            return  # its failsafe switch would land it tilted while sticks arrive (4.6)
         arm = self._wanted is MotorState.ON and not self.obstacle
         is_armed = self._state in (MotorState.ON, MotorState.EMERGENCY)
         command = self._command if is_armed else _IDLE  # it does not arm at any other throttle

@@ -46,10 +46,10 @@ FRAME_NS = 34 * 1_000_000_000 // (BAUD_RATE // 10)
 
 
 class MicrocontrollerClock:
-    """Turns the microcontroller's wrapped ms into ns of the vehicle's clock.
+    """Conversion of the microcontroller's wrapped ms to ns of the vehicle's clock.
 
     Args:
-        epoch_ns: stamp of the first sample, for simulated time; None takes it from the host.
+        epoch_ns: stamp of the first sample, for simulated time; None uses the host's time.
         host_ns: the host's clock; gives the epoch, and is then only monitored for changes.
         steady_ns: the host's steady clock, which distinguishes a gap from a very late sample and
         shows changes of the host's clock; not read when the epoch is given.

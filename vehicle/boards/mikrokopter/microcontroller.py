@@ -61,7 +61,7 @@ class Microcontroller:
 
     Args:
         ports: one or two; requests go to the first, references to all in turn.
-        epoch_ns: time of the first sample; None takes the host's epoch time (see
+        epoch_ns: time of the first sample; None uses the host's epoch time (see
             vehicle.boards.mikrokopter.clock).
         rate: IMU samples a second to ask for; motors do not start before it is confirmed.
         identity: what it must be before motors may start.
@@ -179,7 +179,7 @@ class Microcontroller:
     def command(self, command: Command) -> None:
         """Send motor references or an attitude, changing the flight control mode if needed.
 
-        Raises OutOfBoundsError or, when the last port is gone, LinkError.
+        Raises OutOfBoundsError or, when the last port is lost, LinkError.
         """
         if isinstance(command, tuple):
             self._command, self._mode = command, FlightControlMode.DIRECT

@@ -13,7 +13,7 @@ from vehicle_link.serial.port import Port
 
 
 class MicrocontrollerPorts:
-    """One or two ports.
+    """One or two serial ports of a microcontroller.
 
     Args:
         failures: list that receives a line about each lost port, for the caller.

@@ -63,7 +63,7 @@ def lockstep_library() -> Path:
         return made
     if shutil.which("gcc") is None:
         raise StorageError(f"there is no gcc to compile {source.name}; on Debian: apt install gcc")
-    part = made.with_suffix(f".{os.getpid()}")  # of its own: another process may compile it, too
+    part = made.with_suffix(f".{os.getpid()}")  # unique: another process may compile it too
     words = ["gcc", "-O2", "-shared", "-fPIC", "-o", str(part), str(source)]
     compiled = subprocess.run(words, capture_output=True, text=True, check=False)
     if compiled.returncode:
