@@ -135,9 +135,7 @@ def _cpu_lines() -> list[str]:
 def write(
     out: Path, asked: Sequence[str], reports: list[Report], conditions: dict[str, str], quick: bool
 ) -> None:
-    """Write `out`/performance.md, and next to it the folder performance with the JSON and the
-    plots.
-    """
+    """Write `out`/performance.md, and the folder performance with the JSON and the plots."""
     beside = out / "performance"
     beside.mkdir(parents=True, exist_ok=True)
     lines = [

@@ -79,8 +79,9 @@ class GeometricController:
 
     @property
     def disturbance(self) -> Record:
-        """Return DISTURBANCE (1,), to be written before a step, which subtracts it from force and
-        torque.
+        """Return DISTURBANCE (1,), to be written before a step.
+
+        The step subtracts it from force and torque.
         """
         found: Record = self.memory["disturbance"]
         return found

@@ -48,8 +48,9 @@ def _cross_motion(a: Motion, b: Motion) -> Motion:
 
 @compiled(inner=True)
 def axes_of_force(force_w: Vector, yaw: float) -> Axes:
-    """Return the columns of R_d (world axes) for a force (N, not zero, not parallel to y_C) and a
-    yaw.
+    """Return the columns of R_d (world axes) for a force and a yaw.
+
+    The force (N) is neither zero nor parallel to y_C.
     """
     z = _unit(force_w)
     x = _unit(cross((-math.sin(yaw), math.cos(yaw), 0.0), z))

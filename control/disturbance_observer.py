@@ -215,11 +215,11 @@ def _modelled(m: Item, state: Item, target: Four, model: Item, dt: float) -> tup
 
 @compiled(inner=True)
 def _take(m: Item, settings: Item, model: Item, dt: float, out: Item) -> None:
-    """Write the disturbance within its bounds, as far as it is faded in; a force at its bound has
-    no rate.
+    """Write the disturbance within its bounds, as far as it is faded in.
 
-    Fading in by d from a share s leaves the integral (1 - s - d) / (1 - s) of its value, as it has
-    compensated the same disturbance. Fading out returns what is no longer subtracted.
+    A force at its bound has no rate. Fading in by d from a share s leaves the integral (1 - s - d)
+    / (1 - s) of its value, as it has compensated the same disturbance. Fading out returns what is
+    no longer subtracted.
     """
     force_before, torque_before = m.force_share, m.torque_share
     # After take-off the integrals do not yet hold anything to be replaced slowly.
@@ -311,7 +311,5 @@ class DisturbanceObserver:
         dt: float,
         out: Record,
     ) -> None:
-        """Compute one tick into the DISTURBANCE `out`; see `observe_one`. All records have shape
-        (1,).
-        """
+        """Compute one tick into the DISTURBANCE `out`, see `observe_one`; records of shape (1,)."""
         observe(self.memory, state, actuators, self._settings, model, flying, carried, dt, out)

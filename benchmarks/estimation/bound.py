@@ -22,8 +22,7 @@ from benchmarks.estimation.flights import (
 )
 
 START = np.repeat([0.15, 0.75, np.radians(4.0), RATE_BIAS, FORCE_BIAS], 3)
-"""Standard deviations before the first frame: a one-frame pose, and the flights' own speed and
-biases."""
+"""Standard deviations before the first frame: a one-frame pose; the flights' speed and biases."""
 
 
 def skew(v: Array) -> Array:

@@ -202,9 +202,7 @@ def squares(truth: Flight, states: Record) -> Array:
 
 
 def run(quick: bool = False) -> Report:
-    """Run the bound and the error-state filter on 64 flights (8 when quick), others on the first 16
-    (4).
-    """
+    """Run bound and error-state filter on 64 flights (8 when quick), others on the first 16 (4)."""
     many, count = (8, 4) if quick else (64, 16)
     report = Report(
         "filters",
@@ -321,9 +319,7 @@ def _targets(
 
 
 def _spread(squares: Array, bounds: Array) -> Array:
-    """Return the standard error (3,) of the ratio of rms values, by resampling the flights
-    (bootstrap).
-    """
+    """Return the standard error (3,) of the ratio of rms values, by bootstrap over the flights."""
     random = np.random.default_rng(0)
     drawn = random.integers(0, len(squares), (500, len(squares)))
     out: Array = np.sqrt(squares[drawn].mean(axis=1) / bounds[drawn].mean(axis=1)).std(axis=0)

@@ -1,6 +1,4 @@
-"""Input of the microcontroller's firmware, recorded in flight or fuzzed, and the firmware's
-answers.
-"""
+"""Input of the microcontroller's firmware, recorded in flight or fuzzed, and its answers."""
 
 from __future__ import annotations
 

@@ -29,8 +29,7 @@ Settings = Mapping[str, ParameterValue]
 
 SEEDS = 12
 LAPS, PERIOD, RAMP = 2, 8.0, 4.0
-"""Laps, period and ramp (s): the ramps in and out are shorter than RAMP, and the rest are steady
-laps."""
+"""Laps, period and ramp (s); the ramps in and out are shorter than RAMP, the rest steady laps."""
 DRAG = 0.2
 """Linear drag, in N s/m."""
 MASS: Settings = {"simulator.payload": round(0.2 * VehicleModel().mass, 4)}
@@ -90,14 +89,11 @@ CASES: dict[str, tuple[Settings, float | None, dict[str, Settings]]] = {
         },
     ),
 }
-"""Disturbances, each with its limit (mm rms) with the observer, and further settings of the flight.
-"""
+"""Disturbances: the limit (mm rms) with the observer, and further settings of the flight."""
 
 
 def run(quick: bool = False) -> Report:
-    """Measure position errors on steady laps of the 8, each disturbance with the observer off and
-    on.
-    """
+    """Measure the position error on steady laps of the 8, with the observer off and on."""
     seeds = range(1, 3 if quick else SEEDS + 1)
     report = Report(
         "disturbances",

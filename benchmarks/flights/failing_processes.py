@@ -47,8 +47,7 @@ WITH_STATION = ("web", "station")
 UNPLUGGED = {"port 0": "first", "port 1": "second", "both ports": "both"}
 TRIES = 3
 STILL_S = 2.0
-"""Time at rest on the ground, in s, after which a flight has ended if no process reports that the
-motors are off."""
+"""Time at rest on the ground, in s, that ends a flight without a report of motors off."""
 
 
 class Processes:

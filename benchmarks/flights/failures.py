@@ -53,9 +53,7 @@ def run(quick: bool = False) -> Report:
 
 
 def fly(seeds: int, real_seeds: int, only: Sequence[str], world: str = CLEAN) -> list[Outcome]:
-    """Fly in simulated time first, in one of WORLDS; then with the real processes, one after
-    another.
-    """
+    """Fly in simulated time first, in one of WORLDS; then with the real processes in turn."""
     names = dict.fromkeys(
         failing_flights.SILENT if name in ("flight", "frozen") else name
         for name in only

@@ -1,10 +1,10 @@
-"""Fly through pushes, loads, empty batteries and silence, compared with an independent simulation
-of the same vehicle.
+"""Fly through pushes, loads, empty batteries and silence, compared with reference figures.
 
     python -m benchmarks faults
 
-Simulated time: real stack, simulated firmware and plant, full sensors, default gains. A figure
-should be within 30 % of its reference; where the implementation differs by design, the row says so.
+Simulated time: real stack, simulated firmware and plant, full sensors, default gains. The
+references are those of an independent simulation of the same vehicle; a figure should be within 30
+% of its reference. Where the implementation differs by design, the row says so.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ STEEP: dict[str, ParameterValue] = {
     "behavior.trajectory_tilt_max": 45.0,
 }
 EMPTY = 12.6
-"""Voltage, in V, of an empty battery; the landing at 13.1 V is switched off on board, the
-microcontroller's own is not."""
+"""Voltage, in V, of an empty battery; the landing at 13.1 V is off on board, the microcontroller's
+own is on."""
 GOOD_LANDING = 0.8
 """Largest touch-down speed, in m/s, of a good landing."""
 
@@ -266,9 +266,7 @@ def _silence(flight: WatchedFlight, timeout: float) -> tuple[bool, float, float]
 
 
 def in_a_copy(call: Callable[[], Any]) -> Any:
-    """Return the result of a call in a forked process, which leaves this process's flight
-    unchanged.
-    """
+    """Return the result of a call in a forked process; this process's flight is unchanged."""
     reader, writer = os.pipe()
     child = os.fork()
     if not child:

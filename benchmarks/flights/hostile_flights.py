@@ -68,13 +68,13 @@ OUTLIERS, MISSING, BEACON, LAYOUT, CLOCK, START, THROWN = FAULTS = (
     "in flight thrown off by so much",
 )
 ONLY_BEARINGS = (BEACON, LAYOUT)
-"""Faults of the beacons. THROWN is only used alone: with another one the attitude may not be
-observable."""
+"""Faults of the beacons. THROWN is used only alone: with others the attitude may be unobservable.
+"""
 SEVERAL = "several at once"
 TELLING = (
     Flag.NO_POSE | Flag.TRACKER_JUMPED | Flag.ESTIMATE_DRIFTED | Flag.BEACON_OFF | Flag.RESCUED
 )
-"""Flags that report that the estimate may be off. MEASUREMENTS_REFUSED does not: outliers are
+"""Flags that report that the estimate may be off; refused measurements do not, as outliers are
 refused."""
 HANDED = Flag.RESCUED | Flag.FELL_BACK
 IMPACT = 1.0

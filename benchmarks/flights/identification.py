@@ -1,5 +1,4 @@
-"""Measure how near calibrations come to the truth of the simulated vehicle (Sec. 5), compared with
-the limits.
+"""Measure the errors of calibrations of the simulated vehicle (Sec. 5), compared with the limits.
 
     python -m benchmarks identification
 

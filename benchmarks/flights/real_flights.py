@@ -32,8 +32,7 @@ from quadrotor.errors import QuadlabError
 BY_ENDING = {".hdf5": "blackbird", ".h5": "blackbird", ".ulg": "ulog"}
 """Mapping, by the ending, of files without their own."""
 SEEDS, SEEDS_QUICK = 8, 2
-"""Number of noise draws for data generated from the truth: one draw of bearings is 10 to 20 % off
-in 30 s."""
+"""Number of noise draws for generated data: one draw of bearings is 10 to 20 % off in 30 s."""
 POSES = ("tracker.rate=100", "tracker.position_noise=0.0015", "tracker.attitude_noise=0.3")
 SWEEPS = (
     "estimation.error_state.accelerometer_noise=0.03",
@@ -42,8 +41,7 @@ SWEEPS = (
 """The noise of a Crazyflie's IMU, of which a log has snapshots at 100 Hz."""
 BEARINGS = ("bearings.rate=30", "bearings.sigma=1.5")
 SETTLE_NS = 2_000_000_000
-"""Time, in ns, after which errors count: these logs begin in flight, but an estimator begins at
-rest."""
+"""Time, in ns, after which errors count: an estimator begins at rest, but these logs in flight."""
 LIMITS = {
     ("blackbird", "poses"): {
         "position mm": 3.0,

@@ -28,8 +28,7 @@ TUNED: Settings = {
     "estimation.error_state.accelerometer_noise": 0.022,
     "estimation.error_state.gyroscope_noise": 0.047,
 }
-"""Settings for the rough world; the noise is that of the whole vibration, not of its broadband
-share alone."""
+"""Settings for the rough world; the noise is that of the whole vibration, not only broadband."""
 CLEAN = "clean"
 WORLDS: dict[str, Settings] = {CLEAN: {}, "rough": ROUGH, "rough, tuned": TUNED}
 EIGHT: Settings = {"experiment.manoeuvre": "figure_eight"}

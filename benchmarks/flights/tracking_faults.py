@@ -89,8 +89,7 @@ FAULTS: dict[str, tuple[Fault, float, bool]] = {
     "mirrored along x, 0.1 m or more from its plane": (_mirrored, SECONDS, False),
     "bodies swapped": (_swapped, SECONDS, False),
 }
-"""Faults: function, duration (s), and whether the vehicle should fly on; otherwise it should land.
-"""
+"""Faults: function, duration (s), and whether the vehicle should fly on rather than land."""
 
 
 class _Node:

@@ -20,8 +20,7 @@ from benchmarks.impairment.wire import Conditions, Wire
 
 LARGEST = 65_536
 PRIORITY = 60
-"""SCHED_FIFO priority where allowed, above the flight processes: a late relay would be a slow link.
-"""
+"""SCHED_FIFO priority if allowed, above the flight processes: a late relay is a slow link."""
 LONGEST_WAIT = 0.5
 
 

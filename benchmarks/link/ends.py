@@ -62,8 +62,7 @@ from vehicle_link.transport.session import hub_session, vehicle_session
 QUIC_PORT, LOOPBACK_PORT, UDP_PORT = 7447, 7447, 9100
 RATE, POSE_RATE, CALL_RATE, LOOK_RATE = 100, 100, 5, 200  # Hz
 CALL_TIMEOUT, CALL_TRIES = 1.0, 5
-"""Timeout (s) and number of tries of a call, as when a parameter is set: repeated under the same
-id."""
+"""Timeout (s) and tries of a call, as when a parameter is set: repeated under the same id."""
 LOG = VehicleFile("a_log.mcap", 1 << 31, identity=1, start_ns=1, end_ns=2, closed=True)
 COMMAND, PART = SERVICES["arm"], SERVICES["onboard_part"]
 STATES = (LinkState.GOOD, LinkState.DEGRADED, LinkState.LOST)

@@ -44,8 +44,7 @@ LINKS = {
     "20 % lost, in 80 ms bursts": Conditions(loss=0.2, burst=0.08),
 }
 BUSY = 2.0
-"""Delay, in ms, of plain UDP on a clean link beyond which the machine was busy rather than the
-link."""
+"""Delay, in ms, of plain UDP on a clean link from which the machine was busy, not the link."""
 PROMPT = 1.0
 """Delay, in ms, of plain UDP when the machine is not busy."""
 

@@ -83,8 +83,7 @@ def ages(rows: Rows) -> npt.NDArray[np.float64]:
 
 
 def beside(rows: Rows, udp: Rows, most: float) -> Rows:
-    """Return the received packets that were sent between two packets of plain UDP which took at
-    most `most` ms each.
+    """Return the received packets sent between two packets of plain UDP of at most `most` ms each.
 
     Both machines were running then, however long `rows` themselves took.
     """

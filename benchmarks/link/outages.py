@@ -54,8 +54,10 @@ def outages(quick: bool = False) -> Report:
 
 
 def _break(ends: Running, length: float, more: float) -> Outage:
-    """Break the link and return the outage; `more` shifts it, so that heartbeats do not always stop
-    at the same moment.
+    """Break the link and return the outage.
+
+    Args:
+        more: s, an extra pause, so that heartbeats do not always stop at the same moment.
     """
     begin = time.monotonic_ns()
     ends.link.interrupt(length)
@@ -101,9 +103,7 @@ def _report(found: Found, broken: list[Outage], growth: tuple[float, float]) -> 
 
 
 def first_fresh(found: Found, outage: Outage) -> float:
-    """Return the ms from the end of the outage to telemetry that was to be shown; inf when none
-    arrived.
-    """
+    """Return the ms from the outage's end to telemetry that was to be shown; inf without any."""
     rows = found.telemetry
     came = rows[(rows[:, 2] >= outage.end) & (rows[:, 3] == 1), 2]
     return _since(came, outage.end)

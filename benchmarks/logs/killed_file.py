@@ -27,9 +27,7 @@ _FIELDS = struct.Struct("<qq")
 
 
 class Board:
-    """A board with the number of messages so far; written by one process, read by another when that
-    one is dead.
-    """
+    """A message count that one process writes, and another reads when that one is dead."""
 
     def __init__(self, path: Path) -> None:
         if not path.exists():
@@ -73,9 +71,7 @@ def look(log: Path, board: Board, mend: Callable[[], object]) -> Kill:
 
 
 def problems_of(log: Path, count: int) -> list[str]:
-    """Return the problems of a repaired file in which we read `count` messages; none when it is
-    sound.
-    """
+    """Return the problems of a repaired file of which we read `count` messages; none if sound."""
     problems = []
     if RECOVERED_METADATA not in read_metadata(log):
         problems.append("it is not marked as mended")

@@ -255,9 +255,7 @@ class _Writer:
 
 
 def _whole(messages: Any) -> Any:
-    """Return whole records as bytes: numpy copies only the fields of a record, not the bytes
-    between them.
-    """
+    """Return whole records as bytes: numpy would not copy the bytes between fields."""
     return messages.view(f"V{messages.dtype.itemsize}")
 
 

@@ -101,9 +101,7 @@ def run(quick: bool = False) -> Report:
 def _in_turns(
     methods: dict[str, Method], rounds: int
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, float | None]]:
-    """Return steps per second of wall and of processor time (rounds,), and the last error, by
-    method.
-    """
+    """Return steps per second of wall and processor time (rounds,), and last error, by method."""
     for method in methods.values():
         method()  # compile, fill caches
     wall: dict[str, list[float]] = {name: [] for name in methods}

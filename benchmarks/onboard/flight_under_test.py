@@ -1,6 +1,4 @@
-"""A real flight process whose comms process is the benchmark, which commands it and reads its
-ticks.
-"""
+"""A real flight process with the benchmark as comms process, which commands it and reads ticks."""
 
 from __future__ import annotations
 

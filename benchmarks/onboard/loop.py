@@ -151,9 +151,7 @@ def _cyclictest(interval_us: int, seconds: int) -> Iterator[subprocess.Popen[str
 
 
 def histogram(said: str) -> npt.NDArray[np.int64]:
-    """Return the latencies (µs) in the output of `cyclictest --histogram`, one for each of its
-    cycles.
-    """
+    """Return the latencies (µs) in the output of `cyclictest --histogram`, one per cycle."""
     rows = re.findall(r"^(\d+)\s+(\d+)$", said, re.MULTILINE)
     latencies = [np.repeat(np.int64(us), int(count)) for us, count in rows]
     over = re.search(r"^# Histogram Overflows: 0*(\d+)$", said, re.MULTILINE)

@@ -26,8 +26,7 @@ RATES = (60, 120, 250, 500, 650, 1000)
 FLAT_FROM = 250
 SEEDS = 4
 PERIOD, RAMP = 8.0, 4.0
-"""Period and ramp, in s; the ramps in and out are shorter than RAMP, and the rest are steady laps.
-"""
+"""Period and ramp, in s; the ramps in and out are shorter than RAMP, the rest are steady laps."""
 HOVER = 10.0
 REFERENCE_MM = 3.0
 """Error, in mm rms, on the 8 with full sensors, from an independent simulation."""

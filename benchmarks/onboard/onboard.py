@@ -189,9 +189,7 @@ def _tick(report: Report, seconds: float) -> None:
 
 
 def ticks(seconds: float) -> list[tuple[int, int]]:
-    """Return the ns of each tick, by the clock and of processor time, over `seconds` of a simulated
-    8.
-    """
+    """Return the ns of each tick, wall and processor time, over `seconds` of a simulated 8."""
     from quadlab.simulated.flight import SimulatedFlight
     from quadlab.simulated.parameters import FlightParameters
     from vehicle.flight.realtime import freeze_garbage

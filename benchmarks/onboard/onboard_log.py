@@ -37,8 +37,8 @@ MESSAGES = TICK_TOPICS + len(OTHERS)  # a tick
 SHARE = 6.0
 """Limit of processor time, in % of a core."""
 RATIO = 1.25
-"""Limit of lateness with the log over that without: the difference of two equal runs on a busy
-machine."""
+"""Limit of lateness with the log over that without: two equal runs on a busy machine differ by it.
+"""
 
 
 @dataclass

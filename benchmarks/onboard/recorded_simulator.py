@@ -64,9 +64,7 @@ class RecordedFirmware(Firmware):
 
 
 class RecordedVehicle(SimulatedVehicle):
-    """Vehicle that notes when a command's references are on the motors' bus: after the period's
-    step.
-    """
+    """Vehicle that notes when a command's references reach the motors' bus: after the step."""
 
     def step_periods(self, most: int) -> None:
         super().step_periods(most)

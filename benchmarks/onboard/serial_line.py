@@ -142,8 +142,9 @@ def run(quick: bool = False) -> Report:
 def latencies(
     flight: Notes, robot: Notes, began_ns: int, ended_ns: int
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return the ms from sample to motors by the microcontroller's and by the host's clock, of
-    commands (N,).
+    """Return the ms from sample to motors of the commands (N,), by both clocks.
+
+    The first is by the microcontroller's clock, the second by the host's.
 
     Args:
         began_ns, ended_ns: of the window, by the host's clock.
@@ -171,9 +172,7 @@ def latencies(
 
 
 def _sample_ms(stamps_ns: Table, clock: Table) -> Table:
-    """Return the ms of the microcontroller's clock, as its samples carry them, but not modulo a
-    minute.
-    """
+    """Return the ms of the microcontroller's clock as in its samples, but not modulo a minute."""
     epoch_ns, elapsed_ms, last_ms = clock.tolist()
     carried_ms = last_ms - elapsed_ms + (stamps_ns - epoch_ns) // MS
     told_ms: Table = carried_ms - START_MS + _minutes(elapsed_ms, last_ms) * TIME_PERIOD_MS
@@ -181,9 +180,7 @@ def _sample_ms(stamps_ns: Table, clock: Table) -> Table:
 
 
 def _minutes(elapsed_ms: int, last_ms: int) -> int:
-    """Return how often the carried time wrapped: the flight process started within the first
-    minute.
-    """
+    """Return how often the carried time wrapped; the flight process started in the first minute."""
     began_ms = (last_ms - elapsed_ms - START_MS) % TIME_PERIOD_MS
     return (began_ms - (last_ms - elapsed_ms - START_MS)) // TIME_PERIOD_MS
 

@@ -50,8 +50,7 @@ LIMITS = {
 def started(
     port: int, link_port: int, *words: str, tree: Path = ROOT, lockstep: bool = False
 ) -> Iterator[tuple[int, list[str]]]:
-    """Yield the process of a checkout's `quadlab up` with a temporary data folder, and its lines,
-    which grow.
+    """Yield the process of a checkout's `quadlab up` with temporary data, and its growing output.
 
     It runs in real time unless `lockstep`, as simulated time would wait for what is measured.
     """

@@ -31,8 +31,8 @@ FLAGS = [
     "--disable-sync",
     "--no-first-run",
 ]
-"""Flags for Chromium. The page needs no WebGL; an emulated GPU is many times slower than the
-processor itself."""
+"""Flags for Chromium without GPU: the page needs no WebGL, and an emulated GPU is many times slower
+than the processor itself."""
 SERVER = """
 import sys
 from pathlib import Path
@@ -179,9 +179,7 @@ def memory(pid: int) -> float:
 
 
 def processor(pid: int | None) -> float:
-    """Return seconds of processor time: of a process, or (None) of all descendants of this one but
-    the web process.
-    """
+    """Return processor time, s, of a process; None: of all descendants but the web process."""
     times, parents = {}, {}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -206,9 +204,7 @@ def processor(pid: int | None) -> float:
 
 
 class _Watch:
-    """Client that polls the API continuously: its longest answer shows whether the event loop was
-    blocked.
-    """
+    """Client that polls the API: its longest answer shows whether the event loop was blocked."""
 
     def __init__(self, base: str, page: Any) -> None:
         cookies = {one["name"]: one["value"] for one in page.context.cookies()}

@@ -118,9 +118,7 @@ def view(base: str, cookie: str, name: str) -> Any:
 
 
 async def backlog(base: str, cookie: str) -> int:
-    """Return the bytes that a page receives in its first half second: viser's history for new
-    clients.
-    """
+    """Return the bytes of viser's history that a page receives in its first half second."""
     size = 0
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(0.5), view(base, cookie, "backlog") as socket:

@@ -1,5 +1,4 @@
-"""Sticks from a page in Chromium to the vehicle's side of the station: latency, and time to stop
-when the page disappears.
+"""Sticks from a page in Chromium to the vehicle: latency, and time to stop when the page closes.
 
 Real processes: station, web, Chromium. A listener in this process receives what the vehicle would
 receive. The page's clock is compared with ours through the browser's debugging pipe, best of 200.
@@ -169,8 +168,9 @@ def _latency(report: Report, page: Any, listener: Listener, seconds: float) -> N
 
 
 def _hold(page: Any, listener: Listener, script: str) -> float:
-    """Return the ms from the event to the order to stop; repeat when a busy machine dropped the
-    sticks before.
+    """Return the ms from the event to the order to stop.
+
+    It repeats when a busy machine dropped the sticks before.
     """
     while True:
         page.evaluate("window.plugged = true; window.isHidden = false;")

@@ -1,5 +1,5 @@
-"""Measure the cost of `quadlab up`: processor time, threads and memory of all its processes, and
-its start.
+"""Measure the cost of `quadlab up`: its start, and processor time, threads and memory of all
+processes.
 
     python -m benchmarks up_cost [--against TREE]
 

@@ -48,9 +48,7 @@ class Crazyflow:
             raise ImportError(error[-1] if error else "its process ended")
 
     def fly(self, steps: int) -> tuple[int, float]:
-        """Step all worlds by `steps` of 1 ms; return the total number of steps, and seconds of
-        processor time.
-        """
+        """Step all worlds by `steps` of 1 ms; return all steps and seconds of processor time."""
         assert self._process.stdin is not None
         self._process.stdin.write(f"{steps}\n")
         self._process.stdin.flush()

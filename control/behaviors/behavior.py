@@ -91,8 +91,9 @@ class Behavior(Protocol):
         thrust: float,
         reference: Record,
     ) -> bool:
-        """Advance `reference`, which holds the last one, by dt (s); return whether the behavior has
-        ended.
+        """Advance `reference`, which holds the last one, by dt (s).
+
+        Returns whether the behavior has ended.
         """
         ...
 

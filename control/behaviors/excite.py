@@ -47,8 +47,7 @@ class ExciteArguments(Parameters):
 
 
 class Excite(TrajectoryBehavior):
-    """Behavior that steps the reference; brakes where the vehicle is when it leaves the path too
-    far.
+    """Behavior that steps the reference; it brakes when the vehicle leaves the path too far.
 
     Attributes:
         aborted: why it ended early; empty otherwise.

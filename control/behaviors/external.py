@@ -95,8 +95,10 @@ class External(WithoutArguments):
         return ""
 
     def _breach(self, wanted: Record, present: Record) -> str:
-        """Return what is wrong with a reference, "" for nothing; both are REFERENCE (1,) of one
-        instant.
+        """Return what is wrong with a reference, "" for nothing.
+
+        Args:
+            wanted, present: REFERENCE (1,) of one instant.
         """
         step = np.linalg.norm(wanted["position_w"][0] - present["position_w"][0])
         # Written so that a NaN is a breach.

@@ -122,8 +122,7 @@ Landing again with another speed, and braking or hovering twice, are allowed, be
 command must not fail."""
 
 NEEDS_LIFT = frozenset({_HOVER, _BRAKE})
-"""Behaviors refused before lift-off and after touch-down, as they would hold the reference on the
-ground."""
+"""Behaviors refused before lift-off and after touch-down: they would hold the reference there."""
 
 
 def behavior_of(name: str) -> BehaviorName:

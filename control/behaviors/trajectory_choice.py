@@ -31,8 +31,7 @@ from quadrotor.parameters import ParameterValue
 from quadrotor.rotations import wrap_angle
 
 NEAR = 2e-3
-"""Largest distance, in m and rad, of a file's start from the present point; the path is shifted by
-it."""
+"""Largest distance, in m and rad, of a file's start from here; the path is shifted by it."""
 
 Changes = dict[str, float]
 

@@ -12,8 +12,9 @@ from quadrotor.records import Record
 
 
 class Velocity(WithoutArguments):
-    """Behavior flown by sticks; released, stale or missing ones stop the vehicle, and the flight
-    volume's walls slow it down.
+    """Behavior flown by sticks.
+
+    Released, stale or missing sticks stop the vehicle, and the flight volume's walls slow it down.
     """
 
     name: ClassVar[BehaviorName] = BehaviorName.VELOCITY

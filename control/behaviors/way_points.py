@@ -23,10 +23,9 @@ EXAMPLE = "give 'x y z yaw; x y z; ...' in m and rad"
 
 
 def read_waypoints(text: str, start: tuple[float, float, float, float]) -> npt.NDArray[np.float64]:
-    """Return (N + 1, 4): the start (m, rad) and the points of 'x y z yaw; x y z; ...', yaw
-    unwrapped.
+    """Return (N + 1, 4): the start (m, rad) and the points of 'x y z yaw; x y z; ...'.
 
-    Raises WrongTypeError or OutOfBoundsError that names the point.
+    Yaw is unwrapped. Raises WrongTypeError or OutOfBoundsError that names the point.
     """
     parts = [part for part in text.split(";") if part.strip()]
     if not 1 <= len(parts) <= COUNT_MAX:

@@ -1,5 +1,4 @@
-"""The feasibility of a trajectory for the vehicle: its largest demands, and when they exceed a
-limit.
+"""The feasibility of a trajectory: its largest demands, and when they exceed a limit.
 
 Every stretch of the trajectory is sampled, the inverse dynamics (`flatness`) are computed for each
 sample, and the neighbourhood of each extreme and of each first breach is sampled again, finer. A
@@ -65,9 +64,7 @@ class Feasibility:
 
     @property
     def breach(self) -> Extreme | None:
-        """Return the first breach in the order of QUANTITIES, in which causes precede their
-        effects.
-        """
+        """Return the first breach in the order of QUANTITIES: causes precede their effects."""
         return next((e for e in self.extremes if e.first is not None), None)
 
     def of(self, name: str) -> Extreme:
@@ -183,9 +180,7 @@ class _Look:
         return references, times
 
     def breach(self, q: int, low: float, high: float) -> float:
-        """Return the time in low..high from which quantity q exceeds its limit, as it does at
-        `high`.
-        """
+        """Return the time in low..high from which quantity q exceeds its limit, as at `high`."""
         while high - low > TIME_RESOLUTION:
             step = self.between(low, high)
             k = int(self.first[q])
@@ -241,8 +236,9 @@ def fits(trajectory: Trajectory, model: Record, limits: Limits) -> bool:
 def check(
     trajectory: Trajectory, model: Record, limits: Limits, *, what: str, advice: str = ""
 ) -> Feasibility:
-    """Return the report of `examine`. Raises RefusedError for a breach, with numbers, time and
-    advice.
+    """Return the report of `examine`.
+
+    Raises RefusedError for a breach, with numbers, time and advice.
     """
     report = examine(trajectory, model, limits)
     if report.breach is not None:

@@ -126,8 +126,9 @@ class FigureEight:
         duration: float = 8.0,
         **shape: float,
     ) -> FigureEight:
-        """Return a figure 8 from rest to rest in one lap of `duration` s, with a ramp to and from
-        the middle.
+        """Return a figure 8 from rest to rest in one lap of `duration` s.
+
+        It is a ramp up to the middle and a ramp down from it.
 
         Args:
             shape: width, height, z_amplitude and yaw_amplitude, as for the class.

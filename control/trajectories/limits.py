@@ -90,8 +90,6 @@ class Limits:
 
 
 def with_margin(thrust_min: float, thrust_max: float, margin: float) -> tuple[float, float]:
-    """Return the motors' range (N) less `margin` (share of the range) at both ends, for the
-    feedback.
-    """
+    """Return the motors' range (N) less `margin`, a share of it, at both ends, for the feedback."""
     reserve = margin * (thrust_max - thrust_min)
     return thrust_min + reserve, thrust_max - reserve

@@ -82,10 +82,9 @@ class Multistep:
         return (low[0], low[1], low[2]), (high[0], high[1], high[2])
 
     def sample(self, t: float, reference: Record) -> None:
-        """Fill `reference` (shape (1,)) for t (s); an edge takes effect at the first t not before
-        it.
+        """Fill `reference` (shape (1,)) for t (s).
 
-        Times must not decrease.
+        An edge takes effect at the first t not before it. Times must not decrease.
         """
         edges = self.edges
         while self._index + 1 < len(edges) and t >= edges[self._index + 1][0]:

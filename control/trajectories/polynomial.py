@@ -78,9 +78,7 @@ def sample_polynomial(
 
 
 def hermite(start: Array, end: Array, duration: float) -> Array:
-    """Return coefficients (4, 10) that match `start` and `end`, each (4, 5): value to 4th
-    derivative.
-    """
+    """Return coefficients (4, 10) from `start` and `end`, each (4, 5): value to 4th derivative."""
     scale = duration ** np.arange(5.0)
     low = start * scale / np.array([1.0, 1.0, 2.0, 6.0, 24.0])
     high = np.linalg.solve(_HIGH, (end * scale).T - _LOW @ low.T).T
@@ -88,8 +86,7 @@ def hermite(start: Array, end: Array, duration: float) -> Array:
 
 
 def ends_to_coefficients() -> Array:
-    """Return the matrix (10, 10) from the values to 4th derivatives at both ends to the
-    coefficients.
+    """Return the matrix (10, 10) from value to 4th derivative at both ends to coefficients.
 
     The piece has unit time.
     """

@@ -22,8 +22,7 @@ STOP_MIN = 0.6
 
 
 def stop(start: Record, duration: float) -> tuple[Polynomial, tuple[float, float, float, float]]:
-    """Return a polynomial from the motion of the reference `start` to rest in `duration` s, and its
-    end.
+    """Return a polynomial from the motion of `start` to rest in `duration` s, and its end.
 
     The end (x, y, z, yaw) is the one that needs no ninth power: each axis' last coefficient is
     affine in it.

@@ -100,9 +100,7 @@ def _check_finite(name: str, times: Array, samples: Record, field: str) -> None:
 
 
 def _check_derivative(name: str, times: Array, samples: Record, low: str, high: str) -> None:
-    """Check by Simpson's rule, over each piece of the table, that `high` is the derivative of
-    `low`.
-    """
+    """Check that `high` is the derivative of `low`, by Simpson's rule over each piece."""
     value = samples[low].reshape(len(times), -1)
     rate = samples[high].reshape(len(times), -1)
     span = float(times[2])

@@ -100,9 +100,7 @@ def around(times: Sequence[float], duration: float) -> tuple[Stretch, ...]:
 
 
 def sample_many(trajectory: Trajectory, times: Array) -> Record:
-    """Return references at `times` (s), shape (len(times),), for checks and plots, not for the
-    tick.
-    """
+    """Return references at `times` (s), shape (len(times),), for checks and plots only."""
     out = np.zeros(len(times), REFERENCE)
     for k, t in enumerate(times):
         trajectory.sample(float(t), out[k : k + 1])

@@ -42,9 +42,7 @@ VELOCITY_FILTER = np.dtype(
 
 
 def new_velocity_filter(reference: Record, acceleration: float, yaw_acceleration: float) -> Record:
-    """Return a filter at rest relative to reference[0], commanded to stop, without walls; shape
-    (1,).
-    """
+    """Return a filter (1,) at rest relative to reference[0], commanded to stop, without walls."""
     out = np.zeros(1, VELOCITY_FILTER)
     # The filter's state if it had produced this acceleration: snap starts near zero.
     out["slewed"][0, :3] = (

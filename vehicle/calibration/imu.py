@@ -60,9 +60,7 @@ def _accelerometer_bias(axis: str) -> float:
 
 
 class ImuCalibration(Parameters):
-    """The calibration that turns the microcontroller's counts into specific force and angular
-    velocity.
-    """
+    """Calibration from the microcontroller's counts to specific force and angular velocity."""
 
     accelerometer_scale: float = parameter(
         0.0039, unit="g", ge=0.0001, le=0.1, flight_step=0.0001, step=1e-05
@@ -136,9 +134,7 @@ def _apply(
 
 
 def calibrate(raw: RawSample, calibration: Record, sample: Record | None = None) -> Record:
-    """Return the IMU_SAMPLE (1,) of a raw sample by a CALIBRATION record; written to `sample` if
-    given.
-    """
+    """Return the IMU_SAMPLE (1,) of a raw sample, in `sample` if given, by a CALIBRATION record."""
     if sample is None:
         sample = np.zeros(1, IMU_SAMPLE)
     _apply(raw.stamp_ns, raw.accelerometer, raw.gyroscope, calibration, sample)

@@ -210,9 +210,7 @@ def _clock(duration: float, rate: float) -> tuple[int, int]:
 
 
 def prepare(scenarios: Sequence[Scenario]) -> tuple[Record, Record]:
-    """Return CASE and PLANT records, shape (N,), each vehicle at its start with rotors at hover
-    speed.
-    """
+    """Return CASE and PLANT records (N,), each vehicle at its start with rotors at hover speed."""
     size = len(scenarios)
     cases, plants = np.zeros(size, CASE), np.zeros(size, PLANT)
     cases["random"] = seeded([one.seed for one in scenarios])

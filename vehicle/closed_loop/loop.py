@@ -84,9 +84,7 @@ def copy_state(x: Any, state: Item) -> None:
 
 @compiled(inner=True)
 def _begin(c: Item, p: Item, v: Item) -> None:
-    """Use the gyroscope's mean at rest as its bias (Sec. 5.1), and start the filter at the true
-    pose.
-    """
+    """Set the gyroscope's bias to its mean at rest (Sec. 5.1); start the filter at the truth."""
     bias, rate, n = c.gyroscope_bias_b, v.imu.angular_velocity_b, c.calibration_samples
     for _ in range(n):
         read_imu(p, c.sensors, v.estimator.gyroscope_bias_b, c.random, c.drawn, v.imu)

@@ -27,9 +27,7 @@ _R17, _R23, _R41, _R45, _R19 = (np.uint64(n) for n in (17, 23, 41, 45, 19))
 
 
 def _ziggurat() -> tuple[Array, Array]:
-    """Return right edges (257,) of the layers, bottom first, and the ratios of each edge to the one
-    below.
-    """
+    """Return right edges (257,) of the layers, bottom first, and each edge over the one below."""
     density = math.exp(-0.5 * TAIL * TAIL)
     area = TAIL * density + math.sqrt(0.5 * math.pi) * math.erfc(TAIL / math.sqrt(2.0))
     edges = np.zeros(LAYERS + 1)
@@ -44,9 +42,7 @@ EDGES, INNER = _ziggurat()
 
 
 def seeded(seeds: list[int]) -> Words:
-    """Return generators, shape (len(seeds), 4), from whole numbers: the next four words of
-    splitmix64.
-    """
+    """Return generators (len(seeds), 4) from whole numbers: the next four words of splitmix64."""
     out = np.empty((len(seeds), 4), np.uint64)
     for k, seed in enumerate(seeds):
         for i in range(4):

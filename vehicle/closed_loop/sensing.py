@@ -66,11 +66,11 @@ def new_tracker(parameters: TrackerParameters) -> Record:
 
 @compiled(inner=True)
 def read_imu(p: Item, s: Item, bias_b: Any, random: Any, drawn: Any, imu: Item) -> None:
-    """Write the IMU_SAMPLE of a PLANT record by SENSORS s, less the known gyroscope bias (3,),
-    rad/s.
+    """Write the IMU_SAMPLE of a PLANT record by SENSORS s, less the known gyroscope bias.
 
-    `drawn` (6,) is a buffer for the random numbers, which are drawn in a loop to compile their code
-    only once.
+    Args:
+        bias_b: (3,) rad/s.
+        drawn: (6,), buffer for the random numbers, drawn in a loop to compile their code only once.
     """
     normals(random, drawn)
     for i in range(3):

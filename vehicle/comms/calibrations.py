@@ -92,9 +92,7 @@ class Calibrations:
             threading.Thread(target=self._keep_at_start, args=(found,), name=KEEPER).start()
 
     def in_force_json(self) -> bytes:
-        """Return the calibrations in use as JSON for the onboard log: by name, as in the station's
-        runs.
-        """
+        """Return the calibrations in use as JSON for the onboard log, by name as in the runs."""
         in_force = {record.name: record.model_dump(mode="json") for record in self._in_force()}
         return json.dumps({"in_force": in_force, "problem": ""}, indent=1).encode()
 

@@ -38,9 +38,7 @@ Say = Callable[[int, str], None]
 
 
 class SaidSometimes:
-    """Rate limiter of warnings: one line in five seconds per subject; the next one counts the
-    others.
-    """
+    """Rate limiter of warnings: one per five seconds and subject, with a count of the others."""
 
     def __init__(self, say: Say, clock: VehicleClock) -> None:
         self._say = say

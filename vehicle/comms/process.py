@@ -55,8 +55,7 @@ STATION_LOST_S = 1.0
 FETCH_PERIOD_NS = 1_000_000_000
 CLOSE_PATIENCE_S = 0.5
 TICKS_KEPT = TICK_SLOTS // 2
-"""Largest number of ticks kept until they are in the file: room for the flight process has
-priority."""
+"""Largest number of ticks kept until they are in the file: flight needs the room first."""
 
 
 class Comms:

@@ -59,8 +59,7 @@ class Clock(Protocol):
 
 
 class Publisher:
-    """Publisher of all topics, owned by the comms thread, as are `event`, `parameter_change` and
-    `bearing_pose`.
+    """Publisher of all topics, for the comms thread alone.
 
     Args:
         radio: None in simulated time, where nothing listens: only the log is written.
@@ -119,9 +118,7 @@ class Publisher:
 
     @property
     def next_packet_s(self) -> float:
-        """Return the time, in s, from the last read until the ticks of the next telemetry packet
-        exist.
-        """
+        """Return the s from the last read until the next telemetry packet's ticks exist."""
         return (self._packet_size - self._pending_count) / self._tick_rate
 
     @property

@@ -24,8 +24,7 @@ from vehicle_link.transport.idempotent import Idempotent, prepare
 from vehicle_link.transport.node import Node
 
 CALIBRATIONS = 3
-"""Number of calibration requests answered at once: the history must not wait for a gyroscope
-calibration."""
+"""Calibration requests answered at once: the history must not wait for a running calibration."""
 
 
 def serve(

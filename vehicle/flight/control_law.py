@@ -143,9 +143,7 @@ class Steering:
         self.controller = self.external or self._base
 
     def follow_battery(self, voltage: float, dt: float) -> bool:
-        """Process one reading (V), `dt` (s) after the last; return whether the model was made
-        again.
-        """
+        """Process one reading (V), `dt` (s) after the last; return whether the model changed."""
         if self._parameters.battery_exponent == 0.0 or not voltage > 0.0:
             return False
         if self._voltage is None:

@@ -117,8 +117,7 @@ class Later:
 
     @property
     def arrived(self) -> bool:
-        """Return whether the background compilation has ended and `load` was not called
-        since."""
+        """Return whether the background compilation has ended and was not loaded yet."""
         return self._process is not None and self._process.look()
 
     def load(self) -> list[str]:

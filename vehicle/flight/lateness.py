@@ -63,10 +63,12 @@ class Lateness:
         self._last_minimum = np.iinfo(np.int64).max
 
     def add(self, now_ns: int, stamp_ns: int) -> LoopStatistics | None:
-        """Count one tick that began at `now_ns` (monotonic) for the sample of `stamp_ns` (vehicle's
-        clock).
+        """Count one tick that began at `now_ns` (monotonic).
 
         Returns the statistics of the second that ended with the previous sample, else None.
+
+        Args:
+            stamp_ns: of its sample, by the vehicle's clock.
         """
         finished = None
         if self._count and (now_ns - self._start_ns >= SECOND_NS or self._count == CAPACITY):

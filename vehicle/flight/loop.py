@@ -58,8 +58,7 @@ class Stack(Protocol):
 
 
 class FlightLoop:
-    """Loop that runs one tick per sample: read the inbox, tick, send the references, write the
-    rings.
+    """Loop with one tick per sample: read the inbox, tick, send references, write the rings.
 
     Args:
         pacer: waits for the next sample.

@@ -62,8 +62,7 @@ class ModelInUse:
         return self._modes.control_mode is ControlMode.DIRECT
 
     def _weighs(self, airborne: bool) -> bool:
-        """Return whether the commanded thrust alone carries the vehicle, as the mass estimate
-        requires.
+        """Return whether only the commanded thrust carries the vehicle, as the estimate requires.
 
         An estimate that is only displayed depends on ground contact alone.
         """

@@ -18,8 +18,7 @@ from vehicle.safety.parameters import SafetyParameters
 from vehicle_link.serial.ids import MotorState
 
 REFERENCE_MAX = 200
-"""Largest reference, in counts; the last step of the bench test is 190, and the wire would allow
-255."""
+"""Largest reference, in counts; the bench test's last step is 190, the wire allows 255."""
 TURN_TIME = 1.0
 """s, time constant of the measured turn: drift and vibration decay, a tumble remains."""
 

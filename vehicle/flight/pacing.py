@@ -18,8 +18,7 @@ POLL_MS = 50
 DRIFT = 10_000
 """Relative difference between the microcontroller's and the host's clock: 100 ppm."""
 GIVE_UP_NS = 1_000_000_000
-"""Delay, in ns, beyond which samples are skipped rather than caught up: the machine was suspended.
-"""
+"""Delay, in ns, from which samples are skipped, not caught up: the machine was suspended."""
 
 
 class Deadlines:

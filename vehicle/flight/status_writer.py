@@ -26,9 +26,7 @@ _NOT_REAL_TIME = int(Flag.NOT_REAL_TIME)
 
 
 class StatusWriter:
-    """Writer of the status: changed fields, and those that change in each tick through stored
-    views.
-    """
+    """Writer of the status: changed fields, and by stored views those that always change."""
 
     def __init__(
         self,

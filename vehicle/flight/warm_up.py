@@ -69,9 +69,7 @@ class _Hop:
 
 
 def warm_up() -> list[str]:
-    """Fly the hop; return what was refused in it, as what follows a refusal would compile in
-    flight.
-    """
+    """Fly the hop; return what was refused, as what follows a refusal would compile in flight."""
     hop = _Hop()
     stack = hop.stack
     refused = [] if hop.until(lambda: stack.mode is Mode.READY) else ["not ready"]

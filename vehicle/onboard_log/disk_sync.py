@@ -1,5 +1,4 @@
-"""A thread that flushes a log to the disk once a second, so that a power cut loses no more than
-that.
+"""A thread that flushes a log to the disk once a second, to limit the loss by a power cut.
 
 It has its own file descriptor, so that a slow disk does not block the writers.
 """

@@ -19,9 +19,7 @@ def identity_of(file: int) -> int:
 
 
 def _birth(file: int) -> tuple[int, int]:
-    """Return the s and ns of creation since the epoch; zeros if the system or the disk reports
-    none.
-    """
+    """Return the s and ns of creation since the epoch; zeros if system or disk report none."""
     buffer = ctypes.create_string_buffer(256)
     try:
         failed = _statx(file, b"", _EMPTY_PATH, _BIRTH, buffer)

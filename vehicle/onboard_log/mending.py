@@ -19,11 +19,10 @@ from vehicle.processes.mailbox import INFO, WARN
 from vehicle_link.jobs import IDLE, Job
 
 FIRST_S = 60.0
-"""Delay, in s, from the first tick on the ground: the parent first repairs what it finds at the
-start."""
+"""Delay, in s, from the first tick on the ground: the parent repairs the logs of the start first.
+"""
 PERIOD_S = 10.0
-"""Time, in s, between two checks of the disk's room, and after the first try; it doubles with each
-further try."""
+"""Time, in s, between two checks of the disk's room, and after the first try; then it doubles."""
 TRIES = 8
 """Largest number of tries for one list of torn files; the last comes 20 min after the first."""
 PATIENCE_S = 1.0
@@ -78,9 +77,7 @@ class Mending:
         self._due_s, self._tries, self.how = self._clock(), 0, SOON
 
     def look(self, on_ground: bool) -> list[Path]:
-        """Start, stop or check the repair without waiting; return the files just repaired or
-        removed.
-        """
+        """Start, stop or check the repair without waiting; return the files repaired or removed."""
         if self._process is not None:
             return self._look_at(self._process, on_ground)
         if not on_ground:

@@ -28,8 +28,8 @@ BUFFER_BYTES = 32_000_000
 AFTER_DISARMING_NS = 500_000_000
 CHECK_NS = 1_000_000_000
 PERIOD_S = 0.035
-"""Time, in s, between two writes of 0.7 ms each: the span of other topics than ticks that is lost
-when the process is killed."""
+"""Time, in s, between two writes of 0.7 ms each; a killed process loses as much of other topics
+than ticks."""
 FILES_KEPT = 4  # whose places are stored
 
 Say = Callable[[int, str], None]
@@ -224,8 +224,9 @@ class OnboardLog:
         self._say(INFO, f"onboard log {self._file.path.name} started")
 
     def _free_name(self, stem: str) -> str:
-        """Return an unused name: a comms process killed at arming leaves a file that begins with
-        the same tick.
+        """Return an unused name.
+
+        A comms process killed at arming leaves a file that begins with the same tick.
         """
         names = itertools.chain([stem], (f"{stem}_{number}" for number in itertools.count(2)))
         return next(name for name in names if not (self.folder / f"{name}.mcap").exists())

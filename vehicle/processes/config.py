@@ -1,6 +1,4 @@
-"""The configuration that the vehicle's parent process passes to its two children, and the rings
-that it creates for them.
-"""
+"""The configuration that the vehicle's parent process passes to its children, and their rings."""
 
 from __future__ import annotations
 

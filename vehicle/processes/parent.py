@@ -200,8 +200,7 @@ def run_vehicle(
 def _with_calibrations(
     data: Path, settings: dict[str, ParameterValue]
 ) -> tuple[dict[str, ParameterValue], list[int], list[tuple[int, str]]]:
-    """Return the effect of stored calibrations: (initial values, stamps of rejected records,
-    events).
+    """Return (values to start with, stamps of rejected records, events) of stored calibrations.
 
     Problems are also printed here, as no station may be connected to read them.
     """

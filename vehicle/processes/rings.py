@@ -71,9 +71,7 @@ class _Ring:
         return self._words[HEAD]
 
     def __len__(self) -> int:
-        """Return the number of waiting messages; exact for the two ends, a snapshot for other
-        threads.
-        """
+        """Return the number of waiting messages; exact for the two ends, else a snapshot."""
         return self._words[HEAD] - self._words[TAIL]
 
 
@@ -183,9 +181,7 @@ class RecordRing(_Ring):
         return records
 
     def read_before(self) -> Record:
-        """Return records that were read but not freed, shape (N,), for a consumer that was
-        restarted.
-        """
+        """Return records read but not freed, shape (N,), for a consumer that was restarted."""
         return self._copy(self._words[TAIL], max(self._words[READ], self._words[TAIL]))
 
     def free(self, count: int) -> None:

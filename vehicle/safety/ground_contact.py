@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 TAKEN_OFF = 0.03
-"""Height, in m above the place of arming, that counts as take-off; larger than the noise of a pose.
-"""
+"""Height, in m above the place of arming, that is a take-off; larger than a pose's noise."""
 LEARN = 3.0
 """Time constant, in s, of the average lift per newton, which begins with a plain mean."""
 LEAST = 1.0

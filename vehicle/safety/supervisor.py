@@ -17,9 +17,7 @@ _DEGREE = 3.141592653589793 / 180.0
 
 
 class Reaction(IntEnum):
-    """The reactions in order of severity; a more severe one replaces a milder one, never the
-    reverse.
-    """
+    """The reactions in order of severity; only a more severe one replaces another."""
 
     NONE = 0
     BRAKE = 1  # stop and hover

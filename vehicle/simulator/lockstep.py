@@ -37,11 +37,9 @@ from vehicle_link.serial.frames import FrameDecoder
 PATIENCE_NS = 5_000_000_000
 """Longer than a busy machine delays a running part."""
 LOOK_S, LOOK_SELDOM_S = 0.0002, 0.002
-"""Time, in s, between two checks for late parts, at first and later, as checking also takes time.
-"""
+"""Time, in s, between two checks for late parts, at first and later, as checks take time too."""
 MADE_UP_NS = 20_000_000
-"""Delay, in ns, up to which simulated time catches up, which no part notices; a longer one is lost.
-"""
+"""Delay, in ns, up to which time catches up, which no part notices; a longer one is lost."""
 SERVED_BEHIND_NS = 2_000_000
 """Allowed age, in ns, of the bytes that flight has handled, for a polled board."""
 TRUTH_BEHIND_NS, STATION_BEHIND_NS, VEHICLE_BEHIND_NS = 15_000_000, 30_000_000, 150_000_000
@@ -138,8 +136,7 @@ class Awaited:
 
 
 class LockstepPace:
-    """Pace of one simulation: decides when it may step, by the page of the clock that this process
-    follows (`clock.follow`).
+    """Pace of one simulation by the page of the clock that this process follows (`clock.follow`).
 
     Args:
         vehicles: by name, as in the page.

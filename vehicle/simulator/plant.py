@@ -254,10 +254,12 @@ def _stand(p: Item, motion: Motion) -> tuple[Vector, Vector]:
 
 @compiled(inner=True)
 def _touch(p: Item, motion: Motion, axes: Axes, arm_b: Vector, height: float) -> Vector:
-    """Return the force of the ground (N, world axes) on a foot at arm_b (m), `height` (m) above the
-    origin.
+    """Return the force of the ground (N, world axes) on one foot, which moves with v + R (omega x
+    arm).
 
-    The foot moves with v + R (omega x arm).
+    Args:
+        arm_b: place of the foot in the body, m.
+        height: of the foot above the body's origin, m.
     """
     position_w, velocity_w, _, omega_b = motion
     depth = p.rest_depth - (position_w[2] + height)

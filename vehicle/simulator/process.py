@@ -35,18 +35,15 @@ if TYPE_CHECKING:
     from vehicle.simulator.tracking_systems.served import ServedSystems
 
 PRIORITY = 40
-"""SCHED_FIFO priority, below the flight process: late samples would look like a late flight loop.
-"""
+"""SCHED_FIFO, below the flight process: late samples would look like a late flight loop."""
 TOGETHER_NS = 200_000
 """Time, in ns, within which due steps of several vehicles are made together."""
 ROW, APART = 4, 1.0
 """Number of vehicles in a row on the floor, and their distance in m."""
 MIN_PAUSE_S = 0.0004
-"""Least pause, in s, between two steps when behind, in which the flight stack can answer each
-sample."""
+"""Least pause, in s, between two steps when behind, for the flight stack to answer each sample."""
 GIVE_UP_NS = 1_000_000_000
-"""Delay, in ns, beyond which samples are skipped rather than caught up: the machine was suspended.
-"""
+"""Delay, in ns, from which samples are skipped, not caught up: the machine was suspended."""
 
 
 def run(

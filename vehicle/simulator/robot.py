@@ -51,8 +51,7 @@ ALONE = Pace(1, 100)
 """Pace for one vehicle, in lockstep too: when woken only once per sample, up to half of the ticks
 were a period late with the page open."""
 SOME, MANY = Pace(5, 30), Pace(9, 15)
-"""Paces for several on one processor, with which commands take up to 4 or 8 ms longer to the
-motors."""
+"""Paces for several on one processor: commands take up to 4 or 8 ms longer to the motors."""
 FEW = 3
 """Largest number of vehicles that step at the pace `SOME`."""
 

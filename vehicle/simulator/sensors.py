@@ -31,8 +31,8 @@ GYROSCOPE_SCALE = math.radians(0.586)
 """Scale, in rad/s per count."""
 ZERO, FULL_SCALE = 512, 1023
 PRESSURE_LAPSE = 11.6
-"""Decrease of pressure with height, in Pa/m, in the lowest few hundred metres of the standard
-atmosphere."""
+"""Pressure lost per height, in Pa/m, in the lowest few hundred metres of the standard atmosphere.
+"""
 CHANNELS = 11
 """Number of random numbers per sample: accelerometer 3, gyroscope 3, pressure, battery; gusts 3."""
 GUSTS = 8

@@ -148,10 +148,9 @@ class SimulatedVehicle:
         self._advance(self._periods - (self._count - 1) % self._periods if self._count else 1)
 
     def step_periods(self, most: int) -> None:
-        """Step as `step` does, by at most `most` periods of the microcontroller, including the
-        first.
+        """Step as `step` does, by at most `most` periods of the microcontroller.
 
-        The step ends with the next sample at the latest.
+        The first period counts, and the step ends with the next sample at the latest.
         """
         self._obey()
         self._advance(self._at_once(most))
@@ -274,9 +273,7 @@ class SimulatedVehicle:
         return bool(self._holder["held"][0] != FREE)
 
     def bench_reading(self) -> ForceReading | None:
-        """Return the force/torque sensor's reading after the last step, if one was due on the
-        bench.
-        """
+        """Return the force/torque reading of the last step; None if none was due on the bench."""
         if self._holder["held"][0] != BENCH:
             return None
         return self._force_sensor.read(self.stamp_ns, self._plant, self.parameters)

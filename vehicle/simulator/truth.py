@@ -135,9 +135,7 @@ def hurry(on: bool) -> None:
 
 
 def _sure(topic: Topic) -> Topic:
-    """Return the topic, reliable in lockstep: the next truth may wait for this one, so none may be
-    lost.
-    """
+    """Return the topic, reliable in lockstep, where the next truth may wait for this one."""
     from vehicle_link.transport.rmw_keys import RELIABLE
 
     return topic if clock.page() is None else replace(topic, qos=RELIABLE)

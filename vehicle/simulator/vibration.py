@@ -42,8 +42,7 @@ def turn_rotors(p: Item, duration: float) -> None:
 
 @compiled(inner=True)
 def lines(p: Item, hover_thrust: float) -> tuple[Vector, float]:
-    """Return the rotors' lines along body axes, and the broadband share, both over the deviation
-    at hover.
+    """Return the rotors' lines along body axes, and the broadband share, over the hover deviation.
 
     Args:
         hover_thrust: N, of one rotor.

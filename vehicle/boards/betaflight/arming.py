@@ -34,8 +34,7 @@ REASONS: tuple[tuple[str, str], ...] = (
     ("AUTOPILOT_SW", "its autopilot switch is on: remove that mode"),
     ("ARM_SWITCH", "the arm switch was on while it could not arm: disarm, then arm"),
 )
-"""(name in the `status` output of its command line, problem and remedy), in the order of the bits.
-"""
+"""(name in its command line's `status`, problem and remedy), in the order of the bits."""
 
 JUST_SWITCHED_ON = 1 << [name for name, _ in REASONS].index("BOOTGRACE")
 

@@ -21,16 +21,14 @@ from vehicle_link.serial.port import BAUD_RATE
 
 SETTLING_SAMPLES = 50
 SETTLING_NS = 400_000_000
-"""Shortest time, in ns, between the first and the last of them: a busy machine may delay all bytes
-by 0.3 s."""
+"""Shortest time, in ns, between the first and the last: a busy machine may delay bytes by 0.3 s."""
 LATE_MS = 1_000
 """A step that appears to be 59 s to 60 s forward is a sample that is late by up to this many ms."""
 JUMP_MS = 50
 """Longest step, in ms, that is accepted at once; a longer one needs a second sample to confirm it,
 as after a wrong one every true sample would be late until that time."""
 SLACK_MS = 1_000
-"""A step over JUMP_MS may exceed the largest lead over the host's steady clock so far by this much.
-"""
+"""A longer step may exceed the largest lead over the host's steady clock so far by this much."""
 RESTART_MS = 1_000
 """Times refused for this long mean that the microcontroller was restarted."""
 MS = 1_000_000
@@ -143,10 +141,10 @@ class MicrocontrollerClock:
         return ahead_ns * 1e-9
 
     def host_set(self) -> float:
-        """Return by how much the host's clock was set forward (negative: back) since the last
-        report, s; 0 when it was not.
+        """Return by how much (s) the host's clock was set forward since the last report.
 
-        The vehicle's clock does not follow: its stamps must not jump, least of all back.
+        Negative when it was set back, 0 when it was not set. The vehicle's clock does not follow:
+        its stamps must not jump, least of all back.
         """
         if self._steady_ns is None or self._epoch_ns is None:
             return 0.0

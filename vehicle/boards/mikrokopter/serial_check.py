@@ -31,8 +31,7 @@ from vehicle_link.serial.values import to_si
 MEASURED_S = 1.0
 ANSWERS_LIMIT_S = 1.0
 QUESTION_PERIOD_S = 0.02
-"""Period, in s, of the requests on each port; the answers use little of the line's capacity
-compared with the samples."""
+"""Period, in s, of the requests on each port; the answers take little of the line's capacity."""
 ANSWER_LIMIT_S = 0.1
 """Seconds after which a request without an answer counts as lost."""
 DAMAGED_MAX = 0.01

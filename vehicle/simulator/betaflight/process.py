@@ -32,8 +32,7 @@ MSP, MOTORS, STATE = "5761", "9002", "9003"
 """Names of the sockets: the firmware's own number of each port."""
 SECOND_NS = 1_000_000_000
 BOOT_NS = 7 * SECOND_NS
-"""Simulated time after which it can be armed: 5 s after power-up, once its gyroscope is calibrated.
-"""
+"""Simulated time until it can be armed: 5 s after power-up, with its gyroscope calibrated."""
 BOOT_STEP_NS = 20_000_000
 RESTART_NS = 2 * SECOND_NS
 """Simulated time allowed for a restart, before which it stops its motors for 0.5 s."""

@@ -98,8 +98,7 @@ MOTOR_SQUARE = round(_model.motor_slope**2 * 2**26)  # 2^-24 N per 2^2 count^2
 STANDING = round(0.6 * _weight * 2**24)
 """Average thrust, in 2^-24 N (0.6 of the weight), below which the vehicle is on the ground."""
 SUPPORT_UNIT = round(_model.mass * ACCELEROMETER_SCALE * 2**24)
-"""Factor from specific force (counts) over thrust (2^-12 N) to 2^-12 of what the thrust gives in
-the air."""
+"""From specific force (counts) over thrust (2^-12 N) to 2^-12 of what thrust gives in the air."""
 SUPPORT_MAX = 4 << 12
 CARRIED_SHARE = round(1.15 * 2**10)
 """Specific force over that in the air, 2^-10; the ground carries the rest."""

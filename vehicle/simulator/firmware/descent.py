@@ -1,5 +1,4 @@
-"""The emergency descent: level, at a climb rate held by the barometer, with motors off on the
-ground.
+"""The emergency descent: level, with the climb rate held by the barometer, until the ground.
 
 It needs no external input. Only the attitude is controlled, not the horizontal drift.
 """
@@ -62,9 +61,7 @@ def watch_thrust(p: Item) -> None:
 
 @compiled(inner=True)
 def _given(p: Item, thrust: int) -> int:
-    """Return the ratio of the specific force along z_B to that expected from a thrust (2^-12 N),
-    2^-12.
-    """
+    """Return the specific force along z_B over what a thrust (2^-12 N) gives, 2^-12."""
     force: int = max(0, p.force_b[2])
     return min(SUPPORT_MAX, force * SUPPORT_UNIT // thrust)
 

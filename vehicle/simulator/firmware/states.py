@@ -37,8 +37,7 @@ WRITABLE = frozenset(
         Id.PORT_PIN,
     }
 )
-"""Values that may be set in addition to the motor state; a set of another id is echoed unchanged.
-"""
+"""Values that may be set besides the motor state; a set of another id is echoed unchanged."""
 
 LIMITS = {
     Id.FLIGHT_CONTROL_MODE: (0, 1),
