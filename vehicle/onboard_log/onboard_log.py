@@ -28,8 +28,8 @@ BUFFER_BYTES = 32_000_000
 AFTER_DISARMING_NS = 500_000_000
 CHECK_NS = 1_000_000_000
 PERIOD_S = 0.035
-"""Time, in s, between two writes of 0.7 ms each; a killed process loses as much of other topics
-than ticks."""
+"""Time, in s, between two writes of 0.7 ms each; of the topics other than ticks, a killed process
+loses as much."""
 FILES_KEPT = 4  # whose places are stored
 
 Say = Callable[[int, str], None]

@@ -254,8 +254,9 @@ def _stand(p: Item, motion: Motion) -> tuple[Vector, Vector]:
 
 @compiled(inner=True)
 def _touch(p: Item, motion: Motion, axes: Axes, arm_b: Vector, height: float) -> Vector:
-    """Return the force of the ground (N, world axes) on one foot, which moves with v + R (omega x
-    arm).
+    """Return the force of the ground (N, world axes) on one foot.
+
+    The foot moves with v + R (omega x arm).
 
     Args:
         arm_b: place of the foot in the body, m.

@@ -150,7 +150,7 @@ class SimulatedVehicle:
     def step_periods(self, most: int) -> None:
         """Step as `step` does, by at most `most` periods of the microcontroller.
 
-        The first period counts, and the step ends with the next sample at the latest.
+        These include the first period. The step ends with the next sample at the latest.
         """
         self._obey()
         self._advance(self._at_once(most))

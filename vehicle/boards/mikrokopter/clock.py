@@ -28,7 +28,8 @@ JUMP_MS = 50
 """Longest step, in ms, that is accepted at once; a longer one needs a second sample to confirm it,
 as after a wrong one every true sample would be late until that time."""
 SLACK_MS = 1_000
-"""A longer step may exceed the largest lead over the host's steady clock so far by this much."""
+"""Amount, in ms, by which a step over JUMP_MS may exceed the largest lead over the host's steady
+clock so far."""
 RESTART_MS = 1_000
 """Times refused for this long mean that the microcontroller was restarted."""
 MS = 1_000_000

@@ -164,7 +164,10 @@ class Firmware:
             self.command = instruction.references
 
     def _set(self, instruction: Instruction) -> bytes:
-        """Set a value; return its echo with the resulting value. A mode comes with its command."""
+        """Set a value; return its echo with the resulting value.
+
+        A mode is set together with its command.
+        """
         id, value = instruction.id, instruction.value
         if id == Id.MOTOR_STATE:
             self._set_motor_state(value)
