@@ -1,6 +1,7 @@
 """The emergency descent: level, at a climb rate held by the barometer, to the ground.
 
-There it switches the motors off. It needs no external input. Only the attitude is controlled, not the horizontal drift.
+There it switches the motors off. It needs no external input. Only the attitude is controlled, not
+the horizontal drift.
 """
 
 from __future__ import annotations
