@@ -13,7 +13,7 @@ from vehicle.flight.control_law import Steering
 from vehicle_link.serial.attitude_command import THRUST_SHARE_MAX, THRUST_SHARE_MIN, AttitudeCommand
 
 AVERAGE = 0.5
-"""Time, in s, of the average thrust, with which the mode begins as hover thrust."""
+"""Time, in s, of the thrust average that is the hover thrust when the mode begins."""
 
 
 class NearHoveringParameters(Parameters):

@@ -38,7 +38,7 @@ class Situation:
     """The supervisor's inputs in one tick; one object is reused."""
 
     airborne: bool = False
-    by_microcontroller: bool = False  # which holds the angles, without the estimate
+    by_microcontroller: bool = False  # it holds the angles, without the estimate
     voltage: float = 16.0  # V
     pose_age: float = 0.0  # s
     innovation: float = 0.0  # m, distance of the newest pose from its prediction
@@ -56,7 +56,7 @@ class Supervisor:
     def __init__(self, parameters: SafetyParameters) -> None:
         self._parameters = parameters
         self._received_ns = _NEVER
-        self._received_since_ns: int | None = _NEVER  # start of unbroken reception
+        self._received_since_ns: int | None = _NEVER  # start of unbroken reception; None: silent
         self._braked_ns: int | None = None
         self._since: dict[str, int] = {}  # cause -> stamp since which its condition has held
         self._said: set[str] = set()
