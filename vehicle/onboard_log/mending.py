@@ -2,8 +2,8 @@
 
 It runs in a process of the lowest priority, which is stopped when the vehicle is armed: reading a
 long flight takes minutes of processor time. Logs of a killed vehicle are also repaired at its next
-start (vehicle.onboard_log.recovery); here failed repairs, usually for
-lack of room, are tried again.
+start (vehicle.onboard_log.recovery); here failed repairs, usually for lack of room, are tried
+again.
 """
 
 from __future__ import annotations
