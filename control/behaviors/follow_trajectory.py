@@ -1,4 +1,4 @@
-"""Fly a trajectory by name, from where the vehicle hovers, if the vehicle can."""
+"""Fly a trajectory by name, from the place of hover, if the vehicle is able to."""
 
 from __future__ import annotations
 
@@ -36,15 +36,16 @@ _NAMES = {
     13: "behavior.trajectory_body_rate_max",
     14: "behavior.trajectory_yaw_torque_max",
 }
-"""limits.QUANTITIES index -> the parameters that set its limit."""
+"""The parameters that set each limit, by index into limits.QUANTITIES."""
 
 _SLOWEST = 8.0
-"""No slower pace than this factor is proposed."""
+"""Largest factor by which a slower pace is proposed."""
 
 
 class FollowTrajectory(TrajectoryBehavior):
-    """A behavior that flies a trajectory from rest to rest, starting from the present reference;
-    see `trajectory_choice.CHOICES`.
+    """Behavior that flies a trajectory from rest to rest, starting from the present reference.
+
+    See `trajectory_choice.CHOICES`.
     """
 
     name: ClassVar[BehaviorName] = BehaviorName.FOLLOW_TRAJECTORY
@@ -79,9 +80,7 @@ class FollowTrajectory(TrajectoryBehavior):
 
 
 def limits_of(p: BehaviorParameters, model: Record) -> Limits:
-    """Return the limits of trajectories, from the parameters and the vehicle's MODEL (shape
-    (1,)).
-    """
+    """Return the limits of trajectories from the parameters and MODEL, shape (1,)."""
     low, high = with_margin(
         float(model["thrust_min"][0]), float(model["thrust_max"][0]), p.trajectory_thrust_margin
     )
@@ -102,11 +101,11 @@ def limits_of(p: BehaviorParameters, model: Record) -> Limits:
 
 
 def _advice(context: Context, choice: Choice, arguments: WhichTrajectory, limits: Limits) -> str:
-    """Return the quickest pace found that fits, in the words of the arguments that set it."""
+    """Return the fastest feasible pace found, as advice on the arguments that set it."""
     taken = argument_descriptions(type(arguments))
 
     def changes(factor: float) -> dict[str, float] | None:
-        """Return the arguments of a pace that fits, else None."""
+        """Return the arguments of a feasible pace, else None."""
         found = choice.slower(arguments, factor)
         for name, value in found.items():
             low, high = taken[name].minimum, taken[name].maximum
