@@ -27,10 +27,10 @@ def axes(stem: str, names: str = "xyz") -> tuple[str, ...]:
 
 ACCELERATION = axes("linear_acceleration")
 POSITION = axes("pose.pose.position")
-ATTITUDE = axes("pose.pose.orientation", "xyzw")
-ROLL_PITCH = ATTITUDE[:2]
+ATTITUDE = axes("pose.pose.orientation", "wxyz")
+ROLL_PITCH = ATTITUDE[1:3]
 TRACKED, MARKED = axes("pose.position"), axes("point")
-TRACKED_ATTITUDE = axes("pose.orientation", "xyzw")
+TRACKED_ATTITUDE = axes("pose.orientation", "wxyz")
 REFERENCE = axes("position")
 THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
 
