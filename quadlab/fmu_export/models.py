@@ -1,0 +1,165 @@
+"""The variables of the two models: parameters by quadlab's names, inputs, outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from quadlab.settings import parse_settings
+from quadrotor.errors import UsageError
+from quadrotor.parameters import ParameterDescription, Parameters, ParameterStore, parameter
+from vehicle.laws.contract import INPUT, OUTPUT, Field
+from vehicle.parameters import new_parameters
+from vehicle.simulator.parameters import SimulatorParameters
+
+PLANT, LAW = "plant", "law"
+SIMULATOR = "simulator."
+"""What stands before the plant's names in a whole vehicle's parameters; taken off here."""
+
+
+def _start(unit: str, bound: float, text: str) -> float:
+    value: float = parameter(0.0, unit=unit, ge=-bound, le=bound, description=text)
+    return value
+
+
+class PlantParameters(SimulatorParameters):
+    """The simulated vehicle's true values, and the motion that it begins with."""
+
+    start_z: float = _start("m", 1000.0, "start height; 0 stands on the floor")
+    start_velocity_x: float = _start("m/s", 100.0, "start velocity, in W")
+    start_velocity_y: float = _start("m/s", 100.0, "start velocity, in W")
+    start_velocity_z: float = _start("m/s", 100.0, "start velocity, in W")
+    start_roll: float = _start("deg", 180.0, "start roll angle (ZYX)")
+    start_pitch: float = _start("deg", 90.0, "start pitch angle (ZYX)")
+    start_yaw: float = _start("deg", 180.0, "start yaw angle (ZYX)")
+    start_angular_velocity_x: float = _start("rad/s", 100.0, "start angular velocity, in B")
+    start_angular_velocity_y: float = _start("rad/s", 100.0, "start angular velocity, in B")
+    start_angular_velocity_z: float = _start("rad/s", 100.0, "start angular velocity, in B")
+    start_rotor_speed: float = parameter(0.0, unit="count", ge=0.0, le=255.0)
+    """start speed of each rotor, as a count of motor reference"""
+
+
+PLANT_PARAMETERS = """
+start_x start_y start_z start_velocity_x start_velocity_y start_velocity_z start_roll start_pitch
+start_yaw start_angular_velocity_x start_angular_velocity_y start_angular_velocity_z
+start_rotor_speed battery_charge mass payload inertia_xx inertia_yy inertia_zz arm torque_ratio
+motor_time_constant motor_slope motor_offset thrust_efficiency motor_gain_front motor_gain_left
+motor_gain_rear motor_gain_right failed_motor drag rotor_drag_x rotor_drag_y drag_lever inflow_loss
+wind_x wind_y wind_z push_x push_y push_z ground_effect ground_stiffness ground_damping
+ground_friction battery_capacity battery_resistance battery_nominal battery_exponent
+""".split()  # noqa: SIM905 - a list of one a line is 49 lines
+LAW_PARAMETERS = ("control.position.", "control.attitude.", "control.limits.")
+LAW_PARAMETERS += ("model.arm", "model.torque_ratio", "model.motor_slope", "model.motor_offset")
+LAW_PARAMETERS += ("model.motor_reference_", "model.drag")
+MASS = {
+    "mass": ("model.mass",),
+    "inertia_b": ("model.inertia_xx", "model.inertia_yy", "model.inertia_zz"),
+}
+"""Inputs of the law that start at parameters of the model."""
+FIXED = ("start_", "battery_charge")
+"""How parameters begin that mean the start, and cannot change later."""
+
+REFERENCES = Field(
+    "motor_references", 4, "count", "motors front, left, rear, right, held over a step; 0 to 255"
+)
+PLANT_INPUT = (
+    REFERENCES,
+    Field("gust_w", 3, "m/s", "velocity of the air on top of the steady wind, world axes"),
+    Field("force_w", 3, "N", "further force on the centre of mass, world axes"),
+)
+PLANT_OUTPUT = (
+    *(f for f in INPUT if f.name in ("position_w", "velocity_w", "quaternion_wb")),
+    *(f for f in INPUT if f.name == "angular_velocity_b"),
+    Field("rotor_speeds", 4, "count", "as counts of motor reference; front, left, rear, right"),
+    Field("thrusts", 4, "N", "front, left, rear, right"),
+    Field("specific_force_b", 3, "m/s²", "what an ideal accelerometer reads, body axes"),
+    Field("voltage", 1, "V", "of the battery under load"),
+)
+LAW_INPUT = tuple(f for f in INPUT if f.name not in ("time", "dt"))
+LAW_OUTPUT = (*(f for f in OUTPUT if f.name != "time"), REFERENCES)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One number of an FMU. `start` is None for an output; `choices` are those of a text."""
+
+    name: str
+    causality: str
+    variability: str
+    start: float | None
+    unit: str = ""
+    description: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] = ()
+    integer: bool = False
+
+
+def variables(model: str, words: Sequence[str]) -> list[Variable]:
+    """Return the variables of PLANT or LAW in the order of their value references.
+
+    Real ones come first: fixed and tunable parameters, inputs, outputs; then integers.
+
+    Args:
+        words: `NAME=VALUE`, start values other than the defaults.
+
+    Raises UsageError for a name that the model does not have, and a value out of its bounds.
+    """
+    is_plant = model == PLANT
+    tree: Parameters = PlantParameters() if is_plant else new_parameters()
+    words = [word.removeprefix(SIMULATOR) if is_plant else word for word in words]
+    changed = parse_settings(tree, words)
+    store = ParameterStore(tree)
+    found = [one for one in store.descriptions() if _belongs(one.name, is_plant)]
+    if is_plant:
+        found.sort(key=lambda one: PLANT_PARAMETERS.index(one.name))
+    starts = {} if is_plant else {n: [store.get(p) for p in ps] for n, ps in MASS.items()}
+    starts |= {"quaternion_wb": [1.0, 0.0, 0.0, 0.0], "flying": [1.0]}
+    known = {one.name for one in found} | ({p for ps in MASS.values() for p in ps})
+    for name, value in changed.items():
+        if name not in known and value != store.description(name).default:
+            raise UsageError(
+                f"--set {name}: the FMU of the {model} does not have it; "
+                "docs/extending/fmu_export.md lists what it has"
+            )
+    out = [_of_parameter(one, store) for one in found]
+    for causality, fields in (
+        ("input", PLANT_INPUT if is_plant else LAW_INPUT),
+        ("output", PLANT_OUTPUT if is_plant else LAW_OUTPUT),
+    ):
+        for field in fields:
+            numbers = starts.get(field.name, [0.0] * field.size)
+            for k, name in enumerate(names_of(field)):
+                start = float(numbers[k]) if causality == "input" else None
+                out.append(
+                    Variable(name, causality, "continuous", start, field.unit, field.meaning)
+                )
+    return sorted(out, key=lambda one: one.integer)
+
+
+def names_of(field: Field) -> Iterable[str]:
+    """Return the names of a field's numbers, counted from 1 where there are several."""
+    return (
+        [field.name] if field.size == 1 else [f"{field.name}[{k + 1}]" for k in range(field.size)]
+    )
+
+
+def _belongs(name: str, is_plant: bool) -> bool:
+    return name in PLANT_PARAMETERS if is_plant else name.startswith(LAW_PARAMETERS)
+
+
+def _of_parameter(one: ParameterDescription, store: ParameterStore) -> Variable:
+    value = store.get(one.name)
+    start = one.choices.index(value) + 1 if isinstance(value, str) else value
+    return Variable(
+        one.name,
+        "parameter",
+        "fixed" if one.name.startswith(FIXED) else "tunable",
+        float(start),
+        one.unit,
+        one.description,
+        one.minimum,
+        one.maximum,
+        one.choices,
+        one.type != "float",
+    )
