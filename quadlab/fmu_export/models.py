@@ -48,9 +48,18 @@ motor_gain_rear motor_gain_right failed_motor drag rotor_drag_x rotor_drag_y dra
 wind_x wind_y wind_z push_x push_y push_z ground_effect ground_stiffness ground_damping
 ground_friction battery_capacity battery_resistance battery_nominal battery_exponent
 """.split()  # noqa: SIM905 - a list of one a line is 49 lines
-LAW_PARAMETERS = ("control.position.", "control.attitude.", "control.limits.")
-LAW_PARAMETERS += ("model.arm", "model.torque_ratio", "model.motor_slope", "model.motor_offset")
-LAW_PARAMETERS += ("model.motor_reference_", "model.drag")
+LAW_PARAMETERS = (
+    "control.position.",
+    "control.attitude.",
+    "control.limits.",
+    "model.arm",
+    "model.torque_ratio",
+    "model.motor_slope",
+    "model.motor_offset",
+    "model.motor_reference_",
+    "model.drag",
+)
+"""How the names of the law's parameters begin."""
 MASS = {
     "mass": ("model.mass",),
     "inertia_b": ("model.inertia_xx", "model.inertia_yy", "model.inertia_zz"),

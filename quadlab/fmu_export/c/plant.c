@@ -275,7 +275,8 @@ const char *model_step(double v[], double h) {
     store_motion(m, v);
     feel(&p, v);
     discharge(v, h);
-    return isfinite(dot(m.p, m.p) + dot(m.v, m.v) + dot(m.w, m.w) + m.q.w)
+    const double turned = speeds[0] + speeds[1] + speeds[2] + speeds[3];
+    return isfinite(dot(m.p, m.p) + dot(m.v, m.v) + dot(m.w, m.w) + m.q.w + turned)
                ? NULL
                : "the motion is no longer finite: look at inputs and parameters";
 }
