@@ -3,154 +3,101 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from importlib.metadata import version
-from xml.etree import ElementTree as Xml
+from pathlib import Path
+from string import Template
+from xml.sax.saxutils import quoteattr
 
 from quadlab.fmu_export.models import Variable
 
-BASE: dict[str, dict[str, float]] = {
-    "kg": {"kg": 1},
-    "m": {"m": 1},
-    "s": {"s": 1},
-    "A": {"A": 1},
-    "rad": {"rad": 1},
+FOLDER = Path(__file__).with_name("c")
+PLAIN = str.maketrans({"°": "deg", "√": "sqrt", " ": ".", "²": "2", "³": "3", "⁴": "4"})
+BASE = {
     "N": {"kg": 1, "m": 1, "s": -2},
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
     "ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
-    "h": {"s": 1, "factor": 3600.0},
-    "°": {"rad": 1, "factor": math.pi / 180.0},
-    "deg": {"rad": 1, "factor": math.pi / 180.0},
+    "h": {"s": 1},
+    "°": {"rad": 1},
+    "deg": {"rad": 1},
     "1": {},
-}
-"""Exponents of the base units, and the factor to them."""
-POWERS = {"²": 2, "³": 3, "⁴": 4}
+} | {name: {name: 1} for name in ("kg", "m", "s", "A", "rad")}
+"""Exponents of the base units."""
+FACTORS = {"h": 3600.0, "°": math.pi / 180.0, "deg": math.pi / 180.0}
 
 
-def describe(model: str, shown: Sequence[Variable], guid: str, sources: Sequence[str]) -> str:
-    """Return modelDescription.xml.
-
-    Args:
-        model: its name, which the binary has too. sources: names of the C files.
-    """
-    root = Xml.Element(
-        "fmiModelDescription",
-        fmiVersion="2.0",
-        modelName=model,
+def describe(model: str, shown: Sequence[Variable], guid: str) -> str:
+    """Return modelDescription.xml."""
+    outputs = [n for n, one in enumerate(shown, 1) if one.causality == "output"]
+    return Template((FOLDER / "modelDescription.xml").read_text()).substitute(
+        model=model,
         guid=guid,
-        description=f"quadlab: {model.removeprefix('quadlab_')} of a quadrotor",
-        generationTool=f"quadlab {version('quadlab')}",
-        variableNamingConvention="structured",
+        version=version("quadlab"),
+        units="\n".join(map(_unit, sorted({one.unit for one in shown} - {""}))),
+        variables="\n".join(_variable(n, one) for n, one in enumerate(shown)),
+        outputs="\n".join(_tag("Unknown", index=n) for n in outputs),
     )
-    simulation = Xml.SubElement(
-        root,
-        "CoSimulation",
-        modelIdentifier=model,
-        canHandleVariableCommunicationStepSize="true",
-        canNotUseMemoryManagementFunctions="true",
-    )
-    files = Xml.SubElement(simulation, "SourceFiles")
-    for name in sources:
-        Xml.SubElement(files, "File", name=name)
-    units = Xml.SubElement(root, "UnitDefinitions")
-    for unit in sorted({one.unit for one in shown if one.unit}):
-        named = Xml.SubElement(units, "Unit", name=unit_name(unit))
-        if base := base_unit(unit):
-            Xml.SubElement(named, "BaseUnit", {n: f"{v:.17g}" for n, v in base.items()})
-    texts = [one for one in shown if one.choices]
-    if texts:
-        types = Xml.SubElement(root, "TypeDefinitions")
-        for one in texts:
-            kind = Xml.SubElement(types, "SimpleType", name=f"{one.name}_choices")
-            items = Xml.SubElement(kind, "Enumeration")
-            for number, choice in enumerate(one.choices, 1):
-                Xml.SubElement(items, "Item", name=choice, value=str(number))
-    log = Xml.SubElement(root, "LogCategories")
-    Xml.SubElement(log, "Category", name="logStatusError")
-    Xml.SubElement(root, "DefaultExperiment", startTime="0", stopTime="10", stepSize="0.002")
-    variables = Xml.SubElement(root, "ModelVariables")
-    for number, one in enumerate(shown):
-        _add(variables, number, one)
-    structure = Xml.SubElement(root, "ModelStructure")
-    outputs = [str(n) for n, one in enumerate(shown, 1) if one.causality == "output"]
-    for part in ("Outputs", "InitialUnknowns"):
-        unknowns = Xml.SubElement(structure, part)
-        for index in outputs:
-            Xml.SubElement(unknowns, "Unknown", index=index)
-    Xml.indent(root, " ")
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{Xml.tostring(root, "unicode")}\n'
 
 
-def _add(variables: Xml.Element, number: int, one: Variable) -> None:
-    scalar = Xml.SubElement(
-        variables,
+def layout(shown: Sequence[Variable], guid: str) -> str:
+    """Return layout.h."""
+    kinds = ["integer" if one.integer else one.causality for one in shown]
+    names = [one.name.removesuffix("[1]").replace(".", "_").upper() for one in shown]
+    return Template((FOLDER / "layout.h").read_text()).substitute(
+        guid=guid,
+        start=", ".join(repr(float(one.start or 0)) for one in shown),
+        places="\n".join(f"    {name} = {n}," for n, name in enumerate(names) if "[" not in name),
+        tunable=sum(one.variability == "fixed" for one in shown),
+        output=kinds.index("output"),
+        integer=kinds.index("integer"),
+        count=len(shown),
+    )
+
+
+def _tag(name: str, content: str = "", /, **attributes: object) -> str:
+    """Return an element of XML, without the attributes that say nothing."""
+    told = {key: str(value) for key, value in attributes.items() if value not in (None, "")}
+    words = " ".join([name, *(f"{key}={quoteattr(value)}" for key, value in told.items())])
+    return f"<{words}>{content}</{name}>" if content else f"<{words}/>"
+
+
+def _variable(number: int, one: Variable) -> str:
+    convert = int if one.integer else float
+    limits = {"min": one.minimum, "max": one.maximum, "start": one.start}
+    told = {key: convert(value) for key, value in limits.items() if value is not None}
+    return _tag(
         "ScalarVariable",
+        _tag("Integer" if one.integer else "Real", unit=unit_name(one.unit), **told),
         name=one.name,
-        valueReference=str(number),
+        valueReference=number,
         causality=one.causality,
         variability=one.variability,
+        initial={"output": "calculated", "parameter": "exact"}.get(one.causality),
+        description=one.description,
     )
-    if one.description:
-        scalar.set("description", one.description)
-    if one.causality != "input":
-        scalar.set("initial", "calculated" if one.causality == "output" else "exact")
-    kind = "Enumeration" if one.choices else "Integer" if one.integer else "Real"
-    value = Xml.SubElement(scalar, kind)
-    if one.choices:
-        value.set("declaredType", f"{one.name}_choices")
-    if one.unit:
-        value.set("unit", unit_name(one.unit))
-    for key, number_ in (("min", one.minimum), ("max", one.maximum), ("start", one.start)):
-        if number_ is not None:
-            value.set(key, str(int(number_)) if one.integer else repr(float(number_)))
+
+
+def _unit(unit: str) -> str:
+    base = base_unit(unit)
+    return _tag("Unit", _tag("BaseUnit", **base) if base else "", name=unit_name(unit))
 
 
 def unit_name(unit: str) -> str:
     """Return a unit as FMI's tools write it: `N s/m` is N.s/m, `1/s²` is 1/s2."""
-    name = unit.replace("°", "deg").replace("√", "sqrt").replace(" ", ".")
-    for sign, power in POWERS.items():
-        name = name.replace(sign, str(power))
-    return name
+    return unit.translate(PLAIN)
 
 
 def base_unit(unit: str) -> dict[str, float] | None:
     """Return exponents of the base units and the factor; None for one that has no SI units."""
-    out: dict[str, float] = {}
+    exponents: Counter[str] = Counter()
     factor = 1.0
-    above, _, below = unit.partition("/")
-    for part, sign in ((above, 1), (below, -1)):
+    for part, sign in zip(unit.split("/"), (1, -1), strict=False):
         for word in part.split():
-            power = sign * POWERS.get(word[-1], 1)
-            base = BASE.get(word.rstrip("".join(POWERS)))
-            if base is None:
+            symbol = word.rstrip("²³⁴")
+            if symbol not in BASE:
                 return None
-            for name, exponent in base.items():
-                if name == "factor":
-                    factor *= exponent**power
-                else:
-                    out[name] = out.get(name, 0) + power * exponent
-    return out if factor == 1.0 else out | {"factor": factor}
-
-
-def header(shown: Sequence[Variable], guid: str) -> str:
-    """Return layout.h: where each variable is in the model's array, and the start values.
-
-    A vector has the name of its first number.
-    """
-    kinds = [one.causality if not one.integer else "integer" for one in shown]
-    first_output = kinds.index("output")
-    first_integer = kinds.index("integer")
-    first_tunable = sum(one.variability == "fixed" for one in shown)
-    places = [
-        f"    {one.name.removesuffix('[1]').replace('.', '_').upper()} = {number},\n"
-        for number, one in enumerate(shown)
-        if "[" not in one.name or one.name.endswith("[1]")
-    ]
-    starts = ", ".join(repr(one.start or 0.0) for one in shown)
-    return (
-        "/* Written by `quadlab export fmu`: where each variable is, and where it starts. */\n"
-        f'#ifndef LAYOUT_H\n#define LAYOUT_H\n\n#define GUID "{guid}"\n#define START {{{starts}}}\n'
-        f"\nenum {{\n{''.join(places)}    FIRST_TUNABLE = {first_tunable},\n"
-        f"    FIRST_OUTPUT = {first_output},\n    FIRST_INTEGER = {first_integer},\n"
-        f"    COUNT = {len(shown)}\n}};\n\n#endif\n"
-    )
+            factor *= FACTORS.get(symbol, 1.0)
+            for name, exponent in BASE[symbol].items():
+                exponents[name] += sign * exponent * int(word[len(symbol) :].translate(PLAIN) or 1)
+    return {**exponents} if factor == 1.0 else {**exponents, "factor": factor}

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from quadlab.settings import parse_settings
 from quadrotor.errors import UsageError
-from quadrotor.parameters import ParameterDescription, Parameters, ParameterStore, parameter
-from vehicle.laws.contract import INPUT, OUTPUT, Field
+from quadrotor.parameters import (
+    ParameterDescription,
+    Parameters,
+    ParameterStore,
+    ParameterValue,
+    parameter,
+)
+from vehicle.laws.contract import INPUT, OUTPUT, Field, names_of
 from vehicle.parameters import new_parameters
 from vehicle.simulator.parameters import SimulatorParameters
 
@@ -39,7 +45,7 @@ class PlantParameters(SimulatorParameters):
     """start speed of each rotor, as a count of motor reference"""
 
 
-PLANT_PARAMETERS = """
+OF_PLANT = """
 start_x start_y start_z start_velocity_x start_velocity_y start_velocity_z start_roll start_pitch
 start_yaw start_angular_velocity_x start_angular_velocity_y start_angular_velocity_z
 start_rotor_speed battery_charge mass payload inertia_xx inertia_yy inertia_zz arm torque_ratio
@@ -47,18 +53,9 @@ motor_time_constant motor_slope motor_offset thrust_efficiency motor_gain_front 
 motor_gain_rear motor_gain_right failed_motor drag rotor_drag_x rotor_drag_y drag_lever inflow_loss
 wind_x wind_y wind_z push_x push_y push_z ground_effect ground_stiffness ground_damping
 ground_friction battery_capacity battery_resistance battery_nominal battery_exponent
-""".split()  # noqa: SIM905 - a list of one a line is 49 lines
-LAW_PARAMETERS = (
-    "control.position.",
-    "control.attitude.",
-    "control.limits.",
-    "model.arm",
-    "model.torque_ratio",
-    "model.motor_slope",
-    "model.motor_offset",
-    "model.motor_reference_",
-    "model.drag",
-)
+""".split()  # noqa: SIM905 - as a list it is one a line
+OF_LAW = """control.position. control.attitude. control.limits. model.arm model.torque_ratio
+model.motor_slope model.motor_offset model.motor_reference_ model.drag""".split()  # noqa: SIM905
 """How the names of the law's parameters begin."""
 MASS = {
     "mass": ("model.mass",),
@@ -77,8 +74,7 @@ PLANT_INPUT = (
     Field("force_w", 3, "N", "further force on the centre of mass, world axes"),
 )
 PLANT_OUTPUT = (
-    *(f for f in INPUT if f.name in ("position_w", "velocity_w", "quaternion_wb")),
-    *(f for f in INPUT if f.name == "angular_velocity_b"),
+    *INPUT[4:8],  # the motion
     Field("rotor_speeds", 4, "count", "as counts of motor reference; front, left, rear, right"),
     Field("thrusts", 4, "N", "front, left, rear, right"),
     Field("specific_force_b", 3, "m/s²", "what an ideal accelerometer reads, body axes"),
@@ -90,17 +86,16 @@ LAW_OUTPUT = (*(f for f in OUTPUT if f.name != "time"), REFERENCES)
 
 @dataclass(frozen=True)
 class Variable:
-    """One number of an FMU. `start` is None for an output; `choices` are those of a text."""
+    """One number of an FMU. `start` is None for an output."""
 
     name: str
     causality: str
     variability: str
     start: float | None
-    unit: str = ""
-    description: str = ""
+    unit: str
+    description: str
     minimum: float | None = None
     maximum: float | None = None
-    choices: tuple[str, ...] = ()
     integer: bool = False
 
 
@@ -116,59 +111,35 @@ def variables(model: str, words: Sequence[str]) -> list[Variable]:
     """
     is_plant = model == PLANT
     tree: Parameters = PlantParameters() if is_plant else new_parameters()
-    words = [word.removeprefix(SIMULATOR) if is_plant else word for word in words]
-    changed = parse_settings(tree, words)
+    changed = parse_settings(tree, [w.removeprefix(SIMULATOR) if is_plant else w for w in words])
     store = ParameterStore(tree)
-    found = [one for one in store.descriptions() if _belongs(one.name, is_plant)]
-    if is_plant:
-        found.sort(key=lambda one: PLANT_PARAMETERS.index(one.name))
+    names = OF_PLANT if is_plant else [n for n in store.names if n.startswith(tuple(OF_LAW))]
     starts = {} if is_plant else {n: [store.get(p) for p in ps] for n, ps in MASS.items()}
     starts |= {"quaternion_wb": [1.0, 0.0, 0.0, 0.0], "flying": [1.0]}
-    known = {one.name for one in found} | ({p for ps in MASS.values() for p in ps})
+    known = {*names, *(p for ps in MASS.values() for p in ps)}
     for name, value in changed.items():
         if name not in known and value != store.description(name).default:
             raise UsageError(
                 f"--set {name}: the FMU of the {model} does not have it; "
                 "docs/extending/fmu_export.md lists what it has"
             )
-    out = [_of_parameter(one, store) for one in found]
-    for causality, fields in (
-        ("input", PLANT_INPUT if is_plant else LAW_INPUT),
-        ("output", PLANT_OUTPUT if is_plant else LAW_OUTPUT),
-    ):
-        for field in fields:
-            numbers = starts.get(field.name, [0.0] * field.size)
-            for k, name in enumerate(names_of(field)):
-                start = float(numbers[k]) if causality == "input" else None
-                out.append(
-                    Variable(name, causality, "continuous", start, field.unit, field.meaning)
-                )
+    out = [_of_parameter(store.description(name), store.get(name)) for name in names]
+    for f in PLANT_INPUT if is_plant else LAW_INPUT:
+        numbers = starts.get(f.name, [0.0] * f.size)
+        for name, value in zip(names_of(f), numbers, strict=True):
+            out.append(Variable(name, "input", "continuous", float(value), f.unit, f.meaning))
+    for f in PLANT_OUTPUT if is_plant else LAW_OUTPUT:
+        for name in names_of(f):
+            out.append(Variable(name, "output", "continuous", None, f.unit, f.meaning))
     return sorted(out, key=lambda one: one.integer)
 
 
-def names_of(field: Field) -> Iterable[str]:
-    """Return the names of a field's numbers, counted from 1 where there are several."""
-    return (
-        [field.name] if field.size == 1 else [f"{field.name}[{k + 1}]" for k in range(field.size)]
-    )
-
-
-def _belongs(name: str, is_plant: bool) -> bool:
-    return name in PLANT_PARAMETERS if is_plant else name.startswith(LAW_PARAMETERS)
-
-
-def _of_parameter(one: ParameterDescription, store: ParameterStore) -> Variable:
-    value = store.get(one.name)
-    start = one.choices.index(value) + 1 if isinstance(value, str) else value
-    return Variable(
-        one.name,
-        "parameter",
-        "fixed" if one.name.startswith(FIXED) else "tunable",
-        float(start),
-        one.unit,
-        one.description,
-        one.minimum,
-        one.maximum,
-        one.choices,
-        one.type != "float",
-    )
+def _of_parameter(one: ParameterDescription, value: ParameterValue) -> Variable:
+    """Return a parameter as a variable; of a text, the number of the choice, from 1."""
+    variability = "fixed" if one.name.startswith(FIXED) else "tunable"
+    text, low, high = one.description, one.minimum, one.maximum
+    if isinstance(value, str):
+        low, high, value = 1, len(one.choices), one.choices.index(value) + 1
+        text = ", ".join(f"{n}: {word}" for n, word in enumerate(one.choices, 1)) + f"; {text}"
+    integer = one.type != "float"
+    return Variable(one.name, "parameter", variability, value, one.unit, text, low, high, integer)
