@@ -46,6 +46,10 @@ EXAMPLES: dict[str, dict[str, str]] = {
         "quadlab gains --set control.position.kp_xy=5": "… and of one that differs",
     },
     "new": {"quadlab new law mine": "write a control law and its test into the data folder"},
+    "export": {
+        "quadlab export fmu plant --out plant.fmu": "write the simulated vehicle as an FMU",
+        "quadlab export fmu law --out mine.fmu --set control.preset=stiff": "… or the law",
+    },
     "doctor": {"quadlab doctor": "print what a maintainer asks for"},
     "vehicle": {
         "quadlab vehicle --find": "list the serial devices, and what answers there",

@@ -49,6 +49,13 @@ OUTPUT = (
 )
 
 
+def names_of(field: Field) -> list[str]:
+    """Return the names of a field's numbers as FMUs have them, counted from 1."""
+    return (
+        [field.name] if field.size == 1 else [f"{field.name}[{k + 1}]" for k in range(field.size)]
+    )
+
+
 def layout(fields: tuple[Field, ...]) -> np.dtype[np.void]:
     """Return the fields as a packed structured type of little-endian doubles."""
     return np.dtype([(f.name, "<f8") if f.size == 1 else (f.name, "<f8", f.size) for f in fields])

@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-import shutil
 import signal
 import socket
 import struct
@@ -21,6 +20,7 @@ from pathlib import Path
 
 from quadrotor.errors import LinkError, StorageError
 from quadrotor.vehicle_model import GRAVITY, Four
+from vehicle.simulator.c_library import compile_library
 
 BUILT = (
     Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
@@ -60,14 +60,8 @@ def lockstep_library() -> Path:
     made = BUILT / f"lockstep-{hashlib.sha256(source.read_bytes()).hexdigest()[:16]}.so"
     if made.exists():
         return made
-    if shutil.which("gcc") is None:
-        raise StorageError(f"there is no gcc to compile {source.name}; on Debian: apt install gcc")
     part = made.with_suffix(f".{os.getpid()}")  # unique: another process may compile it too
-    words = ["gcc", "-O2", "-shared", "-fPIC", "-o", str(part), str(source)]
-    compiled = subprocess.run(words, capture_output=True, text=True, check=False)
-    if compiled.returncode:
-        said = (compiled.stderr.strip() or "gcc failed").splitlines()[0]
-        raise StorageError(f"{source.name} cannot be compiled: {said}")
+    compile_library([source], part)
     part.replace(made)
     return made
 
