@@ -66,8 +66,8 @@ def http_routes() -> str:
     parts = [
         "# HTTP routes\n",
         "A running laboratory describes itself at `/api/openapi.json`; `quadlab.connect` calls "
-        "these routes for a script. With several vehicles each route is also at `/v/NAME/…`. A refusal "
-        'has the body `{"error": "one line"}`.',
+        "these routes for a script. With several vehicles each route is also at `/v/NAME/…`. "
+        'A refusal has the body `{"error": "one line"}`.',
     ]
     group = ""
     for path, operations in sorted(described["paths"].items()):
@@ -106,9 +106,9 @@ def topics() -> str:
     parts = [
         "# Topics and messages\n",
         "Names are relative to the vehicle (`/quad1/state`) unless they begin with a slash. "
-        "*Radio*: the topic crosses the radio link; others stay on the station's computer. *Recorded*: the "
-        "station writes it into each run as it comes; it also writes `marks`, and what "
-        "telemetry carries as `state`, `reference`, `actuators` and `imu`.\n",
+        "*Radio*: the topic crosses the radio link; others stay on the station's computer. "
+        "*Recorded*: the station writes it into each run as it comes; it also "
+        "writes `marks`, and what telemetry carries as `state`, `reference`, `actuators` and `imu`.\n",
         _table(head, rows),
         "\n## Services\n\nThe vehicle's are `/quad1/NAME`, the station's `/quad1/station/NAME`.\n",
         _table(("service", "type"), [(f"`{k}`", _type(ros_name(v))) for k, v in SERVICES.items()]),
@@ -133,9 +133,9 @@ def file_format() -> str:
         "# File format\n",
         run_folder.__doc__ or "",
         "\nEach file is [MCAP](https://mcap.dev/spec) with lz4 chunks, CDR messages and ROS 2 "
-        "schemas, so any reader of MCAP opens it. `publish_time` is the source's stamp, `log_time` the time "
-        "of reception, both in ns. `parameters.json` and `calibrations.json` are attached as they "
-        "were at the start.\n",
+        "schemas, so any reader of MCAP opens it. `publish_time` is the source's stamp, `log_time` "
+        "the time of reception, both in ns. `parameters.json` and `calibrations.json` are "
+        "attached as they were at the start.\n",
         "## Metadata\n",
         _table(
             ("record", "content"),
