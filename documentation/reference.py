@@ -107,8 +107,8 @@ def topics() -> str:
         "# Topics and messages\n",
         "Names are relative to the vehicle (`/quad1/state`) unless they begin with a slash. "
         "*Radio*: the topic crosses the radio link; others stay on the station's computer. "
-        "*Recorded*: the station writes it into each run as it comes; it also "
-        "writes `marks`, and what telemetry carries as `state`, `reference`, `actuators` and `imu`.\n",
+        "*Recorded*: the station writes it into each run as it comes; it also writes "
+        "`marks`, and what telemetry carries as `state`, `reference`, `actuators` and `imu`.\n",
         _table(head, rows),
         "\n## Services\n\nThe vehicle's are `/quad1/NAME`, the station's `/quad1/station/NAME`.\n",
         _table(("service", "type"), [(f"`{k}`", _type(ros_name(v))) for k, v in SERVICES.items()]),
