@@ -83,7 +83,7 @@ def test_python_of_the_documents_runs(
 
 
 def test_every_message_of_the_troubleshooting_page_is_one_of_ours() -> None:
-    text = (ROOT / "docs/troubleshooting.md").read_text()
+    text = (ROOT / "docs/how_to/troubleshooting.md").read_text()
     fragments = [
         quoted
         for row in re.findall(r"^\| (`.*?) \|", text, re.MULTILINE)
