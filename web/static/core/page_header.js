@@ -12,7 +12,7 @@ const FLEET = ["/fleet", "Fleet"];
 // emergency: of this page's vehicle; strip: of all vehicles.
 /** @param {any} events */
 export function head(session, here, events = null, { emergency = true, strip = true } = {}) {
-  const pages = session.vehicles.length > 1 ? [...PAGES, FLEET] : PAGES;
+  const pages = session.pages ?? (session.vehicles.length > 1 ? [...PAGES, FLEET] : PAGES); // an exported page leads nowhere
   const links = pages.map(([path, label]) => element("a", { href: path, ...(path === here ? { ariaCurrent: "page" } : {}) }, label));
   const help = element("button", { id: "help", className: "link", title: "the keys of this page (?)", ariaExpanded: "false" }, "Help");
   const bar = element("header", { id: "head" },
