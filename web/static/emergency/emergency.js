@@ -6,16 +6,14 @@ import { flightButton } from "../core/flight_button.js";
 import { element, setIfChanged, setText } from "../core/dom.js";
 import { onHold } from "../core/hold_button.js";
 import { onKey } from "../core/keys.js";
-import { Events } from "../core/sockets.js";
 import { pressed } from "../core/control_authority.js";
 
 const CUT_HOLD = 500; // ms
 const KEYS = { operator: "e: emergency land · hold x: cut", viewer: "e: emergency land" };
 
-// place: where the buttons go; events: of this page, or null: then it makes its own;
-// session: of /api/session. Returns {press(action)}.
+// place: where the buttons go; session: of /api/session. Returns {press(action)}.
 export function addEmergency(place, events, session) {
-  return new Emergency(place, events ?? new Events(), session);
+  return new Emergency(place, events, session);
 }
 
 class Emergency {
