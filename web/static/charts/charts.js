@@ -12,13 +12,14 @@ import { TimeAxis } from "./time_axis.js";
 import { $, element, hide, setText } from "../core/dom.js";
 import { duration } from "../core/format.js";
 import { History } from "./history.js";
+import { icon } from "../core/icons.js";
 import { onKey } from "../core/keys.js";
 
 const WINDOWS = [5, 10, 30, 60, 120, 300, 600]; // s
 const RENEW = 1000; // ms between two spectra
 const KINDS = [
-  { name: "spectrum", symbol: "∿", says: "spectrum of the last 5 s", Source: LiveSpectra, Kind: SpectrumChart },
-  { name: "spectrogram", symbol: "▦", says: "spectrogram of the first signal", Source: LiveSpectrogram, Kind: SpectrogramChart },
+  { name: "spectrum", says: "spectrum of the last 5 s", Source: LiveSpectra, Kind: SpectrumChart },
+  { name: "spectrogram", says: "spectrogram of the first signal", Source: LiveSpectrogram, Kind: SpectrogramChart },
 ];
 const LOOK = 66; // ms; each chart knows when it is due
 
@@ -61,7 +62,7 @@ export class Charts {
     this.state = element("output", { className: "state" });
     this.chosen = element("select", { ariaLabel: "layout of the charts", onchange: () => this.chooseLayout() });
     this.add = element("button", { title: "one more chart", ariaLabel: "add a chart",
-      onclick: () => { this.addChart({ signals: [], scales: {} }); this.changed(); } }, "+");
+      onclick: () => { this.addChart({ signals: [], scales: {} }); this.changed(); } }, icon("add"));
     this.layoutMenu = new LayoutMenu(this.layouts, { current: () => this.layout, shown: () => this.name,
       show: (name) => this.show(this.layouts.of(name), name), listed: () => this.list() });
     return element("div", { className: "bar", role: "toolbar", ariaLabel: "charts" }, this.pause, this.windows,
@@ -149,14 +150,14 @@ export class Charts {
     const kinds = KINDS.map((kind) => element("button", { className: "icon",
       title: `${kind.says}, from every sample of the flight loop, with the rotors' frequencies; and back`,
       ariaLabel: kind.name, ariaPressed: String(chart.source instanceof kind.Source),
-      onclick: () => this.toggle(chart, kind) }, kind.symbol));
+      onclick: () => this.toggle(chart, kind) }, icon(kind.name)));
     const choose = element("button", { title: "choose signals, set scales", ariaExpanded: "false",
       onclick: () => this.menu.toggle(chart, choose, () => this.changed()) }, "Signals");
     chart.grow = element("button", { className: "icon", title: "over the 3D view, and back (Escape)",
       ariaLabel: "expand", ariaPressed: String(place.classList.contains("expanded")),
-      onclick: () => this.expand(place.classList.contains("expanded") ? null : chart) }, "⤢");
+      onclick: () => this.expand(place.classList.contains("expanded") ? null : chart) }, icon("expand"));
     chart.less = element("button", { className: "icon", title: "take this chart away", ariaLabel: "remove chart",
-      onclick: () => { this.removeChart(chart); this.changed(); } }, "×");
+      onclick: () => { this.removeChart(chart); this.changed(); } }, icon("close"));
     chart.tools.append(choose, ...kinds, chart.grow, chart.less);
     this.charts.splice(at, 0, chart);
   }

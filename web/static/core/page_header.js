@@ -4,6 +4,7 @@ import { addEmergency } from "../emergency/emergency.js";
 import { $, element } from "./dom.js";
 import { EventCenter } from "./event_center.js";
 import { Help } from "./help.js";
+import { icon } from "./icons.js";
 import { Events } from "./sockets.js";
 import { addVehicleStrip } from "./vehicle_strip.js";
 
@@ -15,7 +16,7 @@ const FLEET = ["/fleet", "Fleet"];
 /** @param {any} events */
 export function head(session, here, events = null, { emergency = true, strip = true } = {}) {
   const pages = session.vehicles.length > 1 ? [...PAGES, FLEET] : PAGES;
-  const links = pages.map(([path, label]) => element("a", { href: path, ...(path === here ? { ariaCurrent: "page" } : {}) }, label));
+  const links = pages.map(([path, label]) => element("a", { href: path, ...(path === here ? { ariaCurrent: "page" } : {}) }, icon(path.slice(1) || "fly"), label));
   const help = element("button", { id: "help", className: "link", title: "the keys of this page (?)", ariaExpanded: "false" }, "Help");
   const bar = element("header", { id: "head" },
     element("div", { className: "name" }, element("b", {}, "quadlab"), element("span", { id: "vehicle" }, session.vehicle)),

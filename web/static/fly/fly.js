@@ -6,6 +6,7 @@ import { Preview } from "./preview.js";
 import { flightButton } from "../core/flight_button.js";
 import { $, element, setText } from "../core/dom.js";
 import { bytes } from "../core/format.js";
+import { icon } from "../core/icons.js";
 
 // An argument as its field shows it: an angle in degrees; `scale` leads back.
 function asShown(described) {
@@ -41,7 +42,7 @@ export class Fly {
   button(behavior) {
     const { label, title, arguments: fields } = behavior;
     if (!fields.length) this.forms.set(behavior, []);
-    return flightButton(element("button", { title, disabled: !this.isOperator, onclick: () => this.start(behavior) }, label));
+    return flightButton(element("button", { title, disabled: !this.isOperator, onclick: () => this.start(behavior) }, icon(behavior.fixed?.trajectory ?? behavior.name), label));
   }
 
   row(behavior) {

@@ -2,6 +2,7 @@
 
 import { get, request } from "../core/api.js";
 import { element, hide } from "../core/dom.js";
+import { icon } from "../core/icons.js";
 import { fixed } from "../core/format.js";
 import { RunFill } from "./fill.js";
 import { RunNotes } from "./notes.js";
@@ -84,7 +85,7 @@ export class RunDetail {
     if (key === this.drawnTags) return;
     this.drawnTags = key;
     this.tags.replaceChildren(...shared.map((tag) => element("span", { className: "tag" }, tag,
-      ...(this.page.isOperator ? [element("button", { className: "link", ariaLabel: `remove the tag ${tag}`, onclick: () => this.changeTags([], [tag]) }, "×")] : []))));
+      ...(this.page.isOperator ? [element("button", { className: "link", ariaLabel: `remove the tag ${tag}`, onclick: () => this.changeTags([], [tag]) }, icon("close"))] : []))));
   }
 
   tagKey(event) {
