@@ -103,7 +103,7 @@ export function lineOf(seen) {
   }
   if (mode === "bench") return "A motor turns on the bench";
   if (status.armed) return `On the ground, motors on, ${health(found)}`;
-  if (mode === "starting") return "Starting: keep it still until gyroscope and pose are there";
+  if (mode === "starting") return "Starting: keep the vehicle still until gyroscope and pose are ready";
   const bad = failing(preflight).map(({ name, found: value }) => `${name} ${value}`);
   if (bad.length) return `On the ground, not ready to arm: ${health(bad)}`;
   return `On the ground, ${preflight ? "ready to arm" : "motors off"}, ${health(found)}`;

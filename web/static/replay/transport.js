@@ -27,7 +27,7 @@ export class Transport {
     place.append(
       element("div", { className: "buttons" },
         step(icon("start"), "to the beginning (Home)", () => this.seek(clock.start)), step("−1 s", "back 1 s (Shift and ←)", () => clock.step(-1)), step(icon("earlier"), "back one frame (←)", () => clock.step(-FRAME)),
-        this.back, this.forth, step(icon("later"), "on by one frame (→)", () => clock.step(FRAME)), step("+1 s", "on by 1 s (Shift and →)", () => clock.step(1)), step(icon("end"), "to the end (End)", () => this.seek(clock.end)), this.speed),
+        this.back, this.forth, step(icon("later"), "forward one frame (→)", () => clock.step(FRAME)), step("+1 s", "forward 1 s (Shift and →)", () => clock.step(1)), step(icon("end"), "to the end (End)", () => this.seek(clock.end)), this.speed),
       element("div", { className: "times" }, own, since, clockCell),
       element("label", { className: "shows" }, "charts show ", this.width));
     this.keys();
@@ -49,12 +49,12 @@ export class Transport {
     const { clock } = this, step = (sign) => (event) => clock.step(sign * (event.shiftKey ? 1 : FRAME));
     onKey(" ", "play or pause", () => clock.toggle());
     onKey("ArrowLeft", "back one frame, with Shift 1 s", step(-1));
-    onKey("ArrowRight", "on by one frame, with Shift 1 s", step(1));
+    onKey("ArrowRight", "forward one frame, with Shift 1 s", step(1));
     onKey("Home", "to the beginning", () => this.seek(clock.start));
     onKey("End", "to the end", () => this.seek(clock.end));
     onKey("[", "play slower", () => clock.faster(-1));
     onKey("]", "play faster", () => clock.faster(1));
-    onKey("r", "turn the direction of play", () => clock.play(-clock.direction));
+    onKey("r", "reverse the direction of playback", () => clock.play(-clock.direction));
     // Held arrows run on; onKey acts on the first press only.
     document.addEventListener("keydown", (event) => {
       const sign = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
