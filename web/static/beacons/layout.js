@@ -3,7 +3,7 @@
 
 import { request } from "../core/api.js";
 import { element, setIfChanged } from "../core/dom.js";
-import { icon } from "../core/icons.js";
+import { icon } from "../icons/icons.js";
 import { exact } from "../core/format.js";
 import { here } from "../core/vehicle_path.js";
 

@@ -12,7 +12,7 @@ import { TimeAxis } from "./time_axis.js";
 import { $, element, hide, setText } from "../core/dom.js";
 import { duration } from "../core/format.js";
 import { History } from "./history.js";
-import { icon } from "../core/icons.js";
+import { icon } from "../icons/icons.js";
 import { onKey } from "../core/keys.js";
 
 const WINDOWS = [5, 10, 30, 60, 120, 300, 600]; // s

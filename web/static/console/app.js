@@ -6,7 +6,7 @@ import { Ages } from "../core/ages.js";
 import { StatusBar } from "./status_bar.js";
 import { Beacons } from "../beacons/beacons.js";
 import { Calibrate } from "../calibrate/calibrate.js";
-import { EventCenter } from "../core/event_center.js";
+import { EventCenter } from "../events/event_center.js";
 import { Contact } from "../link/contact_lost.js";
 import { ControlStrip } from "./control_strip.js";
 import { Charts } from "../charts/charts.js";

@@ -3,7 +3,7 @@
 
 import { onKey } from "../core/keys.js";
 import { $ } from "../core/dom.js";
-import { icon } from "../core/icons.js";
+import { icon } from "../icons/icons.js";
 
 const narrow = matchMedia("(max-width: 900px)"); // as in the style sheets
 

@@ -2,9 +2,9 @@
 
 import { addEmergency } from "../emergency/emergency.js";
 import { $, element } from "./dom.js";
-import { EventCenter } from "./event_center.js";
+import { EventCenter } from "../events/event_center.js";
 import { Help } from "./help.js";
-import { icon } from "./icons.js";
+import { icon } from "../icons/icons.js";
 import { Events } from "./sockets.js";
 import { addVehicleStrip } from "./vehicle_strip.js";
 

@@ -4,7 +4,7 @@
 // again, or after a while.
 
 import { element, setText } from "../core/dom.js";
-import { icon } from "../core/icons.js";
+import { icon } from "../icons/icons.js";
 import { seconds, words } from "../core/format.js";
 
 const SOON = 400; // ms without an answer that nobody need hear of

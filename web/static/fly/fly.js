@@ -6,7 +6,7 @@ import { Preview } from "./preview.js";
 import { flightButton } from "../core/flight_button.js";
 import { $, element, setText } from "../core/dom.js";
 import { bytes } from "../core/format.js";
-import { icon } from "../core/icons.js";
+import { icon } from "../icons/icons.js";
 
 // An argument as its field shows it: an angle in degrees; `scale` leads back.
 function asShown(described) {

@@ -1,7 +1,7 @@
 // Buttons and keys that move the play-head, and the times it stands at.
 
 import { element, setIfChanged, setText } from "../core/dom.js";
-import { icon } from "../core/icons.js";
+import { icon } from "../icons/icons.js";
 import { onKey } from "../core/keys.js";
 import { SPEEDS, stamp } from "./play_head.js";
 import { WIDTHS } from "./range.js";

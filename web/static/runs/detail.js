@@ -2,7 +2,7 @@
 
 import { get, request } from "../core/api.js";
 import { element, hide } from "../core/dom.js";
-import { icon } from "../core/icons.js";
+import { icon } from "../icons/icons.js";
 import { fixed } from "../core/format.js";
 import { RunFill } from "./fill.js";
 import { RunNotes } from "./notes.js";

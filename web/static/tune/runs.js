@@ -2,7 +2,7 @@
 
 import { request } from "../core/api.js";
 import { element } from "../core/dom.js";
-import { icon } from "../core/icons.js";
+import { icon } from "../icons/icons.js";
 import { moment } from "../runs/labels.js";
 import { describe } from "./units.js";
 

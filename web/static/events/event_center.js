@@ -1,9 +1,9 @@
 // What happens, behind one bell on every page: newest on top, a line that comes again only counted, with the
 // number of those that came since it was last open.
 
-import { element, setIfChanged, setText } from "./dom.js";
-import { exact } from "./format.js";
-import { icon } from "./icons.js";
+import { element, setIfChanged, setText } from "../core/dom.js";
+import { exact } from "../core/format.js";
+import { icon } from "../icons/icons.js";
 
 const MOST = 200;
 const GAP = 6, EDGE = 12; // px
