@@ -25,8 +25,8 @@ from web.view.scene import Scene
 
 FOLLOW = "follow_trajectory"
 HOVER = 1.0  # m, where a trajectory would start that is looked at on the ground
-TIME_LIMIT = 15.0  # s
-NICENESS = 5
+TIME_LIMIT = 20.0  # s
+NICENESS = 0  # added to that of this process: a person waits for the answer
 Arguments = dict[str, ParameterValue]
 
 
