@@ -77,7 +77,7 @@ class Preflight:
             checks = judged(self._read_anew(), self._limits)
         if failing := reasons(checks):
             line = f"not armed: {'. '.join(failing)}"
-            self._outbox.say(WARN, f"refused {requester or 'somebody'}: {line}")
+            self._outbox.say(WARN, f"refused {requester or 'someone'}: {line}")
             raise RefusedError(line)
         with self._lock:
             self._asked = (time.monotonic(), checks)

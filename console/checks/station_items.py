@@ -39,7 +39,7 @@ def rates(f: Facts, p: StationParameters) -> list[Check]:
     packets = min(TOPICS["telemetry"].rate, f.nominal_rate)
     heard = f.mode is not None
     return [
-        _rate("telemetry", f.telemetry_rate if heard else None, packets, "look at the link"),
+        _rate("telemetry", f.telemetry_rate if heard else None, packets, "check the link"),
         _rate(
             "flight loop",
             f.tick_rate if heard else None,

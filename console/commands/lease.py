@@ -114,7 +114,7 @@ class ControlLease:
 
     def _of_holder(self, who: str) -> None:
         if who != self._holder:
-            raise RefusedError(f"control is not yours: {self._holder or 'nobody'} has it")
+            raise RefusedError(f"you do not have control: {self._holder or 'no one'} has it")
 
     def _free(self, now: float) -> None:
         following, self._holder = self._asking, ""

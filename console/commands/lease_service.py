@@ -56,7 +56,7 @@ class ControlDesk:
         if command == "emergency" or requester in OWN:
             return
         with self._lock:
-            self._lease.command(requester or "somebody", self._clock())
+            self._lease.command(requester or "someone", self._clock())
         self._tell()
 
     def steers(self, requester: str, enabled: bool) -> bool:
@@ -91,7 +91,7 @@ class ControlDesk:
     def _answer(self, request: Any) -> Any:
         try:
             with self._lock:
-                self._do(request.action, request.requester or "somebody", self._clock())
+                self._do(request.action, request.requester or "someone", self._clock())
         finally:
             self._tell()
         return new(ANSWER, accepted=True)

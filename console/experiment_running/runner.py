@@ -181,7 +181,7 @@ class ExperimentRunner:
         client = self._client
         if client is not None and command != "change_parameters":
             patience = 0.0 if command == "emergency" else SETTLE
-            why = f"{requester or 'somebody'} took over with {command.replace('_', ' ')}"
+            why = f"{requester or 'someone'} took over with {command.replace('_', ' ')}"
             client.end(ExperimentEndedError(why), taken_over=True, patience=patience)
         self.asked(command, requester)
 

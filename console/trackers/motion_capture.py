@@ -82,7 +82,7 @@ class MotionCaptureSource:
                     what = "sends nothing" if connected else "does not answer"
                     raise UnreachableError(
                         f"the {self._server} {what} for {PATIENCE:.0f} s; start it and its "
-                        "streaming, look at the network, or give another --host"
+                        "streaming, check the network, or give another --host"
                     )
         finally:
             job.stop()

@@ -18,6 +18,7 @@ from control.behaviors.trajectory_arguments import FollowTrajectoryArguments, Wh
 from control.behaviors.trajectory_choice import CHOICES, Choice
 from control.trajectories.feasibility import Feasibility, examine, fits, refusal
 from control.trajectories.limits import WALLS, Limits, with_margin
+from control.trajectories.trajectory import Trajectory
 from quadrotor.errors import RefusedError, UnknownParameterError
 from quadrotor.parameters import Parameters, ParameterValue, coerce
 from quadrotor.records import Record
@@ -53,6 +54,15 @@ class FollowTrajectory(TrajectoryBehavior):
 
     @classmethod
     def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
+        return cls(context, *cls.chosen(context, given))
+
+    @classmethod
+    def chosen(
+        cls, context: Context, given: Mapping[str, ParameterValue]
+    ) -> tuple[Choice, WhichTrajectory]:
+        """Return which trajectory these arguments choose, and all that it takes. Raises
+        ParameterError.
+        """
         form = argument_descriptions(FollowTrajectoryArguments)
         which = form["trajectory"]
         name = str(coerce(which, given.get("trajectory", which.default)))
@@ -65,18 +75,30 @@ class FollowTrajectory(TrajectoryBehavior):
                 )
         # Not validated: the present reference may be anywhere.
         defaults = choice.arguments().model_copy(update=dict(choice.defaults(context)))
-        return cls(context, choice, read_arguments(cls.name, defaults, given))
+        return choice, read_arguments(cls.name, defaults, given)
 
     def __init__(self, context: Context, choice: Choice, arguments: WhichTrajectory) -> None:
-        limits = limits_of(context.parameters, context.model)
-        trajectory = choice.make(context, arguments)
-        self.report: Feasibility = examine(trajectory, context.model, limits)
-        breach = self.report.breach
-        if breach is not None:
-            slow = breach.index >= WALLS
-            advice = _advice(context, choice, arguments, limits) if slow else ""
-            raise RefusedError(refusal(self.report, breach, "follow_trajectory", advice))
+        trajectory, self.report, refused = surveyed(context, choice, arguments)
+        if refused:
+            raise RefusedError(refused)
         super().__init__(trajectory)
+
+
+def surveyed(
+    context: Context, choice: Choice, arguments: WhichTrajectory
+) -> tuple[Trajectory, Feasibility, str]:
+    """Return the trajectory, its demands, and why the vehicle refuses it, "" when it does not.
+
+    Raises ParameterError or RefusedError for arguments that make none.
+    """
+    limits = limits_of(context.parameters, context.model)
+    trajectory = choice.make(context, arguments)
+    report = examine(trajectory, context.model, limits)
+    breach = report.breach
+    if breach is None:
+        return trajectory, report, ""
+    advice = _advice(context, choice, arguments, limits) if breach.index >= WALLS else ""
+    return trajectory, report, refusal(report, breach, "follow_trajectory", advice)
 
 
 def limits_of(p: BehaviorParameters, model: Record) -> Limits:

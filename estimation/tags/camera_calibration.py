@@ -76,7 +76,7 @@ def calibrate_camera(pictures: Iterable[Picture], board: Board) -> CameraCalibra
             pixels.append(seen)
     if len(points) < FEWEST_PICTURES:
         raise MeasurementError(
-            f"the board is seen in {len(points)} pictures, {FEWEST_PICTURES} are needed; look at "
+            f"the board is seen in {len(points)} pictures, {FEWEST_PICTURES} are needed; check "
             "its squares and the light, and take more"
         )
     height, width = shape
@@ -95,7 +95,7 @@ def calibrate_camera(pictures: Iterable[Picture], board: Board) -> CameraCalibra
     if not residual < RESIDUAL_MAX:
         raise MeasurementError(
             f"{residual:.1f} pixels are left, allowed {RESIDUAL_MAX:g}: the board is bent, or its "
-            "squares are not as told"
+            "squares are not as given"
         )
     found = Intrinsics(
         width, height, np.asarray(matrix, float), np.asarray(distortion, float).ravel()[:5]

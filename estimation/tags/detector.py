@@ -101,7 +101,7 @@ class TagDetector:
         mean = float(grey.mean())
         if not found and (what := wrong_exposure(mean)):
             raise MeasurementError(
-                f"the picture is {what} (mean grey level {mean:.0f} of 255): look at the lens's "
+                f"the picture is {what} (mean grey level {mean:.0f} of 255): check the lens's "
                 "cap, the light and the exposure"
             )
         return dict(found)
