@@ -30,7 +30,8 @@ class New:
     """folder to write to (default: plugins in the data folder, where the vehicle finds it)"""
 
     def run(self) -> int:
-        from vehicle.laws.laws import BUILT_IN, TESTS, UDP
+        from vehicle.laws.laws import BUILT_IN, UDP
+        from vehicle.plugins.plugins import TESTS
         from vehicle.processes.parent import PLUGINS
 
         if not self.name.isidentifier() or self.name.startswith(("_", TESTS)):
