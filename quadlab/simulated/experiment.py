@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from quadlab.data_folder import open_data_folder
+from quadlab.data_folder import data_folder, open_data_folder
 from quadlab.settings import parse_settings
 from quadrotor.errors import QuadlabError, UsageError
 
@@ -57,8 +57,9 @@ def fly(
 
     Args:
         seed: of all noise. words: NAME=VALUE of parameters. out: folder of the log; None: flights
-            in the data folder. plugins: folder of control laws. true_state: whether the controller
-            sees the true state. tell: whether instructions of a guided procedure are printed.
+            in the data folder. plugins: folder of users' laws and estimators. true_state: whether
+            the controller sees the true state. tell: whether instructions of a guided procedure
+            are printed.
 
     Raises QuadlabError; after the start it says where the log is.
     """
@@ -69,6 +70,7 @@ def fly(
     from quadlab.simulated.parameters import FlightParameters
     from quadrotor.parameters import ParameterStore
     from vehicle.boards.kind import find_kind
+    from vehicle.estimators.estimators import Estimators
     from vehicle.flight.kernels import prepare
     from vehicle.processes.parent import PLUGINS
     from vehicle.simulator.betaflight.firmware import firmware_of
@@ -84,6 +86,8 @@ def fly(
     )
     ParameterStore(parameters).preset(kind.traits.parameters | {"simulator.imu_rate": kind.rate})
     parameters.seed(seed)
+    plugins = plugins or data_folder(None) / PLUGINS
+    Estimators(plugins).offer()
     values = parse_settings(parameters, words)
     if "beacons.layout" not in values:  # the vehicle is told where the beacons are
         parameters.beacons.layout = parameters.bearings.layout
@@ -106,7 +110,6 @@ def fly(
     # alone.
     _, later = prepare(lambda line: print(f"quadlab: {line}", file=sys.stderr, flush=True))
     typestore()
-    plugins = plugins or open_data_folder(None) / PLUGINS
     flight = SimulatedFlight(parameters, simulated, log, estimator, plugins, kind)
     if tell:
         flight.on_tell = Teller(flight)
@@ -121,7 +124,7 @@ def fly(
     finally:
         log.close()
         later.close()
-        flight.stack.steering.close()
+        flight.stack.close()
         simulated.close()
     wall, processor = time.perf_counter() - began, time.process_time() - processor
     result, proposal = judged(experiment, path, aborted)

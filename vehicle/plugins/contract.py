@@ -36,6 +36,8 @@ class Contract:
             `reset`.
         step: calls a plugin with one input, fields as attributes, and writes the output (1,).
         endings: of its files.
+        rehearsal: inputs that it is stepped with before it counts as loaded, so that nothing is
+            imported or compiled in the first tick.
     """
 
     kind: str
@@ -43,6 +45,7 @@ class Contract:
     outputs: np.dtype[np.void]
     step: Callable[[Any, Any, Record], None]
     endings: tuple[str, ...] = (".py",)
+    rehearsal: tuple[Record, ...] = ()
 
     @property
     def group(self) -> str:

@@ -49,10 +49,13 @@ def serve(descriptor: int, contract: Contract, source: str) -> None:
 
 def _answer(connection: socket.socket, contract: Contract, source: str) -> None:
     plugin, file = load(contract, source), _file_of(contract, source)
-    connection.send(READY)
     out = np.zeros(1, contract.outputs)
+    for x in contract.rehearsal:
+        told(file, partial(contract.step, plugin, as_attributes(x), out), UsageError)
+    connection.send(READY)
     while data := connection.recv(contract.inputs.itemsize + 1):
-        x = as_attributes(np.frombuffer(data, contract.inputs))
+        # Its own memory in each tick, which a plugin may keep and write.
+        x = as_attributes(np.frombuffer(bytearray(data), contract.inputs))
         told(file, partial(contract.step, plugin, x, out), RefusedError)
         connection.send(out.tobytes())
 
