@@ -8,9 +8,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from quadrotor.constants import GRAVITY
 from quadrotor.records import MAX_BEACONS, Record
-from quadrotor.rotations import norm
-from quadrotor.vehicle_model import GRAVITY
 from vehicle.plugins import host
 from vehicle.plugins.contract import Array, Contract, Field, as_attributes, layout
 
@@ -136,7 +135,10 @@ def _at_rest(height: float = 1.0) -> Record:
     x["bearing_deviation"] = math.radians(1.0)
     for row, (right, ahead) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
         away = np.array([right, ahead, -height])
-        x["beacon_w"][0, row], x["bearing_b"][0, row] = (right, ahead, 0), away / norm(away)
+        x["beacon_w"][0, row], x["bearing_b"][0, row] = (
+            (right, ahead, 0),
+            away / np.linalg.norm(away),
+        )
     return x
 
 
