@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -46,6 +47,7 @@ class WatchedFlight(SimulatedFlight):
         settings: of vehicle, `simulator`, `tracker`, as `--set` takes them.
         true_state: fly on the true state instead of an estimate.
         board: of the vehicle; the simulated ones.
+        plugins: folder of users' control laws and estimators.
 
     Attributes:
         frozen: the flight process stands still: nothing is sent to the microcontroller.
@@ -60,6 +62,7 @@ class WatchedFlight(SimulatedFlight):
         *,
         true_state: bool = False,
         board: str = MIKROKOPTER,
+        plugins: Path | None = None,
     ) -> None:
         kind = find_kind(board)
         options = kind.configured({})
@@ -75,7 +78,7 @@ class WatchedFlight(SimulatedFlight):
         self._trace: list[tuple[float, ...]] = []
         estimator = TrueState(self.robot) if true_state else None
         log: Any = self.events
-        super().__init__(parameters, self.robot, log, estimator, kind=kind)
+        super().__init__(parameters, self.robot, log, estimator, plugins, kind)
 
     # ------------------------------------------------------------------ what truly happens
     def advance(self) -> None:

@@ -25,6 +25,7 @@ from vehicle.estimators.navigation import Navigation
 from vehicle.estimators.rescue import Rescue
 from vehicle.plugins.contract import as_attributes
 from vehicle.plugins.external import CONSECUTIVE
+from vehicle.plugins.plugins import Plugins
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "extending" / "plugins.md"
 SECTION = DOCUMENT.read_text().partition("# An estimator of your own")[2]
@@ -54,7 +55,7 @@ class estimator:
         return p, v, q
 """
 """A filter with fixed gains; harm begins at the time that it names."""
-SPOILT = {
+SPOILT: dict[str, tuple[dict[str, tuple[float, ...]], str]] = {
     "nan": ({"position_w": (0.0, math.nan, 1.0)}, r"position_w \[0.0, nan, 1.0\].*not finite"),
     "inf": ({"velocity_w": (0.0, 0.0, math.inf)}, "velocity_w .*not finite"),
     "no rotation": ({"quaternion_wb": (0.0, 0.0, 0.0, 0.0)}, "not of unit length"),
@@ -111,6 +112,20 @@ class Here:
         self.closed = True
 
 
+class Only(Plugins):
+    """The plugin `own` at the end of a link."""
+
+    def __init__(self, link: Here) -> None:
+        super().__init__(ESTIMATOR, None, True, ())
+        self._only = link
+
+    def names(self) -> tuple[str, ...]:
+        return ("own",)
+
+    def start(self, name: str) -> Here:
+        return self._only
+
+
 class Bench:
     """The navigation of a vehicle at rest 1 m above the origin, with rescues, at 500 Hz.
 
@@ -127,10 +142,8 @@ class Bench:
         self.said: list[str] = []
         self.parameters = EstimationParameters().model_copy(deep=True)
         self.estimators = Estimators(folder)
-        self._plugins: Any = self.estimators._plugins
         if link is not None:
-            self._plugins.start = lambda name: link
-            self._plugins._packaged = [Named("own")]
+            self.estimators._plugins = Only(link)
         self.estimators.offer()
         self.set(values)
         self.state, self.estimate = new_state(), np.zeros(1, ESTIMATE)
@@ -171,14 +184,6 @@ class Bench:
     @property
     def own(self) -> ExternalEstimator:
         return self.navigation.externals[0]
-
-
-@dataclass
-class Named:
-    """An entry point of a package."""
-
-    name: str
-    value: str = "own:Own"
 
 
 @pytest.fixture(autouse=True)
