@@ -93,10 +93,11 @@ class ErrorStateEkf:
 
     def _correct(self, r: Array, H: Array, deviation: Array) -> None:
         """Take a residual, whose correction of the past state serves the present one too."""
-        S = H @ self.covariance @ H.T + np.diag(deviation**2)
-        K = np.linalg.solve(S, H @ self.covariance).T
-        e = K @ r
-        self.covariance = (np.eye(15) - K @ H) @ self.covariance
+        noise = np.diag(deviation**2)
+        K = np.linalg.solve(H @ self.covariance @ H.T + noise, H @ self.covariance).T
+        e, left = K @ r, np.eye(15) - K @ H
+        # By Joseph's form, which keeps it positive.
+        self.covariance = left @ self.covariance @ left.T + K @ noise @ K.T
         self.p, self.v = self.p + e[P], self.v + e[V]
         self.q = quaternion_multiply(self.q, quaternion_exp(e[A]))
         self.b_g, self.b_f = self.b_g + e[G], self.b_f + e[F]

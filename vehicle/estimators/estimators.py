@@ -29,6 +29,11 @@ class Estimators:
         """Make the plugins' names values of the parameters, before a tree's store is made."""
         registry.offer(self._plugins.names())
 
+    def register(self) -> None:
+        """Register the plugins like built-in ones, for programs that run estimators by name."""
+        for name in self._plugins.names():
+            registry.register(name, lambda p, name=name: self._external(name, p.source, p))
+
     def check(self, parameter: str, name: str) -> None:
         """Raise RefusedError for a name that more than one has, or none."""
         if name in (*registry.names(), NONE):
@@ -44,9 +49,14 @@ class Estimators:
     def start(self, name: str, source: str, parameters: EstimationParameters) -> Runner:
         """Return an estimator on its source; the process of a plugin is starting."""
         if name not in registry.names():
-            beneath = self.start(parameters.plugin.built_in, source, parameters)
-            plugins = self._plugins
-            own = ExternalEstimator(name, plugins.start(name), beneath, plugins.waits)
-            return Runner(name, source, own)
+            return Runner(name, source, self._external(name, source, parameters))
         registry.prepare(name, source != POSES)  # does nothing when `check` has prepared it
         return Runner(name, source, registry.create(name, parameters))
+
+    def _external(
+        self, name: str, source: str, parameters: EstimationParameters
+    ) -> ExternalEstimator:
+        beneath, plugins = self.start(parameters.plugin.built_in, source, parameters), self._plugins
+        own = ExternalEstimator(name, plugins.start(name), beneath, plugins.waits)
+        own.configure(parameters)
+        return own

@@ -49,7 +49,7 @@ class ExternalEstimator(External):
         self._poses: deque[Record] = deque(maxlen=WAITING)
         self._frames: deque[Record] = deque(maxlen=WAITING)
         self._begin()
-        self._was_flying = False
+        self._was_flying = self._told_ready = False
         # Compiled here and not in the first tick, which would be seconds late.
         self._carried(self._state, np.zeros(3), np.zeros(3), 0.0)
 
@@ -155,7 +155,9 @@ class ExternalEstimator(External):
     # ------------------------------------------------------------------ for the log
     def news(self, flying: bool) -> list[str]:
         """Return lines about what has just happened: it was loaded, it landed."""
-        lines = [f"estimator {self.name} is ready"] if self.becomes_ready() else []
+        self.becomes_ready()
+        lines = [f"estimator {self.name} is ready"] if self.is_ready > self._told_ready else []
+        self._told_ready = self.is_ready
         if flying != self._was_flying:
             self._was_flying = flying
             apart = f"its position was {self.difference:.4f} m (rms) from that of"
@@ -177,6 +179,9 @@ class ExternalEstimator(External):
         """Take the answer, carry it on to this sample, and ask for the next. Raises RefusedError
         when the plugin must not be used any more.
         """
+        self.becomes_ready()
+        if self.failure:
+            return
         answer, before = self._answer(), self._state
         if answer is not None:
             before = self._taken(answer)
