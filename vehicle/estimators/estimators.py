@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from estimation import registry
@@ -32,7 +33,7 @@ class Estimators:
     def register(self) -> None:
         """Register the plugins like built-in ones, for programs that run estimators by name."""
         for name in self._plugins.names():
-            registry.register(name, lambda p, name=name: self._external(name, p.source, p))
+            registry.register(name, partial(self._external, name))
 
     def check(self, parameter: str, name: str) -> None:
         """Raise RefusedError for a name that more than one has, or none."""
@@ -49,14 +50,15 @@ class Estimators:
     def start(self, name: str, source: str, parameters: EstimationParameters) -> Runner:
         """Return an estimator on its source; the process of a plugin is starting."""
         if name not in registry.names():
-            return Runner(name, source, self._external(name, source, parameters))
+            return Runner(name, source, self._external(name, parameters, source))
         registry.prepare(name, source != POSES)  # does nothing when `check` has prepared it
         return Runner(name, source, registry.create(name, parameters))
 
     def _external(
-        self, name: str, source: str, parameters: EstimationParameters
+        self, name: str, parameters: EstimationParameters, source: str = ""
     ) -> ExternalEstimator:
-        beneath, plugins = self.start(parameters.plugin.built_in, source, parameters), self._plugins
+        plugins, source = self._plugins, source or parameters.source
+        beneath = self.start(parameters.plugin.built_in, source, parameters)
         own = ExternalEstimator(name, plugins.start(name), beneath, plugins.waits)
         own.configure(parameters)
         return own
