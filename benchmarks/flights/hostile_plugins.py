@@ -50,7 +50,7 @@ HARM = {
         "infinite": "answer = (np.inf, answer[1])",
         "too strong": "answer = (answer[0], answer[1] + [2.0, 0.0, 0.0])",
         "no thrust": "answer = (0.0, answer[1])",
-        "creeps": "answer = (answer[0], answer[1] + [0.08 * since, 0.0, 0.0])",
+        "creeps": "answer = (answer[0], answer[1] + [0.2 * since, 0.0, 0.0])",
     },
     "estimator": {
         **ANY,
