@@ -369,6 +369,32 @@ def test_the_vehicle_tells_why_it_goes_on_with_the_built_in_one(
     lab.stack.close()
 
 
+def test_a_program_runs_it_by_name_and_is_told_why_it_fails(
+    plugin: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(registry, "_FACTORIES", dict(registry._FACTORIES))
+    Estimators(plugin("if x.time > 0.05: 1 / 0")).register()
+    own, state, imu = (
+        registry.create("own", EstimationParameters()),
+        new_state(),
+        np.zeros(1, IMU_SAMPLE),
+    )
+    imu["specific_force_b"] = (0.0, 0.0, 9.81)
+
+    def run(ticks: range) -> None:
+        for k in ticks:
+            imu["stamp_ns"] = 2_000_000 * k
+            own.predict(imu, 0.002, state)
+            if k % 5 == 0:
+                pose = pose_sample(2_000_000 * k, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))
+                own.correct(pose, np.zeros(1, ESTIMATE))
+
+    run(range(1, 20))
+    assert state["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=1e-3)
+    with pytest.raises(RefusedError, match="ZeroDivisionError"):
+        run(range(20, 60))
+
+
 def test_the_document_lists_every_field_of_the_contract_in_order() -> None:
     cells = [line.split("|") for line in SECTION.splitlines()]
     rows = [row[1:4] for row in cells if len(row) == 6 and "`" in row[1]]
