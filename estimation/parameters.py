@@ -54,7 +54,7 @@ class TrackerCalibration(TrackedBody):
 
 
 class PluginParameters(Parameters):
-    """What runs beneath an estimator of one's own, and how far from that it may be flown on."""
+    """The built-in estimator beneath one of the user's own, and how far from it that may be."""
 
     built_in: str = parameter("complementary", choices=("complementary", "error_state"))
     """estimator that runs beneath a plugin, is its start and takes over when it fails; on

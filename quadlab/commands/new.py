@@ -16,7 +16,7 @@ from quadrotor.errors import StorageError, UsageError
 
 
 class Kind(NamedTuple):
-    """What may be written: a copy of an example, and of its test where there is one.
+    """A kind of file that may be written: a copy of an example, and of its test if it has one.
 
     Attributes:
         template: file below examples, without its ending. folder: of the data folder.

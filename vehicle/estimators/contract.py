@@ -88,8 +88,8 @@ class Input(Protocol):
 
 
 class Answer(NamedTuple):
-    """What `Estimator.step` returns, as `OUTPUT` names it; a plain tuple of the first three, or of
-    more, will do."""
+    """The result of `Estimator.step`, as `OUTPUT` names it; a plain tuple of the first three, or
+    of more, will do."""
 
     position_w: Array
     velocity_w: Array

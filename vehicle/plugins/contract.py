@@ -1,4 +1,4 @@
-"""What a plugin receives and answers: vectors of float64, little-endian, in SI units, without
+"""The input and answer of a plugin: vectors of float64, little-endian, in SI units, without
 padding. A UDP packet and a call of a Python plugin have the same content."""
 
 from __future__ import annotations
