@@ -45,6 +45,7 @@ FOLDERS = {
         "explanations",
         "rough_world",
         "hostile_flights",
+        "hostile_plugins",
         "tracking_faults",
         "starved",
         "real_flights",
@@ -66,10 +67,10 @@ NAMES = {name: f"benchmarks.{folder}.{name}" for folder, names in FOLDERS.items(
 """The module of each benchmark, by its name."""
 OWN_OPTIONS = {
     "count": ("fuzz_logs",),
-    "seed": ("fuzz_logs", "hostile_flights"),
+    "seed": ("fuzz_logs", "hostile_flights", "hostile_plugins"),
     "data": ("real_flights",),
     "against": ("up_cost", "late_ticks"),
-    "flights": ("hostile_flights", "tracking_faults"),
+    "flights": ("hostile_flights", "hostile_plugins", "tracking_faults"),
 }
 """Options that only some benchmarks have, with the names of these."""
 
@@ -80,7 +81,9 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="fewer samples: a look, not a result")
     parser.add_argument("--count", type=int, help="of fuzz_logs: how many logs")
     parser.add_argument("--seed", type=int, help="number of the first mutated log or flight")
-    parser.add_argument("--flights", type=int, help="of hostile_flights: how many")
+    parser.add_argument(
+        "--flights", type=int, help="of hostile_flights, or a kind of hostile_plugins"
+    )
     parser.add_argument("--data", type=Path, help="of real_flights: folder of recorded flights")
     parser.add_argument(
         "--against", help="of up_cost, late_ticks: another checkout, measured in turns"

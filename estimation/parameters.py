@@ -53,13 +53,28 @@ class TrackerCalibration(TrackedBody):
         return pose_sample(stamp_ns, position_w, quaternion_wb)
 
 
+class PluginParameters(Parameters):
+    """The built-in estimator beneath one of the user's own, and how far from it that may be."""
+
+    built_in: str = parameter("complementary", choices=("complementary", "error_state"))
+    """estimator that runs beneath a plugin, is its start and takes over when it fails; on
+    bearings or positions of a single marker choose error_state"""
+    position_max: float = parameter(0.25, unit="m", ge=0.02, le=5.0, step=0.01)
+    """largest distance of a flown plugin's position from the built-in estimator's"""
+    velocity_max: float = parameter(0.5, unit="m/s", ge=0.05, le=10.0, step=0.05)
+    """largest difference of its velocity from the built-in estimator's"""
+    attitude_max: float = parameter(10.0, unit="deg", ge=1.0, le=90.0, step=0.5)
+    """largest angle between its attitude and the built-in estimator's"""
+
+
 class EstimationParameters(Parameters):
     """The choice of estimator and source; gains of eqs. 11 and 12 as poles, for a 100
     Hz tracker.
     """
 
     estimator: str = parameter("complementary", choices=("complementary", "error_state"))
-    """what the vehicle flies on; in flight only the shadow may be chosen"""
+    """what the vehicle flies on: built in, or a plugin (docs/extending/plugins.md); in flight only
+    the shadow may be chosen"""
     shadow: str = parameter("none", choices=("none", "complementary", "error_state"))
     """second estimator, run in parallel, for comparison or to take over"""
     shadow_source: str = parameter("same", choices=("same", "poses", "bearings", "both"))
@@ -100,6 +115,7 @@ class EstimationParameters(Parameters):
     """least deviation the gate takes for an attitude on each axis"""
     tracker: TrackerCalibration = TrackerCalibration()
     error_state: ErrorStateParameters = ErrorStateParameters()
+    plugin: PluginParameters = PluginParameters()
 
 
 PRESETS: dict[str, dict[str, float]] = {

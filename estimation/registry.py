@@ -9,7 +9,7 @@ called with the EstimationParameters and returns an `estimation.estimator.Estima
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -58,10 +58,16 @@ def register(name: str, factory: Factory) -> None:
     """
     _FACTORIES[name] = factory
     _ready.difference_update({(name, False), (name, True)})
-    for field in ("estimator", "shadow"):
+    offer(())
+
+
+def offer(plugins: Sequence[str]) -> None:
+    """Make these names, too, values of the parameters, in place of those offered before: of
+    estimators that whoever makes the parameter tree can start.
+    """
+    for field, none in (("estimator", ()), ("shadow", ("none",))):
         extra: Any = EstimationParameters.model_fields[field].json_schema_extra
-        if name not in extra["choices"]:
-            extra["choices"].append(name)
+        extra["choices"][:] = [*none, *names(), *plugins]
 
 
 def create(name: str, parameters: EstimationParameters) -> Estimator:

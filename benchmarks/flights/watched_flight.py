@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -47,6 +48,7 @@ class WatchedFlight(SimulatedFlight):
         settings: of vehicle, `simulator`, `tracker`, as `--set` accepts them.
         true_state: fly on the true state instead of an estimate.
         board: the vehicle's board, one of those that can be simulated.
+        plugins: folder of users' control laws and estimators.
 
     Attributes:
         frozen: whether the flight process is stopped: nothing is sent to the microcontroller.
@@ -61,6 +63,7 @@ class WatchedFlight(SimulatedFlight):
         *,
         true_state: bool = False,
         board: str = MIKROKOPTER,
+        plugins: Path | None = None,
     ) -> None:
         kind = find_kind(board)
         options = kind.configured({})
@@ -76,7 +79,7 @@ class WatchedFlight(SimulatedFlight):
         self._trace: list[tuple[float, ...]] = []
         estimator = TrueState(self.robot) if true_state else None
         log: Any = self.events
-        super().__init__(parameters, self.robot, log, estimator, kind=kind)
+        super().__init__(parameters, self.robot, log, estimator, plugins, kind)
 
     # ------------------------------------------------------------------ the truth
     def advance(self) -> None:

@@ -53,8 +53,8 @@ def fly(config: FlightConfig) -> None:
 
     refusals, later = prepare(say)
 
+    from vehicle.estimators.estimators import Estimators
     from vehicle.flight.stack import FlightStack
-    from vehicle.laws.laws import Laws
     from vehicle.parameters import new_parameters
 
     rings = open_rings(config.rings)
@@ -66,12 +66,12 @@ def fly(config: FlightConfig) -> None:
         for port in ports:
             port.close()
         ports = open_ports(config.ports, bauds=kind.bauds)  # restarted: its USB device is a new one
+    plugins = Path(config.plugins) if config.plugins else None
+    Estimators(plugins).offer()
     parameters = new_parameters()
     ParameterStore(parameters).preset(kind.traits.parameters | config.parameters)
     part = Part(config.name)
-    plugins = Path(config.plugins) if config.plugins else None
-    laws = Laws(plugins, waits=part.in_lockstep)
-    stack = FlightStack(parameters, laws=laws, board=kind.traits)
+    stack = FlightStack(parameters, plugins=plugins, waits=part.in_lockstep, board=kind.traits)
     if config.trajectories:
         load_trajectories(stack, Path(config.trajectories))
     for refusal in refusals:
@@ -106,7 +106,7 @@ def fly(config: FlightConfig) -> None:
     signal.signal(signal.SIGINT, stop)
     loop.run()
     later.close()
-    stack.steering.close()
+    stack.close()
 
 
 def _in_process(rate: int, stack: FlightStack) -> InProcessRobot:

@@ -8,6 +8,8 @@ results for identical input. Only the caller's thread may use it.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from bearing_sim.beacons import parse_layout
@@ -24,6 +26,7 @@ from vehicle.boards.board import Command, RawSample, Takes, Traits
 from vehicle.boards.mikrokopter.microcontroller import TRAITS
 from vehicle.calibration.imu import ImuCalibrator
 from vehicle.estimators.bearings_guard import BearingsGuard, WayBack
+from vehicle.estimators.estimators import Estimators
 from vehicle.estimators.navigation import Navigation
 from vehicle.estimators.rescue import Rescue
 from vehicle.flight.commands import CommandHandler
@@ -60,7 +63,8 @@ class FlightStack:
         parameters: the vehicle's parameter tree; this stack becomes its only writer.
         estimator, controller: plugins, any object with the protocol's methods; defaults are the
             estimator and the law that the parameters name.
-        laws: the available control laws; by default the built-in ones and `udp`.
+        plugins: folder of users' control laws and estimators; may be missing.
+        waits: whether simulated time waits for the answers of those.
         board: traits of the board that receives the commands.
     """
 
@@ -69,13 +73,14 @@ class FlightStack:
         parameters: VehicleParameters,
         estimator: Estimator | None = None,
         controller: Controller | None = None,
-        laws: Laws | None = None,
+        plugins: Path | None = None,
+        waits: bool = True,
         board: Traits = TRAITS,
     ) -> None:
         p = self.parameters = parameters
         tick = self._tick = TickRecord()
         outbox = self._outbox = Outbox(tick)
-        self.steering = Steering(p.control, p.model, controller, laws)
+        self.steering = Steering(p.control, p.model, controller, Laws(plugins, waits))
         self.mass = FlownMass(p.mass, p.model.mass)
         self.behaviors = BehaviorMachine(p.behavior)
         self.supervisor = Supervisor(p.safety)
@@ -84,7 +89,10 @@ class FlightStack:
         self.ground = GroundContact()
         self.bench = Bench(p.safety, board.missing(Takes.MOTORS))
         beacons = parse_layout(p.beacons.layout)
-        self.navigation = Navigation(p.estimation, outbox.say, estimator, beacons, p.fallback)
+        estimators = Estimators(plugins, waits)
+        self.navigation = Navigation(
+            p.estimation, outbox.say, estimator, beacons, p.fallback, estimators
+        )
         self.guard = BearingsGuard(p, tick.state, self.navigation, self.behaviors, self.ground)
         self.rescue = Rescue(p.estimation, self.navigation, tick.state)
         self.modes = ModeMachine(
@@ -177,7 +185,9 @@ class FlightStack:
 
         airborne = self.ground.airborne
         self.navigation.step(tick.imu, since, tick.state, tick.estimate)
-        if self.navigation.measured:
+        if self.navigation.externals:
+            self._tell_of_estimators()
+        if self.navigation.measured or self.navigation.externals:
             self._rescue()
         self.model.step(sample, since, dt)
         pose_age = self.navigation.measurement_age(self._tick.stamp_ns)
@@ -282,6 +292,11 @@ class FlightStack:
         """Add a line for the log and the page."""
         self._outbox.say(text, level)
 
+    def close(self) -> None:
+        """End the processes of plugins."""
+        self.steering.close()
+        self.navigation.close()
+
     # ------------------------------------------------------------------ outputs
     @property
     def record(self) -> Record:
@@ -362,6 +377,11 @@ class FlightStack:
         self.say(change.why, change.level)
         self.configuration.apply(change.values, "vehicle")
         self.navigation.take_over(self._tick.state)
+
+    def _tell_of_estimators(self) -> None:
+        for external in self.navigation.externals:
+            for line in external.news(self.modes.mode in FLYING):
+                self.say(line)
 
     def _watch_law(self, law: ExternalLaw) -> None:
         """Report when an external law is ready; disable one that failed.
