@@ -33,8 +33,8 @@ class FixedLayout:
 
     Args:
         type_name: for instance `nav_msgs/Odometry`.
-            strings: text of each string field, by path; those not named are empty.
-            lengths: number of items of each sequence, by path; those not named have none.
+        strings: text of each string field, by path; those not named are empty.
+        lengths: number of items of each sequence, by path; those not named have none.
 
     Raises:
         ValueError: a path in `strings` or `lengths` is no such field of the message.
