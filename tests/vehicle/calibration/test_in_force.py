@@ -1,4 +1,4 @@
-"""Tests of which stored calibrations a vehicle starts with, and what it reports of the others."""
+"""Which stored calibrations a vehicle starts with, and what it reports of the others."""
 
 from __future__ import annotations
 

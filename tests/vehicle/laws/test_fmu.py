@@ -30,11 +30,15 @@ SIZES = (
     ("thrust", 1),
     ("torque_b", 3),
 )
-"""The variables of fmi2_law.c in the order of its value references."""
+"""Variables of fmi2_law.c in the order of its value references."""
 
 
 def made_by_gcc(folder: Path, rename: str = "") -> Path:
-    """Build the FMU of FMI 2. Args: rename: "old=new", the name of a variable."""
+    """Build the FMU of FMI 2.
+
+    Args:
+        rename: "old=new", to rename a variable.
+    """
     if shutil.which("gcc") is None:
         pytest.skip("gcc is not installed")
     binary = folder / "fmi2_law.so"
