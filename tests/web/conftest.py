@@ -198,7 +198,7 @@ class ScriptedStation(Station):
     def compare(
         self, names: tuple[str, ...] = ("vehicle", "error_state"), residuals: Any = None
     ) -> None:
-        """Publish one comparison: estimator i is (10 + i) mm off; all have these residuals (rad)."""
+        """Publish one comparison: estimator i is (10 + i) mm off; residuals are in rad."""
         seen = {1: 0.010, 2: 0.020, 3: 0.030, 4: 0.120} if residuals is None else residuals
         results = [
             new(

@@ -17,7 +17,7 @@ RATE, TURNS, DENSITY = 500.0, 76.0, 0.03
 
 
 def flown(seconds: float) -> Record:
-    """Return noise of known density on the gyroscope's x, a rotor's line on its y, and slow roll."""
+    """Return ticks with known noise on the gyroscope's x, a rotor's line on its y, slow roll."""
     count = int(RATE * seconds)
     ticks, random = np.zeros(count, TICK), np.random.default_rng(4)
     time = np.arange(count) / RATE
