@@ -1,4 +1,4 @@
-"""Tests of what is prepared once for a set of beacons, and of which sets are refused."""
+"""What is prepared once for a set of beacons, and which sets are refused."""
 
 from __future__ import annotations
 
