@@ -103,7 +103,7 @@ class Gate:
         if host not in self._hosts:
             return f"this is not {host!r:.80}; open {self._base_url}/ instead"
         guarded = came.scope["type"] == "websocket" or came.scope["method"] not in SAFE_METHODS
-        guarded = guarded and _live_token(came) is None  # the token's holder asks
+        guarded = guarded and _live_token(came) is None  # asked by the token's holder, no browser
         origin = came.headers.get("origin")
         # Programs send no Origin; browsers always do on a POST, a PUT and a websocket.
         if guarded and origin is not None and origin.lower() != f"{self._scheme}://{host}":

@@ -73,7 +73,7 @@ class Sessions:
         return session
 
     def is_open(self, session: Session) -> bool:
-        """Return whether `holds` is true, for a session that requests something now: it is seen."""
+        """Return whether `holds` is true, and if so note that the session was seen now."""
         if not self.holds(session):
             return False
         self._seen[session.id] = int(self._clock())

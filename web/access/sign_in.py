@@ -73,7 +73,7 @@ class SignIn:
         return Refusal(401, "This sign-in link is not valid (any more).")
 
     async def by_password(self, name: str, password: str, address: str) -> Session | Refusal:
-        """Sign in by password. The name is converted to small letters without blanks around it."""
+        """Sign in by password. The name is converted to lower case without blanks around it."""
         account = await self.verify(name.strip().lower(), password, address)
         if isinstance(account, Refusal):
             return account
@@ -97,7 +97,7 @@ class SignIn:
         if account is not None:
             self._attempts.succeeded(address, name)
             return account
-        # Never log an unknown name: people type their password in this field.
+        # Never log an unknown name, because people type their password in this field.
         names = {one.name for one in await asyncio.to_thread(self._accounts.all)}
         whose = f"the password of {name}" if name in names else "a name that is not known"
         wait = self._attempts.wait(address, name)

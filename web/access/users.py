@@ -48,7 +48,7 @@ def add_users(app: FastAPI, people: People) -> None:
 def _add_session(app: FastAPI, people: People) -> None:
     @app.post("/api/session/sign_out")
     async def sign_out(session: Asker, body: SignOutBody | None = None) -> JSONResponse:
-        """End this session, with `everywhere` all of the account; their websockets are closed."""
+        """End this session, or with `everywhere` all of the account, and close their websockets."""
         if body is not None and body.everywhere and session.has_account:
             await asyncio.to_thread(people.accounts.end_sessions, session.label)
             people.sign_in.tell("info", f"{session.label} signed out everywhere")
