@@ -181,7 +181,7 @@ def _add_view(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/view/follow")
     async def follow(body: FollowBody) -> dict[str, bool]:
-        """Let one page's camera follow the vehicle, or stop it."""
+        """Let one page's camera follow the vehicle, or stop following it."""
         parts.scene.follow(body.view, body.follow)
         return {"follow": body.follow}
 

@@ -18,7 +18,7 @@ from web.parameters.replica import LAYOUT, PageParameters
 
 Position = tuple[float, float, float]
 DIGITS = 4  # to a tenth of a millimetre, well within the flatness a small set needs
-PAUSE = 1.0  # s between two log lines about refusals
+PAUSE = 1.0  # s between two event lines about refusals
 
 
 class BeaconMoves:

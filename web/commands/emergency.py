@@ -33,7 +33,10 @@ SPACING = 0.5  # s at least from one try to the next: an immediate failure may b
 LOOKS = 0.02  # s between checks of the newest status
 PATIENCE = 10.0  # s for an accepted press to show in the status
 OVER = ("cut", "ready")
-"""Modes that show both; `ready`: on the ground with the motors off, where both are refused."""
+"""Modes that show that a landing or a cut was done.
+
+`ready` does, because a vehicle already on the ground with its motors off refuses both.
+"""
 LANDINGS = ("land", "descend", "emergency")
 """Choices of safety.emergency_land, from the mildest."""
 NAMES = {"land": "emergency land", "cut": "cut of the motors"}

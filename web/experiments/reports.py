@@ -53,7 +53,7 @@ def add_reports(app: FastAPI, parts: Parts) -> None:
     def making(run_id: str) -> dict[str, Any]:
         """Return the state of the newest report: none, waiting, working, ready or failed.
 
-        It includes the progress, 0 to 1, or the reason, and the files that exist.
+        It has the progress, 0 to 1, or the reason, and the files that exist.
         """
         return reports.state(run_id).as_json(catalogue.resolve(run_id))
 

@@ -46,9 +46,9 @@ def add_foxglove(app: FastAPI, parts: Parts) -> None:
     def link(request: Request, session: Asker) -> dict[str, Any]:
         """Return the address of the live connection, with a token that is valid for ten minutes.
 
-        With it a program connects as you. `viewers` are addresses that open the connection in a
-        viewer; these can only watch, because a viewer's server sees its own address, including the
-        token.
+        A program with this token connects as you. `viewers` are addresses that open the connection
+        in a viewer; these can only watch, because a viewer's server sees its own address, including
+        the token.
         """
         scheme = "wss" if urlsplit(parts.base_url).scheme == "https" else "ws"
         place = f"{scheme}://{request.headers['host']}/v/{parts.vehicle}/foxglove"

@@ -18,7 +18,7 @@ from quadrotor.parameters import ParameterDescription, ParameterValue
 LARGEST = 256 * 1024
 """Largest file, in bytes; all parameters are about 20 kB."""
 _DEEP = re.compile(r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){32}""")
-"""Matches a key of so many parts.
+"""Pattern of a name with more than 32 parts.
 
 No parameter has one, and the parser's time grows with the square of their number.
 """

@@ -130,7 +130,7 @@ class Replay:
         return spectrogram_of(rate, even, first, self._rotors(start, end), MOST_COLUMNS)
 
     def at(self, names: Sequence[str], t: float) -> dict[str, list[float | None]]:
-        """Return the newest value at t (s) and its age (s) of each signal; else None."""
+        """Return each signal's newest value at t (s) and its age (s); None before the first."""
         found: dict[str, list[float | None]] = {}
         for name in names:
             row = self._row(name)

@@ -71,7 +71,7 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
 
     @app.get("/api/replay/{run_id}")
     def describe(run_id: str, newer: bool = False) -> dict[str, Any]:
-        """Return signals, events, spans and parameters of a run, or the progress until then."""
+        """Return signals, events, spans and parameters of a run, or its progress: ask again."""
         log = find(run_id)
         found = store.get(log, newer=newer)
         if isinstance(found, Building):

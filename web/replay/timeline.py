@@ -87,7 +87,7 @@ def spans(changes: list[tuple[float, str]], end: float) -> list[dict[str, Any]]:
 
 
 def rises(times: Times, values: npt.NDArray[np.float32]) -> list[float]:
-    """Return the times when a flag became true; also the first time if it was true at the start."""
+    """Return the times at which a flag became true; the first one if it was true at the start."""
     on = values > 0.5
     before = np.concatenate([[False], on[:-1]])
     return [round(float(t), 4) for t in times[on & ~before]]

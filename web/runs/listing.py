@@ -21,7 +21,7 @@ from quadrotor.errors import StorageError
 def lines(catalogue: Catalogue, entries: Sequence[RunEntry]) -> list[dict[str, Any]]:
     """Return for each run its entry, tags, number of marks, author of the notes and verdict.
 
-    `completeness` is how it compares with the vehicle's own log (null: not compared).
+    `completeness` is how it compares with the vehicle's own log (null if it was not compared).
     """
     ids = [entry.id for entry in entries]
     tags, notes = tags_of(catalogue, ids), newest_notes(catalogue, ids)

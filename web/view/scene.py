@@ -60,7 +60,7 @@ class Scene:
         server.viser.initial_camera.look_at = (0.0, 0.0, 0.8)
 
     def follow(self, view: str, wanted: bool) -> None:
-        """Let a page's camera follow the vehicle, or stop it."""
+        """Let a page's camera follow the vehicle, or stop following it."""
         if wanted:
             self._following.add(view)
         else:
