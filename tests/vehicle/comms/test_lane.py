@@ -14,7 +14,7 @@ from vehicle_link.transport.publisher import Received
 
 BOUND = 20.0  # s
 HELD_BACK = 0.3
-"""Time, in s, unless an event that must not happen in the meantime happens before."""
+"""Longest delay, in s; it ends earlier only if an event happens that must not."""
 POSE, BEAT = "tracker_pose", "station_heartbeat"
 FIRST = Received(b"", 1, 0, 0, b"of the station")
 

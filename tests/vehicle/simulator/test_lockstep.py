@@ -122,7 +122,7 @@ def test_it_waits_for_the_tick_on_a_sample(bench: Bench) -> None:
 
 def test_of_a_board_that_is_asked_it_waits_until_flight_has_looked(page: memoryview) -> None:
     bench = Bench(page, is_asked=True)
-    bench.deliver(7)  # which the flight process need not acknowledge
+    bench.deliver(7)  # which the flight process need not handle
     bench.part.served(bench.now_ns)
     assert [bench.step() for _ in range(2)] == [MS] * 2
     begun_ns = bench.wall_ns
