@@ -17,7 +17,7 @@ import pytest
 
 from vehicle.simulator.betaflight.process import BUILT
 
-hypothesis.settings.register_profile("quadlab", deadline=None)  # how long one takes is no claim
+hypothesis.settings.register_profile("quadlab", deadline=None)  # the duration is no claim
 hypothesis.settings.load_profile("quadlab")
 
 REAL_TIME = ("vehicle/comms/test_process.py::test_a_flight_goes_on_when_comms_is_killed",)

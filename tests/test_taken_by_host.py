@@ -1,4 +1,4 @@
-"""When a real-time flight is not judged: the host of a virtual machine took its processors."""
+"""Real-time flights that are not judged: the host of a virtual machine took its processors."""
 
 from __future__ import annotations
 

@@ -127,7 +127,7 @@ class Laboratory:
         return self
 
     def left_alone(self) -> None:
-        """Wait for a signed-in laboratory that nobody commands, with the gains of its start."""
+        """Wait for a signed-in laboratory without a commander, with the gains of its start."""
         if not self.browser.cookies:
             self.sign_in()
         until(
@@ -310,7 +310,7 @@ def lab(
     shared: list[Laboratory],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[Laboratory]:
-    """Yield a signed-in laboratory that nobody commands.
+    """Yield a signed-in laboratory without a commander.
 
     Tests share it, because a start takes as long as a flight. After a failed test it is a new one.
     """

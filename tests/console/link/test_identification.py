@@ -1,4 +1,4 @@
-"""How the station identifies the vehicle at the other end, and its report without an answer.
+"""Identification of the vehicle at the other end, and the report when nothing answers.
 
 The sessions and the radio are real.
 """

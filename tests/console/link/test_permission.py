@@ -1,4 +1,4 @@
-"""Whether the station may command its vehicle, and the reason if it may not."""
+"""Permission of the station to command its vehicle, and the reason for a refusal."""
 
 from __future__ import annotations
 

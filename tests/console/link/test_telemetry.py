@@ -1,4 +1,4 @@
-"""What the station derives from telemetry: quality figures, and the standard topics."""
+"""Quality figures and standard topics that the station derives from telemetry."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the watch computes, and when it gives its verdict."""
+"""Figures of the watch, and the time of its verdict."""
 
 from __future__ import annotations
 

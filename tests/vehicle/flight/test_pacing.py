@@ -1,4 +1,4 @@
-"""When the loop wakes, which periods had no sample, and stamps finer than a millisecond."""
+"""Wake-ups of the loop, periods without a sample, and stamps finer than a millisecond."""
 
 from __future__ import annotations
 

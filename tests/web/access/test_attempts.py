@@ -1,4 +1,4 @@
-"""How often a password may be tried, on a clock that the test controls."""
+"""Limits on attempts at a password, on a clock that the test controls."""
 
 from __future__ import annotations
 

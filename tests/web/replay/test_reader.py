@@ -297,7 +297,7 @@ def test_a_picture_is_the_newest_one_at_an_instant_to_the_byte(tmp_path: Path) -
     with LogWriter(log, {"vehicle": "quad1"}, {}) as writer:
         note = encode(new("std_msgs/String", data="x"))
         writer.write("/quad1/note", "std_msgs/String", note, *(2 * [SECOND]))
-        for t, data in taken.items():  # one comes late
+        for t, data in taken.items():  # one arrives late
             stamp_ns = SECOND + _ns(t)
             payload = encode_picture(stamp_ns, data, "quad1")
             writer.write("/quad1/tracker_picture", PICTURE, payload, SECOND + _ns(t), stamp_ns)

@@ -1,4 +1,4 @@
-"""What may pass to viser, and that only the proxy reaches it."""
+"""Messages that may pass to viser; only the proxy reaches it."""
 
 from __future__ import annotations
 
