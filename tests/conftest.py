@@ -95,9 +95,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if _name(item.nodeid).startswith((*REAL_TIME, LABORATORIES, *LIVE, BROWSER)):
             # A machine that stops for 0.25 s makes the simulated microcontroller land
-            # (docs/safety.md), and
-            # starves a browser next to two other processes: run the test again then, which is
-            # reported as a rerun.
+            # (docs/safety.md), and starves a browser next to two other processes: run the test
+            # again then, which is reported as a rerun.
             item.add_marker(pytest.mark.flaky(reruns=1))
 
 

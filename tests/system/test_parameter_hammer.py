@@ -125,7 +125,7 @@ def label(page: Any) -> str:
 
 
 def control(page: Any, action: str) -> None:
-    """Click a button of control; fail if it is not offered."""
+    """Request an action of control, which is refused if there is nothing to ask for or give."""
     page.evaluate(
         "(action) => fetch('/api/control', { method: 'POST', body: JSON.stringify({ action }),"
         " headers: { 'Content-Type': 'application/json' } })",

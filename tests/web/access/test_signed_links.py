@@ -21,7 +21,7 @@ FOXGLOVE, LICHTBLICK = "https://app.foxglove.dev", "https://lichtblick-suite.git
 
 @pytest.fixture
 def stranger(site: Any) -> Iterator[httpx.Client]:
-    """Yield a client without a session, which stores no cookies."""
+    """Yield a client without a session, and so without its cookie."""
     with site.browser() as client:
         yield client
 
