@@ -78,7 +78,7 @@ class Relay:
                 return far
         far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         far.connect(("127.0.0.1", self._vehicle_port))
-        far.setblocking(False)  # a refusal that select reported may be consumed
+        far.setblocking(False)  # a send may have consumed the refusal that select saw
         self._far[far] = source
         return far
 

@@ -195,7 +195,7 @@ def test_residuals_belong_to_the_instant_of_the_frame_between_two_packets() -> N
             comparison.report()
         comparison.ticks(ticks_of(START_NS + 10 * MS * k))
     [own] = newest(comparison).estimators
-    assert own.residuals == pytest.approx([0.0] * 4, abs=5e-5)  # 3 ms of error would be 2e-3
+    assert own.residuals == pytest.approx([0.0] * 4, abs=5e-5)  # 3 ms unaccounted for: 2e-3
 
 
 def test_the_bound_is_that_of_the_beacons_seen_at_the_true_pose() -> None:

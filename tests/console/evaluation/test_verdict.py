@@ -83,7 +83,7 @@ def test_the_bound_grows_with_sigma_and_falls_with_rate_and_memory() -> None:
     )
     assert fine.position < plain.position < rare.position
     assert fine.attitude < plain.attitude < rare.attitude
-    # One frame at this place has 5 cm and 2 deg. The filter averages some dozens of them.
+    # One frame at this place has 5 cm and 2 deg. The filter remembers some dozens of them.
     assert 0.005 < plain.position < 0.02
     assert math.radians(0.05) < plain.attitude < math.radians(0.4)
 
