@@ -14,7 +14,7 @@ PRESETS = ("standard", "stiff")
 
 
 def main(seeds: int) -> None:
-    """Print the rms position error of each gain set, as median over the seeds."""
+    """Print the position error and tilt of each gain set, as medians over the seeds."""
     with TemporaryDirectory() as folder:
         for preset in PRESETS:
             errors, tilts = [], []
@@ -27,7 +27,7 @@ def main(seeds: int) -> None:
                 state = run["state"].window(0.5 * run.duration, run.duration)
                 x, y = state.numpy(
                     "pose.pose.orientation.x", "pose.pose.orientation.y"
-                ).T  # half the tilt, where the vehicle is nearly level
+                ).T  # half the tilt, if the vehicle is nearly level
                 tilts.append(np.degrees(2.0 * np.sqrt(np.mean(x**2 + y**2))))
             print(
                 f"{preset:10} error {1e3 * np.median(errors):.2f} mm rms, "

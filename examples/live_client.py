@@ -12,7 +12,7 @@ from quadrotor.errors import QuadlabError
 
 
 def main(link: str, experiment: str) -> None:
-    """Print what is flown on, then the verdict and the figures of the flight."""
+    """Print the battery voltage before the flight, then the verdict and the metrics."""
     with quadlab.connect(link) as lab:
         sample = next(lab.stream("battery.voltage"))
         print(f"{lab.label}: battery {sample['battery.voltage']:.1f} V, flying {experiment} …")

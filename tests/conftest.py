@@ -1,4 +1,4 @@
-"""Orders the tests, and says which of them may run next to each other (`scripts/test`)."""
+"""Order of the tests, and which of them may run in parallel (`scripts/test`)."""
 
 from __future__ import annotations
 
@@ -17,18 +17,21 @@ import pytest
 
 from vehicle.simulator.betaflight.process import BUILT
 
-hypothesis.settings.register_profile("quadlab", deadline=None)  # how long one takes is no claim
+hypothesis.settings.register_profile("quadlab", deadline=None)  # the duration is no claim
 hypothesis.settings.load_profile("quadlab")
 
 REAL_TIME = ("vehicle/comms/test_process.py::test_a_flight_goes_on_when_comms_is_killed",)
-"""Vehicles that fly in real time: the last, and nothing runs beside them."""
+"""Tests of vehicles that fly in real time: they run last, and nothing runs in parallel."""
 LABORATORIES = "system/"
-"""Whole laboratories, whose simulated time waits for the machine: one after another in one process,
-beside other tests. They share one as long as it runs."""
+"""Tests of whole laboratories, whose simulated time waits for the machine.
+
+They run one after another in one process, in parallel with other tests, and share one laboratory as
+long as it runs.
+"""
 OWN_LABORATORY = "system/test_betaflight.py"
-"""Has one to itself, before the shared one begins: two would starve each other."""
+"""Test with a separate laboratory, before the shared one starts: two would starve each other."""
 LAST_FLIGHT = "system/test_shutdown.py"
-"""Ends the laboratory that the others share."""
+"""Test that ends the laboratory that the others share."""
 LIVE = (
     "vehicle/simulator/test_process.py",
     "console/beacons/test_agreement.py",
@@ -36,32 +39,36 @@ LIVE = (
     "console/parameters/test_history_of_everybody.py",
     "console/runs/test_marks.py",
 )
-"""Links that must stay good meanwhile, and a plant that runs in real time."""
+"""Tests of links that must stay good during the test, and of a plant that runs in real time."""
 BROWSER = "web/browser/"
 LONG = ("web/test_openapi.py", "quadlab/test_fly_bearings.py", "vehicle/flight/test_kernels.py")
-"""Begun early, so that no process has one of them alone at the end."""
+"""Long tests, which start early, so that no process has one of them alone at the end."""
 CHROMIUMS = ("chromium-headless-shell", "chromium")
-"""Debian's; the shell draws the same with half the work, for it has no window to make."""
+"""Debian's browsers; the shell draws the same with half the work, as it has no window."""
 HERE = Path(__file__).parent
 ROOT = HERE.parent
 MOST_TAKEN = 0.05
-"""Share of the processor time wanted; where the host took more, a failed flight is not judged."""
+"""Largest share of the processor time taken by the host at which a failed flight is judged."""
 BEFORE = pytest.StashKey[tuple[int, int]]()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make each of several processes a session of its own. Linux shares the processors between
-    sessions, and niceness counts within one: a job that leaves the machine to what flies then
-    leaves it to the test that waits for it, and not to all other tests."""
+    """Make each of several processes a separate session.
+
+    Linux shares the processors between sessions, and niceness counts within one: a low-priority job
+    then makes room for the test that waits for it, and not for all other tests.
+    """
     if hasattr(config, "workerinput"):
         os.setsid()
-        gc.disable()  # until the tests are collected: all of them stay
+        gc.disable()  # until the tests are collected, because all of them stay
 
 
 @pytest.fixture(scope="session", autouse=True)
 def _cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Generator[None]:
-    """Keep the columns of the tests' logs out of the user's cache folder, in which only the built
-    Betaflight is to be found."""
+    """Keep the columns of the tests' logs out of the user's cache folder.
+
+    Only the compiled Betaflight is used from there.
+    """
     cache = tmp_path_factory.mktemp("cache")
     (cache / "quadlab").mkdir()
     (cache / BUILT.relative_to(BUILT.parents[1])).symlink_to(BUILT)
@@ -71,7 +78,7 @@ def _cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Generator[None]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Pages first, for they take longest; what flies last."""
+    """Run the pages' tests first, because they take longest, and those that fly last."""
     named = (*REAL_TIME, LABORATORIES, OWN_LABORATORY, LAST_FLIGHT, *LIVE, BROWSER, *LONG)
     gone = [name for name in named if not _path(name).exists()]
     if gone:
@@ -87,14 +94,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=turn)
     for item in items:
         if _name(item.nodeid).startswith((*REAL_TIME, LABORATORIES, *LIVE, BROWSER)):
-            # A machine that stands still for 0.25 s makes the simulated microcontroller land
-            # (docs/safety.md), and starves a browser beside two other processes: once more then,
-            # and told as a rerun.
+            # A machine that stops for 0.25 s makes the simulated microcontroller land
+            # (docs/safety.md), and starves a browser next to two other processes: run the test
+            # again then, which is reported as a rerun.
             item.add_marker(pytest.mark.flaky(reruns=1))
 
 
 def pytest_collection_finish() -> None:
-    """Thousands of tests stay to the end: no collection of garbage need look at them."""
+    """Exclude the collected tests from garbage collection: thousands of them stay to the end."""
     gc.collect()
     gc.freeze()
     gc.enable()
@@ -102,8 +109,10 @@ def pytest_collection_finish() -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """A file stays in one process, with what it made once; what flies is one group. (Groups by
-    mark, as `--dist loadgroup` has them, are not seen with pytest 9.2 and xdist 3.8.)"""
+    """Keep the tests of a file in one process, with its fixtures; all that fly are one group.
+
+    Groups by mark, as of `--dist loadgroup`, do not work with pytest 9.2 and xdist 3.8.
+    """
     from xdist.scheduler import LoadScopeScheduling
 
     class ByFile(LoadScopeScheduling):  # type: ignore[misc]  # of an untyped package
@@ -118,7 +127,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Give what flies in real time the machine to itself, whichever process it is in."""
+    """Run a test that flies in real time alone on the machine, in whichever process it is."""
     run = getattr(item.config, "workerinput", {}).get("testrunuid")
     if run is None:
         return (yield)
@@ -132,8 +141,11 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Skip a real-time flight that failed twice while the host of a virtual machine took the
-    processors away, and say how much it took: such a failure says nothing of us."""
+    """Skip a real-time flight that failed twice while the host took the processors away.
+
+    On a virtual machine, such a failure is no evidence of a defect. The message has the share
+    taken.
+    """
     if call.when == "setup":
         item.stash[BEFORE] = processor_time()
     report = yield
@@ -148,7 +160,7 @@ def pytest_runtest_makereport(
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """Print what made a test run again: its second run hides the first's report."""
+    """Print why a test was run again, because the second run hides the first one's report."""
     for report in terminalreporter.stats.get("rerun", []):
         crash = getattr(report.longrepr, "reprcrash", None)
         reason = crash.message.split("\n")[0] if crash else str(report.longrepr)[:200]
@@ -156,20 +168,23 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
 
 
 def processor_time(stat: Path = Path("/proc/stat")) -> tuple[int, int]:
-    """Return ticks since the machine's start: had, and wanted but given to others by its host."""
+    """Return ticks since the machine's start: used, and wanted but taken by its host."""
     user, nice, system, _, _, irq, softirq, steal = map(int, stat.read_text().split()[1:9])
     return user + nice + system + irq + softirq, steal
 
 
 def taken_by_host(before: tuple[int, int], after: tuple[int, int]) -> float:
-    """Share of the time wanted between two readings of `processor_time`."""
+    """Return the share of the wanted time that the host took between two readings."""
     had, taken = (b - a for a, b in zip(before, after, strict=True))
     return taken / max(1, had + taken)
 
 
 @pytest.fixture(autouse=True)
 def priority_given_back() -> Generator[None, None, None]:
-    """A test that makes its process hurry makes all after it, and their browsers, starve others."""
+    """Restore the priority after a test that raises it.
+
+    Otherwise all tests after it, and their browsers, would starve others.
+    """
     before, priority = os.sched_getscheduler(0), os.sched_getparam(0)
     yield
     after = os.sched_getscheduler(0)
@@ -179,7 +194,7 @@ def priority_given_back() -> Generator[None, None, None]:
 
 @pytest.fixture(scope="session")
 def chromium_path() -> str:
-    """The browser of the tests of the page; skips where there is none."""
+    """Return the browser for the tests of the page; skip them without one."""
     found = next(filter(None, map(shutil.which, CHROMIUMS)), None)
     if found is None:
         pytest.skip(f"neither {' nor '.join(CHROMIUMS)} is installed; they are Debian packages")
@@ -188,7 +203,7 @@ def chromium_path() -> str:
 
 @pytest.fixture(scope="session")
 def node() -> str:
-    """Return Debian's node with the packages of package.json; skip where either is missing."""
+    """Return Debian's node if the packages of package.json are installed; skip otherwise."""
     found = shutil.which("node")
     if found is None:
         pytest.skip("node is not installed; it is a Debian package")
@@ -202,10 +217,10 @@ def node() -> str:
 
 
 def _path(name: str) -> Path:
-    """Return the file or folder of a name above."""
+    """Return the file or folder of one of the names above."""
     return HERE / name.split("::", 1)[0]
 
 
 def _name(nodeid: str) -> str:
-    """File and test, from this folder on."""
+    """Return file and test, relative to this folder."""
     return nodeid.removeprefix(f"{HERE.name}/")

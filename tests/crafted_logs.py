@@ -1,6 +1,7 @@
-"""Logs that claim or hold more than a reader may hold, logs that lead in circles, mutated logs.
+"""Crafted logs: with false or huge sizes, with circular references, and mutated ones.
 
-Written byte by byte: no writer makes such files. `CRAFTED` has one maker for each kind.
+They are written byte by byte, because no writer makes such files. `CRAFTED` has one maker for each
+kind.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def message(number: int, payload: bytes, stamp_ns: int = START) -> bytes:
 
 
 def chunk(stored: bytes, size: int, compression: str = "lz4") -> bytes:
-    """Args: `size` that it claims to have when it is opened."""
+    """Return a chunk that claims `size` bytes when decompressed."""
     head = struct.pack("<QQQI", START, START, size, 0) + text(compression)
     return record(Opcode.CHUNK, head + struct.pack("<Q", len(stored)) + stored)
 
@@ -61,7 +62,7 @@ def packed(pieces: Iterable[bytes]) -> bytes:
 
 
 def ending(file: BinaryIO, count: int, descriptions: bytes, more: bytes = b"") -> None:
-    """Index with statistics and footer; `more`: records of the index."""
+    """Write the index with statistics and footer; `more` are further records of the index."""
     file.write(record(Opcode.DATA_END, struct.pack("<I", 0)))
     begin = file.tell()
     counts = struct.pack("<IHQ", 10, 1, count)
@@ -89,12 +90,12 @@ def write(
 
 
 def claims_gigabytes(path: Path) -> Path:
-    """A chunk of a few bytes that says it has gigabytes."""
+    """Write a chunk of a few bytes that claims gigabytes."""
     return write(path, message(1, TINY), chunk(packed([message(1, TINY)]), GIGABYTES))
 
 
 def holds_gigabytes(path: Path) -> Path:
-    """A chunk of megabytes that has gigabytes, as it says."""
+    """Write a chunk of megabytes that has gigabytes, as it claims."""
     body = bytes(1_000_000)
     head = struct.pack("<BQ", 0x80, GIGABYTES - 9)  # a record that readers pass over
     pieces = [head, *[body] * (GIGABYTES // len(body) - 1), body[9:]]
@@ -102,13 +103,13 @@ def holds_gigabytes(path: Path) -> Path:
 
 
 def holds_more_than_it_claims(path: Path) -> Path:
-    """A chunk of a megabyte that says it has ten bytes, and has 250 MB."""
+    """Write a chunk of a megabyte that claims ten bytes, and has 250 MB."""
     pieces = [bytes(1_000_000)] * 250
     return write(path, message(1, TINY), chunk(packed(pieces), 10))
 
 
 def at_the_limit(path: Path, size: int = 79_000_000) -> Path:
-    """A chunk as large as is read, full of the smallest messages: the worst that is allowed."""
+    """Write a chunk of the largest size that is read, full of the smallest messages."""
     one = message(1, TINY)
     count = size // len(one)
     pieces = [one * 1000] * (count // 1000)
@@ -117,7 +118,7 @@ def at_the_limit(path: Path, size: int = 79_000_000) -> Path:
 
 
 def many_tiny(path: Path, count: int = 10_000_000, topic: str = "/q/tiny") -> Path:
-    """Ten million messages of a byte each, in chunks of a megabyte without indexes."""
+    """Write ten million messages of a byte each, in chunks of a megabyte without indexes."""
     per_chunk = 25_000
     data = b"".join(message(1, TINY, START + 1000 * k) for k in range(per_chunk))
     one = chunk(lz4.frame.compress(data), len(data))
@@ -125,7 +126,7 @@ def many_tiny(path: Path, count: int = 10_000_000, topic: str = "/q/tiny") -> Pa
 
 
 def many_loose(path: Path, count: int = 1_000_000) -> Path:
-    """Messages outside of chunks, and no index."""
+    """Write messages outside of chunks, and no index."""
     block = message(1, TINY) * 1000
     write(path, *[block] * (count // 1000), count=count)
     data = path.read_bytes()
@@ -134,7 +135,7 @@ def many_loose(path: Path, count: int = 1_000_000) -> Path:
 
 
 def long_text(path: Path) -> Path:
-    """A text that says it has 4 GB, and one that has 60 MB."""
+    """Write a text that claims 4 GB, and one that has 60 MB."""
     claims = b"\0\1\0\0" + struct.pack("<I", 2**32 - 1) + b"abc\0"
     holds = b"\0\1\0\0" + struct.pack("<I", 60_000_001) + b"a" * 60_000_000 + b"\0"
     data = message(1, holds)
@@ -144,7 +145,7 @@ def long_text(path: Path) -> Path:
 
 
 def long_array(path: Path) -> Path:
-    """Sequences that say they have 4 billion items, of texts and of numbers."""
+    """Write sequences that claim 4 billion items, of texts and of numbers."""
     claims = b"\0\1\0\0" + struct.pack("<I", 2**32 - 1) + bytes(8)
     empty = b"\0\1\0\0" + struct.pack("<I", 10_000_000) + bytes(40_000_000)
     data = message(1, empty)
@@ -154,7 +155,7 @@ def long_array(path: Path) -> Path:
 
 
 def deep_arrays(path: Path) -> Path:
-    """A type of nothing, a thousand times a thousand times a thousand times."""
+    """Write a type of nested empty arrays, a thousand times a thousand times a thousand."""
     parts = [
         "x/B[1000] b",
         "=" * 80,
@@ -171,7 +172,7 @@ def deep_arrays(path: Path) -> Path:
 
 
 def attached(path: Path) -> Path:
-    """Attachments of 200 MB together, and one that says it has 4 GB."""
+    """Write attachments of 200 MB together, and one that claims 4 GB."""
 
     def one(number: int, size: int, data: bytes) -> bytes:
         head = struct.pack("<QQ", START, START) + text(f"a{number}") + text("x")
@@ -184,13 +185,13 @@ def attached(path: Path) -> Path:
 
 
 def long_metadata(path: Path) -> Path:
-    """A metadata record of millions of pairs."""
+    """Write a metadata record of millions of pairs."""
     pairs = (text("") + text("")) * 3_000_000
     return write(path, record(Opcode.METADATA, text("m") + text(pairs)), message(1, TINY))
 
 
 def index_in_circles(path: Path) -> Path:
-    """Chunk indexes that lead to the same chunk, to the index and to nowhere."""
+    """Write chunk indexes that refer to the same chunk, to the index and to nowhere."""
     data = message(1, TINY)
     one = chunk(packed([data]), len(data))
     begin = len(MCAP0_MAGIC)
@@ -208,7 +209,7 @@ def index_in_circles(path: Path) -> Path:
 
 
 def index_of_itself(path: Path) -> Path:
-    """A footer whose index begins where the file does."""
+    """Write a footer whose index begins at the start of the file."""
     data = write(path, message(1, TINY)).read_bytes()
     footer = record(Opcode.FOOTER, struct.pack("<QQI", 8, 8, 0)) + MCAP0_MAGIC
     path.write_bytes(data[: -len(footer)] + footer)
@@ -216,7 +217,7 @@ def index_of_itself(path: Path) -> Path:
 
 
 def repeated_places(path: Path) -> Path:
-    """A message index that names one message of 4 MB many thousand times."""
+    """Write a message index that names one message of 4 MB many thousand times."""
     body = message(1, b"\0\1\0\0" + bytes(4_000_000))
     entries = struct.pack("<QQ", START, 0) * 200_000
     index = record(Opcode.MESSAGE_INDEX, struct.pack("<HI", 1, len(entries)) + entries)
@@ -224,8 +225,10 @@ def repeated_places(path: Path) -> Path:
 
 
 def mutated(data: bytes, number: int) -> bytes:
-    """Return the log damaged by a number: bits turned, lengths made huge, pieces cut, doubled or
-    swapped."""
+    """Return the log damaged at random by a seed.
+
+    Bits are flipped, lengths made huge, pieces cut, duplicated or swapped.
+    """
     chance = random.Random(number)
     out = bytearray(data)
     for _ in range(chance.choice((1, 3, 20))):
@@ -246,7 +249,7 @@ def mutated(data: bytes, number: int) -> bytes:
 
 
 def sound(path: Path) -> Path:
-    """A short log as the station records them, to be mutated."""
+    """Write a short log like those of the station, to be mutated."""
     with LogWriter(path, {"vehicle": "q"}, {"parameters.json": b"{}"}) as log:
         for k in range(300):
             stamp = START + k * 2_000_000

@@ -1,4 +1,4 @@
-"""The documents say what is there."""
+"""Tests that the documents and docstrings agree with the code."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ PRODUCT = [
 
 
 def test_docstrings_of_public_functions_are_sentences() -> None:
-    """A hover shows the docstring alone: it begins with a verb ("Return the …"), or with "The"."""
+    """An IDE shows the docstring alone: it begins with a verb ("Return the …") or "The"."""
     found = []
     for file in sorted(file for package in PRODUCT for file in (ROOT / package).rglob("*.py")):
         for node in ast.walk(ast.parse(file.read_text())):

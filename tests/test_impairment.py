@@ -1,4 +1,4 @@
-"""The benchmarks' impaired link does to packets what it says: by its own clock, and for real."""
+"""The benchmarks' impaired link impairs packets as set: by its own clock, and in real time."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ PACKET = bytes(1000)
 
 
 def carried(conditions: Conditions, count: int, period: float, seed: int = 5) -> list[float | None]:
-    """Delays (s) of packets sent every `period`; None for those that were lost."""
+    """Return the delays (s) of packets sent every `period`; None for lost ones."""
     wire = Wire(conditions, seed)
     found: list[float | None] = [None] * count
     for k in range(count):
         wire.offer(k.to_bytes(4, "little") + PACKET[4:], k * period)
-        # Looked at when something arrives.
+        # Look at the wire when a packet arrives.
         while wire.next_arrival <= (k + 1) * period or (k == count - 1 and wire.next_arrival < 1e9):
             at = wire.next_arrival
             for packet in wire.due(at):
@@ -53,7 +53,7 @@ def test_the_share_lost_and_the_length_of_its_runs(burst: float, mean_run: float
 
 
 def test_a_slow_wire_queues_then_drops() -> None:
-    # 1000 B every 1 ms is 8 Mbit/s on a wire of 2: three of four are too many.
+    # 1000 B every 1 ms are 8 Mbit/s on a link of 2 Mbit/s: three of four are too many.
     delays = carried(Conditions(rate=2e6, queue=10_000), 4000, 0.001)
     kept = [d for d in delays if d is not None]
     assert len(kept) / len(delays) == pytest.approx(0.25, abs=0.01)

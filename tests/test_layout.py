@@ -1,4 +1,4 @@
-"""The checkout is what runs: no other distribution's `control` or `console` is picked up."""
+"""The checkout is what runs: no other distribution's `control` or `console` is imported."""
 
 from __future__ import annotations
 

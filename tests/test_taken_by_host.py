@@ -1,5 +1,4 @@
-"""Tests of when a flight in real time is not judged: the host of a virtual machine took its
-processors."""
+"""Real-time flights that are not judged: the host of a virtual machine took its processors."""
 
 from __future__ import annotations
 

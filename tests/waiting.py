@@ -1,4 +1,4 @@
-"""Helpers of tests with real processes and sessions: a free port, and waiting with a bound."""
+"""Helpers of tests with real processes and sessions: a free port, and bounded waiting."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 LIMIT = 60.0
-"""s, for a broken program only."""
+"""Longest time, in s, which only a broken program needs."""
 
 
 def free_port(kind: int = socket.SOCK_STREAM) -> int:
@@ -22,7 +22,7 @@ def free_port(kind: int = socket.SOCK_STREAM) -> int:
 
 
 def until(condition: Callable[[], T], bound: float = LIMIT) -> T:
-    """Polls; returns what is true, or the last answer at the end of the bound (s)."""
+    """Poll; return the first true result, or the last one at the end of the bound (s)."""
     waiting, end = threading.Event(), time.monotonic() + bound
     while not (answer := condition()) and time.monotonic() < end:
         waiting.wait(0.01)
@@ -30,5 +30,5 @@ def until(condition: Callable[[], T], bound: float = LIMIT) -> T:
 
 
 def wait_for(condition: Callable[[], object], bound: float = LIMIT, what: str = "it") -> None:
-    """Polls; fails at the end of the bound (s), and names what did not happen."""
+    """Poll until the condition is true; fail at the end of the bound (s) with `what`."""
     assert until(condition, bound), f"waited {bound:.0f} s for {what} in vain"

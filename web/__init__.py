@@ -1,1 +1,1 @@
-"""The web process: the page, its API and the 3D view behind one port."""
+"""Web process: the page, its API and the 3D view behind one port."""

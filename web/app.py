@@ -1,4 +1,4 @@
-"""The application: routes only. What they do is in the modules named after it."""
+"""FastAPI application of one vehicle; it has only routes, whose work other modules do."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ STATUS_OF: tuple[tuple[type[QuadlabError], int], ...] = (
     (ParameterError, 422),
     (MeasurementError, 422),
     (UnreachableError, 503),
-    (NoAnswerError, 504),  # the page goes on looking for what became of it
+    (NoAnswerError, 504),  # the page goes on checking what became of the command
     (LinkError, 503),
     (StorageError, 503),
     (BusyError, 503),
@@ -85,7 +85,7 @@ def create_app(
         openapi_url="/api/openapi.json",
     )
     _add_error_handlers(app)
-    app.mount("/static", FILES)  # the first to be looked at: most requests are these
+    app.mount("/static", FILES)  # mounted first: most requests are for these
     _add_reading(app, parts, fleet)
     add_commands(app, parts)
     add_trajectories(app, parts.trajectories)
@@ -127,7 +127,7 @@ def _add_reading(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
 
     @app.get("/vendor/{name}", include_in_schema=False)
     def vendor(name: str) -> FileResponse:
-        """Return uPlot, found without importing its package, which would pull IPython in."""
+        """Return uPlot's file, found without importing its package, which would import IPython."""
         if name not in UPLOT:
             raise HTTPException(404, f"no {name} here; there are {', '.join(UPLOT)}")
         try:
@@ -138,36 +138,37 @@ def _add_reading(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
 
     @app.get("/api/session")
     def session(session: Asker) -> dict[str, Any]:
-        """Return who this browser is, which vehicle this is, and which there are."""
+        """Return who this browser is signed in as, this page's vehicle, and all vehicles."""
         ours = {"vehicle": parts.vehicle, "vehicles": fleet.names}
         return {**events.session_fields(session), **ours}
 
     @app.get("/api/signals")
     def signals() -> Response:
-        """Return signals for charts and table; topics in the order of the ages in a frame."""
+        """Return the signals for charts and table; topics in the order of the ages in a frame."""
         return Response(described(), media_type="application/json")
 
     @app.get("/api/behaviors")
     def behaviors() -> list[dict[str, Any]]:
-        """Return the behaviors of the Fly tab, their arguments as the vehicle describes them."""
+        """Return the behaviors of the Fly tab, with arguments as the vehicle describes them."""
         return described_behaviors()
 
     @app.get("/api/summary")
     async def summary() -> dict[str, Any]:
-        """Return newest status messages and the age of every topic, as on the page's bar."""
+        """Return the newest status messages and the age of every topic, as in the page's bar."""
         return {**Summary(parts).fresh(), "emergency": parts.emergency.state}
 
     @app.get("/api/events")
     async def newest_events() -> list[dict[str, Any]]:
-        """Return the last log lines of the vehicle, the station and the page."""
+        """Return the newest log lines of the vehicle, the station and the page."""
         return parts.hub.lines
 
 
 def _add_invitations(app: FastAPI, parts: Parts) -> None:
     @app.post("/api/invitations")
     def invite(body: InvitationBody, session: Operator) -> dict[str, str]:
-        """Make a sign-in link for one more browser: of a viewer; admins may invite operators
-        too.
+        """Make a sign-in link for one more browser.
+
+        Operators may invite viewers; admins may invite operators too.
         """
         role = Role(body.role)
         if role is not Role.VIEWER and not session.role.may(Role.ADMIN):
@@ -184,7 +185,7 @@ def _add_view(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/view/follow")
     async def follow(body: FollowBody) -> dict[str, bool]:
-        """Keep one page's camera on the vehicle."""
+        """Let one page's camera follow the vehicle, or stop following it."""
         parts.scene.follow(body.view, body.follow)
         return {"follow": body.follow}
 

@@ -1,4 +1,4 @@
-"""The parts that the routes use, in one object."""
+"""All parts that the routes use, in one object."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from web.view.server import ViewServer
 
 @dataclass(frozen=True)
 class Parts:
-    """The parts that the routes use."""
+    """Parts that the routes use."""
 
     vehicle: str
     base_url: str
@@ -58,4 +58,4 @@ class Parts:
     survey: SurveyDesk
     trajectories: TrajectoryDesk
     tls: Tls | None = None
-    """The page's certificate; None without TLS."""
+    """Certificate of the page; None without TLS."""

@@ -1,4 +1,4 @@
-"""Puts the web process together: every part once, wired, with its loops started and stopped."""
+"""Assembly of the web process: every part is made once, connected, started and stopped."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ def assemble(
     """Assemble the whole application behind its gate.
 
     Args:
-        base_url: where the page is; under https the cookie is Secure.
-        vehicles: by name; the first one's page is at /, each one's at /v/NAME/.
-        connect: makes the station's client of one of them.
-        names: of hosts that mean us, next to that of `base_url` and loopback's.
-        tls: the page's certificate, to be looked at by the start-up checks.
-        attempts, passwords: other than usual, for tests.
-        survey: finds where the beacons are from a run's log; without it the page does not.
+        base_url: the address of the page; under https the cookie is Secure.
+        vehicles: names of the vehicles; the first one's page is at /, each one's at /v/NAME/.
+        connect: makes the client of the station for one vehicle.
+        names: host names of this page, in addition to those of `base_url` and loopback.
+        tls: the page's certificate, for the start-up checks.
+        attempts, passwords: replacements for tests.
+        survey: finds the beacons' positions from a run's log; without it the page offers no survey.
 
     Raises StorageError.
     """
@@ -134,7 +134,9 @@ def assemble(
 
 
 def _start(part: Runs, say: Callable[[str, str], None]) -> asyncio.Task[None]:
-    """Start a loop. One that ends by an error is a defect: shown on the page, its trace in the
+    """Start the loop of a part.
+
+    A loop that ends with an error is a defect: it is reported on the page, with its trace in the
     terminal.
     """
 
@@ -150,12 +152,15 @@ def _start(part: Runs, say: Callable[[str, str], None]) -> asyncio.Task[None]:
 
 
 def allowed_hosts(base_url: str, names: Collection[str] = ()) -> frozenset[str]:
-    """Return values of the Host header that mean us; others are a foreign name pointed at us."""
+    """Return the values of the Host header that are accepted.
+
+    Any other is a foreign host name that resolves to this address.
+    """
     place = urlsplit(base_url)
     port = place.port
     hosts = {place.hostname or "", "127.0.0.1", "localhost", "::1", *names}
     bracketed = {f"[{host}]" if ":" in host else host.lower() for host in hosts}
     found = {f"{host}:{port}" for host in bracketed}
     if port == {"https": 443, "http": 80}[place.scheme]:
-        found |= bracketed  # browsers leave the scheme's own port out
+        found |= bracketed  # browsers omit the scheme's default port
     return frozenset(found)

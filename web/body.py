@@ -1,4 +1,4 @@
-"""The body of a page's request: JSON with known fields and finite numbers."""
+"""Body of a page's request: JSON with known fields and finite numbers."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ from pydantic import BaseModel, ConfigDict
 
 
 class Body(BaseModel):
-    """A body; an unknown field is refused."""
+    """Body that refuses unknown fields."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)

@@ -1,9 +1,8 @@
-"""A page's modules as one script, its stylesheets as one: a browser asks twice instead of a
-hundred times.
+"""A page's modules joined to one script and its stylesheets to one: two requests, not a hundred.
 
-The page's own files keep to a few forms, so no compiler is needed: each module becomes a function
-that is called once and returns what others import of it, in the order in which a browser would
-run them. A form that is none of these is refused with its file and line:
+The page's own files use only a few forms, so no compiler is needed: each module becomes a function
+that is called once and returns what others import from it, in the order in which a browser would
+run them. Any other form is refused with its file and line:
 
     import { a, b as c } from "../other.js";     import "./other.js";
     export const …       export function …       export async function …       export class …
@@ -21,7 +20,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 Read = Callable[[str], str]
-"""The text of a file by its name. Raises FileNotFoundError."""
+"""Function that returns the text of a file by its name. Raises FileNotFoundError."""
 
 _IMPORT = re.compile(r'^import(?:\s*\{([^{}]*)\}\s*from)?\s*"(\.\.?/[\w./-]+\.js)";', re.M)
 _EXPORT = re.compile(r"^export (?=(?:const|(?:async )?function|class) )", re.MULTILINE)
@@ -32,12 +31,12 @@ _DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
 
 
 class JoinError(Exception):
-    """A module that cannot be joined: which, where and why."""
+    """Error of a module that cannot be joined, with its name, line and reason."""
 
 
 @dataclass(frozen=True)
 class Joined:
-    """One script, and the JSON of its source map."""
+    """One script, and its source map as JSON."""
 
     text: str
     source_map: str
@@ -56,7 +55,7 @@ def join_modules(entry: str, read: Read, map_address: str, place: str) -> Joined
 
     Args:
         entry: name of the module that the page loads.
-        map_address: of the source map, relative to the script.
+        map_address: address of the source map, relative to the script.
         place: address of the folder of the files, for the map.
     """
     modules = _in_order(entry, read)
@@ -67,11 +66,11 @@ def join_modules(entry: str, read: Read, map_address: str, place: str) -> Joined
                 _check_export(module.name, modules[other], name)
             wanted[other].update(names)
     lines: list[str] = []
-    places: list[tuple[int, int] | None] = []  # of each line: (which file, which line)
+    places: list[tuple[int, int] | None] = []  # for each line: (which file, which line)
     for number, module in enumerate(modules.values()):
         code = module.code.rstrip("\n").split("\n")
         own = [(number, line) for line in range(len(code))]
-        if module.name == entry:  # the last: as it is, so that it may await
+        if module.name == entry:  # the last one: unchanged, so that it may await
             lines += [f"// ---- {module.name}", *code]
             places += [None, *own]
             continue
@@ -84,9 +83,9 @@ def join_modules(entry: str, read: Read, map_address: str, place: str) -> Joined
 
 
 def join_styles(names: Iterable[str], read: Read) -> str:
-    """Return the stylesheets as one, in this order.
+    """Return the stylesheets joined in this order.
 
-    Raises JoinError for what would mean something else at another address.
+    Raises JoinError for content that would have another meaning at another address.
     """
     parts = []
     for name in names:
@@ -99,7 +98,7 @@ def join_styles(names: Iterable[str], read: Read) -> str:
 
 
 def _in_order(entry: str, read: Read) -> dict[str, _Module]:
-    """Return each module after those that it imports, as a browser runs them."""
+    """Return the modules, each after those that it imports, as a browser runs them."""
     done: dict[str, _Module] = {}
     path: list[str] = []
 
@@ -150,7 +149,7 @@ def _parsed(name: str, source: str) -> _Module:
 
 
 def _imports(module: _Module) -> list[tuple[str, list[str]]]:
-    """Return the modules that a module imports, each with the names that it gives."""
+    """Return the modules that a module imports, each with the imported names."""
     return [
         (_resolved(module.name, one[2]), [theirs for theirs, _ in _bindings("", one[1] or "")])
         for one in _IMPORT.finditer(module.source)
@@ -163,7 +162,7 @@ def _resolved(importer: str, address: str) -> str:
 
 
 def _bindings(name: str, listed: str) -> list[tuple[str, str]]:
-    """Return their names and ours, "" for the same."""
+    """Return pairs of the exported and the local name; the latter is "" if they are the same."""
     pairs = []
     for one in filter(None, (part.strip() for part in listed.split(","))):
         found = _BINDING.fullmatch(one)
@@ -174,8 +173,9 @@ def _bindings(name: str, listed: str) -> list[tuple[str, str]]:
 
 
 def _check_export(importer: str, module: _Module, name: str) -> None:
-    """Check that a browser, too, would find the name; else the joined page would run, and the
-    single modules would not.
+    """Check that the name is exported.
+
+    Otherwise the joined page would run, but a browser that loads the single modules would fail.
     """
     declared = rf"(?:async )?function\*? {re.escape(name)}\b|class {re.escape(name)}\b"
     constant = rf"const (?:[^\n]*, )?{re.escape(name)} ="
@@ -184,7 +184,7 @@ def _check_export(importer: str, module: _Module, name: str) -> None:
 
 
 def _variable(name: str) -> str:
-    """Return the variable of a module; no name of ours begins like it."""
+    """Return the variable for a module; no name in the page's files begins like it."""
     return "$$" + name.removesuffix(".js").replace("/", "$").replace("-", "_")
 
 
@@ -192,8 +192,9 @@ def _variable(name: str) -> str:
 def _source_map(
     modules: Mapping[str, _Module], places: list[tuple[int, int] | None], place: str
 ) -> str:
-    """Return a source map, version 3: each line of the script begins a line of a file, or belongs
-    to none.
+    """Return a source map, version 3.
+
+    Each line of the script is a line of a file, or belongs to no file.
     """
     told = [(0, 0), *(one for one in places if one is not None)]
     steps = iter([(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(told)])
@@ -215,7 +216,7 @@ def _source_map(
 
 
 def _vlq(value: int) -> str:
-    """Encode in base 64, five bits a digit, the sign in the lowest."""
+    """Encode an integer in base 64, five bits a digit, with the sign in the lowest bit."""
     rest, digits = (-value << 1 | 1) if value < 0 else value << 1, ""
     while True:
         digit, rest = rest & 31, rest >> 5

@@ -1,4 +1,4 @@
-"""`quadlab web`: one port with the page, the API and the 3D view behind one door."""
+"""`quadlab web`: one port with the page, the API and the 3D view behind one sign-in."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from web.live.latest import Live
 from web.live.sockets import LiveWebSocket, listen
 from web.live.station import Station
 
-CLOSING_TIME = 2  # s given to open downloads and sockets at the end
+CLOSING_TIME = 2  # s for open downloads and sockets to end at shutdown
 CHECKS_TOLD = 5.5
-"""s from a vehicle's first word to the end of the station's start-up checks."""
+"""Time, in s, from a vehicle's first message to the end of the station's start-up checks."""
 WAITING_PERIOD = 1.5
-"""s between two lines while the sign-in link waits for that."""
+"""Period, in s, of the lines printed while the sign-in link waits for that."""
 LONGEST = 60.0
-"""s it waits."""
+"""Longest time, in s, for which it waits."""
 
 
 def run_web(
@@ -42,21 +42,21 @@ def run_web(
     tls: Tls | None = None,
     survey: SurveyRun | None = None,
 ) -> None:
-    """Serve the page until SIGINT or SIGTERM. Runs in the main thread.
+    """Serve the page until SIGINT or SIGTERM; to be called in the main thread.
 
     Args:
-        data: the data folder; sign-in tokens in `web/`, recorded runs in `runs/`.
-        port: 0 takes any free one.
-        vehicles: by name; the first one's page is at /, each one's at /v/NAME/.
-        loopback_port: of the station's router.
+        data: the data folder; sign-in tokens are in `web/`, recorded runs in `runs/`.
+        port: 0 chooses any free one.
+        vehicles: names of the vehicles; the first one's page is at /, each one's at /v/NAME/.
+        loopback_port: port of the station's router.
         token: a first sign-in token chosen by the caller; one is made if None.
-        host: where to listen; whether it may is `web.access.reach.check_reach`.
+        host: where to listen; `web.access.reach.check_reach` checks whether that is allowed.
         tls: serve https with this certificate.
-        survey: as of `web.assembly.assemble`.
+        survey: see `web.assembly.assemble`.
         open_browser: open the page in a browser, unless `token` was used before: then this is
             a restart, and the page is open already.
 
-    Raises LinkError (port taken), UsageError (no such port) or StorageError (data folder).
+    Raises LinkError (port in use), UsageError (no such port) or StorageError (data folder).
     """
     from console.catalogue.catalogue import Catalogue
     from vehicle_link.transport.session import loopback_session
@@ -71,7 +71,7 @@ def run_web(
         return Station(session.open, vehicle, live, hub, lambda _: session.close())
 
     def show_link(url: str, signed_in: str | None = None) -> None:
-        if token is not None and url.endswith(token):  # others print now: it stands last, alone
+        if token is not None and url.endswith(token):  # wait until others have printed
             Thread(target=print_settled, args=(url, lives), daemon=True).start()
         else:
             print_link(url, signed_in)
@@ -94,7 +94,7 @@ def run_web(
             tls=tls,
             survey=survey,
         )
-        # uvicorn stops in order at SIGTERM and SIGINT and then raises them once more.
+        # uvicorn shuts down in order at SIGTERM and SIGINT and then raises them again.
         signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
         with contextlib.suppress(KeyboardInterrupt):
             server(app, tls).run(sockets=[listener])
@@ -109,9 +109,9 @@ def url_of(host: str, port: int, *, has_tls: bool) -> str:
 
 
 def server(app: ASGIApp, tls: Tls | None = None) -> uvicorn.Server:
-    """Return uvicorn as we run it: our websocket protocol, no compression, nothing but warnings.
+    """Return the uvicorn server with its settings: small buffers, no compression, only warnings.
 
-    Headers of a proxy are not believed: who sits on this computer could name any address there,
+    A proxy's headers are not trusted: any process on this computer could name any address in them,
     and wrong passwords are counted by address.
     """
     config = uvicorn.Config(
@@ -119,7 +119,7 @@ def server(app: ASGIApp, tls: Tls | None = None) -> uvicorn.Server:
         ws=LiveWebSocket,
         ws_per_message_deflate=False,
         ws_max_size=64 * 1024,
-        ws_ping_interval=5,  # who vanished without a word must not keep control for long
+        ws_ping_interval=5,  # a client that vanished must not keep control for long
         ws_ping_timeout=10,
         log_level="warning",
         access_log=False,
@@ -134,10 +134,9 @@ def server(app: ASGIApp, tls: Tls | None = None) -> uvicorn.Server:
 
 
 def print_settled(url: str, lives: Sequence[Live], longest: float = LONGEST) -> None:
-    """Print the sign-in link when every vehicle is connected and the station's start-up checks are
-    published.
+    """Print the sign-in link once all vehicles are connected and the start-up checks published.
 
-    Until then a line in WAITING_PERIOD says what is waited for, for `longest` s at most.
+    Until then, for `longest` s at most, a line every WAITING_PERIOD reports what is missing.
     """
     began = time.monotonic()
     told = began - WAITING_PERIOD
@@ -155,7 +154,7 @@ def print_settled(url: str, lives: Sequence[Live], longest: float = LONGEST) -> 
 
 
 def print_link(url: str, signed_in: str | None = None) -> None:
-    """Print the sign-in link, as Jupyter prints it; `signed_in` says who used the one before."""
+    """Print the sign-in link, as Jupyter does; `signed_in` is who used the previous one."""
     if signed_in is None:
         print(f"quadlab is at  {url}", flush=True)
     else:

@@ -1,4 +1,4 @@
-"""The requester: the session the gate put next to each request, and what its role allows."""
+"""Requester of a request: the session that the gate has stored, and what its role allows."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from web.access.roles import Role, Session
 
 
 def session_of(request: Request) -> Session:
-    """Put there by `web.access.gate.Gate`, without which no request comes this far."""
+    """Return the session stored by `web.access.gate.Gate`, which passes no request without one."""
     session: Session = request.scope["session"]
     return session
 
@@ -19,7 +19,7 @@ Asker = Annotated[Session, Depends(session_of)]
 
 
 def operator_of(session: Asker) -> Session:
-    """Return the session; answers 403 to a viewer."""
+    """Return the session, or answer 403 to a viewer."""
     if not session.role.may(Role.OPERATOR):
         raise HTTPException(
             403, f"{session.label} may watch but not command; ask an operator for an invitation"
@@ -31,7 +31,7 @@ Operator = Annotated[Session, Depends(operator_of)]
 
 
 def admin_of(session: Asker) -> Session:
-    """Return the session; answers 403 to all but admins."""
+    """Return the session, or answer 403 to anyone but an admin."""
     if not session.role.may(Role.ADMIN):
         raise HTTPException(403, f"{session.label} is no admin; users are managed by admins")
     return session

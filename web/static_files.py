@@ -1,9 +1,9 @@
-"""The page's own files, served from memory, and once to each browser.
+"""The page's own files, served from memory, and only once to each browser.
 
-Starlette hands each file to other threads, four times; while telemetry keeps the interpreter busy
-each hop waits for its turn, and a page is about a hundred files. A document therefore names one
+Starlette passes each file to other threads, four times; while telemetry keeps the interpreter busy
+each hop waits for its turn, and a page has about a hundred files. A document therefore names one
 script and one stylesheet, joined from them (`web.joined_files`), by the version of their folder:
-what has been fetched under it is kept, and asked for no more.
+what a browser has fetched under a version stays in its cache and is not requested again.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from web.theme import html_tag
 
 STATIC = Path(__file__).parent / "static"
 PLACE = "/static/"
-"""URL prefix under which the folder is mounted."""
+"""Prefix of the URLs under which the folder is mounted."""
 LARGEST = 1_000_000
-"""Bytes of a file that is kept."""
+"""Largest file that is held in memory, in bytes."""
 VERSIONED = re.compile(r"v-([0-9a-f]{16})/(.*)", re.DOTALL)
 FOR_GOOD = {"cache-control": "private, max-age=31536000, immutable"}
 JOINED = "joined/"
@@ -40,17 +40,17 @@ _TYPES = {".css": "text/css", ".js": "text/javascript", ".js.map": "application/
 
 
 class KeptFiles(StaticFiles):
-    """Files of a folder; a changed one is read again."""
+    """Files of a folder, held in memory; a changed one is read again."""
 
     def __init__(self, directory: Path) -> None:
         super().__init__(directory=directory)
         self._folder = directory
         self._kept: dict[str, tuple[int, int, bytes]] = {}
         self._version = ""
-        self._joined: dict[str, tuple[str, bytes]] = {}  # by name: of which version, content
+        self._joined: dict[str, tuple[str, bytes]] = {}  # by name: version and content
 
     def document(self, name: str) -> HTMLResponse:
-        """Return a page of the folder, which names the others by their version as of now.
+        """Return a page of the folder, which names the other files by their present version.
 
         Raises JoinError for files that cannot be joined.
         """
@@ -72,8 +72,9 @@ class KeptFiles(StaticFiles):
         return (self._folder / name).read_text(encoding="utf-8")
 
     def _join(self, name: str, version: str) -> bytes:
-        """Return a joined page. Raises FileNotFoundError for what no page of the folder has, or
-        JoinError.
+        """Return a joined file.
+
+        Raises FileNotFoundError for a file that no page of the folder has, or JoinError.
         """
         made, content = self._joined.get(name, ("", b""))
         if made == version:
@@ -101,8 +102,10 @@ class KeptFiles(StaticFiles):
         return hashlib.blake2b(repr(now).encode(), digest_size=8).hexdigest()
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """Return the file. Under a version other than the newest the present file is returned, to
-        be asked for again.
+        """Return the file.
+
+        Under a version other than the newest, the present file is returned without permission to
+        cache it.
         """
         versioned = VERSIONED.fullmatch(path)
         if versioned is None:
@@ -113,11 +116,11 @@ class KeptFiles(StaticFiles):
         return response
 
     async def _current(self, path: str, scope: Scope) -> Response:
-        """Serve the file as it is; anything unusual is left to the library."""
+        """Serve the file; unusual requests are left to the library."""
         if path.startswith(JOINED):
             return self._current_joined(path, scope)
         found, about = None, None
-        with contextlib.suppress(OSError, ValueError):  # the library makes an answer of it
+        with contextlib.suppress(OSError, ValueError):  # the library answers with the error
             found, about = self.lookup_path(path)
         usual = scope["method"] in ("GET", "HEAD") and "range" not in Headers(scope=scope)
         if not usual or not found or about is None or not _is_small_file(about):
@@ -146,7 +149,7 @@ class KeptFiles(StaticFiles):
 
 
 FILES = KeptFiles(STATIC)
-"""Static files shared by the applications of all vehicles."""
+"""Static files, shared by the applications of all vehicles."""
 
 
 def _is_small_file(about: os.stat_result) -> bool:

@@ -1,6 +1,6 @@
-"""The design's tokens, and the theme that a browser's user chose by hand.
+"""Design tokens, and the theme that a browser's user has chosen.
 
-A page that follows the system's theme needs nothing of the server: `core/tokens.css` has both.
+A page that follows the system's theme needs nothing from the server: `core/tokens.css` has both.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 from starlette.requests import HTTPConnection
 
 COOKIE = "quadlab_theme"
-"""Written by `static/core/theme.js`."""
+"""Name of the cookie, which `static/core/theme.js` writes."""
 CHOICES = ("light", "dark")
 TOKENS = (Path(__file__).parent / "static/core/tokens.css").read_text(encoding="utf-8")
 """Colours and sizes, for the pages that load no stylesheet."""
@@ -20,12 +20,12 @@ _chosen: ContextVar[str] = ContextVar("chosen", default="")
 
 
 def follow_choice(came: HTTPConnection) -> None:
-    """Make the pages of this request's context in the theme that its browser remembers."""
+    """Make the pages of this request's context in the theme that its browser has stored."""
     found = came.cookies.get(COOKIE, "")
     _chosen.set(found if found in CHOICES else "")
 
 
 def html_tag() -> str:
-    """Return the opening tag of a page, with the theme where one was chosen."""
+    """Return the opening tag of a page, with the chosen theme, if any."""
     chosen = _chosen.get()
     return f'<html lang="en" data-theme="{chosen}">' if chosen else '<html lang="en">'

@@ -23,7 +23,7 @@ FAR = 2.0  # m
 
 
 class Options(Parameters):
-    """The options of the experiment; units and bounds are those of the page and of `--set`."""
+    """Options of the experiment; units and bounds apply to the page and to `--set`."""
 
     length: float = parameter(0.5, unit="m", ge=0.1, le=1.0, step=0.1)
     """of the step, to the left"""
@@ -32,7 +32,7 @@ class Options(Parameters):
 
 
 class SideStep:
-    """Takes off, steps to the left, lands; judged on the overshoot."""
+    """Takes off, steps to the left and lands; it is judged on the overshoot."""
 
     name = "side_step"
     planned = 25.0  # s
@@ -44,19 +44,19 @@ class SideStep:
         self._start = 0.0  # m
 
     def check(self) -> None:
-        """Raise UsageError for options that do not go together; these always do."""
+        """Raise UsageError for options that do not fit each other; these always do."""
 
     def preconditions(self, view: VehicleView) -> str:
-        """Return why it may not begin, empty when it may; asked once the vehicle is ready."""
+        """Return why the experiment may not begin, or ""; called once the vehicle is ready."""
         return "" if abs(view.position_w[1]) < 0.5 else "put the vehicle near y = 0 first"
 
     def abort(self, view: VehicleView) -> str:
-        """Return why it must end, empty while all is well; asked at every look of every wait."""
+        """Return why the experiment must end, or ""; called repeatedly during every wait."""
         far = math.hypot(view.position_w[0], view.position_w[1])
         return f"{far:.1f} m away from the middle, allowed {FAR:g}" if far > FAR else ""
 
     def fly(self, client: Client) -> None:
-        """Fly the step. What the vehicle refuses is a RefusedError with its reason."""
+        """Fly the step. A command that the vehicle refuses raises RefusedError with its reason."""
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         client.wait(0.5)
         client.arm()
@@ -80,7 +80,10 @@ class SideStep:
         client.wait(0.5)
 
     def evaluate(self, log: Path) -> Result:
-        """Judge from the log alone, in another process: what `fly` kept in `self` comes along."""
+        """Judge the flight from the log alone.
+
+        This runs in another process, which has the attributes that `fly` has set.
+        """
         if self._window == (0.0, 0.0):
             raise RefusedError("the step was not flown")
         path = "pose.pose.position.y"

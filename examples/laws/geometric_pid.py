@@ -1,7 +1,7 @@
-"""A geometric tracking law as a plugin: PID on position and attitude, with feed-forward.
+"""Geometric tracking law as a plugin: PID on position and attitude, with feed-forward.
 
 Copy it to the folder `plugins` of the data folder (`quadlab new law NAME` does that), then choose
-it with `--set control.law=geometric_pid` or on the Gains tab. It runs in a process of its own; each
+it with `--set control.law=geometric_pid` or on the Gains tab. It runs in a separate process; each
 answer is flown one tick later. The errors are those of Lee, Leok, McClamroch 2010.
 """
 
@@ -19,13 +19,13 @@ KF = np.array([10.0, 10.0, 2.0])  # 1/s^3
 
 
 class GeometricPid:
-    """Made once by the vehicle, which calls `step` in each tick."""
+    """Control law; the vehicle makes one instance and calls `step` in each tick."""
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Empty the integrals: a flight begins."""
+        """Set the integrals to zero at the beginning of a flight."""
         self._integral_w, self._integral_b = np.zeros(3), np.zeros(3)
         self._omega_d: Array | None = None
 
@@ -44,7 +44,7 @@ class GeometricPid:
             self._integral_w = np.clip(self._integral_w + e_p * x.dt, -1.0, 1.0)  # m s
             self._integral_b = np.clip(self._integral_b + e_R * x.dt, -0.3, 0.3)  # rad s
 
-        # The reference is free of noise, so its angular acceleration is a difference.
+        # The reference has no noise, so its angular acceleration can be a difference.
         before = omega_d if self._omega_d is None else self._omega_d
         acceleration_d, self._omega_d = (omega_d - before) / x.dt, omega_d
         T, omega = R.T @ N, x.angular_velocity_b
@@ -63,8 +63,9 @@ def rotation(quaternion: Array) -> Array:
 
 
 def attitude(force: Array, rate: Array, yaw: float, yaw_rate: float) -> tuple[Array, Array]:
-    """Return the attitude (3, 3) whose z axis lies along a force, and its angular velocity (3,)
-    (rad/s, its own axes).
+    """Return the attitude (3, 3) whose z axis is along a force, and its angular velocity (3,).
+
+    The angular velocity is in rad/s, in the attitude's own axes.
 
     Args:
         force: m/s², per unit mass. rate: m/s³, its derivative. yaw: rad. yaw_rate: rad/s.
@@ -80,4 +81,4 @@ def attitude(force: Array, rate: Array, yaw: float, yaw_rate: float) -> tuple[Ar
 
 
 law = GeometricPid
-"""The name that the vehicle imports from this file."""
+"""Name that the vehicle imports from this file."""

@@ -1,4 +1,4 @@
-"""The least that a law must do before it flies."""
+"""Minimum tests of a law before it flies."""
 
 from __future__ import annotations
 
@@ -23,5 +23,5 @@ def test_it_pushes_towards_the_reference() -> None:
     x.reference_position_w[:] = (0.1, 0.0, 1.2)  # forward and up
     thrust, torque = load(LAW).step(x)
     assert thrust > x.mass * 9.81
-    assert torque[1] > 0.0  # nose down: about +y
+    assert torque[1] > 0.0  # nose down: positive about y
     assert torque[0] == pytest.approx(0.0)

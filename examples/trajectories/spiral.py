@@ -1,8 +1,8 @@
-"""A flat curve that winds outwards, one metre above the floor: a trajectory made by a program.
+"""Flat spiral outwards, one metre above the floor: a trajectory computed by a program.
 
-Copy this file into the folder the vehicle loads its trajectories from; it is then flown by
-`follow_trajectory` with trajectory = file, file = spiral. It is run once, when it is loaded.
-Needed are `duration` (s) and `sample(t, reference)`, which fills position to snap and yaw to yaw
+Copy this file into the folder from which the vehicle loads its trajectories; then
+`follow_trajectory` flies it with trajectory = file, file = spiral. It runs once, when it is loaded.
+It needs `duration` (s) and `sample(t, reference)`, which fills position to snap and yaw to yaw
 acceleration, at rest at both ends.
 """
 
@@ -17,7 +17,7 @@ DURATION = 20.0  # s
 RADIUS = 1.0  # m at the end
 TURNS = 2.0
 
-# From 0 to 1 over the flight, four derivatives zero at both ends.
+# A polynomial from 0 to 1 over the flight, with four derivatives zero at both ends.
 SHARE = Polynomial([0, 0, 0, 0, 0, 126, -420, 540, -315, 70])
 
 
@@ -31,7 +31,7 @@ class Spiral:
         share = [SHARE.deriv(k)(tau) if k else SHARE(tau) for k in range(5)]
         turn = [2j * np.pi * TURNS * s for s in share]
         around = [np.exp(turn[0])]
-        for k in range(1, 5):  # e' = turn' e, differentiated again and again
+        for k in range(1, 5):  # e' = turn' e, differentiated repeatedly
             terms = [_binomial(k - 1, j) * turn[j + 1] * around[k - 1 - j] for j in range(k)]
             around.append(sum(terms))
         for k, name in enumerate(("position", "velocity", "acceleration", "jerk", "snap")):

@@ -1,4 +1,4 @@
-"""Seeds from the test's name."""
+"""Random seeds from the test's name."""
 
 from __future__ import annotations
 

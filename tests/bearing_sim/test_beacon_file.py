@@ -1,4 +1,4 @@
-"""Beacons from a file; what is none is refused with line and column."""
+"""Beacons from a file; an invalid one is refused with line and column."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sets of beacons: what is refused and why, and layouts as one line of text."""
+"""Sets of beacons: refusals and their reasons, and layouts as one line of text."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_a_move_that_leaves_no_set_is_refused(id: int, place: Any, says: str) ->
 
 
 def test_beacons_of_several_heights_are_a_set_with_the_plane_nearest_to_them() -> None:
-    """Whoever needs them in one plane refuses them; the error-state filter does not."""
+    """Code that needs them in one plane refuses them; the error-state filter does not."""
     raised = PAPER_BEACONS.moved(1, (1.0, 1.0, 0.5))
     assert parse_layout(format_layout(raised)) == raised
     away = (raised.positions_w - raised.center_w) @ raised.normal_w

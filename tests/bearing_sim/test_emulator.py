@@ -1,4 +1,4 @@
-"""Emulated bearings: geometry exact without noise, and what each parameter does."""
+"""Emulated bearings: geometry exact without noise, and the effect of each parameter."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ EVERY_10_MS = range(0, 10 * SECOND + 1, 10 * MS)
 
 
 def asked(**values: Any) -> BearingParameters:
-    """Without noise unless asked: a sensor that claims to be exact cannot be asked for."""
+    """Return parameters without noise by default: a sensor cannot be set to claim exactness."""
     return BearingParameters.model_construct(**{"sigma": 0.0, **values})
 
 
@@ -38,7 +38,7 @@ def one_frame(position: Any, quaternion: Array = LEVEL, **values: Any) -> Bearin
 def fly(
     motion: Motion, stamps_ns: Iterable[int], parameters: BearingParameters
 ) -> list[BearingMeasurement]:
-    """All frames seen along a motion whose poses come at these stamps."""
+    """Return all frames seen along a motion whose poses arrive at these stamps."""
     emulator = BearingEmulator(parameters)
     frames: list[BearingMeasurement] = []
     for stamp_ns in stamps_ns:
@@ -52,13 +52,13 @@ def hover(_time: float) -> tuple[Array, Array]:
 
 
 def swing(time: float) -> tuple[Array, Array]:
-    """Smooth in position and attitude."""
+    """Return a pose that is smooth in position and attitude."""
     place = np.array([0.5 * math.sin(time), 0.5 * math.cos(1.3 * time), 1 + 0.1 * math.sin(time)])
     return place, turned(LEVEL, [0.2 * math.sin(time), 0.1 * math.cos(time), 0.5 * time])
 
 
 def rays(position: Array, quaternion: Array) -> Array:
-    """Exact bearings to the paper's beacons, body axes, (4, 3)."""
+    """Return exact bearings to the paper's beacons, body axes, (4, 3)."""
     away = (PAPER_BEACONS.positions_w - position) @ matrix_of(quaternion)
     return np.asarray(away / np.linalg.norm(away, axis=1)[:, None])
 
@@ -103,7 +103,7 @@ def test_frames_are_taken_at_the_sensors_own_instants(rate: float) -> None:
     frames = fly(swing, EVERY_10_MS, asked(rate=rate))
     assert [f.stamp_ns for f in frames] == [round(k * SECOND / rate) for k in range(len(frames))]
     assert len(frames) == 10 * rate + 1
-    for frame in frames[3:]:  # three poses are there
+    for frame in frames[3:]:  # three poses are available
         position, q = swing(frame.stamp_ns * 1e-9)
         np.testing.assert_allclose(frame.bearings_b, rays(position, q), atol=2e-5)
 
@@ -292,7 +292,7 @@ def test_drop_outs_take_their_share_of_single_bearings(seed: int) -> None:
     frames = fly(hover, EVERY_10_MS, BearingParameters(rate=100.0, drop_out=0.25, seed=seed))
     seen = np.array([len(f.beacon_ids) for f in frames])
     assert 1 - seen.mean() / 4 == pytest.approx(0.25, abs=0.03)
-    # Independently of each other: the count of a frame is binomial.
+    # Beacons are independent of each other: the count of a frame is binomial.
     assert seen.var() == pytest.approx(4 * 0.25 * 0.75, rel=0.15)
     assert list(one_frame([0, 0, 1], drop_out=1.0).beacon_ids) == []
 
@@ -343,7 +343,7 @@ def test_the_delay_and_the_jitter_put_off_the_arrival_and_keep_the_order(seed: i
         emulator.observe(stamp_ns, *hover(0))
     late, stamps, now_ns = [], [], 0
     while (next_ns := emulator.next_ns) is not None:
-        now_ns = max(now_ns, next_ns)  # one whose turn was before waits for the one ahead
+        now_ns = max(now_ns, next_ns)  # one that was due earlier waits for the one ahead
         for frame in emulator.due(now_ns):
             late.append((now_ns - frame.stamp_ns) / MS)
             stamps.append(frame.stamp_ns)

@@ -1,4 +1,4 @@
-"""The statistics of what the emulator gives, over 1e5 bearings."""
+"""Statistics of the emulator's output, over 1e5 bearings."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SURE = 1e-3
 
 
 def frames(count: int = FRAMES, **values: Any) -> list[BearingMeasurement]:
-    """Seen from one place, at the poses' own stamps."""
+    """Return frames seen from one place, at the poses' own stamps."""
     parameters = BearingParameters(**values)
     emulator = BearingEmulator(parameters)
     for k in range(count):
@@ -37,7 +37,7 @@ def exact() -> Array:
 
 
 def deviations(seen: list[BearingMeasurement]) -> Array:
-    """(frames, beacons, 2): the angles (rad) along two tangent axes, not those of the emulator."""
+    """Return the angles (rad) along two tangent axes, not the emulator's, (frames, beacons, 2)."""
     bearings, b = np.array([f.bearings_b for f in seen]), exact()
     across = np.cross(b, [1.0, 0.0, 0.0])
     across /= np.linalg.norm(across, axis=1)[:, None]
@@ -51,7 +51,7 @@ def deviations(seen: list[BearingMeasurement]) -> Array:
 
 @pytest.fixture(scope="module")
 def stats() -> Any:
-    """Return scipy.stats, imported by the process that needs it and not by all that collect."""
+    """Return scipy.stats, imported only by the process that needs it, not by all that collect."""
     from scipy import stats
 
     return stats
@@ -95,7 +95,7 @@ def test_student_t_has_the_same_sigma_and_heavy_tails(seed: int, stats: Any) -> 
         assert one.std() == pytest.approx(1.0, rel=0.01)
         assert stats.kurtosis(one) == pytest.approx(6.0 / (freedom - 4.0), rel=0.25)
         assert np.mean(np.abs(one) > 4.0) > 10 * 2 * stats.norm.sf(4.0)
-    # Both axes are large together, as an outlier of a direction is.
+    # Both axes are large at the same time, as for an outlier of a direction.
     together = np.corrcoef(found[..., 0].ravel() ** 2, found[..., 1].ravel() ** 2)[0, 1]
     assert together > 0.1
 
@@ -152,7 +152,7 @@ def test_no_draw_leaves_the_sphere(freedom: float) -> None:
 
 # ------------------------------------------------------------------ spells
 def spells(series: list[bool]) -> list[int]:
-    """Lengths of the runs of True, those cut at either end left out."""
+    """Return the lengths of the runs of True, without those cut at either end."""
     edges = np.flatnonzero(np.diff(np.array(series, int)))
     begins, ends = edges[np.array(series)[edges + 1]], edges[~np.array(series)[edges + 1]]
     ends = ends[ends > begins[0]] if len(begins) else ends

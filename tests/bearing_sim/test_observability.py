@@ -1,4 +1,4 @@
-"""The Cramer-Rao bound of a frame, and its map over a slice of the flight volume."""
+"""Cramer-Rao bound of a frame, and its map over a slice of the flight volume."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def rotation(rng: np.random.Generator) -> Array:
 
 
 def turned(R: Array, phi: Array) -> Array:
-    """exp(phi) R."""
+    """Return exp(phi) R."""
     angle = np.linalg.norm(phi)
     if angle == 0.0:
         return R
@@ -45,7 +45,7 @@ def turned(R: Array, phi: Array) -> Array:
 
 
 def differenced(r: Array, R: Array, beacons: Array, sigma: float) -> tuple[float, float]:
-    """The same by finite differences of the bearings themselves, in body axes."""
+    """Return the same by finite differences of the bearings themselves, in body axes."""
 
     def bearings(move: Array) -> Array:
         ray = beacons - (r + move[:3])
@@ -70,8 +70,10 @@ def test_it_is_the_inverse_of_the_information_by_finite_differences() -> None:
 
 
 def test_above_the_middle_of_the_papers_square_it_is_what_a_hand_gets() -> None:
-    """(0, 0, h + 0.1) over corners (±1, ±1), with R² = 2 + h². By symmetry z and yaw stand alone,
-    and x goes with pitch, y with roll."""
+    """(0, 0, h + 0.1) over corners (±1, ±1), with R² = 2 + h².
+
+    By symmetry z and yaw decouple, and x is coupled with pitch, y with roll.
+    """
     h = 0.9
     square = 2.0 + h * h
     lateral = 4.0 * (1.0 - 1.0 / square)  # sum of 1 - d_x²
@@ -87,7 +89,7 @@ def test_above_the_middle_of_the_papers_square_it_is_what_a_hand_gets() -> None:
 
 
 def test_the_scatter_of_least_squares_reaches_it() -> None:
-    """Linearised least squares on bearings with noise: rms error within what chance allows."""
+    """Linearised least squares on noisy bearings: the rms error is within chance."""
     rng = generator("scatter")
     beacons, r, R = PAPER_BEACONS.positions_w, np.array([0.4, -0.3, 1.1]), rotation(rng)
     sigma, count, h = 1e-4, 4000, 1e-5
@@ -138,7 +140,7 @@ def test_one_beacon_more_is_never_worse(
     before = frame_bound(at, np.eye(3), np.array(rows), SIGMA)
     after = frame_bound(at, np.eye(3), np.array([*rows, more]), SIGMA)
     for fewer, with_more in zip(before, after, strict=True):
-        # One nearly undetermined is left to rounding.
+        # A nearly undetermined one depends on rounding.
         if fewer < 1e3 * SIGMA:
             assert with_more <= fewer * (1.0 + 1e-6)
 

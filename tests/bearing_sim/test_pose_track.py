@@ -1,4 +1,4 @@
-"""The pose at an instant between two poses, against motions known in closed form."""
+"""Pose at an instant between two poses, against motions known in closed form."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ MS = 1_000_000
 
 
 def eight(time: float) -> Array:
-    """An 8 of 1 m in 8 s with 0.2 m of height; m."""
+    """Return an 8 of 1 m in 8 s with 0.2 m of height; m."""
     phase = 2 * math.pi * time / 8.0
     return np.array([0.5 * math.sin(2 * phase), 0.5 * math.sin(phase), 1 + 0.1 * math.sin(phase)])
 
 
 def worst(spacing_ns: int) -> float:
-    """Largest error (m) of the interpolated 8 at instants of 30 Hz, once three poses are there."""
+    """Return the largest error (m) of the interpolated 8 at 30 Hz, after three poses."""
     track, grid, largest, before_ns = PoseTrack(), InstantGrid(), 0.0, -1
     for stamp_ns in range(0, 8 * SECOND_NS, spacing_ns):
         track.add(stamp_ns, eight(stamp_ns * 1e-9), LEVEL)
@@ -142,7 +142,7 @@ def test_instants_do_not_drift_within_a_day_of_the_epochs_clock(rate: float) -> 
         found = list(grid.between(late_ns - 1, late_ns + SECOND_NS - 1, rate))
         assert len(found) in (math.floor(rate), math.ceil(rate))
         for instant_ns in found:
-            # In whole numbers: k/rate to half a nanosecond.
+            # In integers: k/rate to half a nanosecond.
             millihertz, scale = round(rate * 1000), 1000 * SECOND_NS
             k = (instant_ns * millihertz + scale // 2) // scale
             assert 2 * abs(k * scale - instant_ns * millihertz) <= millihertz

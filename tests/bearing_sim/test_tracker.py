@@ -1,4 +1,4 @@
-"""The simulated tracker: rate, noise, delay, drop-outs, all deterministic."""
+"""Simulated tracker: rate, noise, delay, drop-outs, all deterministic."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def test_outliers_take_their_share_and_leave_the_other_poses_as_they_are() -> No
     np.testing.assert_allclose(np.array(turned_by)[outlying], 30.0, rtol=1e-6)
     assert max(np.array(turned_by)[~outlying]) < 1e-5
     towards = [b.position_w - a.position_w for a, b in zip(plain, some, strict=True)]
-    assert np.linalg.norm(np.array(towards)[outlying].mean(axis=0)) < 0.15  # anywhere
+    assert np.linalg.norm(np.array(towards)[outlying].mean(axis=0)) < 0.15  # in all directions
     again = track(
         TrackerParameters(outliers=0.1, outlier_position=0.5, outlier_attitude=30.0), 20.0
     )

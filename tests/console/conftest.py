@@ -1,4 +1,4 @@
-"""A real station and a real vehicle's comms and flight loop, in one process, over the real link."""
+"""A real station, and a real vehicle's comms and flight loop, in one process over the real link."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ WAKE_NS = 50_000_000
 
 
 class Relay:
-    """A UDP port that leads to the present vehicle: a closed session may keep its own for long."""
+    """UDP port that leads to the present vehicle; a closed session may keep its port for long."""
 
     def __init__(self) -> None:
         self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._near.bind(("127.0.0.1", 0))
         self._near.setblocking(False)
         self.port: int = self._near.getsockname()[1]
-        self._far: dict[socket.socket, Any] = {}  # to the vehicle: whose packets
+        self._far: dict[socket.socket, Any] = {}  # socket to the vehicle → source of its packets
         self._vehicle_port = 0
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -65,7 +65,7 @@ class Relay:
         while not self._closing.is_set():
             ready, _, _ = select.select([self._near, *self._far], [], [], 0.02)
             for one in ready:
-                with suppress(OSError, KeyError):  # nobody there, or no longer
+                with suppress(OSError, KeyError):  # no receiver, or no longer
                     if one is self._near:
                         data, source = one.recvfrom(65536)
                         self._towards_vehicle(source).send(data)
@@ -78,14 +78,16 @@ class Relay:
                 return far
         far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         far.connect(("127.0.0.1", self._vehicle_port))
-        far.setblocking(False)  # what select saw may have been a refusal that a send has eaten
+        far.setblocking(False)  # a send may have consumed the refusal that select saw
         self._far[far] = source
         return far
 
 
 class StillMicrocontroller:
-    """Samples of a vehicle that stands on the ground: one whenever it is asked, however late that
-    is, for a loop that catches up would leave the other threads of this process no time."""
+    """Samples of a vehicle on the ground: one at each call, however late.
+
+    A loop that catches up would leave the other threads of this process no time.
+    """
 
     def __init__(self) -> None:
         self.failures: list[str] = []
@@ -107,7 +109,7 @@ class StillMicrocontroller:
 
 
 class Vehicle:
-    """Flight loop and comms as in their processes, in threads here."""
+    """Flight loop and comms as in their processes, but in threads."""
 
     def __init__(self, data: Path, port: int) -> None:
         descriptors = create_rings()
@@ -147,7 +149,7 @@ class Vehicle:
 
 
 class LinkedBench:
-    """A station and whoever asks it; vehicles come and go."""
+    """A station and its client; vehicles come and go."""
 
     def __init__(self, data: Path) -> None:
         self._data = data
@@ -170,7 +172,7 @@ class LinkedBench:
         return self.station._store.parameters.bearings.layout
 
     def connect(self) -> Vehicle:
-        if self.vehicle is not None:  # of a test that failed
+        if self.vehicle is not None:  # of a failed test
             self.vehicle.close()
         port = free_port(socket.SOCK_DGRAM)
         self._relay.lead_to(port)
@@ -196,7 +198,7 @@ class LinkedBench:
         return self.page.client(f"station/{service}", SERVICES[service]).call(request, timeout=5.0)
 
     def change(self, name: str, value: ParameterValue) -> Any:
-        """The station's answer to a change of one parameter; a busy machine may lose the link."""
+        """Return the station's answer to a change of one parameter; a lost link is awaited."""
         if self.vehicle is not None:
             assert until(lambda: self.station.link.state() is LinkState.GOOD)
         return self.call("change_parameters", parameters=to_parameters({name: value}))
@@ -214,7 +216,7 @@ class LinkedBench:
 
 @pytest.fixture(scope="module")
 def linked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LinkedBench]:
-    """A station that no vehicle has connected to yet."""
+    """Yield a station to which no vehicle has connected yet."""
     bench = LinkedBench(tmp_path_factory.mktemp("data"))
     yield bench
     bench.close()

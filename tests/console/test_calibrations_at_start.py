@@ -1,4 +1,4 @@
-"""The drift found at the vehicle's start comes some time after the vehicle says it is ready."""
+"""The drift measured at the vehicle's start arrives some time after the vehicle is ready."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vehicle_link.topics import SERVICES
 
 
 class Silent:
-    """A node at whose other end a vehicle has no calibration yet; counts the questions."""
+    """Node to a vehicle that has no calibration yet; it counts the requests."""
 
     def __init__(self) -> None:
         self.asked: list[str] = []

@@ -1,4 +1,4 @@
-"""Several vehicles under one station: one hub, a radio and a base station each; nothing mixes."""
+"""Several vehicles under one station, each with a radio and a base station: nothing mixes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NAMES = ("quad1", "quad2")
 
 
 class FakeVehicle:
-    """Beats, flies where it is told, and answers commands."""
+    """Fake vehicle that sends heartbeats, flies where it is commanded, and answers commands."""
 
     def __init__(self, name: str, files: TlsFiles, x: float) -> None:
         self.port = free_port(socket.SOCK_DGRAM)
@@ -83,7 +83,7 @@ class FakeVehicle:
 
 
 class Laboratory:
-    """Two vehicles, their stations in one process, and somebody who asks."""
+    """Two vehicles, their stations in one process, and a client."""
 
     def __init__(self, data: Path) -> None:
         files, loopback = ensure_certificates(data / "certificates"), free_port(socket.SOCK_STREAM)
@@ -240,7 +240,7 @@ def test_of_many_each_beats_half_as_often_and_every_other_time_over_the_link(
         )
         station = BaseStation(session, catalogue, name, vehicles=count, keeps_house=False)
         try:
-            station._outbox.beats.beside = lambda received: True  # as by a lane that stands
+            station._outbox.beats.beside = lambda received: True  # as by a lane that is up
             enough = len(beats) + 12
             until(lambda: len(beats) >= enough)
         finally:

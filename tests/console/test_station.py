@@ -1,4 +1,4 @@
-"""The station between a vehicle and a page, each in a Zenoh session of its own."""
+"""The station between a vehicle and a page, each in a separate Zenoh session."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def vehicle_now() -> int:
 
 
 class Inbox:
-    """Collects what a node subscribes to."""
+    """Receiver of what a node subscribes to."""
 
     def __init__(self, node: Node, *names: str) -> None:
         self.got: dict[str, list[Received]] = {name: [] for name in names}
@@ -62,7 +62,7 @@ class Inbox:
 
 
 class FakeVehicle:
-    """The vehicle's end of the link: answers, beats, and sends what the test wants."""
+    """The vehicle's end of the link: it answers, sends heartbeats, and what the test requests."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
@@ -70,7 +70,7 @@ class FakeVehicle:
         self.refusal = ""
         self.answering = threading.Event()
         self.answering.set()
-        self.lost_answers = 0  # of the next changes: they come later than anybody waits
+        self.lost_answers = 0  # of the next changes: they arrive later than any caller waits
         self.armed = False
         self.revision = 0
         self.sequence = 0
@@ -282,7 +282,7 @@ def test_the_link_is_good_and_the_vehicles_clock_known(bench: Bench) -> None:
     assert newest.clock_offset == pytest.approx(AHEAD_NS * 1e-9, abs=0.1)
     assert newest.round_trip < 1
     assert newest.age < 1
-    assert newest.loss < 0.5  # a busy machine may drop some
+    assert newest.loss < 0.5  # a busy machine may lose some
 
 
 def test_heartbeats_reach_the_vehicle_in_its_own_time(bench: Bench) -> None:
@@ -574,7 +574,7 @@ def test_the_truth_becomes_tracker_poses_and_bearings_at_the_vehicle(bench: Benc
     poses, frames = bench.vehicle.inbox.got["tracker_pose"], bench.vehicle.inbox.got["bearings"]
 
     def stream() -> bool:
-        """Best effort: of a single burst a loaded machine may drop all but the first."""
+        """Send a stream, because a loaded machine may drop all of a burst except the first."""
         bench.send_truth((0.5, -0.5, 1.0), vehicle_now())
         return bool(poses and frames)
 
@@ -624,7 +624,7 @@ def test_a_torn_run_was_recovered_at_the_start(bench: Bench) -> None:
 
 
 def test_the_station_does_not_wait_for_a_compiler() -> None:
-    """Numba, scipy and OpenCV cost seconds at the start and nothing here needs them."""
+    """numba, scipy and OpenCV cost seconds at the start, and nothing here needs them."""
     code = "import console.station, sys; print({'numba', 'scipy', 'cv2'} & set(sys.modules))"
     found = subprocess.run(
         [sys.executable, "-c", code],

@@ -1,4 +1,4 @@
-"""Seeded randomness."""
+"""Random generator seeded for tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A closed loop for the tests: rigid body, motor lag, ground; the controller at its own rate."""
+"""Closed loop for the tests: rigid body, motor lag, ground; the controller at its own rate."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SUBSTEP = 0.001
 
 @dataclass
 class Flight:
-    """A vehicle with true state known; `advance` is one tick."""
+    """Vehicle whose true state is known; `advance` is one tick."""
 
     parameters: ControlParameters = field(default_factory=ControlParameters)
     believed: VehicleModel = field(default_factory=VehicleModel)
@@ -45,8 +45,8 @@ class Flight:
         self.scalings: list[float] = []
 
     def advance(self, dt: float = 0.002, airborne: bool = True, idle: bool = False) -> None:
-        """Controller on self.reference, then the plant over dt."""
-        # Before the plant moves: state and reference of one and the same instant.
+        """Run the controller on self.reference, then the plant over dt."""
+        # Before the plant moves: state and reference are of the same instant.
         self.errors.append(self.reference["position_w"][0] - self.x[:3])
         self.yaw_errors.append(wrap_angle(float(self.reference["yaw"][0]) - yaw_of(self.x[6:10])))
         if idle:
@@ -72,7 +72,7 @@ class Flight:
         self.scalings.append(float(self.actuators["scaling"][0]))
 
     def fly(self, trajectory: object, seconds: float, dt: float = 0.002) -> np.ndarray:
-        """Follow a trajectory from its start; position errors (N, 3) m of this stretch."""
+        """Follow a trajectory from its start; return its position errors (N, 3), m."""
         first = len(self.errors)
         sample: Callable[[float, Record], None] = trajectory.sample  # type: ignore[attr-defined]
         for k in range(round(seconds / dt)):

@@ -1,4 +1,4 @@
-"""Uniform scaling into the motors' limits."""
+"""Uniform scaling to the motors' limits."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_an_infeasible_gravity_is_clipped_first_and_the_rest_still_fits(
         assert 0.0 <= scaling <= 1.0
         assert thrusts.min() >= LOW
         assert thrusts.max() <= HIGH
-    # A wrench that is itself feasible needs no scaling, heavy or not.
+    # A feasible wrench needs no scaling, for a heavy vehicle either.
     wrench = M @ rng.uniform(LOW + 0.1, HIGH - 0.1, size=4)
     scaling, thrusts = run(wrench, model)
     assert scaling == 1.0

@@ -67,7 +67,7 @@ def test_a_small_error_is_answered_towards_the_desired_attitude(rng: np.random.G
 
 
 def test_on_the_desired_motion_the_torque_is_eulers_equation(rng: np.random.Generator) -> None:
-    # With no error the acceleration must be the desired one: J w' + w x J w = u.
+    # Without an error, the acceleration must be the desired one: J w' + w x J w = u.
     R = rotation_exp(rng.normal(size=3))
     w, w_dot = rng.normal(size=3), rng.normal(size=3)
     u, _ = torque(R, w, R, w, w_dot)

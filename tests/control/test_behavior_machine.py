@@ -1,4 +1,4 @@
-"""The behavior machine: what flies, what is refused, and that the reference never jumps."""
+"""Behavior machine: what flies, what is refused, and that the reference never jumps."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ WEIGHT = 1.308 * 9.81
 
 
 class Bench:
-    """A machine whose vehicle is exactly where the reference is."""
+    """Machine whose vehicle is exactly at the reference."""
 
     def __init__(self, **changes: float) -> None:
         self.machine = BehaviorMachine(BehaviorParameters(**changes), WEIGHT)
@@ -50,7 +50,7 @@ class Bench:
         self.machine.request(name, arguments, self.state, armed, airborne)
 
     def run(self, seconds: float, dt: float = DT) -> Record:
-        """All references of this stretch, (N,)."""
+        """Return all references of this time, (N,)."""
         out = []
         for _ in range(round(seconds / dt)):
             self.stamp_ns += round(dt * 1e9)

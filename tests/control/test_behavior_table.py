@@ -7,7 +7,7 @@ import pytest
 from control.behaviors.table import REFUSALS, BehaviorName, behavior_of, check_transition
 from quadrotor.errors import RefusedError
 
-# Rows: present. Columns: ground, take_off, hover, fly_to, follow, velocity, land, brake,
+# Rows: present behavior. Columns: ground, take_off, hover, fly_to, follow, velocity, land, brake,
 # excite, near_hovering, emergency_landing, external.
 # "+" allowed, "a" allowed only when airborne, "-" refused.
 EXPECTED = {

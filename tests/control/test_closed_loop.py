@@ -1,4 +1,4 @@
-"""The controller on the paper's vehicle, true state, motor lag 0.047 s."""
+"""Controller on the paper's vehicle, true state, motor lag 0.047 s."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_the_eight_is_tracked_within_two_millimetres_on_steady_laps() -> None:
 
 
 def test_without_feed_forward_rates_the_eight_is_tracked_worse() -> None:
-    # Guards the test above: the feed-forward is what makes it precise.
+    # This guards the test above: the feed-forward makes it precise.
     f = Flight()
     f.x[2] = 1.0
     eight = FigureEight((0.0, 0.0, 1.0), laps=2)
@@ -73,7 +73,7 @@ def test_the_integral_removes_a_constant_force(force: tuple[float, float, float]
 def test_a_mass_wrong_by_150_grams_is_trimmed_and_by_300_grams_flown_low() -> None:
     f = Flight(believed=VehicleModel(mass=1.158))
     assert np.abs(f.fly(Hover((0.0, 0.0, 0.0), 0.0), 20.0)[-1]).max() < 0.01
-    # Beyond that the bound of the integral leaves a sag: (3.02 N / 1 kg - 2) / 8.
+    # Beyond that, the bound of the integral leaves a sag: (3.02 N / 1 kg - 2) / 8.
     f = Flight(believed=VehicleModel(mass=1.0))
     sag = f.fly(Hover((0.0, 0.0, 0.0), 0.0), 20.0)[-1]
     assert sag[2] == pytest.approx((0.308 * 9.81 - 2.0) / 8.0, abs=0.005)

@@ -1,4 +1,4 @@
-"""The whole controller: wind-up, limits, batches, parameters."""
+"""Whole controller: wind-up, limits, batches, parameters."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_integrals_are_frozen_while_the_tilt_limit_acts() -> None:
 
 def test_integrals_are_clamped_axis_by_axis() -> None:
     parameters = ControlParameters()
-    # Too little gain to limit anything; only the integrals can end this.
+    # Gains too low to limit anything; only the integrals can end this.
     parameters.position.ki_xy = parameters.position.ki_z = 0.0
     parameters.attitude.ki_xy = 0.0
     controller = GeometricController()

@@ -75,7 +75,7 @@ def test_rates_are_the_derivatives_of_the_attitude(rng: np.random.Generator) -> 
         (R_minus, w_minus, _), (R, w, w_dot), (R_plus, w_plus, _) = at(-h), at(0.0), at(h)
         R_dot = (R_plus - R_minus) / (2 * h)
         np.testing.assert_allclose(R.T @ R_dot, hat(w), atol=2e-5 * (1 + np.abs(w).max() ** 3))
-        # The derivative of omega, rows of another formula: an independent check of R''.
+        # The derivative of omega is from another formula: an independent check of R''.
         finite = (w_plus - w_minus) / (2 * h)
         np.testing.assert_allclose(w_dot, finite, atol=2e-5 * (1 + np.abs(finite).max() ** 2))
 

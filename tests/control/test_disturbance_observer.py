@@ -1,4 +1,4 @@
-"""The disturbance observer finds what the model lacks, and the law takes it off."""
+"""The disturbance observer finds what the model lacks, and the law compensates it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def settings(**changes: float) -> DisturbanceParameters:
 
 
 class Standing:
-    """Level, thrust as commanded; velocity and angular velocity are set by the test."""
+    """Level vehicle with the commanded thrust; the test sets velocity and angular velocity."""
 
     def __init__(self, parameters: DisturbanceParameters, law_mass: float = MODEL.mass) -> None:
         self.observer = DisturbanceObserver(parameters)
@@ -79,7 +79,7 @@ def test_what_it_finds_is_the_disturbance_behind_its_low_pass() -> None:
     assert one.force == pytest.approx(reached, rel=0.01)
     J = np.array([MODEL.inertia_xx, MODEL.inertia_yy, MODEL.inertia_zz])
     twisted = J * turn * -math.expm1(-2.0 * 0.4)
-    # One axis after the other: about three at once they couple, which the model knows.
+    # One axis after the other, because three at once couple, which the model includes.
     assert one.torque == pytest.approx(twisted, rel=0.05)
     one.step(3.0, push)
     assert one.force == pytest.approx(MODEL.mass * push, rel=1e-3)
@@ -118,7 +118,7 @@ def test_nothing_jumps_when_it_takes_off_is_switched_off_and_on_again() -> None:
     fly(4.5)
     assert found[-1] == 0.0
     assert one.observer.idle
-    one.state["velocity_w"] = 0.0  # it was not looking: a new beginning
+    one.state["velocity_w"] = 0.0  # it was not observing: a new start
     one.observer.configure(settings(fade=1.0))
     fly(3.0)
     assert found[-1] == pytest.approx(MODEL.mass, rel=1e-3)
@@ -168,7 +168,7 @@ def observed(
     true_mass: float = 1.308,
     force_w: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Flight:
-    """A closed loop with the observer; `advance` observes first, as the vehicle's tick does."""
+    """Return a closed loop whose `advance` observes first, as the vehicle's tick does."""
     observer = DisturbanceObserver(parameters.disturbance)
 
     class Observed(Flight):
@@ -194,7 +194,7 @@ def test_on_the_8_it_takes_off_a_push_and_a_payload(
         one.fly(Hover((0.0, 0.0, 0.0), 0.0), 3.0)
         flown = one.fly(FigureEight((0.0, 0.0, 0.0)), 16.0)[4000:]
         errors[name] = np.sqrt((flown**2).sum(axis=1).mean())
-    if any(force_w):  # the law's integral has had its time for a constant one
+    if any(force_w):  # the law's integral has had the time for a constant one
         assert errors["observer"] < 0.003
     assert errors["observer"] < max(share * 0.05, 0.003) + 0.25 * errors["standard"]
 
@@ -265,7 +265,7 @@ def test_without_it_the_estimate_loop_is_the_position_loop() -> None:
 
 @pytest.mark.parametrize("more", [0.9, 1.15])
 def test_the_motors_margin_is_where_a_delay_there_makes_it_swing(more: float) -> None:
-    """Thrusts late by less and by more than the margin of the motors' loop."""
+    """Thrusts are late by less and by more than the margin of the motors' loop."""
     parameters = preset("observer")
     parameters.disturbance.torque_bandwidth = 5.0  # much of the margin is the observer's
     borne = {one.loop: one for one in margins(parameters, LAG)}["motors"].delay

@@ -1,4 +1,4 @@
-"""excite: pure steps on one axis, refused or ended where they would lead too far."""
+"""Behavior excite: pure steps on one axis, refused or ended where they would lead too far."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ POINT = {"x": 0.4, "y": -0.3, "z": 1.2, "yaw": 0.7}
 
 
 class Bench:
-    """A machine in hover at POINT; the vehicle stays where it is put."""
+    """Machine in hover at POINT; the vehicle stays where the test sets it."""
 
     def __init__(self, **changes: float) -> None:
         self.machine = BehaviorMachine(BehaviorParameters(**changes), WEIGHT)
@@ -47,7 +47,7 @@ class Bench:
         return self.machine.name is name
 
     def fly(self, seconds: float) -> Record:
-        """References of this stretch, (N,)."""
+        """Return the references of this time, (N,)."""
         out = []
         for _ in range(round(seconds / DT)):
             self.machine.step(0, DT, self.state, None, True, WEIGHT, self.reference)
@@ -86,8 +86,8 @@ def test_the_set_point_jumps_between_its_levels_and_nothing_else_moves(
     offset = along(path, axis) - along(path, axis)[0]
     assert np.unique(offset.round(9)).tolist() == sorted({0.0, *levels})
     jumps = np.flatnonzero(np.abs(np.diff(offset)) > 1e-9)
-    times = (jumps + 2) * DT  # a reference is that of the end of its tick
-    # Durations are summed up tick by tick: an edge may come one tick late.
+    times = (jumps + 2) * DT  # a reference is that at the end of its tick
+    # Durations are summed tick by tick: an edge may be one tick late.
     expected = LEAD + 0.4 * np.arange(2 * len(levels))
     expected = expected[: len(times)]
     assert np.all(times - expected >= -1e-9)

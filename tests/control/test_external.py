@@ -1,4 +1,4 @@
-"""References of another program: flown as they come, or refused with what is wrong with them."""
+"""References of another program: flown as they arrive, or refused with the reason."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Program = Callable[[float], Record]
 
 
 def circle(t: float, begin: float = 0.0) -> Record:
-    """Round the origin from (RADIUS, 0), with all derivatives; the yaw follows."""
+    """Return a circle around the origin from (RADIUS, 0), with all derivatives; the yaw follows."""
     out = new_reference()
     angle = OMEGA * (t - begin)
     turned = np.array([math.cos(angle), math.sin(angle), 0.0])
@@ -42,7 +42,7 @@ def standing(x: float = 0.0, y: float = 0.0, z: float = HEIGHT, yaw: float = 0.0
 
 
 class Bench:
-    """A machine that hovers, and a program that sends `rate` references a second."""
+    """Machine that hovers, and a program that sends `rate` references a second."""
 
     def __init__(self, x: float = 0.0, rate: int = 50, **changes: float) -> None:
         self.machine = BehaviorMachine(BehaviorParameters(**changes), WEIGHT)
@@ -69,7 +69,7 @@ class Bench:
         self.machine.request("external", {}, self.state, True, True)
 
     def run(self, seconds: float, program: Program | None = None) -> Record:
-        """All references of this stretch, (N,)."""
+        """Return all references of this time, (N,)."""
         out = []
         for _ in range(round(seconds / DT)):
             self.stamp_ns += round(DT * 1e9)
@@ -91,7 +91,8 @@ def test_a_program_of_fifty_references_a_second_is_flown_tick_by_tick() -> None:
     assert bench.machine.name is BehaviorName.EXTERNAL
     times = begin + DT * np.arange(1, len(flown) + 1)
     wanted = np.concatenate([circle(t, begin) for t in times])
-    # Until the first of the program comes, some 20 ms, its first reference is led on.
+    # Until the program's first reference arrives, after some 20 ms, the machine's own is
+    # extrapolated.
     for name, most in (("position_w", 1e-6), ("velocity_w", 2e-4), ("acceleration_w", 0.02)):
         assert np.abs(flown[name] - wanted[name]).max() < most, name
     np.testing.assert_allclose(flown["yaw"], wanted["yaw"], atol=1e-9)
@@ -190,7 +191,7 @@ def compilations() -> int:
 
 
 def test_a_reference_that_silence_would_make_too_much_is_not_flown() -> None:
-    """Within every limit at its own time; led on, its jerk makes 4.4 m/s² of it in 0.2 s."""
+    """Within every limit at its own time; extrapolated, its jerk makes 4.4 m/s² of it in 0.2 s."""
     bench = Bench()
     bench.send(standing())
     bench.start()

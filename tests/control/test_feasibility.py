@@ -1,4 +1,4 @@
-"""Feasibility: the inverse dynamics are those of the rigid body, and refusals say what is true."""
+"""Feasibility: the inverse dynamics are those of the rigid body, and refusals are true."""
 
 from __future__ import annotations
 
@@ -78,7 +78,10 @@ def test_rates_are_the_derivatives_of_the_attitude_along_a_path() -> None:
 
 
 def independent(path: Trajectory, step: float = 2e-3) -> tuple[Array, dict[str, Array]]:
-    """Time series of all quantities by numpy alone: rates by differences, motors by M f = u."""
+    """Return time series of all quantities by numpy alone.
+
+    The rates are differences, and the motors solve M f = u.
+    """
     t = np.arange(0.0, path.duration + step, step)
     s = sample_many(path, t)
     mass = float(MODEL["mass"][0])
@@ -124,7 +127,7 @@ PATHS: dict[str, Trajectory] = {
 
 
 class OneByOne:
-    """A trajectory that offers the protocol and no more."""
+    """Trajectory that offers the protocol and no more."""
 
     def __init__(self, path: Trajectory) -> None:
         self.duration, self.sample = path.duration, path.sample
@@ -197,7 +200,7 @@ def test_each_breach_is_refused_with_its_number_and_the_time_it_begins(
     shown = f"{report.breach.value:.2f}" if name in "xz" else f"{report.breach.value:.3g}"
     assert shown in text
     assert report.breach.value == pytest.approx(worst, abs=5e-3 * np.abs(values).max())
-    # One per cent more room, and it may fly.
+    # With one per cent more room it may fly.
     roomy = worst + sign * 0.01 * np.abs(values).max()
     check(PATHS[path], MODEL, LIMITED[name](roomy), what="the flight")
 
@@ -214,7 +217,7 @@ def test_breaches_are_reported_volume_first_and_causes_before_consequences() -> 
 
 
 def test_a_breach_in_laps_that_are_skipped_is_found_where_it_begins() -> None:
-    # Climbs 5 m in 100 laps; only the first and the last metres are looked at.
+    # It climbs 5 m in 100 laps; only the first and the last metres are checked.
     path = Circle((0, 0, 1, 0), rise=0.05, laps=100, period=4.0, ramp=2.0)
     breach = breach_of(path, Limits(high_w=(9, 9, 3.0)))
     assert breach.name == "z"

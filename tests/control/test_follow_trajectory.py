@@ -1,4 +1,4 @@
-"""follow_trajectory: every trajectory by name, checked before it starts."""
+"""Behavior follow_trajectory: every trajectory by name, checked before it starts."""
 
 from __future__ import annotations
 
@@ -236,7 +236,7 @@ def test_what_is_accepted_keeps_to_every_limit_and_what_is_refused_does_not(
 
 
 class Plain:
-    """All of a trajectory, at 100 Hz: nothing is taken for a repetition."""
+    """All of a trajectory, at 100 Hz, without the shortcut for repetitions."""
 
     def __init__(self, path: Trajectory) -> None:
         self.duration, self.sample = path.duration, path.sample

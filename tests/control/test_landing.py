@@ -17,7 +17,7 @@ DT = 0.002
 
 
 class Sortie:
-    """A flight commanded by a behavior machine; `drift` is what the estimate is wrong by."""
+    """Flight commanded by a behavior machine; `drift` is the error of the estimate."""
 
     def __init__(self, mass: float = 1.308) -> None:
         self.f = Flight(ground=True, motors_ready=False, believed=VehicleModel(mass=mass))
@@ -139,7 +139,7 @@ def test_touch_down_needs_low_thrust_and_an_unchanging_velocity_for_a_while() ->
 
 
 def test_touch_down_is_seen_on_a_dead_reckoned_state_that_drifts() -> None:
-    # The vehicle stands; the estimate says 0.6 m/s and drifts by 0.3 m/s^2.
+    # The vehicle rests; the estimate is 0.6 m/s and drifts by 0.3 m/s^2.
     found = detected_after(5.0, -0.3, velocity=-0.6)
     assert found is not None
     assert found < 0.4

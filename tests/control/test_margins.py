@@ -1,4 +1,4 @@
-"""Margins agree with the closed loop they speak of, and presets are what they say."""
+"""Margins agree with the closed loop that they describe, and presets have their stated ones."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def test_moving_any_derivative_at_a_way_point_costs_more(rng: np.random.Generato
     points, times = problem(rng, 5)
     path = minimum_snap(points, times)
     motion = np.stack([motion_of(sample_many(path, np.array([t]))) for t in times])
-    # Yaw samples end at the acceleration; positions are what is moved here.
+    # Yaw samples end at the acceleration; only positions are varied here.
     best = snap_cost(path)
     for node in (1, 2, 3):
         for order in (1, 2, 3, 4):

@@ -1,4 +1,4 @@
-"""The near-hovering law: exact about hover, useful in small flights, no more."""
+"""Near-hovering law: exact about hover, useful in small flights, no more."""
 
 from __future__ import annotations
 

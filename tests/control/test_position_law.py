@@ -1,4 +1,4 @@
-"""Eq. 4 and the rules that keep the force pointable."""
+"""Eq. 4, and the rules that keep the direction of the force defined."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_exact_rates_are_the_derivatives_of_the_force_along_the_model(
     integral = rng.normal(size=3)
 
     def force_at(h: float) -> Array:
-        """f_d after h seconds of eq. 2 with u_1 = f_d . z_B, by small Euler-midpoint steps."""
+        """Return f_d after h seconds of eq. 2 with u_1 = f_d . z_B, by Euler-midpoint steps."""
         n = 400
         s, r, total = state.copy(), reference.copy(), integral.copy()
         p, v = s["position_w"][0].copy(), s["velocity_w"][0].copy()

@@ -1,4 +1,4 @@
-"""The rates that carry out a wrench: the board's inner loop gives back the torque of eq. 5."""
+"""The rates that realise a wrench: the board's inner loop produces the torque of eq. 5."""
 
 from __future__ import annotations
 

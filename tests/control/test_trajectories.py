@@ -1,4 +1,4 @@
-"""Trajectories: each derivative is the derivative of the one before, and no joint shows."""
+"""Trajectories: each derivative is the derivative of the one before, and joints are smooth."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_it_starts_and_ends_at_rest_and_stays(name: str) -> None:
     for t in (-1.0, 0.0, trajectory.duration, trajectory.duration + 5.0):
         sample = sample_many(trajectory, np.array([t]))
         for field in CHAIN[1:] + YAW_CHAIN[1:]:
-            # What Horner's scheme leaves of coefficients of 1e3 is 1e-10 or so, over seconds^4.
+            # Horner's scheme leaves 1e-10 or so of coefficients of 1e3, over seconds^4.
             np.testing.assert_allclose(sample[field], 0.0, atol=1e-7, err_msg=field)
 
 

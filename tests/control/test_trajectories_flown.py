@@ -1,4 +1,4 @@
-"""Tests that the controller asks of the motors what the inverse dynamics foretell."""
+"""The controller demands from the motors what the inverse dynamics predict."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trajectories from files: what goes in comes out, and each mistake is named in one line."""
+"""Trajectories from files: they are read as written, and each mistake is one line."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ EIGHT = FigureEight((0.5, -0.5, 1.2), 3.0, period=6.0, laps=2, ramp=3.0)
 def table(
     path: FigureEight, times: Array, names: tuple[str, ...] = (*COLUMNS, *DERIVATIVES)
 ) -> tuple[str, Array]:
-    """Rows of a trajectory under these column names."""
+    """Return rows of a trajectory under these column names."""
     s = sample_many(path, times)
     columns = {"t": times, "yaw": (s["yaw"] + np.pi) % (2 * np.pi) - np.pi}
     columns |= {"yaw_rate": s["yaw_rate"], "yaw_acceleration": s["yaw_acceleration"]}
@@ -251,7 +251,7 @@ def test_files_of_no_kind_and_files_that_cannot_be_read_are_said(tmp_path: Path)
 def test_a_long_file_is_looked_at_in_flight_as_closely_as_at_its_loading(
     tmp_path: Path, rng: np.random.Generator
 ) -> None:
-    # A quarter of an hour of slow laps, and one brief swing somewhere.
+    # A quarter of an hour of slow laps, with one brief swing.
     times = np.arange(0.0, 900.0, 0.25)
     slow = FigureEight((0.0, 0.0, 1.5), yaw_amplitude=0.0, period=60.0, laps=14, ramp=20.0)
     header, rows = table(slow, times, COLUMNS)

@@ -1,4 +1,4 @@
-"""The reference that follows a velocity command."""
+"""Reference that follows a velocity command."""
 
 from __future__ import annotations
 

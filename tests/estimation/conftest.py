@@ -1,6 +1,6 @@
 """A vehicle that flies the paper's figure 8 exactly, and sensors with the lab's noise.
 
-Independent of the package: the truth is differentiated numerically and turned by scipy.
+They are independent of the package: the truth is differentiated numerically and rotated by scipy.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ UP = np.array([0.0, 0.0, G])
 
 
 def quaternion(rotation: Rotation) -> Array:
-    """(w, x, y, z)."""
+    """Return (w, x, y, z)."""
     return np.roll(rotation.as_quat(), 1, axis=-1)
 
 
@@ -44,7 +44,10 @@ class Truth:
 def figure_eight(
     duration: float, rate: float, scale: float = 1.0, turned: float = 0.0, period: float = 8.0
 ) -> Truth:
-    """1 m x 1 m, z +-0.2 m, yaw +-1 rad, times `scale`, in a world turned by `turned` rad."""
+    """Return a figure 8 of 1 m x 1 m, z +-0.2 m, yaw +-1 rad, times `scale`.
+
+    The world is turned by `turned` rad.
+    """
     t = np.arange(round(duration * rate) + 1) / rate
     w = 2.0 * np.pi / period
     size = scale * np.array([0.5, 0.5, 0.2])
@@ -76,16 +79,19 @@ def figure_eight(
 
 
 Spoil = Callable[[Array, Array, Array, Array], None]
-"""Of times (n,), measured positions (n, 3), quaternions (n, 4) and forces (n, 3): in place. A
-position that is not finite is a pose that does not come."""
+"""Function that changes the measurements of a flight in place.
+
+Its arguments are times (n,), measured positions (n, 3), quaternions (n, 4) and forces (n, 3). A
+position that is not finite is a missing pose.
+"""
 
 
 @dataclass(frozen=True)
 class Sensors:
-    """The sensors that the estimator is given; defaults are exact."""
+    """Sensors of the estimator; the defaults are exact."""
 
     pose_every: int = 5  # ticks
-    delay: int = 0  # ticks from when a pose is true to when it arrives
+    delay: int = 0  # ticks between the instant of a pose and its arrival
     pose_until: float = np.inf  # s
     position_noise: float = 0.0  # m
     attitude_noise: float = 0.0  # rad
@@ -137,7 +143,7 @@ def fly(
     seed: int = 0,
     spoil: Spoil | None = None,
 ) -> Flown:
-    """Run the estimator along a flight; `spoil` may change what the sensors tell."""
+    """Run the estimator along a flight; `spoil` may change the measurements."""
     rng = np.random.default_rng(seed)
     count, s = len(truth.t), sensors
     force = truth.specific_force_b + s.force_bias + rng.normal(0, 1, (count, 3)) * s.force_noise
@@ -196,7 +202,7 @@ AnySensors = Sensors
 
 @dataclass(frozen=True)
 class Laboratory:
-    """Everything of this file, for tests to reach by one fixture."""
+    """All helpers of this file, which tests use through one fixture."""
 
     figure_eight: Callable[..., Truth] = figure_eight
     fly: Callable[..., Flown] = fly
@@ -211,7 +217,7 @@ def laboratory() -> Laboratory:
 
 @pytest.fixture
 def rng(request: pytest.FixtureRequest) -> np.random.Generator:
-    """Seeded from the test's name."""
+    """Return a generator seeded from the test's name."""
     seed = zlib.crc32(request.node.name.encode())
     print(f"seed {seed} from {request.node.name}")
     return np.random.default_rng(seed)

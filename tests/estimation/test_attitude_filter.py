@@ -97,8 +97,8 @@ def test_error_poles_over_an_interval_are_those_of_the_continuous_law(
 ) -> None:
     T = 1.0 / rate
     l_q, l_g = attitude_gains(bandwidth, bias, T)
-    # Error (angle, bias): the angle grows by -T bias error; then angle -= l_q angle and
-    # bias += l_g angle.
+    # Error (angle, bias): the angle grows by -T bias error; then angle -= l_q angle and bias += l_g
+    # angle.
     F = np.array([[1.0, -T], [0.0, 1.0]])
     correction = np.array([[1.0 - l_q, 0.0], [l_g, 1.0]])
     poles = np.sort(np.linalg.eigvals(correction @ F).real)

@@ -1,4 +1,4 @@
-"""Tests of what is prepared once for a set of beacons, and of which sets are refused."""
+"""Preparation, done once, of a set of beacons, and refusals of unsuitable sets."""
 
 from __future__ import annotations
 

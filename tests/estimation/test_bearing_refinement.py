@@ -70,7 +70,7 @@ def test_a_tilt_turns_about_world_axes(size: float, rng: np.random.Generator) ->
 
 
 def test_steps_are_clamped_and_never_raise_the_cost(rng: np.random.Generator) -> None:
-    """Starts are metres and radians off."""
+    """The starts are metres and radians off."""
     for _ in range(50):
         x = rng.normal(size=(4, 3))
         x /= np.linalg.norm(x, axis=1)[:, None]
@@ -85,7 +85,7 @@ def test_steps_are_clamped_and_never_raise_the_cost(rng: np.random.Generator) ->
 
 
 def test_close_to_a_beacon_its_distance_is_not_taken_for_known(rng: np.random.Generator) -> None:
-    """The nearest beacon at 1 mm: with noise its bearing says next to nothing of the position."""
+    """The nearest beacon is at 1 mm: with noise, its bearing hardly constrains the position."""
     r = SQUARE[0] + np.array([0.0, 0.0, 1e-3])
     R = Rotation.from_rotvec(rng.normal(size=3))
     d = SQUARE - r
@@ -97,4 +97,4 @@ def test_close_to_a_beacon_its_distance_is_not_taken_for_known(rng: np.random.Ge
         assert refine(frame, tuple(r.tolist()), q, sigma, 0)[0]
         deviations.append(np.sqrt(np.linalg.eigvalsh(frame[:3, :3])))
     assert 0.5e-3 < deviations[0][0] < 2e-3  # m a rad: the distance itself
-    assert deviations[1][0] > 0.05  # what the deviation of the distance makes of it
+    assert deviations[1][0] > 0.05  # the effect of the distance's deviation

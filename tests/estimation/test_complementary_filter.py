@@ -1,4 +1,4 @@
-"""The filter as a whole: bias, rates, signs, time, and what it does without a pose."""
+"""The filter as a whole: bias, rates, signs, time, and operation without a pose."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.support.narrowing import now
 
 PERIOD_NS = 2_000_000
 PAPER = EstimationParameters.model_validate(PRESETS["paper"])
-# Biases as fast as they may be: a start from rest into motion is forgotten within seconds.
+# The fastest allowed biases: a start from rest into motion is forgotten within seconds.
 BRISK = EstimationParameters(accelerometer_bias_bandwidth=2.0, gyroscope_bias_bandwidth=1.0)
 
 
@@ -39,7 +39,7 @@ def imu_at(stamp_ns: int, force: Any = (0.0, 0.0, 9.81), rate: Any = (0.0, 0.0, 
 
 
 class Still:
-    """An estimator of a vehicle at rest, ticked by hand."""
+    """Estimator of a vehicle at rest, ticked by hand."""
 
     def __init__(self, parameters: EstimationParameters | None = None) -> None:
         self.estimator = ComplementaryEstimator(parameters)
@@ -56,7 +56,7 @@ class Still:
         self.estimator.correct(pose_at(self.stamp_ns - ago_ns, **pose), self.estimate)
 
     def unchanged_since(self, before: Record) -> bool:
-        """Return whether all but the counts of measurements is as in this copy of the memory."""
+        """Return whether all except the counts of measurements equals this copy of the memory."""
         now = self.estimator.memory.copy()
         now["outcomes"] = before["outcomes"]
         return bool(now == before)
@@ -96,7 +96,7 @@ def test_turning_the_world_turns_the_answer(laboratory: Any) -> None:
     world = Rotation.from_euler("z", angle)
     for name in ("position", "velocity"):
         wanted = world.apply(getattr(plain, name))
-        # The first sample comes before the first pose: nothing is known of the world then.
+        # The first sample is before the first pose, when nothing is known of the world.
         np.testing.assert_allclose(getattr(turned, name)[1:], wanted[1:], atol=1e-9)
     np.testing.assert_allclose(turned.attitude[1:], plain.attitude[1:], atol=1e-9)
     np.testing.assert_allclose(turned.force_bias, plain.force_bias, atol=1e-8)
@@ -152,7 +152,7 @@ def test_zero_bandwidth_holds_the_biases(laboratory: Any) -> None:
 @pytest.mark.parametrize("every", [5, 7, 8, 17, 25, 50])
 @pytest.mark.parametrize("preset", ["default", "paper", "bearings"])
 def test_stable_from_10_to_100_hz(every: int, preset: str) -> None:
-    """500 Hz over `every`; the innovation held or gain times period diverge below 76 Hz."""
+    """500 Hz over `every`; a held innovation or a gain times the period diverges below 76 Hz."""
     still = Still(EstimationParameters.model_validate(PRESETS.get(preset, {})))
     still.correct()
     errors = []
@@ -210,11 +210,11 @@ def test_many_measurements_on_their_way_do_not_make_it_swing(laboratory: Any) ->
 
 
 def test_a_late_correction_ends_where_one_in_time_would_have(rng: np.random.Generator) -> None:
-    """Exact while the attitude does not turn: position, velocity and bias, several on the way."""
+    """Exact while the attitude is constant: position, velocity, bias, with several in transit."""
     prompt, late = Still(BRISK), Still(BRISK)
     for still in (prompt, late):
         still.correct()
-    offset = 0.02 * rng.normal(size=(30, 3))  # small enough to stay off the bias limit
+    offset = 0.02 * rng.normal(size=(30, 3))  # small enough to stay within the bias limit
     for i in range(1, 40):
         for still, delay in ((prompt, 0), (late, 3)):
             still.tick(25)
@@ -234,7 +234,7 @@ def test_a_pose_between_two_samples_meets_the_interpolated_estimate() -> None:
     still.tick(200, force=(5.0, 0.0, 9.81))
     t = 0.3991  # s, between two ticks
     still.correct(ago_ns=round((0.4 - t) * 1e9), position=(0.0, 0.0, 0.0))
-    # The first sample is taken to have lasted its whole period.
+    # The first sample is assumed to have lasted its whole period.
     assert still.estimate["position_innovation_w"][0, 0] == pytest.approx(-2.5 * t * t, abs=1e-5)
 
 
@@ -434,7 +434,7 @@ def test_a_batch_equals_its_single_flights(rng: np.random.Generator) -> None:
         imu["specific_force_b"] = rng.normal(size=(count, 3)) + np.array([0.0, 0.0, 9.81])
         imu["angular_velocity_b"] = rng.normal(size=(count, 3))
         pose["position_w"] = 0.1 * rng.normal(size=(count, 3))
-        pose["position_w"][2, 0] += 9.0 * (i % 7 == 0)  # beyond the gate of the third
+        pose["position_w"][2, 0] += 9.0 * (i % 7 == 0)  # outside of the gate of the third
         pose["stamp_ns"][1] = 0  # too old for the second
         predict(batch, imu, gains, 0.002, states)
         correct(batch, pose, gains, estimates, outcomes)

@@ -38,7 +38,7 @@ def rotation(x: Array) -> Rotation:
 
 
 def moved(x: Array, error: Array) -> Array:
-    """x with a true state `error` away, by scipy: the stated convention."""
+    """Return x with a true state `error` away, by scipy: the defined convention."""
     out = x.copy()
     out[:3] += error[:3]
     out[3:6] += error[6:9]
@@ -48,7 +48,7 @@ def moved(x: Array, error: Array) -> Array:
 
 
 def apart(x: Array, y: Array) -> Array:
-    """The error (15,) of estimate x when y is true."""
+    """Return the error (15,) of estimate x when y is true."""
     turn = (rotation(y) * rotation(x).inv()).as_rotvec()
     return np.concatenate([y[:3] - x[:3], turn, y[3:6] - x[3:6], y[10:] - x[10:]])
 
@@ -107,7 +107,7 @@ def test_noise_grows_with_time_alone(rng: np.random.Generator) -> None:
 def test_rows_are_minus_the_derivative_of_the_residuals(
     kind: int, rng: np.random.Generator
 ) -> None:
-    """h error = residual: moving the state by the error takes the residual away."""
+    """h error = residual: moving the state by the error removes the residual."""
     for _ in range(10):
         m, x = new_memory(), nominal(rng)
         item = m[0]
@@ -129,7 +129,7 @@ def test_rows_are_minus_the_derivative_of_the_residuals(
             linearize(m[0], 0, moved(x, error), NOISE[0])
             return np.array(m["rest"][0, :count])
 
-        # Tangent axes turn with the direction; at zero residual that changes nothing.
+        # Tangent axes turn with the direction; at zero residual that has no effect.
         J = columns(rest)
         np.testing.assert_allclose(J[:, :6], -rows, atol=1e-7)
         np.testing.assert_allclose(J[:, 6:], 0.0, atol=1e-12)

@@ -1,4 +1,4 @@
-"""The error-state filter as a whole: consistency, time, gates, starts, and what it refuses."""
+"""The error-state filter as a whole: consistency, time, gates, starts, and refusals."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from quadrotor.records import (
 Array = npt.NDArray[np.float64]
 BEACONS = np.array([[1.0, 1.0, 0.1], [-1.0, 1.0, 0.1], [-1.0, -1.0, 0.1], [1.0, -1.0, 0.1]])
 SIGMA = math.radians(1.5)
-FORCE, RATE = 0.05, math.radians(0.3)  # noise a sample at 500 Hz
+FORCE, RATE = 0.05, math.radians(0.3)  # noise of one sample at 500 Hz
 MS = 1_000_000
 
 
@@ -81,7 +81,7 @@ def pose_of(stamp_ns: int, position: Any, attitude: Rotation) -> Record:
 
 
 class Flight:
-    """An estimator along the figure 8 of the laboratory, noise from one seed."""
+    """Estimator along the figure 8 of the laboratory, with noise from one seed."""
 
     def __init__(self, truth: Any, seed: int, noise: float = 1.0) -> None:
         self.truth, self.noise = truth, noise
@@ -102,7 +102,10 @@ class Flight:
     def fly(
         self, estimator: Estimator, delay: int = 0, poses: int = 0, start: bool = True
     ) -> Record:
-        """`delay` of bearings in ticks; an exact pose first, and every `poses` ticks."""
+        """Fly with bearings delayed by `delay` ticks.
+
+        An exact pose comes first, and then every `poses` ticks.
+        """
         truth, imu, state = self.truth, np.zeros(1, IMU_SAMPLE), new_state()
         estimate, states = np.zeros(1, ESTIMATE), np.zeros(len(truth.t), STATE)
         for k in range(len(truth.t)):
@@ -122,7 +125,7 @@ class Flight:
 
 
 def errors(truth: Any, states: Record, k: slice = slice(None)) -> Array:
-    """(n, 9): position, attitude (world axes), velocity, true - estimated."""
+    """Return (n, 9): position, attitude (world axes), velocity, true - estimated."""
     estimated = Rotation.from_quat(np.roll(states["quaternion_wb"][k], -1, axis=1))
     turn = (truth.attitude[k] * estimated.inv()).as_rotvec()
     return np.hstack(
@@ -135,7 +138,7 @@ def errors(truth: Any, states: Record, k: slice = slice(None)) -> Array:
 
 
 def error_at(truth: Any, k: int, state: Record) -> Array:
-    """(9,) of one STATE (1,) at sample k."""
+    """Return the errors (9,) of one STATE (1,) at sample k."""
     one = SimpleNamespace(
         **{
             name: getattr(truth, name)[k : k + 1]
@@ -168,7 +171,7 @@ def test_exact_sensors_give_the_exact_state(laboratory: Any) -> None:
 
 
 def test_errors_and_innovations_are_as_large_as_the_filter_says(laboratory: Any, seed: int) -> None:
-    """NEES of 9 states at 8 times far apart, NIS of all frames, over 12 flights."""
+    """NEES of 9 states at 8 distant times, NIS of all frames, over 12 flights."""
     from scipy.stats import chi2
 
     truth = laboratory.figure_eight(10.0, 500.0)
@@ -253,7 +256,7 @@ def test_a_start_far_off_is_given_up_even_where_some_bearings_fit(
     estimator = ErrorStateEstimator(parameters())
     estimator.initialize(pose_of(flight.stamp(0), place, turn * truth.attitude[0]))
     error = np.abs(errors(truth, flight.fly(estimator, start=False)))
-    assert error[-100:, :3].max() < 0.15  # one or two of four fitted by chance: up to 40 m
+    assert error[-100:, :3].max() < 0.15  # one or two of four fit by chance: up to 40 m
 
 
 def test_turning_the_world_turns_the_answer(laboratory: Any, seed: int) -> None:
@@ -266,7 +269,7 @@ def test_turning_the_world_turns_the_answer(laboratory: Any, seed: int) -> None:
         frame["beacon_w"][0, :4] = world.apply(BEACONS)
     one, other = ErrorStateEstimator(parameters()), ErrorStateEstimator(parameters())
     a, b = plain.fly(one), turned.fly(other)
-    # The first sample comes before the first pose: nothing is known of the world then.
+    # The first sample is before the first pose, when nothing is known of the world.
     np.testing.assert_allclose(b["position_w"][1:], world.apply(a["position_w"][1:]), atol=1e-6)
     np.testing.assert_allclose(b["velocity_w"][1:], world.apply(a["velocity_w"][1:]), atol=1e-6)
     assert one.memory["nis"][0] == pytest.approx(other.memory["nis"][0], rel=1e-4)
@@ -277,7 +280,7 @@ def test_turning_the_world_turns_the_answer(laboratory: Any, seed: int) -> None:
 def test_late_bearings_end_where_those_in_time_would_have(
     laboratory: Any, seed: int, delay: int
 ) -> None:
-    """Exactly: with tracker poses in between they arrive out of order and are put in order."""
+    """The states are equal; with tracker poses in between, they arrive out of order."""
     truth = laboratory.figure_eight(3.0, 500.0)
     prompt, late = ErrorStateEstimator(parameters()), ErrorStateEstimator(parameters())
     flight = Flight(truth, seed)
@@ -291,7 +294,7 @@ def test_late_bearings_end_where_those_in_time_would_have(
 
 
 def test_a_frame_between_two_samples_meets_its_own_instant() -> None:
-    """A millisecond is 2 mm at 2 m/s; the beacons are seen exactly where it was true."""
+    """A millisecond is 2 mm at 2 m/s; the beacons are seen from the exact true position."""
     estimator, state, estimate = ErrorStateEstimator(), new_state(), np.zeros(1, ESTIMATE)
     estimator.initialize(pose_of(2 * MS, [0.0, 0.0, 1.0], Rotation.identity()))
     imu = np.zeros(1, IMU_SAMPLE)
@@ -457,7 +460,7 @@ def test_a_pose_that_is_none_is_refused(quaternion: tuple[float, ...]) -> None:
 def test_any_beacons_anywhere_leave_a_finite_positive_filter(
     places: list[tuple[float, float, float]], where: tuple[float, float, float], sigma: float
 ) -> None:
-    """The beacons are on the vehicle itself, all in one spot, in any number."""
+    """The beacons are on the vehicle itself, all at one point, in any number."""
     estimator = ErrorStateEstimator()
     estimator.initialize(pose_of(2 * MS, [0.0, 0.0, 1.0], Rotation.identity()))
     frame = np.zeros(1, BEARINGS_SAMPLE)

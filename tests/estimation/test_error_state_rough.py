@@ -19,7 +19,7 @@ from quadrotor.records import BEARINGS_SAMPLE, ESTIMATE, IMU_SAMPLE, POSE_SAMPLE
 
 Array = npt.NDArray[np.float64]
 Spoil = Callable[[float, Record], bool]
-"""Of the time (s) and a pose, changed in place; False when it does not come."""
+"""Function of the time (s) and a pose, which it changes in place; False if the pose is missing."""
 HARMONICS = np.array([83.0, 91.0, 166.0, 182.0])
 """Hz, of two rotors: above half the rate of poses, below half that of samples."""
 BEACONS = np.array([[1.0, 1.0, 0.1], [-1.0, 1.0, 0.1], [-1.0, -1.0, 0.1], [1.0, -1.0, 0.1]])
@@ -27,10 +27,11 @@ SIGMA = math.radians(1.5)
 
 
 class Rough:
-    """A flight of the laboratory's figure 8, at a multiple of the noise that the defaults state.
+    """Flight of the laboratory's figure 8, at a multiple of the default noise.
 
     Args:
-        vibration: m/s^2 rms on each axis; as many tenths of rad/s. imu, pose: times the noise.
+        vibration: m/s^2 rms on each axis; as many tenths of rad/s.
+        imu, pose: factors on the noise.
     """
 
     def __init__(
@@ -58,7 +59,7 @@ class Rough:
         self.quaternion = np.roll((truth.attitude * wobble).as_quat(), 1, axis=1)
         self.estimator = ErrorStateEstimator()
         self.error = np.full(n, np.nan)  # m
-        self.seen_from = np.zeros((n, 3))  # m, from where the vehicle is to where frames say it is
+        self.seen_from = np.zeros((n, 3))  # m, from the vehicle to where frames see it
 
     def fly(self, spoil: Spoil = lambda t, pose: True, bearings: bool = False) -> Rough:
         imu, pose, state = np.zeros(1, IMU_SAMPLE), np.zeros(1, POSE_SAMPLE), new_state()
@@ -86,19 +87,19 @@ class Rough:
         return frame
 
     def rms(self, after: float, until: float = math.inf) -> float:
-        """m"""
+        """Return the rms position error between two times, m."""
         used = (self.truth.t >= after) & (self.truth.t < until)
         return float(np.sqrt((self.error[used] ** 2).mean()))
 
     @property
     def refused(self) -> float:
-        """Share of the poses."""
+        """Return the share of poses that were refused."""
         used, *_, refused = self.estimator.memory["outcomes"][0].tolist()
         return float(refused / (used + refused))
 
     @property
     def scale(self) -> Array:
-        """Factors on the variances, by kind of noise."""
+        """Return the factors on the variances, by kind of noise."""
         scale: Array = self.estimator.memory["noise_scale"][0]
         return scale
 
@@ -159,7 +160,7 @@ def test_an_imu_much_noisier_than_stated_is_found_out_by_bearings(
 
 def test_poses_much_noisier_than_stated_are_found_out(laboratory: Any, seed: int) -> None:
     rough = Rough(laboratory, seed, pose=10.0).fly()
-    assert rough.refused < 0.2  # before it has learnt
+    assert rough.refused < 0.2  # before it has adapted
     assert rough.rms(3.0) < 0.01
     for kind in (POSITION, ATTITUDE):
         assert 30.0 < rough.scale[kind] < 150.0
@@ -219,8 +220,8 @@ def test_a_wrong_start_in_flight_is_left(
     rough.position[0] += far * axis
     rough.quaternion[0] = np.roll(attitude.as_quat(), 1)
     rough.fly(bearings=bearings)
-    # Unconfirmed, it is left for the fourth measurement that contradicts it, and the velocity
-    # then comes with the next few.
+    # Without confirmation, the start waits for the fourth measurement that contradicts it; the
+    # velocity follows with the next few.
     assert rough.rms(0.2, 0.5) < (0.25 if bearings else 0.03)
     assert rough.rms(5.0) < (0.08 if bearings else 0.003)
     assert rough.estimator.converged, rough.estimator.convergence.reason
@@ -243,7 +244,7 @@ def test_a_gap_is_followed_by_a_return_to_the_poses(laboratory: Any, seed: int) 
 
 
 def test_a_knock_that_the_imu_did_not_measure_is_recovered_from(laboratory: Any, seed: int) -> None:
-    """The world goes on at another speed than the prediction: drift, and no jump."""
+    """The world continues at another speed than the prediction: drift, and no jump."""
     rough = Rough(laboratory, seed, seconds=6.0)
     t = rough.truth.t
     missed = np.maximum(0.0, t - 3.0)[:, None] * np.array([1.0, 0.5, 0.0])

@@ -1,4 +1,4 @@
-"""The error-state filter when measurements are late, ahead, or of another opinion than it."""
+"""The error-state filter when measurements are late, ahead, or contradict it."""
 
 from __future__ import annotations
 
@@ -36,11 +36,12 @@ def pose_at(stamp_ns: int, moved: Any = (0.0, 0.0, 0.0)) -> Record:
 
 
 class Swing:
-    """A level vehicle that swings about a point, with white noise on IMU and bearings.
+    """Level vehicle that swings about a point, with white noise on IMU and bearings.
 
     Args:
-        rate: Hz, of the IMU. poses, frames: Hz, whole divisors of it; 0 for none.
-        pose_late, frame_late: s, negative when their stamps run ahead of the IMU.
+        rate: rate of the IMU, Hz.
+        poses, frames: Hz, whole divisors of it; 0 for none.
+        pose_late, frame_late: s, negative when their stamps are ahead of the IMU.
     """
 
     def __init__(
@@ -63,7 +64,7 @@ class Swing:
             "frame": rate // frames if frames else 0,
         }
         self.late_ns = {"pose": round(1e9 * pose_late), "frame": round(1e9 * frame_late)}
-        self.moved: Array = np.zeros(3)  # m, of the tracker
+        self.moved: Array = np.zeros(3)  # m, displacement of the tracker
         self.beacons = BEACONS
         self.rng = np.random.default_rng(seed)
         self.tick = 0
@@ -75,12 +76,12 @@ class Swing:
 
     @property
     def error(self) -> float:
-        """m"""
+        """Return the position error, m."""
         true = where(1e-9 * self.now_ns)
         return float(np.linalg.norm(self.state["position_w"][0] - true))
 
     def fly(self, seconds: float, look: Callable[[], object] = lambda: None) -> Swing:
-        """Call `look` after each tick."""
+        """Fly, and call `look` after each tick."""
         for _ in range(round(1e9 * seconds) // self.period_ns):
             self.tick += 1
             t = 1e-9 * self.now_ns
@@ -143,7 +144,7 @@ def test_late_bearings_are_used_at_any_rate_of_samples_and_poses(
     if not poses:
         swing.estimator.correct(pose_at(swing.now_ns), swing.estimate)
     before = int(swing.estimator.memory["outcomes"][0, Outcome.APPLIED])
-    swing.fly(late + 0.1)  # the first ones were true before the start
+    swing.fly(late + 0.1)  # the first ones were measured before the start
     begun = swing.estimator.ignored
     swing.fly(3.0)
     assert swing.estimator.ignored == begun
@@ -164,7 +165,7 @@ def test_a_measurement_later_than_any_may_be_is_counted(seed: int) -> None:
 def test_a_tracker_that_jumped_is_followed_which_is_said_and_flagged(
     late: float, seed: int
 ) -> None:
-    """Stamps 5 ms ahead of the IMU end in the same way as stamps in time."""
+    """Stamps 5 ms ahead of the IMU give the same result as stamps in time."""
     swing = Swing(seed, pose_late=late).fly(2.0)
     assert swing.estimator.converged
     swing.moved = np.array([1.0, 0.0, 0.0])
@@ -211,7 +212,7 @@ def test_stamps_a_little_off_the_imu_keep_a_filter_of_bearings_alive(
     swing = Swing(seed, poses=0, frames=25, frame_late=late)
     swing.estimator.correct(pose_at(swing.now_ns), swing.estimate)
     swing.fly(2.0)
-    swing.beacons = BEACONS + np.array([1.5, 0.0, 0.0])  # they stand elsewhere than believed
+    swing.beacons = BEACONS + np.array([1.5, 0.0, 0.0])  # they are not where the filter assumes
     frame = swing.frame
     swing.frame = lambda: _believed(frame())  # type: ignore[method-assign]
     swing.fly(2.0)
@@ -252,7 +253,7 @@ def test_an_estimate_that_drifted_without_measurements_is_told_from_a_jump(seed:
 
 # ---------------------------------------------------------------------- the innovation
 def test_the_innovation_told_is_that_before_the_correction(seed: int) -> None:
-    """After seconds of poses the correction is a small share of what one of them says."""
+    """After seconds of poses, the correction is a small share of one pose's residual."""
     swing = Swing(seed).fly(3.0)
     swing.moved = np.array([0.004, 0.0, 0.0])
     swing.fly(0.01)
@@ -262,7 +263,7 @@ def test_the_innovation_told_is_that_before_the_correction(seed: int) -> None:
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
 def test_bearings_tell_the_shift_that_they_see(count: int, seed: int) -> None:
-    """The shift is known from as many bearings as there are, in the directions that they see."""
+    """The shift is known from any number of bearings, in the directions that they see."""
     swing = Swing(seed, poses=100).fly(2.0)
     swing.beacons = BEACONS[:count]
     frame, there = swing.frame(), where(1e-9 * swing.now_ns)

@@ -24,7 +24,7 @@ def fly(
     airborne: bool = True,
     seed: int = 1,
 ) -> None:
-    """A rigid body shaken about three axes under rate damping; torques pass the motors' lag."""
+    """Simulate a rigid body shaken about three axes under rate damping, with the motors' lag."""
     rng = np.random.default_rng(seed)
     x = np.zeros(13)
     x[6] = 1.0

@@ -145,7 +145,7 @@ def test_no_thrust_stays_finite_and_clamped() -> None:
 
 
 def test_a_velocity_that_is_no_number_leaves_it_as_it_is() -> None:
-    """The law may fly on it: a NaN that stayed would end in the motors."""
+    """The law may use it: a NaN that remained would reach the motors."""
     flight = Flight()
     flight.state["velocity_w"] = math.nan
     flight.step(True)

@@ -1,4 +1,4 @@
-"""The poses kept for comparison: print's own, and OpenCV's."""
+"""Poses for comparison: the paper's own method, and OpenCV's."""
 
 from __future__ import annotations
 

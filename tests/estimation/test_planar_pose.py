@@ -35,15 +35,17 @@ def envelope(
 
 
 def blurred(x: Array, rng: np.random.Generator) -> Array:
-    """Independent N(0, SIGMA) along two tangent axes of each bearing."""
+    """Add independent N(0, SIGMA) along two tangent axes of each bearing."""
     out = x + SIGMA * rng.normal(size=x.shape)
     out -= ((out - x) * x).sum(1)[:, None] * x
     return np.asarray(out / np.linalg.norm(out, axis=1)[:, None])
 
 
 def jacobian(beacons: Array, r: Array, R: Rotation) -> Array:
-    """Return the derivative of the bearings (3 N) by position and rotation in world axes (6), by
-    finite differences."""
+    """Return the derivative of the bearings (3 N) by position and rotation (6).
+
+    The rotation is in world axes; the derivative is by finite differences.
+    """
     h = 1e-6
     columns = []
     for i in range(6):
@@ -57,7 +59,7 @@ def jacobian(beacons: Array, r: Array, R: Rotation) -> Array:
 
 
 def bound(beacons: Array, r: Array, R: Rotation) -> Array:
-    """Cramer-Rao bound (6, 6): position, then rotation in world axes."""
+    """Return the Cramer-Rao bound (6, 6): position, then rotation in world axes."""
     J = jacobian(beacons, r, R)
     return np.asarray(SIGMA**2 * np.linalg.inv(J.T @ J), dtype=np.float64)
 
@@ -86,7 +88,7 @@ def test_exact_bearings_give_the_exact_pose(
 
 
 def test_the_plane_may_go_through_the_world_origin(rng: np.random.Generator) -> None:
-    """Print divides by its distance."""
+    """The printed equation divides by its distance."""
     beacons = SQUARE - [0.0, 0.0, 0.1]
     r, R = envelope(rng)
     got = planar_pose(beacons, bearings_of(beacons, r, R), SIGMA)
@@ -94,7 +96,7 @@ def test_the_plane_may_go_through_the_world_origin(rng: np.random.Generator) -> 
 
 
 def test_beacons_behind_the_downward_axis_are_used() -> None:
-    """A tilted vehicle low in a corner sees one beyond 90 degrees of its downward axis."""
+    """A tilted vehicle low in a corner sees a beacon beyond 90 degrees of its downward axis."""
     r, R = np.array([1.2, 1.2, 0.3]), Rotation.from_euler("ZYX", [0.0, -0.35, 0.35])
     x = bearings_of(SQUARE, r, R)
     assert x[:, 2].max() > 0.0
@@ -102,9 +104,9 @@ def test_beacons_behind_the_downward_axis_are_used() -> None:
 
 
 def test_noise_reaches_the_information_bound(rng: np.random.Generator) -> None:
-    """Reference: bound 0.145 m and 3.96 deg over the envelope, this method 1.01 times that.
+    """Reference: bound 0.145 m and 3.96 deg over the envelope; this method has 1.01 times that.
 
-    600 poses know an rms to 5 % only, but its ratio to that of the linear optimum for the same
+    600 poses determine an rms only to 5 %, but its ratio to that of the linear optimum for the same
     noise to 1 %; the homography without refinement is at 1.14.
     """
     got, linear = np.zeros((600, 6)), np.zeros((600, 6))
@@ -148,7 +150,7 @@ def test_near_the_beacons_plane_a_prediction_saves_the_pose(rng: np.random.Gener
     helped_rms, limit_rms = math.sqrt(np.mean(helped)), math.sqrt(np.mean(limit))
     lost = len(helped) - sum(square < 9.0 * limit_rms**2 for square in alone)
     print(f"helped {helped_rms:.3f} m, bound {limit_rms:.3f} m, alone {lost} refused or far off")
-    assert len(helped) >= 149  # of 150; one in 1500 is lost on its way and refused
+    assert len(helped) >= 149  # of 150; one in 1500 is lost during the iteration and refused
     assert helped_rms < 1.3 * limit_rms
     assert lost > 0.05 * len(helped)
 
@@ -198,14 +200,14 @@ def test_three_beacons_on_a_line_are_refused() -> None:
 
 
 def test_bearings_that_no_pose_explains_are_refused() -> None:
-    """Two beacons swapped."""
+    """Two beacons are swapped."""
     x = bearings_of(SQUARE, np.array([0.5, -0.3, 1.0]), Rotation.identity())[[1, 0, 2, 3]]
     with pytest.raises(MeasurementError, match=r"no pose fits|do not determine"):
         planar_pose(SQUARE, x, SIGMA)
 
 
 def test_a_start_on_the_wrong_side_of_the_plane_still_arrives() -> None:
-    """Low above a beacon noise can put the homography's pose below the plane; two steps stall."""
+    """Low above a beacon, noise can put the homography's pose below the plane; two steps stall."""
     rng = np.random.default_rng(400634066)
     for _ in range(457):
         r, R = envelope(rng)
@@ -249,7 +251,7 @@ def test_turning_and_moving_the_world_and_its_beacons_moves_the_pose_with_them(
 def test_turning_the_body_turns_the_attitude_and_leaves_the_position(
     rng: np.random.Generator,
 ) -> None:
-    """Yaw invariance, and that of any other axis."""
+    """Yaw invariance, and that about any other axis."""
     for _ in range(20):
         r, R = envelope(rng)
         x, turn = blurred(bearings_of(SQUARE, r, R), rng), Rotation.random(rng=rng)
@@ -286,7 +288,7 @@ def test_the_distance_of_the_world_origin_from_the_plane_changes_nothing(
 
 
 def test_the_covariance_is_that_of_the_errors(rng: np.random.Generator) -> None:
-    """Normalised squared errors of a 6-vector have mean 6; here over poses 0.6 m up and more.
+    """Normalised squared errors of a 6-vector have mean 6; here over poses at least 0.6 m up.
 
     The mean of 2000 is known to 0.08; lower, the tail of large errors adds some percent.
     """
@@ -382,7 +384,7 @@ def test_garbage_is_refused_in_words() -> None:
 def test_of_more_than_four_beacons_another_four_may_start_the_search(
     rng: np.random.Generator,
 ) -> None:
-    """A layout whose four widest often lead to a wrong minimum: none is refused."""
+    """In this layout, the four widest beacons often lead to a wrong minimum: none is refused."""
     flat = np.random.default_rng(8).uniform(-1.0, 1.0, (8, 2))
     solver = PlanarPoseSolver(np.column_stack([flat, np.full(8, 0.1)]))
     for _ in range(2000):
@@ -392,7 +394,7 @@ def test_of_more_than_four_beacons_another_four_may_start_the_search(
 
 
 class SlowKernel:
-    """Stands for the compiled frame: compiles while another thread may ask for it too."""
+    """Fake of the compiled frame, which compiles while another thread may request it too."""
 
     def __init__(self) -> None:
         self.signatures: list[str] = []

@@ -1,5 +1,4 @@
-"""Tests of the covariance of a one-frame pose: it is always there and honest, and a bad fit gives
-none."""
+"""Covariance of a one-frame pose: always available and honest; a bad fit gives none."""
 
 from __future__ import annotations
 
@@ -43,7 +42,7 @@ class Views:
         self.bearings = seen / np.linalg.norm(seen, axis=2)[..., None]
 
     def predictions(self) -> list[tuple[Array, Array]]:
-        """5 cm and 3 deg off in any direction."""
+        """Return predictions 5 cm and 3 deg off in any direction."""
         off, turn = self.rng.normal(size=(2, len(self.r), 3))
         off *= 0.05 / np.linalg.norm(off, axis=1)[:, None]
         turn *= math.radians(3.0) / np.linalg.norm(turn, axis=1)[:, None]
@@ -54,7 +53,7 @@ class Views:
 def solved(
     solver: PlanarPoseSolver, views: Views, predicted: bool
 ) -> tuple[list[int], list[PlanarPose]]:
-    """Those that were not refused."""
+    """Return those that were not refused."""
     predictions = views.predictions() if predicted else [None] * len(views.r)
     rows, poses = [], []
     for k, (seen, prediction) in enumerate(zip(views.bearings, predictions, strict=True)):
@@ -111,7 +110,7 @@ def test_a_fit_that_noise_does_not_explain_is_refused(
     for seen in views.bearings:
         pose = solver.solve(seen, SIGMA)
         cost = count * pose.residual**2 / SIGMA**2
-        # The same bearings, said to be better than they are.
+        # The same bearings, with a sigma that is too small.
         claimed = SIGMA * math.sqrt(cost / (excess * chi_square(2 * count - 6)))
         with pytest.raises(MeasurementError, match="no pose fits"):
             solver.solve(seen, claimed)

@@ -1,4 +1,4 @@
-"""The complementary filter's gate: outliers, swaps, jumps, drift, and the way back."""
+"""The complementary filter's gate: outliers, swaps, jumps, drift, and the recovery."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def worst(flown: Any, name: str, start: float, end: float = math.inf) -> float:
 
 
 def agreements(flown: Any) -> list[int]:
-    """Each once, in the order in which they came."""
+    """Return each agreement once, in the order of arrival."""
     seen = flown.estimates["agreement"].tolist()
     return [k for k, before in zip(seen, [None, *seen[:-1]], strict=True) if k != before]
 
@@ -44,7 +44,7 @@ def refused(flown: Any) -> int:
 
 @pytest.fixture(scope="module")
 def eight(laboratory: Any) -> Any:
-    """The figure 8 in 4 s: 2 m/s and 3 m/s^2."""
+    """Return the figure 8 in 4 s: 2 m/s and 3 m/s^2."""
     return laboratory.figure_eight(16.0, 500.0, period=4.0)
 
 
@@ -61,7 +61,7 @@ def test_clean_poses_of_a_fast_flight_are_never_refused(
 
 @pytest.mark.parametrize("off", [1.0, 0.3])
 def test_one_pose_far_off_does_nothing(laboratory: Any, eight: Any, off: float) -> None:
-    """Ungated 1 m gave 0.16 m and 0.64 m/s."""
+    """Without the gate, 1 m gave 0.16 m and 0.64 m/s."""
 
     def spoil(t: Array, position: Array, *_: Array) -> None:
         position[within(t, WHEN, 0.01)] += off * OFF
@@ -79,7 +79,7 @@ def test_one_pose_far_off_does_nothing(laboratory: Any, eight: Any, off: float) 
 
 @pytest.mark.parametrize("turn", [20.0, 90.0, 180.0])
 def test_one_attitude_far_off_does_nothing(laboratory: Any, eight: Any, turn: float) -> None:
-    """The sine, which the filter's innovation is, is zero for half a turn."""
+    """The sine, which is the filter's innovation, is zero for half a turn."""
 
     def spoil(t: Array, _: Array, attitude: Array, *__: Array) -> None:
         row = within(t, WHEN, 0.01)
@@ -97,7 +97,10 @@ def test_one_attitude_far_off_does_nothing(laboratory: Any, eight: Any, turn: fl
 def test_two_bodies_swapped_for_a_fifth_of_a_second_do_nothing(
     laboratory: Any, eight: Any, every: int
 ) -> None:
-    """250, 100 and 30 poses a second. Ungated it gave 1.15 m and 3.2 m/s, said to be converged."""
+    """250, 100 and 30 poses a second.
+
+    Without the gate it was off by 1.15 m and 3.2 m/s, and reported to be converged.
+    """
 
     def spoil(t: Array, position: Array, *_: Array) -> None:
         position[within(t, WHEN, 0.2)] = (1.5, 0.2, 0.8)
@@ -119,7 +122,7 @@ def test_two_bodies_swapped_for_a_fifth_of_a_second_do_nothing(
 def test_a_tracker_that_moved_for_good_is_told_from_drift_and_followed(
     laboratory: Any, eight: Any, every: int, size: float
 ) -> None:
-    """500 to 10 poses a second: the estimate stays, then moves at once, with no kick."""
+    """500 to 10 poses a second: the estimate stays, then moves at once, without a kick."""
     off = size * OFF
 
     def spoil(t: Array, position: Array, *_: Array) -> None:
@@ -165,7 +168,7 @@ def test_a_tracker_whose_world_turned_is_followed(laboratory: Any, eight: Any) -
 def test_an_estimate_that_drifts_is_told_from_a_jump_and_gets_its_poses(
     laboratory: Any, eight: Any
 ) -> None:
-    """The accelerometer is off by 60 m/s^2 for a sixth of a second: as after a hard knock."""
+    """The accelerometer is off by 60 m/s^2 for a sixth of a second, as after a hard impact."""
 
     def spoil(t: Array, _: Array, __: Array, force: Array) -> None:
         force[within(t, WHEN, 0.16)] += (60.0, 0.0, 0.0)
@@ -223,7 +226,7 @@ def test_the_first_pose_after_a_gap_gets_in(laboratory: Any, eight: Any, gap: fl
 def test_poses_after_a_gap_that_the_prediction_did_not_survive_are_soon_followed(
     laboratory: Any, eight: Any
 ) -> None:
-    """2 s with the accelerometer off by 3 m/s^2: 6 m and 6 m/s away."""
+    """After 2 s with the accelerometer off by 3 m/s^2, it is 6 m and 6 m/s away."""
 
     def spoil(t: Array, position: Array, _: Array, force: Array) -> None:
         gap = within(t, WHEN, 2.0)
@@ -264,7 +267,7 @@ def test_a_wrong_first_pose_is_forgotten(laboratory: Any, far: float, yaw: float
 
 
 def test_more_noise_than_stated_opens_the_gate(laboratory: Any, eight: Any) -> None:
-    """0.1 m on each axis, ten times what the parameters say."""
+    """0.1 m on each axis, ten times the parameters' noise."""
     rng = np.random.default_rng(1)
 
     def spoil(t: Array, position: Array, *_: Array) -> None:

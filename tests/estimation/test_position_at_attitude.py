@@ -17,7 +17,7 @@ SIGMA = math.radians(1.5)
 
 
 def scene(rng: np.random.Generator, noise: float) -> tuple[Array, Array, Array]:
-    """Position, q_wb and bearings."""
+    """Return position, q_wb and bearings."""
     r = np.array([*rng.uniform(-1.2, 1.2, 2), rng.uniform(0.3, 2.0)])
     R = Rotation.from_euler("ZYX", [rng.uniform(-3, 3), *rng.uniform(-0.35, 0.35, 2)])
     d = SQUARE - r

@@ -1,4 +1,4 @@
-"""The gyroscope's low-pass is exact, so stable at any rate; its notch takes out one frequency."""
+"""The gyroscope's low-pass is exact, so stable at any rate; its notch removes one frequency."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NO_BIAS = np.zeros(3)
 
 
 def filtered(readings: Array, dt: float, start: Array | None = None, **parameters: float) -> Array:
-    """Return what each of the readings (N, 3) makes of a filter that starts at `start`."""
+    """Return the filter's output for each of the readings (N, 3), from `start`."""
     g: Any = estimation_record(EstimationParameters(**parameters))[0]  # type: ignore[arg-type]
     m: Any = new_memory()[0]
     m["filtered_rate_b"] = 0.0 if start is None else start
@@ -67,7 +67,7 @@ def test_notch_takes_out_its_frequency_and_passes_the_others_as_its_transfer_fun
             rate_notch_width=width,
         )
         plain = filtered(np.tile(wave[:, None], (1, 3)), 1.0 / rate, rate_low_pass=1000.0)
-        # s of the bilinear transform that meets the notch's frequency.
+        # s of the bilinear transform, which is exact at the notch's frequency.
         s = 1j * 2.0 * math.pi * notch * math.tan(math.pi * hertz / rate)
         s /= math.tan(math.pi * notch / rate)
         w, b = 2.0 * math.pi * notch, 2.0 * math.pi * width
@@ -83,7 +83,7 @@ def test_notch_delays_slow_motion_as_its_parameter_says() -> None:
     plain = filtered(ramp, 1.0 / rate)
     notched = filtered(ramp, 1.0 / rate, rate_notch=notch, rate_notch_width=width)
     delay = width / (2.0 * math.pi * notch**2)
-    # The bilinear transform's own warp of the frequency makes it 8 % less at this rate.
+    # The frequency warp of the bilinear transform makes it 8 % less at this rate.
     np.testing.assert_allclose((plain - notched)[-1], delay, rtol=0.1)
 
 

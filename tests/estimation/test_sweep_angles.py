@@ -21,9 +21,10 @@ Array = npt.NDArray[np.float64]
 
 
 def fly(estimator: ErrorStateEstimator, seconds: float, *, moved: Array | None = None) -> Array:
-    """Fly a level circle at rest in attitude, sweeps of four planes at 50 Hz each, and return the
-    position errors (N, 3) of the last half; `moved`: by how much station 0 stands elsewhere than
-    the filter is told, from the middle on.
+    """Fly a level circle; return the position errors (N, 3) of the last half.
+
+    Four planes sweep at 50 Hz each. `moved` is how far station 0 is from the filter's place for it,
+    from the middle on.
     """
     rng, state, estimate = np.random.default_rng(5), new_state(), np.zeros(1, ESTIMATE)
     radius, rate, errors = 0.5, 1.0, []
@@ -66,7 +67,7 @@ def test_gradient_of_the_sweep_angle_is_that_of_finite_differences() -> None:
 
 
 def test_tilted_plane_holds_the_points_at_its_angle() -> None:
-    """A plane through the rotor's axis turned by alpha and tilted by t about that line."""
+    """The plane through the rotor's axis is turned by alpha and tilted by t about that line."""
     plane = np.zeros(12)
     plane[3], plane[7] = 1.0, math.pi / 6
     alpha, t = 0.4, math.pi / 6

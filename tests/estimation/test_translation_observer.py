@@ -23,7 +23,7 @@ def test_error_poles_over_an_interval_are_those_of_the_continuous_law(
     F = np.array([[1.0, T, 0.5 * T * T], [0.0, 1.0, T], [0.0, 0.0, 1.0]])
     got = np.poly((np.eye(3) - np.outer(L, [1.0, 0.0, 0.0])) @ F)
     wanted = np.poly(np.exp(-np.array([bandwidth, bandwidth, bias]) * T))
-    # Coefficients, not roots: those of a double pole are lost to half the digits.
+    # Coefficients, not roots: those of a double pole lose half the digits.
     np.testing.assert_allclose(got, wanted, atol=1e-13)
 
 

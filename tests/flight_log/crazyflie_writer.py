@@ -17,7 +17,7 @@ Event = tuple[npt.NDArray[np.int64], dict[str, object]]
 
 
 def write_crazyflie(path: Path, name: str, us: npt.NDArray[np.int64], **columns: object) -> Path:
-    """Write one kind of event with floats; a name's last _ stands for a dot."""
+    """Write one kind of event with floats; a name's last _ is replaced by a dot."""
     return write_events(path, {name: (us, columns)})
 
 

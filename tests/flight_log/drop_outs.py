@@ -1,4 +1,4 @@
-"""A flight as the vehicle logs it, and as a station records it over a link with drop-outs."""
+"""A flight as logged by the vehicle, and as recorded by a station over a link with drop-outs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Mask = npt.NDArray[np.bool_]
 
 
 def flown(count: int, seed: int = 1, start_ns: int = START_NS) -> Record:
-    """TICK records, shape (count,), of random numbers and with stamps that jitter a little."""
+    """Return TICK records, shape (count,), of random numbers, with stamps that jitter a little."""
     random = np.random.default_rng(seed)
     ticks = np.zeros(count, TICK)
     for part in ("state", "reference", "imu", "actuators"):
@@ -39,7 +39,11 @@ def flown(count: int, seed: int = 1, start_ns: int = START_NS) -> Record:
 
 @dataclass
 class Flight:
-    """Args: `heard`, which ticks came to the station."""
+    """Flight, and the station's part of it.
+
+    Args:
+        heard: which ticks have reached the station.
+    """
 
     ticks: Record
     heard: Mask
@@ -70,8 +74,7 @@ class Flight:
             writer.flush()
 
     def record(self, path: Path, heard_others: frozenset[int] = frozenset()) -> None:
-        """Record as the station does: packets of five ticks of float32, of which whole ones get
-        lost."""
+        """Record as the station does: packets of five ticks of float32, some of which are lost."""
         random = np.random.default_rng(7)
         messages = []
         for begin in range(0, len(self.ticks), SAMPLES_A_PACKET):
@@ -93,7 +96,7 @@ class Flight:
             messages.append((stamp - OFFSET_NS, "station_heartbeat", payload, stamp))
         run = {"vehicle": VEHICLE, "operator": "ada", "run_id": path.stem}
         with LogWriter(path, run, {"parameters.json": b"{}"}) as writer:
-            # Receptions of different threads cross by a little.
+            # The receptions of different threads overlap a little.
             for log_ns, topic, payload, stamp in sorted(
                 messages, key=lambda one: one[0] + (400_000 if one[1] == "state" else 0)
             ):
@@ -110,17 +113,17 @@ def encoded(ticks: Record) -> dict[str, list[bytes]]:
 
 
 def with_holes(count: int, seed: int, holes: int = 3) -> Mask:
-    """True for the ticks that came, but for random holes; the very first may be among them."""
+    """Return True for the ticks that arrived, with random holes, maybe at the very first."""
     random = np.random.default_rng(seed)
     heard = np.ones(count, np.bool_)
     for _ in range(holes):
         begin = int(random.integers(0, count))
         heard[begin : begin + int(random.integers(1, count // 4))] = False
-    # Packets come or do not come as a whole.
+    # A packet arrives or is lost as a whole.
     for begin in range(0, count, SAMPLES_A_PACKET):
         part = slice(begin, begin + SAMPLES_A_PACKET)
         heard[part] = heard[part].all()
-    heard[count // 2 : count // 2 + SAMPLES_A_PACKET] = True  # something came
+    heard[count // 2 : count // 2 + SAMPLES_A_PACKET] = True  # some have arrived
     return heard
 
 

@@ -1,4 +1,4 @@
-"""A seeded flight as other systems record one, and small writers of their formats."""
+"""Seeded flight as other systems record one, and small writers of their formats."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 @dataclass
 class ForeignFlight:
-    """30 s at 100 Hz, FLU and ENU, SI units."""
+    """Flight of 30 s at 100 Hz, FLU and ENU, SI units."""
 
     seconds: Array  # (N,), of the epoch
     position: Array  # (N, 3)

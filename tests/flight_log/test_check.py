@@ -1,4 +1,4 @@
-"""`check_log` finds what is wrong with a log, and nothing in one that is sound."""
+"""`check_log` finds what is wrong with a log, and nothing in a sound one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PERIOD = 2_000_000
 
 
 def write(path: Path, stamps: list[int], topic: str = "state", received: Any = None) -> Path:
-    """Odometry with these stamps (ns since START), received when true unless told otherwise."""
+    """Write odometry with these stamps (ns since START), received at once by default."""
     with LogWriter(path, {"vehicle": "q"}, {}) as log:
         for stamp, came in zip(stamps, received or stamps, strict=True):
             message = new("nav_msgs/Odometry", header=header(START + stamp))
@@ -55,7 +55,7 @@ def test_what_mostly_comes_more_seldom_than_usual_has_no_gaps_for_that(tmp_path:
 
 
 def test_a_status_sent_seldom_while_nothing_happens_has_no_gaps_for_that(tmp_path: Path) -> None:
-    """Once a second, now a little more and now a little less, of five times while one runs."""
+    """The stamps are a second apart, a little more or less; the usual rate is five a second."""
     stamps = [1_000_000_000 * k + (-1) ** k * 400_000 for k in range(20)]
     assert check_log(write(tmp_path / "a.mcap", stamps, "experiment_status")).notes == []
 

@@ -1,4 +1,4 @@
-"""Columns are what the log's messages hold, are read once, and are made again where they must."""
+"""Columns have the content of the log's messages, are read once, and are made again if needed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STATE, HEIGHT = "/quad1/state", "pose.pose.position.z"
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    """A run of a data folder, which has a folder for columns."""
+    """Return a run of a data folder, which has a folder for columns."""
     (tmp_path / "runs" / CACHES).mkdir(parents=True)
     return write_run(tmp_path / "runs" / "a.mcap", MadeRun(4.0, marks=[(2.0, "gust")]))
 
@@ -133,6 +133,6 @@ def test_what_a_killed_process_has_left_goes_and_columns_of_removed_runs(log: Pa
     ended.wait()
     for name in (f"a.{ended.pid}.new", f"b.{ended.pid}.new", "gone", f"b.{os.getpid()}.new"):
         (caches / name / "scratch").mkdir(parents=True)
-    (caches / "a").mkdir()  # of a run that is there, and damaged
+    (caches / "a").mkdir()  # columns of a run that exists, but damaged
     heights(log)
     assert sorted(one.name for one in caches.iterdir()) == ["a", f"b.{os.getpid()}.new"]

@@ -1,4 +1,4 @@
-"""Tests that no message of a channel is passed over, wherever its description stands in the log."""
+"""No message of a channel is skipped, wherever its description is in the log."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COUNT = 20
 
 
 def write_log(path: Path, *, ends: bool = True) -> Path:
-    """The second topic is described in a chunk that has messages of the first alone."""
+    """Write a log whose second topic is described in a chunk with messages of only the first."""
     with path.open("wb") as stream:
         writer = Writer(stream, chunk_size=1, compression=CompressionType.LZ4)
         writer.start("ros2", "other")

@@ -1,4 +1,4 @@
-"""The times of a log read from its index: as the library reads them."""
+"""Times of a log read from its index, compared with the library's."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TYPES = {"/quad1/a": "std_msgs/Header", "/quad1/b": "rcl_interfaces/Log"}
 
 
 def write(path: Path, count: int = 400) -> Path:
-    """Messages 1 ms apart by turns, in many chunks."""
+    """Write alternating messages 1 ms apart, in many chunks."""
     random = np.random.default_rng(1)
     with LogWriter(
         path, {"run_id": path.stem}, {"notes.json": b"{}"}, chunk_age_ns=5 * 10**6

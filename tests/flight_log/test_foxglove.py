@@ -1,4 +1,4 @@
-"""Foxglove's own readers, run by node, find in our logs what our own reader finds."""
+"""Foxglove's own readers, run by node, read the same from logs as this project's reader."""
 
 from __future__ import annotations
 
@@ -69,8 +69,9 @@ def _dtype(kind: str) -> np.dtype[Any]:
 
 
 def plain(value: Any) -> Any:
-    """Return a message, or its JSON, as dictionaries and lists, with every integer as text: those
-    of 64 bits have no other form in JSON.
+    """Return a message, or its JSON, as dictionaries and lists, with every integer as text.
+
+    Integers of 64 bits have no other form in JSON.
     """
     if hasattr(value, "__dataclass_fields__"):
         names = [name for name in value.__dataclass_fields__ if name != "__msgtype__"]

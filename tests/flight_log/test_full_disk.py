@@ -1,4 +1,4 @@
-"""A disk that is full at any byte of a log: one clear line, and all before it stays readable."""
+"""Disk full at any byte of a log: one clear line, and all before it stays readable."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COUNT = 6
 
 
 def write(path: Path) -> list[StorageError]:
-    """A short recording in several chunks; what it raised."""
+    """Write a short recording in several chunks; return the errors raised."""
     said: list[StorageError] = []
     try:
         log = LogWriter(path, {"run_id": "r"}, {"a.json": b"[]"}, chunk_age_ns=2)
@@ -30,7 +30,7 @@ def write(path: Path) -> list[StorageError]:
         log.flush()
     except StorageError as error:
         said.append(error)
-        with pytest.raises(StorageError):  # it is over, and says so every time
+        with pytest.raises(StorageError):  # it is over, and every call reports it
             log.write("/a", STRING, b"\0\1\0\0", 99, 99)
     try:
         whole = log.close()
@@ -43,7 +43,7 @@ def write(path: Path) -> list[StorageError]:
 
 @pytest.fixture
 def full_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
-    """Lets the process write so many bytes more."""
+    """Return a function that lets the process write only so many bytes more."""
     left, real = [0], os.write
 
     def limited(descriptor: int, data: bytes) -> int:

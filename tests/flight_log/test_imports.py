@@ -70,7 +70,7 @@ def turned(
 
 
 def is_the_flight(found: ImportedFlight, offset: float = 0.0) -> None:
-    """Check an import against what was flown."""
+    """Check an import against the flight."""
     assert found.truth is not None
     assert np.allclose(found.imu.specific_force_b, FLIGHT.force, atol=1e-6)
     assert np.allclose(found.imu.angular_velocity_b, FLIGHT.rate, atol=1e-6)
@@ -378,7 +378,7 @@ calibs:
 
 
 def test_sweeps_of_a_crazyflie_are_stamped_by_their_pulses_and_replayed(tmp_path: Path) -> None:
-    """Both planes of a station are in the log 2 to 13 ms after the second met the deck."""
+    """Both planes of a station are in the log 2 to 13 ms after the second hit the deck."""
     place = tmp_path / "system-config.yaml"
     place.write_text(GEOMETRY)
     _, planes = read_stations(place)
@@ -489,7 +489,7 @@ def test_bags_of_ros_1_and_ros_2(tmp_path: Path, version: int) -> None:
 
 
 def _pack(folder: Path, mode: str, size: int) -> None:
-    """Say that a bag's parts are compressed, and put `size` zeros of few bytes into the first."""
+    """Mark a bag's parts as compressed, and put `size` highly compressible zeros into the first."""
     database = folder / f"{folder.name}.db3"
     zeros = ZstdCompressor().compressobj()
     packed = b"".join(zeros.compress(bytes(1_000_000)) for _ in range(size // 1_000_000))

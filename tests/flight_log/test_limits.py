@@ -1,4 +1,4 @@
-"""Tests that no reader holds more than 500 MB, whatever a log claims or holds."""
+"""No reader uses more than 500 MB, whatever a log claims or has."""
 
 from __future__ import annotations
 
@@ -53,12 +53,12 @@ print(next(line for line in open("/proc/self/status") if line.startswith("VmHWM"
 
 
 def limited() -> None:
-    """Address space above what a process of Python, numpy and lz4 maps without using it."""
+    """Limit the address space, above what Python, numpy and lz4 map without using it."""
     resource.setrlimit(resource.RLIMIT_AS, (3 * MOST, 3 * MOST))
 
 
 def peak(log: Path) -> int:
-    """Return the most bytes that a process held which used each reader on the log."""
+    """Return the peak memory, in bytes, of a process that used each reader on the log."""
     run = [sys.executable, "-c", READERS, str(log)]
     done = subprocess.run(
         run, preexec_fn=limited, capture_output=True, text=True, timeout=300, check=False
@@ -89,7 +89,7 @@ def test_a_chunk_larger_than_is_read_is_refused_in_one_line(tmp_path: Path) -> N
         assert f"opens to {size // 10**6} MB" in told
         assert f"at most {MOST_BYTES // 10**6} MB" in told
         assert "\n" not in told
-    assert summarize(log).message_count == 1  # as its index says
+    assert summarize(log).message_count == 1  # as in its index
 
 
 @pytest.mark.parametrize("size", [1_000_000, 4_000_000, 64 * 2**20])

@@ -1,4 +1,4 @@
-"""Our writer makes the same file as the library's own, byte for byte, however long it is."""
+"""The writer makes the same file as the mcap library's, byte for byte, however long it is."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def file(tmp_path: Path) -> Iterator[LogFile]:
 
 
 def fill(writer: Any, attach: Any) -> None:
-    """Messages of random sizes on three channels, an attachment and metadata."""
+    """Write messages of random sizes on three channels, an attachment and metadata."""
     random = np.random.default_rng(3)
     writer.start("ros2", "quadlab")
     schema = writer.register_schema("a/A", "ros2msg", b"float64 x")
@@ -73,7 +73,7 @@ def test_the_librarys_reader_finds_every_message_by_time(file: LogFile) -> None:
 
 
 def made(path: Path, channels: int, chunk_bytes: int, write: Callable[[McapWriter], None]) -> bytes:
-    """The file of a writer with so many channels, after `write`."""
+    """Return the file of a writer with so many channels, after `write`."""
     with closing(LogFile(path)) as out:
         writer = McapWriter(out, chunk_bytes)
         writer.start()
@@ -125,8 +125,7 @@ def test_batches_make_the_file_of_their_messages_one_by_one_in_the_order_of_time
     rows.sort(key=lambda row: row[0])
 
     def first(writer: McapWriter) -> None:
-        """Write a first message of every channel, so that both files list the channels of the index
-        in one order."""
+        """Write a first message of every channel, so that both files index them in one order."""
         for channel in (1, 2, 3):
             writer.add_message(channel, 900, b"first", 900, channel)
 

@@ -1,4 +1,4 @@
-"""A run's two logs as one: all ticks, once, in order, exact, and the two logs untouched."""
+"""A run's two logs merged: all ticks, once, in order, exact, and the two logs unchanged."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from vehicle_link.messages import definition
 
 
 def run_of(folder: Path, flight: Flight, heard: frozenset[int] = frozenset()) -> Path:
-    """The folder of a run with both logs."""
+    """Return the folder of a run with both logs."""
     run = folder / "run"
     flight.record(run / STATION, heard)
     flight.log_onboard(run / VEHICLE)
@@ -152,7 +152,7 @@ def test_a_tick_that_the_vehicle_s_log_lacks_stays_as_it_was_received(tmp_path: 
 
 # ---------------------------------------------------------------- what is wrong with a folder
 def spoiled(run: Path, what: str) -> Comparison:
-    """Merge a run with one flaw, of which it has to tell one line."""
+    """Merge a run with one flaw, which has to be reported in one line."""
     found = merge(run)
     assert len(found.problems) == 1, found.problems
     assert what in found.problems[0]
@@ -269,7 +269,7 @@ def test_a_merge_that_is_killed_leaves_the_run_as_it_was_or_merged(
     flight = Flight(flown(1500), with_holes(1500, 3), events(10))
     run = run_of(tmp_path, flight)
     child = os.fork()
-    if child == 0:  # dies in the middle of it, without any tidying
+    if child == 0:  # dies in the middle, without any clean-up
         left, real = [writes], LogFile.write
 
         def write(self: LogFile, data: bytes) -> int:

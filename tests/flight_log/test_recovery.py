@@ -17,7 +17,7 @@ STRING = "std_msgs/String"
 
 @pytest.fixture(scope="module")
 def whole_bytes(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """A closed log of 300 messages in several chunks."""
+    """Return a closed log of 300 messages in several chunks."""
     path = tmp_path_factory.mktemp("log") / "whole.mcap"
     seeded = random.Random(7)
     with LogWriter(path, {"run_id": "whole"}, {"parameters.json": b"[1]" * 50}) as log:

@@ -1,4 +1,4 @@
-"""A log as columns holds what its messages hold, whole or torn, of our types or of others'."""
+"""A log as columns has the content of its messages, complete or torn, of any types."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STAMP = 1_769_851_842_000_000_000
 
 
 def messages(count: int) -> list[tuple[str, Any]]:
-    """Return messages of fixed and of changing size: arrays, texts, nested sequences."""
+    """Return messages of fixed and of variable size: arrays, texts, nested sequences."""
     random = np.random.default_rng(7)
     found: list[tuple[str, Any]] = []
     for k in range(count):
@@ -62,7 +62,7 @@ def write(path: Path, count: int = 200) -> Path:
 
 
 def read(path: Path) -> tuple[ColumnReader, dict[str, dict[str, Any]]]:
-    """All blocks in one: topic → path → values; `@log` the times, `#path` the texts."""
+    """Return all blocks in one: topic → path → values; `@log` the times, `#path` the texts."""
     reader = ColumnReader(path, whole=("/status",))
     found: dict[str, dict[str, Any]] = {}
     for batch in reader:
@@ -175,7 +175,7 @@ def test_another_writers_log_of_another_type_is_read_by_its_own_description(
         other = writer.register_schema("x", "jsonschema", b"{}")
         told = writer.register_channel("/json", "json", other)
         for k in range(10):
-            # float32, 2 int16, uint8, 7 B to the next multiple of 8 behind the header, float64
+            # float32, 2 int16, uint8, 7 B to the next multiple of 8 after the header, float64
             body = np.float32(k).tobytes() + np.array([k, -k], "<i2").tobytes()
             body += bytes([k]) + bytes(7) + np.float64(0.5 * k).tobytes()
             writer.add_message(channel, k, b"\x00\x01\x00\x00" + body, k)

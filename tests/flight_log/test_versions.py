@@ -1,4 +1,4 @@
-"""Logs of an older version: messages whose fields have changed since are read by their own."""
+"""Logs of an older version: messages whose fields have changed since are read by the old type."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ START = 1_700_000_000_000_000_000
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    """One change of a version that wrote values as texts."""
+    """Return a log with one change of a version that wrote values as texts."""
     store = get_typestore(Stores.ROS2_JAZZY)
     store.register(get_types_from_msg(TEXTS, NAME))
     header = new("std_msgs/Header", stamp={"sec": START // 10**9, "nanosec": 0})

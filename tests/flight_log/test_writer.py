@@ -1,4 +1,4 @@
-"""A log is what other MCAP tools expect, and it survives its writer."""
+"""A log is as other MCAP tools expect, and survives its writer."""
 
 from __future__ import annotations
 

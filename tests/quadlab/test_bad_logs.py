@@ -1,5 +1,4 @@
-"""Tests that a file that is no sound log gets one clear line from every command, and is left as it
-was."""
+"""A file that is not a sound log gets one clear line from every command, and is not changed."""
 
 from __future__ import annotations
 
@@ -46,7 +45,7 @@ def foreign(
     *,
     beside: str = "",
 ) -> None:
-    """Write a log as another program would; with a sound topic `beside`."""
+    """Write a log as another program would; `beside` adds a sound topic."""
     with path.open("wb") as stream:
         writer = Writer(stream, compression=compression)
         writer.start("", "other")
@@ -78,7 +77,7 @@ FOREIGN: dict[str, tuple[Sequence[Any], str]] = {
 
 
 def broken(path: Path, kind: str, whole: bytes) -> None:
-    """Makes what no command can read."""
+    """Damage a log so that no command can read it."""
     if kind == "folder":
         path.mkdir()
     elif kind == "pipe":
@@ -110,7 +109,7 @@ BROKEN = {
 
 @pytest.fixture
 def run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
-    """A command on a log: its status, what it told, its complaint."""
+    """Return a function that runs a command on a log: its status, output and error."""
 
     def run(command: str, log: Path) -> tuple[int, str, str]:
         words = [command, str(log)] if command == "replay" else ["log", command, str(log)]

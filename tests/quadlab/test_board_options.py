@@ -1,4 +1,4 @@
-"""The options of a board are the same words for --check, flight and simulated board."""
+"""Options of a board have the same words for --check, flight and simulated board."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_wrong_words_are_refused_the_same_everywhere(
 
 @pytest.fixture
 def device(tmp_path: Path) -> Iterator[Path]:
-    """The port of a simulated board with an option."""
+    """Yield the port of a simulated board with an option."""
     stop = threading.Event()
     board = threading.Thread(
         target=run,

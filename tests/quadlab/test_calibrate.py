@@ -46,7 +46,7 @@ class Options(Parameters):
 
 
 class ScriptedStation:
-    """Answers as a station would; an experiment is a list of statuses, a question waits."""
+    """Scripted station; an experiment is a list of statuses, and a question waits."""
 
     requester = "ada (terminal)"
 
@@ -128,7 +128,7 @@ def scripted(monkeypatch: pytest.MonkeyPatch) -> ScriptedStation:
 
 @pytest.fixture
 def typed(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
-    """Return a function that types lines at a terminal and returns the prompts that came."""
+    """Return a function that types lines at a terminal and returns the prompts shown."""
 
     def type_in(*lines: str | BaseException) -> list[str]:
         prompts: list[str] = []

@@ -1,4 +1,4 @@
-"""Wrong words on the command line: one line, what came, what was allowed; exit status 2 or 1."""
+"""Wrong words on the command line: one line, what was given and allowed; exit status 2 or 1."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def test_the_module_runs_as_a_program() -> None:
 
 
 def test_a_signal_leaves_the_interpreter_standing_too() -> None:
-    """A thread of a library that calls Python while it is taken apart aborts the process."""
+    """A thread of a library that calls Python during its shutdown aborts the process."""
     words = (
         "import atexit, sys, quadlab.__main__ as program; "
         "program.main = lambda: sys.exit(3); "

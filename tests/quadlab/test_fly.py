@@ -24,7 +24,7 @@ def fly(capsys: pytest.CaptureFixture[str], out: Path, *words: str) -> dict[str,
 
 
 def flown(out: Path, *words: str) -> dict[str, Any]:
-    """The report of a flight that several tests share."""
+    """Return the report of a flight that several tests share."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         main(["fly", *words, "--json", "--out", str(out)])
@@ -34,19 +34,19 @@ def flown(out: Path, *words: str) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def eight(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """One figure 8 with full sensors."""
+    """Return one figure 8 with full sensors."""
     return flown(tmp_path_factory.mktemp("eight"), "figure_eight")
 
 
 @pytest.fixture(scope="module")
 def hovered(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """One hover of seed 4."""
+    """Return one hover of seed 4."""
     return flown(tmp_path_factory.mktemp("hover"), "hover", "--seed", "4")
 
 
 @pytest.fixture(scope="module")
 def heavy(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """One of another seed, with a mass that the vehicle does not know."""
+    """Return one flight of another seed, with a mass that the vehicle does not know."""
     words = ("--seed", "5", "--set", "simulator.mass=1.6")
     return flown(tmp_path_factory.mktemp("heavy"), "hover", *words)
 
@@ -108,7 +108,7 @@ def test_the_same_seed_gives_the_same_messages_byte_for_byte(
     for topic in first:
         assert first[topic] == again[topic], topic
     other = messages(heavy, {"/quad1/imu"})
-    at_rest = slice(200)  # where the mass does not show
+    at_rest = slice(200)  # where the mass has no effect
     assert first["/quad1/imu"][at_rest] != other["/quad1/imu"][at_rest]
 
 

@@ -23,7 +23,7 @@ HOVERED = ("--set", "experiment.duration=5", "--seed", "7")
 
 
 def flown(out: Path, *words: str) -> dict[str, Any]:
-    """The report of a flight that several tests share."""
+    """Return the report of a flight that several tests share."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         main(["fly", *words, "--out", str(out), "--json"])
@@ -32,7 +32,7 @@ def flown(out: Path, *words: str) -> dict[str, Any]:
 
 
 def estimators(log: Path) -> list[str]:
-    """Return what the vehicle said it flew on, one estimator after another."""
+    """Return the estimators that the vehicle reported to fly on, in order."""
     told = [
         decode(message.payload, "quadlab_msgs/EstimatorStatus").estimator
         for message in read_log(log, {"/quad1/estimator"})
@@ -52,14 +52,14 @@ def fly(capsys: pytest.CaptureFixture[str], out: Path, *words: str) -> dict[str,
 
 @pytest.fixture(scope="module")
 def reported(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """A hover on bearings of seed 7, with its report."""
+    """Return a hover on bearings of seed 7, with its report."""
     pytest.importorskip("matplotlib")
     return flown(tmp_path_factory.mktemp("reported"), "bearings", *HOVERED, "--report")
 
 
 @pytest.fixture(scope="module")
 def on_the_tracker(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """A hover that never flies on bearings, with beacons of another layout."""
+    """Return a hover that never flies on bearings, with beacons of another layout."""
     words = ("hover", "--set", "bearings.layout=wide")
     return flown(tmp_path_factory.mktemp("tracker"), *words)
 
@@ -71,7 +71,7 @@ def test_the_eight_on_bearings_is_flown_and_judged(
     one = fly(capsys, tmp_path, *words, "--seed", "7")
     metrics = one["metrics"]
     assert one["verdict"] == "passed"
-    assert 0.005 < metrics["position_rms_m"] <= 0.04  # on the tracker it were 3 mm
+    assert 0.005 < metrics["position_rms_m"] <= 0.04  # on the tracker it would be 3 mm
     assert 0.004 < metrics["estimate_position_rms_m"] < 0.025
     assert 0.0 < metrics["estimate_attitude_rms_deg"] < 0.5
     assert (metrics["saturated_share"], metrics["fallbacks"]) == (0.0, 0.0)
@@ -207,7 +207,7 @@ def test_the_vehicle_is_told_where_the_emulated_beacons_stand_unless_it_is_told_
         return values["bearings.layout"], values["beacons.layout"]
 
     assert layouts(on_the_tracker) == ("wide", "wide")
-    monkeypatch.setattr("console.experiments.hover.DURATION", 0.5)  # s; how it flies is no matter
+    monkeypatch.setattr("console.experiments.hover.DURATION", 0.5)  # s; how it flies is irrelevant
     words = ("--set", "bearings.layout=wide", "--set", "beacons.layout=paper")
     other = flown(tmp_path, "hover", *words)
     assert layouts(other) == ("wide", "paper")

@@ -1,4 +1,4 @@
-"""Flights on the real Betaflight in simulated time, and what it does when it is left alone."""
+"""Flights on the real Betaflight in simulated time, and its behavior without commands."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.skipif(
     not FIRMWARE.exists(), reason="no Betaflight: scripts/betaflight builds it"
 )
 LANDING_SPEED = 0.8
-"""m/s, at touch-down."""
+"""Vertical speed at touch-down, m/s."""
 
 
 def test_the_eight_stays_within_its_errors(
@@ -53,10 +53,10 @@ def test_a_board_that_is_not_known_is_refused(capsys: pytest.CaptureFixture[str]
 
 
 class Hovering:
-    """A vehicle in the air at 1 m."""
+    """Vehicle in the air at 1 m."""
 
     ALONE = 22.0
-    """s, within which the board has landed and stopped its motors."""
+    """Time, s, within which the board has landed and stopped its motors."""
 
     def __init__(self, folder: Path) -> None:
         options = BetaflightOptions()
@@ -85,16 +85,16 @@ class Hovering:
         self.flight.wait(1.0)
 
     def left_alone(self) -> float:
-        """Let board and plant go on without the flight stack; return the fastest sinking in m/s."""
+        """Run board and plant without the flight stack; return the fastest descent in m/s."""
         return self.until_landed(self.vehicle.step, lambda: not any(self.motors))
 
     @property
     def motors(self) -> Sequence[float]:
-        """References of the motors."""
+        """Return the references of the motors."""
         return self.vehicle.firmware.references
 
     def until_landed(self, advance: Callable[[], object], is_done: Callable[[], bool]) -> float:
-        """Go on until it has landed and `is_done`; return the fastest sinking in m/s."""
+        """Continue until it has landed and `is_done`; return the fastest descent in m/s."""
         fastest = 0.0
         for _ in range(round(1000 * self.ALONE)):
             advance()

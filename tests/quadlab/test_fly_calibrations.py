@@ -37,7 +37,7 @@ IN_FORCE = [
     "imu.accelerometer_zy=0.03",
     "imu.accelerometer_bias_y=0.2",
 ]
-"""An earlier calibration, which the samples of the log were made with."""
+"""Earlier calibration, with which the samples of the log were made."""
 QUICK = ["experiment.hold=1.5", "experiment.rest=0.5", "experiment.step=30"]
 SCHEDULE = BenchSchedule(30, 190, 30, 1.5, 0.5)
 NOISE = math.radians(0.2)
@@ -64,7 +64,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 def errors(proposal: dict[str, Any]) -> tuple[float, float]:
-    """Largest errors of T and of b (m/s²) against the truth."""
+    """Return the largest errors of T and of b (m/s²) against the truth."""
     truth = SimulatorParameters.model_validate(TRUTH)
     missed = {
         name: abs(value - getattr(truth, name.removeprefix("imu.")))
@@ -110,7 +110,7 @@ PLAIN = InForce(np.eye(3), np.zeros(3))
 
 @pytest.fixture(scope="module")
 def held(faces: dict[str, Any]) -> list[Held]:
-    """The six poses, found again by the told times of turning: each is still for half a second."""
+    """Return the six poses by the reported times of turning, each still for half a second."""
     from console.evaluation.log_columns import read_columns
 
     paths = tuple(f"angular_velocity.{axis}" for axis in "xyz")

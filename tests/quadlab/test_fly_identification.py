@@ -34,7 +34,7 @@ INERTIA = np.array([0.0154, 0.0154, 0.0250])
 @contextmanager
 def laboratory(
     name: str, log: Path, **settings: Any
-) -> Iterator[tuple[Any, SimulatedFlight]]:  # the experiment and what it flies on
+) -> Iterator[tuple[Any, SimulatedFlight]]:  # the experiment and its flight
     experiment = find(name)
     parameters = with_options(
         FlightParameters().model_copy(deep=True), {"experiment": experiment.parameters}
@@ -50,7 +50,7 @@ def laboratory(
 
 @pytest.fixture(scope="module")
 def weighed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path, SimulatedFlight]:
-    """A vehicle whose thrust is weaker than commanded, which makes it seem heavier."""
+    """Return a flight with less thrust than commanded, which makes the vehicle seem heavier."""
     log = tmp_path_factory.mktemp("mass") / "mass.mcap"
     settings = {
         "experiment__duration": 6.0,
@@ -109,7 +109,7 @@ def test_what_the_law_flies_on_is_put_back(weighed: Weighed) -> None:
 
 
 def test_after_a_take_over_the_next_flight_does_not_begin_too_light(tmp_path: Path) -> None:
-    """The script may send nothing more then, so it must have put the mass back before."""
+    """The script may send nothing more then, so it must have restored the mass before."""
 
     class TakenOver:
         def __init__(self, flight: SimulatedFlight) -> None:
@@ -174,7 +174,7 @@ def test_its_convergence_is_in_the_log(turned: Turned) -> None:
 
 
 def test_packets_that_were_lost_are_counted_and_do_not_spoil_it(turned: Turned) -> None:
-    """One packet of five ticks in ten, as over the air."""
+    """One packet of five ticks in ten is lost, as over the air."""
     columns = read_columns(turned[1], "quad1", WANTED)
     whole = read_inertia(turned[1], "quad1")
     state, actuators = columns["state"], columns["actuators"]
@@ -245,7 +245,7 @@ def test_a_log_of_something_else_is_refused_with_what_is_missing(
 def test_a_station_s_run_has_no_truth_and_is_judged_without_it(
     weighed: Weighed, tmp_path: Path
 ) -> None:
-    """Its parameters are the vehicle's, beside the station's own."""
+    """Its parameters are the vehicle's, in addition to the station's own."""
     _, log, _ = weighed
     values = read_parameters(log).vehicle
     content = {"vehicle": {k: v for k, v in values.items() if "simulator" not in k}, "station": {}}

@@ -61,7 +61,7 @@ def events(log: Path) -> list[str]:
 
 
 def fly(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, Any, str]:
-    """Exit status, the report, and what was complained of."""
+    """Return the exit status, the report, and the error."""
     status = main(["fly", *words, "--json"])
     out, complaint = capsys.readouterr()
     return status, json.loads(out.splitlines()[-1]) if out else None, complaint

@@ -1,4 +1,4 @@
-"""`quadlab link`: enrolling, issuing, listing, and the verdict on a link."""
+"""`quadlab link`: enrol, issue, list, and the verdict on a link."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_an_enrolled_vehicle_is_known_and_has_its_files(
     for host in ("192.168.4.3", "quad2.local", "localhost"):
         check_certificate(files, "vehicle", host)
     assert KnownVehicles(tmp_path).all()["quad2"].address == "192.168.4.3:7500"
-    # This base dials it without a further word.
+    # The station connects to it without a further command.
     check_certificate(TlsFiles(tmp_path / "certificates"), "vehicle", "192.168.4.3")
 
 
@@ -143,7 +143,7 @@ def tls(tmp_path_factory: pytest.TempPathFactory) -> TlsFiles:
 
 @pytest.fixture(scope="module")
 def vehicle(tls: TlsFiles) -> Iterator[int]:
-    """The port of a vehicle that sends telemetry, of which it leaves out each tenth packet."""
+    """Yield the port of a vehicle that sends telemetry, of which every tenth packet is missing."""
     port, closing = free_port(socket.SOCK_DGRAM), threading.Event()
     session: Any = vehicle_session(port, tls, "127.0.0.1")
     node = Node(session, "/quad5", "vehicle")

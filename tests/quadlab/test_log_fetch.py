@@ -1,4 +1,4 @@
-"""`quadlab log fetch` against a real station's desk over loopback, and what `log info` tells."""
+"""`quadlab log fetch` at a real station over loopback, and the output of `log info`."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def port(tmp_path: Path) -> Iterator[int]:
     closing = threading.Event()
 
     def beat() -> None:
-        """Report so often that an ended transfer's report lies before each new request."""
+        """Report so often that the report of an ended transfer is sent before each new request."""
         while not closing.wait(0.001):
             transfers.tick(0)
 

@@ -1,4 +1,4 @@
-"""Mutated logs through the commands: a line at most, a known status, the file as it was."""
+"""Mutated logs in the commands: at most a line, a known status, the file unchanged."""
 
 from __future__ import annotations
 

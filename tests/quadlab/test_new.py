@@ -1,4 +1,4 @@
-"""`quadlab new`: what it writes runs and passes its own tests."""
+"""`quadlab new`: the files that it writes run and pass their own tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A rendered camera on board: bearings of its own stamps, right while the vehicle moves."""
+"""A rendered camera on board: bearings with their own stamps, correct while the vehicle moves."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_bearings_of_a_moving_vehicle_are_those_of_its_pose_at_their_stamp(
         position_w = START + 1e-9 * k * TICK_NS * VELOCITY
         camera.observe(k * TICK_NS, position_w, quaternion_from_matrix(R_wb))
         frames += camera.due(k * TICK_NS)
-    # That of 0.1 s has not arrived yet; before the second pose the motion is not known.
+    # The frame at 0.1 s has not arrived yet; before the second pose the motion is not known.
     assert [frame.stamp_ns for frame in frames] == [51_000_000]
     assert camera.next_ns == 130_000_000
     assert (camera.pictures, camera.unread) == (2, 0)

@@ -1,4 +1,4 @@
-"""Runs in scripts and notebooks: the numbers of the log, with units, windows and errors."""
+"""Runs in scripts and notebooks: the log's numbers, with units, windows and errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command lines of several vehicles: addresses, names, ports and folders."""
+"""Command lines of several vehicles: addresses, names, ports and folders."""
 
 from __future__ import annotations
 

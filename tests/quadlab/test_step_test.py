@@ -1,4 +1,4 @@
-"""Step tests flown in simulated time, judged from what the onboard log has of them."""
+"""Step tests flown in simulated time, judged from the onboard log."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ KP = "control.position.kp_xy"
 
 
 def known(figures: Mapping[str, float | None]) -> dict[str, float]:
-    """Return those that were reached."""
+    """Return the figures that were reached."""
     return {name: value for name, value in figures.items() if value is not None}
 
 
 class Ticks:
-    """A log that keeps ticks, and events."""
+    """Log that stores ticks and events."""
 
     def __init__(self) -> None:
         self.kept: list[bytes] = []
@@ -45,7 +45,7 @@ class Ticks:
 
 
 class Lab:
-    """A vehicle in hover."""
+    """Vehicle in hover."""
 
     def __init__(self, **values: Any) -> None:
         parameters = FlightParameters().model_copy(deep=True)
@@ -79,7 +79,7 @@ class Lab:
 
 
 def samples_of(ticks: Record) -> Samples:
-    """Return the samples as the onboard log would give them: through its messages, as float32."""
+    """Return the samples as the onboard log would: through its messages, as float32."""
     messages = {
         "state": topics.state_messages(ticks),
         "reference": topics.reference_messages(ticks),
@@ -219,7 +219,7 @@ def test_gains_that_do_not_hold_the_path_end_the_test_by_braking() -> None:
         samples_of(np.frombuffer(b"".join(lab.log.kept), TICK)[-2000:]),
         Plan("y", "step", 0.3, 3.0, 1),
     )
-    # The reference jumps onto the vehicle then: no edge of the test.
+    # The reference then jumps to the vehicle: no edge of the test.
     assert found.problems == ["it ended early: 1 of 2 edges were flown"]
     assert found.figures["rise"] is None
 

@@ -1,4 +1,4 @@
-"""Sticks that are played: scripted and recorded."""
+"""Stick movements that are played back: scripted and recorded."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def test_scripted_sticks_are_those_of_their_seed_within_bounds_and_move() -> Non
     assert not np.allclose(one, other)
     assert (np.abs(one) <= np.array(STRONGEST) + 1e-12).all()
     assert (np.sqrt(np.mean(one**2, axis=0)) > 0.1).all()
-    assert np.abs(np.diff(one, axis=0)).max() < 0.15  # thumbs, not steps
+    assert np.abs(np.diff(one, axis=0)).max() < 0.15  # movements of thumbs, not steps
 
 
 def test_recorded_sticks_hold_until_the_next_row(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Children are restarted, given up when they keep dying, and never outlive their parent."""
+"""Child processes are restarted, given up when they keep dying, and never outlive their parent."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.waiting import wait_for
 
 
 def station(tmp_path: Path) -> Child:
-    """A child that stays alive: the simulator needs nobody."""
+    """Return a child that stays alive: the simulator needs no other process."""
     return Child("simulator", ["simulator", "--folder", str(tmp_path), "--loopback-port", "1"])
 
 

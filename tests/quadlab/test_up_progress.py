@@ -1,4 +1,4 @@
-"""Tests of what `quadlab up` prints until its page answers."""
+"""Output of `quadlab up` until its page answers."""
 
 from __future__ import annotations
 

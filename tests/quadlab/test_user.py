@@ -124,7 +124,7 @@ def test_on_a_terminal_it_is_asked_twice_without_echo(tmp_path: Path) -> None:
         try:
             while more := os.read(terminal, 1024):
                 shown += more.decode()
-        except OSError:  # Linux's way to say that the other end has closed
+        except OSError:  # on Linux, the other end has closed
             pass
         return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), shown
 

@@ -1,4 +1,4 @@
-"""`quadlab vehicle --serial … --check --find`: the words, and a line for each mistake."""
+"""`quadlab vehicle --serial … --check --find`: its output, and a line for each mistake."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_without_a_rate_the_ports_decide() -> None:
 
 @pytest.fixture
 def robot_7() -> Iterator[str]:
-    """The device of a microcontroller, robot 7 with firmware 3, that answers what it is asked."""
+    """Yield the device of a microcontroller, robot 7 with firmware 3, that answers requests."""
     firmware, stopping = Firmware(1), threading.Event()
     firmware.registers[Id.ROBOT_ID], firmware.registers[Id.FIRMWARE_REVISION] = 7, 3
     master, slave = os.openpty()

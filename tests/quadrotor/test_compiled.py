@@ -1,4 +1,4 @@
-"""Compiled code is never older than any source it was made from."""
+"""Compiled code is never older than any source from which it was made."""
 
 from __future__ import annotations
 
@@ -48,17 +48,19 @@ for _ in sys.stdin:
         os._exit(0)
     print(os.wait()[1], flush=True)
 """
-"""Imports the law afresh for each line, in a process of its own that has numba already."""
+"""Program that imports the law again for each line, in a separate process that has numba loaded."""
 
 
 @pytest.fixture
 def law(tmp_path: Path) -> Iterator[Callable[[float, float], list[str]]]:
-    """`law(gain, factor)`: what is printed by a law that uses a constant and a function of a file,
-    in a copy of the vocabulary."""
+    """Yield `law(gain, factor)`, which returns the output of a law.
+
+    The law uses a constant and a function of a file, in a copy of the package.
+    """
     shutil.copytree(ROOT / "quadrotor", tmp_path / "quadrotor")
     (tmp_path / "control").mkdir()
     (tmp_path / "control" / "law.py").write_text(LAW)
-    # -B: Python's own cache tells two versions of the same second and length not apart.
+    # -B: Python's own cache does not distinguish two versions of the same second and length.
     with subprocess.Popen(
         [sys.executable, "-B", "-c", SERVER],
         cwd=tmp_path,
@@ -91,7 +93,7 @@ def test_a_changed_callee_or_constant_of_another_file_is_compiled_anew(
     assert law(5.0, 2.0) == ["30.0", *loaded]
     assert law(7.0, 2.0) == ["42.0", *compiled]
     assert law(7.0, 3.0) == ["63.0", *compiled]
-    assert law(5.0, 2.0) == ["30.0", *loaded]  # the old version was kept
+    assert law(5.0, 2.0) == ["30.0", *loaded]  # the old version was still cached
 
 
 def test_the_digest_follows_imports_through_files() -> None:

@@ -1,4 +1,4 @@
-"""The error tree: what a user may cause is a QuadlabError, and parameters are one branch."""
+"""Error tree: what a user may cause is a QuadlabError, and parameters are one branch."""
 
 from __future__ import annotations
 

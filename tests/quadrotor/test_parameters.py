@@ -1,4 +1,4 @@
-"""The parameter store: every refusal with its reason, and never half a change."""
+"""Parameter store: every refusal has its reason, and no change is partial."""
 
 from __future__ import annotations
 
@@ -208,7 +208,7 @@ def test_the_docstring_below_a_field_is_its_description() -> None:
 
 
 def test_numpy_numbers_are_numbers(store: ParameterStore) -> None:
-    # np.float64 is a float; what is not must not slip through half-converted.
+    # np.float64 is a float; any other type must not pass half converted.
     assert store.check("motor.gain", np.float64(3.0)) == 3.0
     assert type(store.check("motor.gain", np.float64(3.0))) is float
 

@@ -39,7 +39,7 @@ def test_a_new_tick_has_not_yet_seen_a_pose() -> None:
 
 
 def test_states_and_references_are_nothing_but_doubles() -> None:
-    # Code views them as (13,) and (18,) float arrays.
+    # The code views them as (13,) and (18,) float arrays.
     for dtype, size in ((STATE, 13), (REFERENCE, 18)):
         assert dtype.itemsize == 8 * size
         assert np.zeros(1, dtype).view("f8").shape == (size,)

@@ -90,7 +90,7 @@ def test_the_gyroscopic_term_is_that_of_eq_3() -> None:
 
 
 def classical(x: Array, wrench: Array, force: Array, dt: float) -> Array:
-    """The scheme on all 13 numbers at once, as it stands in the books."""
+    """Integrate all 13 numbers at once by the scheme in textbooks."""
 
     def rate(y: Array) -> Array:
         out = np.empty(13)

@@ -12,7 +12,7 @@ IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def vectors(name: str) -> list[Array]:
-    """The zero vector, tiny ones about the switch of the series, and any up to half a turn."""
+    """Return the zero vector, tiny ones about the series' switch, and any up to half a turn."""
     seed = sum(name.encode())
     print(f"seed {seed}")
     rng = np.random.default_rng(seed)
@@ -106,7 +106,7 @@ def test_rotate_is_the_matrix_times_the_vector() -> None:
 
 
 def test_a_quarter_turn_left_takes_forward_to_left() -> None:
-    # Pins the order (w, x, y, z) and the direction body to world.
+    # This fixes the order (w, x, y, z) and the direction body to world.
     q = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
     np.testing.assert_allclose(r.rotate(q, np.array([1.0, 0.0, 0.0])), [0, 1, 0], atol=1e-15)
     assert r.yaw_of(q) == pytest.approx(np.pi / 2)

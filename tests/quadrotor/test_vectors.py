@@ -1,4 +1,4 @@
-"""The tuples' arithmetic is that of numpy and of quadrotor.rotations."""
+"""Arithmetic of tuples agrees with numpy and quadrotor.rotations."""
 
 from __future__ import annotations
 

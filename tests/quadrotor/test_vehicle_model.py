@@ -108,7 +108,7 @@ def test_a_low_battery_asks_for_more_counts_and_allows_less_thrust() -> None:
     assert low["motor_slope"] == pytest.approx(0.9 * full["motor_slope"])
     assert low["thrust_max"] == pytest.approx(0.81 * full["thrust_max"])
     count = reference_of_thrust(3.21, low["motor_slope"], OFFSET)
-    # The counts asked for turn the rotor, at 0.9 of the speed for a count, at the wanted speed.
+    # The computed counts turn the rotor, at 0.9 of the speed for a count, at the requested speed.
     assert 0.9 * (count + OFFSET) == pytest.approx(np.sqrt(3.21) / SLOPE, rel=1e-5)
 
 

@@ -1,4 +1,4 @@
-"""The arrays that tests speak of."""
+"""Array types for tests."""
 
 import numpy as np
 import numpy.typing as npt

@@ -1,4 +1,4 @@
-"""A camera message as viser's client sends it."""
+"""Camera message in the form that viser's client sends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The options of the Chromium that tests start."""
+"""Options of the Chromium that tests start."""
 
 from __future__ import annotations
 
@@ -10,4 +10,4 @@ FLAGS = [
     "--disable-sync",
     "--no-first-run",
 ]
-"""No sandbox, for tests run as root; no traffic of its own."""
+"""No sandbox, for tests run as root; no traffic by the browser itself."""

@@ -1,10 +1,10 @@
-"""A clock that stands still until a test sets it."""
+"""Clock that stops until a test sets it."""
 
 from __future__ import annotations
 
 
 class Clock:
-    """A clock whose time is `now`, in s."""
+    """Clock whose time is `now`, in s."""
 
     def __init__(self, now: float = 100.0) -> None:
         self.now = now

@@ -1,4 +1,4 @@
-"""A flight's log for tests, in place of a file."""
+"""Flight log in memory for tests, in place of a file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from vehicle_link.parameters.change import ParameterChange
 
 
 class KeptLog:
-    """Keeps events and parameter changes; takes every other message of a log and drops it."""
+    """Log that stores events and parameter changes, and drops every other message."""
 
     def __init__(self) -> None:
         self.events: list[mailbox.Event] = []

@@ -1,4 +1,4 @@
-"""A vehicle in simulated time, which the tests of the whole tick fly."""
+"""Vehicle in simulated time, which the tests of the whole tick fly."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 
 def flight_parameters() -> FlightParameters:
-    """Return the defaults, which may be changed."""
+    """Return the default parameters, which a test may change."""
     return FlightParameters().model_copy(deep=True)
 
 
 class Lab(SimulatedFlight):
-    """A flight of which the truth and the events are known.
+    """Flight whose truth and events a test can read.
 
     Args:
-        parameters: the defaults where there are none.
-        settings: changed before the flight, by their full names.
+        parameters: default parameters if None.
+        settings: parameters changed before the flight, by their full names.
         plugins: folder of control laws.
     """
 
@@ -46,13 +46,13 @@ class Lab(SimulatedFlight):
             self.change(dict(settings))
 
     def ready(self, settling: float = 0.2) -> Self:
-        """Wait until it is ready, and poses have come."""
+        """Wait until the vehicle is ready and poses have arrived."""
         self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
         self.wait(settling)
         return self
 
     def hovering(self, height: float = 1.0, settling: float = 1.0, **take_off: float) -> Self:
-        """Arm, take off, and let it settle."""
+        """Arm, take off, and let the vehicle settle."""
         self.ready().arm()
         self.wait(0.5)
         self.start("take_off", height=height, **take_off)
@@ -66,7 +66,7 @@ class Lab(SimulatedFlight):
         return float(self.robot.truth["position_w"][0, 2])
 
     def error(self) -> float:
-        """Return how far the vehicle is from where the estimate believes it, in m."""
+        """Return the distance between the true and the estimated position, in m."""
         estimated = self.stack.state["position_w"][0]
         return float(np.linalg.norm(estimated - self.robot.truth["position_w"][0]))
 

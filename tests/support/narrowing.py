@@ -1,4 +1,4 @@
-"""A way to have mypy forget what an assertion said of an attribute."""
+"""Workaround for mypy's narrowing of an asserted attribute."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ T = TypeVar("T")
 
 
 def now(thing: T) -> T:
-    """Return `thing` after an action: mypy takes an attribute asserted before it for constant."""
+    """Return `thing` after an action: mypy assumes that an asserted attribute does not change."""
     return thing

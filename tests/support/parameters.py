@@ -1,4 +1,4 @@
-"""Descriptions of parameters as a vehicle gives them."""
+"""Descriptions of parameters in the form that a vehicle reports."""
 
 from __future__ import annotations
 

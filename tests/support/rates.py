@@ -1,4 +1,4 @@
-"""The rates of topics in a log of a simulated flight."""
+"""Rates of topics in a log of a simulated flight."""
 
 from __future__ import annotations
 

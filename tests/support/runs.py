@@ -1,4 +1,4 @@
-"""Runs of the catalogue, without their files."""
+"""Catalogue runs without files."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from console.catalogue.catalogue import RunEntry
 
 
 def run_entry(name: str, **fields: object) -> RunEntry:
-    """Return a whole run of ada's with quad1, other than usual in `fields`."""
+    """Return a complete run of ada's with quad1, changed by `fields`."""
     values: dict[str, object] = {
         "id": name,
         "vehicle": "quad1",

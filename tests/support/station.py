@@ -1,4 +1,4 @@
-"""The station's side of a link as it is shipped: a hub on the loopback, and a radio that dials."""
+"""Station side of a link as in production: a hub on loopback, and a radio that connects."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ PATIENCE = 10.0  # s: a bound, not an expectation
 
 
 class StationLink:
-    """One hub and one radio, which never finds the vehicle silent.
+    """One hub and one radio, which never regards the vehicle as silent.
 
     Attributes:
-        session: of the hub, where the station's nodes belong.
+        session: session of the hub, which the station's nodes use.
     """
 
     def __init__(self, vehicle_port: int, tls: TlsFiles, loopback_port: int | None = None) -> None:
@@ -38,16 +38,16 @@ class StationLink:
         return self.radio.wait(timeout)
 
     def close(self) -> None:
-        """Hang up, then close the hub."""
+        """Disconnect, then close the hub."""
         self.radio.close(PATIENCE)
         self.session.close()
 
 
 class LinkedStation:
-    """A base station, its link, and the sessions of a vehicle and of a page.
+    """Base station, its link, and the sessions of a vehicle and of a page.
 
     Attributes:
-        at_vehicle, page: nodes of a scripted vehicle and of whoever asks the station.
+        at_vehicle, page: nodes of a scripted vehicle and of a client of the station.
     """
 
     def __init__(self, data: Path, settings: dict[str, Any], **arguments: Any) -> None:
@@ -66,7 +66,7 @@ class LinkedStation:
         self._clients: dict[str, Any] = {}
 
     def call(self, service: str, /, **fields: Any) -> Any:
-        """Ask a service of the station, as ada."""
+        """Call a service of the station as ada."""
         if service not in self._clients:
             self._clients[service] = self.page.client(f"station/{service}", SERVICES[service])
         fields = {"request_id": f"{service}{time.monotonic_ns()}", "requester": "ada", **fields}

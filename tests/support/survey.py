@@ -1,4 +1,4 @@
-"""A survey in place of the true one, which takes minutes: by the size of the log."""
+"""Fake survey, because a real one takes minutes; its result depends on the log's size."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from web.beacons.survey import LayoutProposal, SurveyedBeacon
 
 PLACES = {1: (1.02, 0.98, 0.1), 2: (-1.0, 1.0, 0.13), 3: (-1.0, -1.0, 0.1), 4: (1.0, -1.0, 0.1)}
 OTHER = b"another layout"
-"""A log of these bytes was flown with other beacons; an empty one makes no survey."""
+"""Content of a log flown with other beacons; an empty log makes no survey."""
 
 
 def survey(log: Path, report: Callable[[float], None]) -> LayoutProposal:
-    """Return the same proposal of every log, as a job of the page."""
+    """Return the same proposal for every log, as a job of the page."""
     report(0.5)
     content = log.read_bytes()
     if not content:

@@ -1,4 +1,4 @@
-"""The sweeps that the planes of two Lighthouse base stations give of a level vehicle."""
+"""Sweeps that the planes of two Lighthouse base stations measure on a level vehicle."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STATIONS_W = np.array([[-2.6, -0.3, 3.1], [0.4, -3.1, 3.2]])
 def sweeps_of(
     number: int, stamp_ns: int, position_w: Array, rng: np.random.Generator, *, sensors: int = 4
 ) -> Record:
-    """Return what the plane (two a station, both tilted) tells of a level vehicle."""
+    """Return the sweeps of a plane (two a station, both tilted) on a level vehicle."""
     frame = np.zeros(1, SWEEPS_SAMPLE)
     station = STATIONS_W[number // 2]
     axis = -station / np.linalg.norm(station)

@@ -1,4 +1,4 @@
-"""Ticks of a vehicle that stands level, for tests of logs."""
+"""Ticks of a level vehicle at rest, for tests of logs."""
 
 from __future__ import annotations
 

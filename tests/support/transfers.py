@@ -12,7 +12,10 @@ from vehicle_link.transport.node import Node
 
 
 def new_transfers(station: Node, catalogue: Catalogue) -> Transfers:
-    """Return the transfers of `quad1` to the runs of a catalogue, whose disk may be nearly full."""
+    """Return the transfers of `quad1` to the runs of a catalogue.
+
+    The disk may be nearly full.
+    """
     return Transfers(
         station,
         catalogue,

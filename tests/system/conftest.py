@@ -1,4 +1,4 @@
-"""The whole laboratory for tests: `quadlab up` with real processes on free loopback ports."""
+"""Whole laboratory for tests: `quadlab up` with real processes on free loopback ports."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PASSED = pytest.StashKey[bool]()
 
 
 def free_ports(count: int) -> list[int]:
-    """Ports that are free for TCP and UDP on loopback right now."""
+    """Return ports that are free for TCP and UDP on loopback now."""
     found: list[int] = []
     while len(found) < count:
         with (
@@ -45,7 +45,7 @@ def free_ports(count: int) -> list[int]:
 
 
 def until(what: str, look: Callable[[], T | bool | None], patience: float = PATIENCE) -> T:
-    """The first true answer of `look`, asked again and again; fails after `patience` seconds."""
+    """Return the first true result of `look`, called repeatedly; fail after `patience` seconds."""
     waited = threading.Event()
     end = time.monotonic() + patience
     while time.monotonic() < end:
@@ -96,7 +96,7 @@ class Laboratory:
             self.lines.append(line.rstrip())
 
     def now(self) -> float:
-        """The flight's clock, epoch in s, by which its logs are stamped: simulated time."""
+        """Return the flight's clock, epoch in s, which stamps its logs: simulated time."""
         child = next(iter(self.processes()))
         environment = (Path("/proc") / str(child) / "environ").read_bytes().decode().split("\0")
         path = dict(one.partition("=")[::2] for one in environment)[clock.VARIABLE]
@@ -111,7 +111,7 @@ class Laboratory:
         return "\n".join(self.lines)
 
     def link(self) -> str:
-        """A printed link that nobody has signed in by; each use is followed by a new one."""
+        """Return a printed link that has not been used; each use prints a new one."""
 
         def newest() -> str:
             links = re.findall(r"http://\S+token=\S+", self.output)
@@ -127,7 +127,7 @@ class Laboratory:
         return self
 
     def left_alone(self) -> None:
-        """Signed in, and nobody commands; gains are what they were the first time."""
+        """Wait for a signed-in laboratory without a commander, with the gains of its start."""
         if not self.browser.cookies:
             self.sign_in()
         until(
@@ -180,7 +180,7 @@ class Laboratory:
             raise AssertionError(f"{error}; status {self.status()}\n{self.output}") from None
 
     def ready(self) -> None:
-        """Wait until the pre-flight checks let the vehicle be armed."""
+        """Wait until the pre-flight checks allow arming."""
 
         def listed() -> dict[str, Any]:
             found: dict[str, Any] = self.summary().get("preflight") or {}
@@ -221,7 +221,7 @@ class Laboratory:
         return None
 
     def processes(self) -> dict[int, list[str]]:
-        """Command lines of this laboratory's processes, the parent apart."""
+        """Return the command lines of this laboratory's processes, except the parent's."""
         found = {}
         for folder in Path("/proc").glob("[0-9]*"):
             try:
@@ -233,14 +233,14 @@ class Laboratory:
         return found
 
     def kill(self, command: str) -> int:
-        """kill -9; returns the dead process id."""
+        """Kill a process by signal 9, and return its process id."""
         pid = until(f"the {command} process", lambda: self.pid(command), 10)
         os.kill(pid, signal.SIGKILL)
         return pid
 
     @contextlib.contextmanager
     def nothing_restarted(self) -> Iterator[None]:
-        """Stop the supervising process meanwhile: what is killed stays dead."""
+        """Stop the supervising process within the block: a killed process stays dead."""
         self._process.send_signal(signal.SIGSTOP)
         try:
             yield
@@ -259,18 +259,18 @@ class Laboratory:
         return self._process.poll() is not None
 
     def newest(self, folder: str) -> Path:
-        """The run or log begun last in `runs` or `onboard`."""
+        """Return the newest run or log in `runs` or `onboard`."""
         runs = [path.parent for path in (self.data / folder).glob("*/station.mcap")]
         return max([*(self.data / folder).glob("*.mcap"), *runs], key=lambda path: path.name)
 
     def wait(self, patience: float = PATIENCE) -> int:
-        """The exit status of a laboratory that ends by itself."""
+        """Return the exit status of a laboratory that ends by itself."""
         status = self._process.wait(patience)
         self._reader.join(5.0)
         return status
 
     def stop(self, patience: float = PATIENCE) -> int:
-        """Ctrl-C; the exit status."""
+        """Send Ctrl-C, and return the exit status."""
         self._process.send_signal(signal.SIGINT)
         try:
             return self._process.wait(patience)
@@ -279,7 +279,7 @@ class Laboratory:
             raise AssertionError(f"up did not end within {patience:.0f} s\n{self.output}") from None
 
     def close(self) -> None:
-        print(self.output)  # shown by pytest when the test failed
+        print(self.output)  # pytest shows it if the test failed
         self.browser.close()
         if self._process.poll() is None:
             self.stop()
@@ -297,7 +297,7 @@ def pytest_runtest_makereport(
 
 @pytest.fixture(scope="session")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Laboratory]]:
-    """None or one."""
+    """Yield the list of the shared laboratory, which has none or one."""
     running: list[Laboratory] = []
     yield running
     for laboratory in running:
@@ -310,8 +310,10 @@ def lab(
     shared: list[Laboratory],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[Laboratory]:
-    """Signed in, in nobody's hands. Tests share it: to start one takes as long as a flight. After
-    a test that failed it is a new one."""
+    """Yield a signed-in laboratory without a commander.
+
+    Tests share it, because a start takes as long as a flight. After a failed test it is a new one.
+    """
     if not shared:
         shared.append(Laboratory(tmp_path_factory.mktemp("laboratory") / "data"))
     laboratory = shared[-1]
@@ -327,5 +329,5 @@ def lab(
 
 @pytest.fixture(name="until")
 def until_fixture() -> Callable[..., Any]:
-    """`until(what, look, patience)`: the first true answer of `look`."""
+    """Return `until(what, look, patience)`."""
     return until

@@ -1,4 +1,4 @@
-"""`quadlab up --board betaflight`: the real firmware under the whole laboratory."""
+"""Tests of `quadlab up --board betaflight`: the real firmware under the whole laboratory."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ pytestmark = [
     pytest.mark.skipif(not FIRMWARE.exists(), reason="no Betaflight: scripts/betaflight builds it"),
 ]
 LANDING_SPEED = 0.8
-"""m/s."""
+"""Landing speed, m/s."""
 LANDED = 60.0
-"""s of a busy computer in which the board has landed and was checked again."""
+"""Time, in s, in which the board has landed and was checked again, on a busy computer."""
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def test_it_is_checked_flies_waits_for_a_slow_part_and_lands_alone_when_flight_i
     killed = lab.now()
     dead = lab.kill("flight")
     lab.restarted("flight", dead)
-    lab.reach(2 * LANDED, mode="ready")  # it is not armed before it was checked again
+    lab.reach(2 * LANDED, mode="ready")  # it is armed only after it was checked again
     states = [decode_odometry(m.payload) for m in read_log(run, {"/quad1/truth"})]
     later = [state for stamp, state in states if stamp * 1e-9 > killed]
     heights = np.array([state["position_w"][0, 2] for state in later])

@@ -1,4 +1,4 @@
-"""A user signs in with a real browser, flies, tunes, lands and takes the log home."""
+"""A user signs in with a real browser, flies, tunes, lands and downloads the log."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ GAIN = "control.position.kp_xy"
 
 @pytest.fixture
 def page(tmp_path: Path, chromium_path: str) -> Any:
-    """A page of Chromium, which gets only what the laboratory leaves."""
+    """Yield a page of Chromium, which runs only on idle processor time."""
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    # As root, Chromium raises its own priority; idle scheduling is what it cannot leave.
+    # As root, Chromium raises its own priority; it cannot leave idle scheduling.
     polite = tmp_path / "chromium"
     polite.write_text(f'#!/bin/sh\nexec chrt --idle 0 {chromium_path} "$@"\n')
     polite.chmod(polite.stat().st_mode | stat.S_IXUSR)
@@ -46,8 +46,8 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
 ) -> None:
     from playwright.sync_api import expect
 
-    # Without a graphics card the 3D view takes a core, which a real-time flight beside it needs:
-    # the page flies without it here (web/browser/console/test_view.py draws it).
+    # Without a graphics card the 3D view takes a core, which a real-time flight needs: the page
+    # flies without it here (web/browser/console/test_view.py draws it).
     page.route("**/viser/**", lambda route: route.fulfill(status=200, body=""))
     page.goto(lab.link())
     lab.browser.cookies.update({c["name"]: c["value"] for c in page.context.cookies()})
@@ -55,7 +55,7 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
     def shows(selector: str, pattern: str) -> None:
         expect(page.locator(selector)).to_have_text(re.compile(pattern), timeout=BOUND)
 
-    # The vehicle is there.
+    # The vehicle is connected.
     shows("#doing", "^(NOT )?READY$")
     shows("#preflight summary", "Ready to arm")
 
@@ -73,7 +73,7 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
     row.get_by_role("button").click()
     shows("#behavior", "follow")
 
-    # Drag a gain; the cell shows what the vehicle confirmed, not what the hand did.
+    # Drag a gain; the cell shows the value that the vehicle confirmed, not the slider's.
     page.locator("[data-tab=gains]").click()
     page.locator("#search").fill(GAIN)
     slider = page.locator(f"input[type=range][aria-label='{GAIN}']")
@@ -85,7 +85,7 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
     page.mouse.move(box["x"] + share * box["width"], middle)
     page.mouse.down()
     page.mouse.move(box["x"] + (share + 0.1) * box["width"], middle, steps=8)
-    wanted = float(slider.input_value())  # released, the thumb goes where the vehicle is
+    wanted = float(slider.input_value())  # when released, the thumb moves to the vehicle's value
     page.mouse.up()
     assert wanted > before
     confirmed = page.locator(f"input[aria-label='{GAIN}, value']")
@@ -110,7 +110,7 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
     page.locator("#land").click()
     shows("#doing", "^(NOT )?READY$")
 
-    # Take the log home.
+    # Download the log.
     until("the end of the recording", lambda: not lab.summary()["station"]["recording"], 20)
     page.locator(".pages a", has_text="Runs").click()
     expect(page.locator("#list tr[data-index] .state").first).to_have_text(
@@ -124,7 +124,7 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
 
 
 def check_log(log: Path, gain: float) -> None:
-    """Closed, readable by mcap and rosbags, every topic at its rate, all parameters, the change."""
+    """Check the log: closed, readable by mcap and rosbags, all rates, parameters and the change."""
     with log.open("rb") as stream:
         reader = make_reader(stream)
         summary = reader.get_summary()

@@ -1,4 +1,4 @@
-"""One person commands a real laboratory; others are told who, and may land it all the same."""
+"""One person commands a real laboratory; others see who it is, and may land it anyway."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ COMMANDS: list[tuple[str, str, Any]] = [
 
 
 class Person:
-    """Somebody with a browser of their own at this laboratory."""
+    """Person with a separate browser at this laboratory."""
 
     def __init__(self, lab: Any, url: str) -> None:
         self.client = httpx.Client(base_url=lab.url, headers={"origin": lab.url}, timeout=10)
@@ -46,7 +46,7 @@ class Person:
 
     @contextlib.contextmanager
     def page(self) -> Iterator[None]:
-        """An open page, as far as the server can tell: it reads what comes."""
+        """Keep a page open, as far as the server can tell, by reading what is sent."""
         cookie = "; ".join(f"{k}={v}" for k, v in self.client.cookies.items())
         socket = websockets.sync.client.connect(
             f"{self._lab.url.replace('http', 'ws')}/ws/events",
@@ -99,7 +99,7 @@ def test_one_commands_and_control_is_asked_for_given_and_lost_by_leaving(
         assert lab.status()["mode"] == "ready"
         assert ben.control("take") == 403
 
-        # Emergencies are everybody's; with its motors off the vehicle itself refuses them.
+        # Anyone may send emergencies; with its motors off the vehicle itself refuses them.
         land, cut = {"action": "land"}, {"action": "cut"}
         for person in (ben, vera):
             answer = person.ask("POST", "/api/commands/emergency", land)

@@ -1,4 +1,4 @@
-"""Experiments on the whole laboratory: flown, judged, reported; calibrated from a terminal."""
+"""Experiments on the whole laboratory: flown, judged, reported; calibration from a terminal."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_bearings_are_flown_from_the_page_judged_and_reported(
     ended = ("passed", "failed", "stopped", "refused")
     until("the verdict", lambda: status().get("phase") in ended, 120)
     done = status()
-    # How well it flies depends on what else this computer does; that it was judged does not.
+    # The quality of the flight depends on the computer's load; the judgement does not.
     assert done["verdict"] in ("passed", "failed"), (done, lab.output)
     figures = {metric["name"]: metric["value"] for metric in done["metrics"]}
     assert 0.001 < figures["position_rms_m"] < 0.5
@@ -66,7 +66,7 @@ def test_bearings_are_flown_from_the_page_judged_and_reported(
 
 
 def calibrate(lab: Any, until: Callable[..., Any]) -> None:
-    """The gyroscope, from a terminal: on the ground, recorded, kept by the vehicle."""
+    """Calibrate the gyroscope from a terminal: on the ground, recorded, stored by the vehicle."""
 
     def is_told() -> bool:
         history = lab.get("/api/calibrations")["history"] or []

@@ -1,5 +1,7 @@
-"""A program on the base station flies the whole laboratory's vehicle by references, as a ROS 2
-node would: over the station's session and the radio."""
+"""A program on the base station flies the laboratory's vehicle by references.
+
+It does so as a ROS 2 node would: over the station's session and the radio.
+"""
 
 from __future__ import annotations
 
@@ -24,14 +26,14 @@ PERIOD = 0.02
 
 
 class Program:
-    """Sends 50 references a second: stands where the vehicle is, then flies WAY along x."""
+    """Sends 50 references a second: rests at the vehicle's position, then flies WAY along x."""
 
     def __init__(self, session: Any) -> None:
         self.node = Node(session, "/quad1", "planner")
         self._publisher = self.node.advertise(TOPICS["external_reference"])
         row = TOPICS["reference"]
         self.node.subscribe(row.name, row.type_name, self._heard, qos=row.qos, direct=True)
-        self._newest: tuple[int, int, Any] | None = None  # stamp, ns here, reference
+        self._newest: tuple[int, int, Any] | None = None  # stamp, ns of this computer, reference
         self._begin: Any = None
         self.going, self._silent = threading.Event(), threading.Event()
         self._began_ns = 0
@@ -44,7 +46,7 @@ class Program:
 
     @property
     def flown(self) -> float:
-        """m along x, of the reference that the vehicle tells."""
+        """Return the distance along x, in m, of the reference that the vehicle publishes."""
         if self._newest is None or self._begin is None:
             return 0.0
         return float((self._newest[2]["position_w"] - self._begin["position_w"])[0, 0])
@@ -82,7 +84,7 @@ def test_a_program_flies_the_vehicle_and_its_silence_ends_in_hover(
     lab: Any, until: Callable[..., Any]
 ) -> None:
     lab.hover()
-    # A host that stalls for a moment is not what is looked for here.
+    # A host that stalls for a moment must not end the test.
     patient = {"values": {"behavior.external_timeout": 1.0}}
     assert lab.browser.put("/api/parameters", json=patient).status_code == 200
     refused = lab.command("start_behavior", name="external", arguments={})

@@ -1,4 +1,4 @@
-"""Processes that die in flight: what must go on goes on, and nothing is lost."""
+"""Processes that die in flight: the others continue, and nothing is lost."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ def test_a_killed_web_touches_neither_flight_nor_log_and_a_killed_flight_process
     flown = lab.summary()["station"]["recording_duration"]
     dead = lab.kill("web")
     lab.restarted("web", dead)
-    lab.reach(mode="armed", behavior="hover")  # the same cookie is good for the new process
+    lab.reach(mode="armed", behavior="hover")  # the same cookie is valid for the new process
     until(
         "a longer recording",
         lambda: (lab.summary().get("station") or {}).get("recording_duration", 0) > flown,
         10,
     )
-    lab.start("brake")  # the new page commands it
+    lab.start("brake")  # the new page commands the vehicle
     killed = lab.now()
     dead = lab.kill("flight")
     lab.restarted("flight", dead)
@@ -77,7 +77,7 @@ def test_a_killed_station_makes_the_vehicle_brake_and_land_and_its_file_is_recov
     landed = "emergency land: still no heartbeat from the station after"
     assert any(line.startswith(f"vehicle quad1: {landed}") for line in lab.lines)
 
-    lab.reach(mode="ready")  # the station is back, and the page with it
+    lab.reach(mode="ready")  # the station runs again, and the page is connected to it
 
     def told() -> bool:
         return any(landed in event["text"] for event in lab.get("/api/events"))

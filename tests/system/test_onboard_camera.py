@@ -1,4 +1,4 @@
-"""`quadlab tracker onboard_camera`, started by hand beside `quadlab up`: its bearings are flown."""
+"""`quadlab tracker onboard_camera`, started next to `quadlab up`: its bearings are flown."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ PLACE = np.array([0.3, -0.2, 1.1])
 TAGS = "size = 0.2\n[camera]\nposition = [0.05, 0, -0.03]\nturn = [0, -90, 0]\n"
 RATE, SECONDS = 15.0, 40
 AGE = 0.5
-"""s, to which a bearing must have arrived: an older one is of no use to the vehicle."""
+"""Age, in s, before which a bearing must arrive to be of use to the vehicle."""
 ENOUGH = 10
 
 
 @pytest.fixture
 def video(tmp_path: Path) -> OnboardCamera:
-    """Return a camera of which intrinsics, tags and a video lie in the folder."""
+    """Return a camera whose intrinsics, tags and video are in the folder."""
     parameters = BearingParameters(layout="wall", mount_pitch=-90.0)
     camera = OnboardCamera(parameters, CameraParameters(exposure=0.0))
     camera.lens.save(tmp_path / "camera.yaml")
@@ -107,6 +107,6 @@ def test_its_bearings_reach_the_vehicle_in_time_while_simulated_time_waits_for_o
 
     line = "camera on board: its process is silent"
     until("the alarm about its end", lambda: any(line in said for said in laboratory.lines))
-    # Bearings are emulated again by a station that has not known the camera.
+    # A restarted station, which has not seen the camera, emulates bearings again.
     laboratory.restarted("station", laboratory.kill("station"))
     laboratory.ready()

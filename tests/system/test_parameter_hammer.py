@@ -1,6 +1,6 @@
-"""Two people on the same slider in two browsers: both end on what the vehicle has.
+"""Two people on the same slider in two browsers: both end on the vehicle's value.
 
-`QUADLAB_HAMMER_SECONDS=60` hammers longer; `-s` shows the figures.
+`QUADLAB_HAMMER_SECONDS=60` makes it longer; `-s` shows the figures.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ HAMMER = """([selector, offset]) => {
 
 @pytest.fixture
 def open_page(chromium_path: str) -> Iterator[Callable[[str], Any]]:
-    """`open_page(link)` → a page of another browser; its scripts may not fail."""
+    """Yield `open_page(link)`, which opens a page in another browser; its scripts may not fail."""
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     problems: list[str] = []
     with api.sync_playwright() as playwright:
@@ -106,14 +106,14 @@ def test_two_people_hammer_one_slider_and_both_end_on_the_vehicles_value(
     applied = Counter(row["who"] for row in rows)
     print(f"\n{SECONDS:g} s: {strokes} strokes; {len(rows)} changes applied, {dict(applied)}")
 
-    # Everybody shows what the vehicle has.
+    # All pages show the vehicle's value.
     value = float(f"{rows[-1]['new']:.7g}")
     for page in (anna, ben):
         assert float(page.locator(CELL).input_value()) == value
         assert float(page.locator(SLIDER).input_value()) == pytest.approx(value, abs=0.05)
     assert mirrored(lab) == rows[-1]["new"]
 
-    # The history has each applied revision once, in order, each from where the last one left off.
+    # The history has each applied revision once, in order, each from the value before it.
     assert [row["revision"] for row in rows] == list(range(before + 1, before + len(rows) + 1))
     assert all(a["new"] == b["old"] for a, b in itertools.pairwise(rows))
     loser = ben if holder == label(anna) else anna
@@ -125,7 +125,7 @@ def label(page: Any) -> str:
 
 
 def control(page: Any, action: str) -> None:
-    """Refused when there is nothing to ask for or give."""
+    """Request an action of control, which is refused if there is nothing to ask for or give."""
     page.evaluate(
         "(action) => fetch('/api/control', { method: 'POST', body: JSON.stringify({ action }),"
         " headers: { 'Content-Type': 'application/json' } })",
@@ -142,7 +142,7 @@ def since(older: list[dict[str, Any]], lab: Any) -> list[dict[str, Any]]:
 
 
 def history(lab: Any) -> list[dict[str, Any]]:
-    """Oldest first."""
+    """Return the history, oldest first."""
     rows: list[dict[str, Any]] = []
     before = 0
     while True:

@@ -1,4 +1,4 @@
-"""Ctrl-C: lands a flying vehicle first, closes every file, leaves no process behind."""
+"""Ctrl-C lands a flying vehicle first, closes every file, and leaves no process behind."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_parts_without_time_are_waited_for_a_second_up_is_refused_and_ctrl_c_lan
     assert "another quadlab up" in lines[0]
     assert "--data" in lines[0]
 
-    lab.reach(mode="armed", behavior="hover")  # the first goes on
+    lab.reach(mode="armed", behavior="hover")  # the first laboratory continues
     assert lab.stop() == 0, lab.output
     assert "landing before stopping" in lab.output
     assert lab.processes() == {}

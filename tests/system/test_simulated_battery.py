@@ -1,4 +1,4 @@
-"""A simulated battery that ran empty is no dead end: it is swapped, and the vehicle flies again."""
+"""An empty simulated battery is swapped, and the vehicle flies again."""
 
 from __future__ import annotations
 

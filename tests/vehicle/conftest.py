@@ -1,4 +1,4 @@
-"""A vehicle on the ground in simulated time, for what is done there without flying."""
+"""Vehicle on the ground in simulated time, for tests without a flight."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NS = 1_780_000_000_000_000_000
 
 
 class GroundLab(Lab):
-    """Ready after 0.1 s; `found` are the outcomes of calibrations of its gyroscope."""
+    """Lab that is ready after 0.1 s; `found` are the outcomes of its gyroscope calibrations."""
 
     def __init__(self, **settings: Any) -> None:
         parameters = flight_parameters()
@@ -37,7 +37,7 @@ class GroundLab(Lab):
     def turn_motor(
         self, motor: int = 2, reference: int = 100, secured: bool = True
     ) -> mailbox.Reply:
-        """Asked once, and not again by itself."""
+        """Send the command once, without a retry."""
         return self.ask(mailbox.Bench("b", "anna", motor, reference, secured))
 
     def keep_turning(self, seconds: float, motor: int = 2, reference: int = 100) -> None:
@@ -57,7 +57,7 @@ class GroundLab(Lab):
 
 
 class Wired:
-    """The service between a folder and a vehicle in simulated time, which flies while it waits."""
+    """Service between a folder and a vehicle in simulated time, which flies while it waits."""
 
     def __init__(self, lab: Any, data: Path, refused: list[int] | None = None) -> None:
         self.lab, self.data, self.said = lab, data, list[tuple[int, str]]()
@@ -70,13 +70,13 @@ class Wired:
             self.store,
             lambda: self.now_ns,
             lambda level, text: self.said.append((level, text)),
-            lambda: -4.99,  # as flight's outcome is there at once
+            lambda: -4.99,  # the flight's outcome is available at once
             refused or [],
             since_ns=0,
         )
 
     def ask(self, make: Callable[[str], mailbox.Command]) -> mailbox.Reply:
-        """FlightMailbox's."""
+        """Send a command, in place of FlightMailbox."""
         if self.is_silent:
             raise LinkError("the flight process did not answer within 1 s")
         reply: mailbox.Reply = self.lab.ask(make(f"asked {self.now_ns}"))
@@ -98,7 +98,7 @@ class Wired:
         return {name: self.lab.parameter(name) for name in names}
 
     def refused(self, action: str, record: str = "", error: type = QuadlabError) -> str:
-        """Its reason; nothing has changed then."""
+        """Return the reason of a refusal, after which nothing has changed."""
         before, stored = self.lab.stack.store.values(), self.store.newest_first()
         with pytest.raises(error) as caught:
             self.call(action, record)
@@ -109,7 +109,7 @@ class Wired:
 
 @pytest.fixture
 def lab() -> GroundLab:
-    """One that is ready."""
+    """Return a lab that is ready."""
     return GroundLab().ready()
 
 
@@ -121,11 +121,11 @@ def new_lab() -> type[GroundLab]:
 
 @pytest.fixture
 def wired(lab: Any, tmp_path: Path) -> Wired:
-    lab.found.clear()  # of its start
+    lab.found.clear()  # those of its start
     return Wired(lab, tmp_path)
 
 
 @pytest.fixture
 def wire() -> type[Wired]:
-    """Return the class that wires a vehicle by hand."""
+    """Return the class that connects a vehicle by hand."""
     return Wired

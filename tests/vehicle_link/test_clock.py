@@ -1,4 +1,4 @@
-"""The clock of a flight: the computer's, or that of a simulation which holds it back."""
+"""Clock of a flight: the computer's, or that of a simulation which delays it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SECOND = 1_000_000_000
 
 
 class Wall:
-    """The computer's steady clock, as a test sets it."""
+    """The computer's steady clock, as set by a test."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_ns = 100 * SECOND
@@ -46,7 +46,7 @@ def test_without_a_simulation_it_is_the_computers(monkeypatch: pytest.MonkeyPatc
     assert abs(clock.time_ns() - time.time_ns()) < SECOND
     assert clock.real_time_factor() == 0.0
     assert not Part("quad1").in_lockstep
-    Part("quad1").truth(5)  # nobody looks
+    Part("quad1").truth(5)  # no reader
 
 
 def test_until_a_simulation_takes_it_over_it_goes_as_the_computers(
@@ -78,7 +78,7 @@ def test_a_reader_that_is_put_off_does_not_read_of_the_past(
     now_ns = words[clock.LIMIT] = 100 * SECOND
 
     def put_off() -> int:
-        words[clock.OFFSET] -= SECOND // 2  # the simulation has waited for as long
+        words[clock.OFFSET] -= SECOND // 2  # the simulation has waited for that long
         return now_ns
 
     monkeypatch.setattr(time, "monotonic_ns", put_off)
@@ -132,7 +132,7 @@ def test_a_page_is_found_by_its_port_while_its_owner_lives(tmp_path: Path) -> No
         assert page_at(port) == made.path
     assert page_at(port + 1) is None
     made.close()
-    left = SHARED_MEMORY / f"{PREFIX}{port}-left"  # of one that was killed
+    left = SHARED_MEMORY / f"{PREFIX}{port}-left"  # of a killed one
     left.touch()
     try:
         assert page_at(port) is None

@@ -1,4 +1,4 @@
-"""A job's answer, its reports, its end by whatever cause, and what is told of it."""
+"""A job's answer, its reports, its end by any cause, and the messages about it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Found:
 
 
 class FullError(StorageError):
-    """An error of a module that the parent need not know."""
+    """Error of a module that the parent need not have."""
 
 
 def find(name: str, report: Callable[[object], None]) -> Found:

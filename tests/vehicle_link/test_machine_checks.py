@@ -1,4 +1,4 @@
-"""Tests of the checks of a computer: every answer it may give, and the advice for each."""
+"""Checks of a computer: every possible result, and the advice for each."""
 
 from __future__ import annotations
 

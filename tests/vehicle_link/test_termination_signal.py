@@ -1,4 +1,4 @@
-"""A signal ends a loop, whatever the loop is just at."""
+"""A signal ends a loop, whatever the loop is doing."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_a_signal_is_seen_at_once_and_stays() -> None:
     try:
         ending = EndSignal([signal.SIGUSR1])
         assert not ending.wait(0.0)
-        for _ in range(1000):  # more than its socket may hold
+        for _ in range(1000):  # more than its socket can hold
             os.kill(os.getpid(), signal.SIGUSR1)
         began = time.monotonic()
         assert ending.wait(60.0)

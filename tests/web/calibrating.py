@@ -1,6 +1,6 @@
-"""A station whose vehicle is calibrated, for tests of the page: what it tells, step by step.
+"""Station whose vehicle is calibrated, for tests of the page: its reports, step by step.
 
-Used through conftest's fixture `helper`.
+It is used through conftest's fixture `helper`.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def _record(name: str, days: float, **fields: Any) -> CalibrationRecord:
 
 
 def accelerometer(bias: float = 0.031, worst: float = 0.021) -> CalibrationRecord:
-    """A proposal: twelve poses."""
+    """Return a proposal from twelve poses."""
     values: dict[str, ParameterValue] = {
         "imu.accelerometer_xx": 1.0042,
         "imu.accelerometer_yy": 0.9971,
@@ -86,7 +86,7 @@ def accelerometer(bias: float = 0.031, worst: float = 0.021) -> CalibrationRecor
 
 
 def motor() -> CalibrationRecord:
-    """A proposal: seventeen steps, the time constant from force alone."""
+    """Return a proposal from seventeen steps, the time constant from force alone."""
     values: dict[str, ParameterValue] = {
         "model.motor_slope": 0.0126611,
         "model.motor_offset": 14.131,
@@ -110,7 +110,7 @@ def motor() -> CalibrationRecord:
 
 
 def history() -> list[CalibrationRecord]:
-    """Return the calibrations that the vehicle keeps, newest first."""
+    """Return the calibrations that the vehicle stores, newest first."""
     still = (Quality(name="standard error", value=0.006, unit="deg/s", limit=0.03),)
     drift = tuple(
         Quality(name=f"drift {axis}", value=value, unit="deg/s")
@@ -138,7 +138,7 @@ def history() -> list[CalibrationRecord]:
 
 
 def pose_figures(count: int) -> dict[str, tuple[float, str]]:
-    """`count` poses within 70 deg, and the next one."""
+    """Return the figures of `count` poses within 70 deg, and of the next one."""
     figures: dict[str, tuple[float, str]] = {}
     for k in range(count + 1):
         tilt, turn = math.radians(15 + 55 * ((5 * k) % 12) / 12), 2.4 * k
@@ -153,7 +153,7 @@ def pose_figures(count: int) -> dict[str, tuple[float, str]]:
 def told(
     name: str, live: dict[str, tuple[float, str]] | None = None, **fields: Any
 ) -> dict[str, Any]:
-    """Fields of an ExperimentStatus while it runs."""
+    """Return the fields of an ExperimentStatus during a calibration."""
     live = live or {}
     return {
         "name": name,
@@ -169,7 +169,7 @@ def told(
 
 
 def ended(name: str, record: CalibrationRecord | None, **fields: Any) -> dict[str, Any]:
-    """Fields of an ExperimentStatus after it."""
+    """Return the fields of an ExperimentStatus after it."""
     return {
         "name": name,
         "phase": "passed",
@@ -184,7 +184,7 @@ def ended(name: str, record: CalibrationRecord | None, **fields: Any) -> dict[st
 
 
 def answered(service: str, request: Any, answer: Any, kept: list[CalibrationRecord]) -> Any:
-    """A station's answer with its experiments, and with what its vehicle keeps."""
+    """Return a station's answer with its experiments, and with its vehicle's calibrations."""
     if not answer.accepted:
         return answer
     if service == "calibrate":
@@ -202,7 +202,7 @@ def answered(service: str, request: Any, answer: Any, kept: list[CalibrationReco
 
 
 class Bench:
-    """Makes a ScriptedStation one that calibrates. `status`: what it tells, None for nothing."""
+    """Makes a ScriptedStation calibrate; `status` is what it publishes, None for nothing."""
 
     GROUND = {"mode": "ready", "behavior": "ground", "armed": False, "airborne": False, "flags": []}  # noqa: RUF012
 
@@ -215,7 +215,7 @@ class Bench:
         station.fly, station._call_blocking = self.fly, self.call
 
     def begin(self) -> None:
-        """Begin again as it was made, on the ground, with nothing asked yet."""
+        """Reset to the initial state, on the ground, without requests."""
         self.kept = history()
         self.told_history = True
         self.status: dict[str, Any] | None = {"phase": "idle"}
@@ -224,7 +224,7 @@ class Bench:
         self._set(self._defaults, "anna")
 
     def _set(self, values: Mapping[str, Any], requester: str) -> None:
-        """Told to the page, as every change."""
+        """Set values, and publish them to the page like any change."""
         store = self.station.store
         changed = {name: value for name, value in values.items() if store.get(name) != value}
         store.set(changed)
@@ -241,7 +241,7 @@ class Bench:
             self.station.put("experiment_status", message)
 
     def falls_silent(self) -> None:
-        """The station has not said for a while how its experiment stands."""
+        """Let the experiment's status become old."""
         self.status = None
         self.station._live._newest["experiment_status"].received -= 60.0
 

@@ -1,4 +1,4 @@
-"""A whole web process against a scripted station, served by the real server on a free port."""
+"""Whole web process against a scripted station, served by the real server on a free port."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class _BearingsRoot(Parameters):
 
 
 class ScriptedStation(Station):
-    """Answers as a station with a vehicle would, without a network."""
+    """Station that answers as one with a vehicle would, without a network."""
 
     def start(self) -> None:
         self.instance = 1  # of the vehicle's process
@@ -78,7 +78,7 @@ class ScriptedStation(Station):
         self.answers_sticks = True
         self.present: set[str] = set()
         self.real_time_factor = 0.0
-        self.said: dict[str, Any] = {}  # fields of the status that are other than usual
+        self.said: dict[str, Any] = {}  # fields of the status that differ from the default
         self.refusal = ""
         self.answers: dict[str, dict[str, Any]] = {}  # fields of a service's answer
         self.away = False
@@ -98,7 +98,7 @@ class ScriptedStation(Station):
     def publish_stick(
         self, axes: tuple[float, float, float, float], enabled: bool, requester: str
     ) -> int:
-        """Answered at once, as a station does in whose hands nobody else's sticks are."""
+        """Answer at once, as a station without other sticks does."""
         self.sticks.append((axes, enabled))
         stamp_ns = time.time_ns()
         if self.answers_sticks:
@@ -126,20 +126,20 @@ class ScriptedStation(Station):
 
     @property
     def watched(self) -> set[str]:
-        """Return the topics that are received because somebody looks at them."""
+        """Return the topics that are received because a page shows them."""
         return set(self._watched.wanted)
 
     @property
     def forwarded(self) -> set[str]:
-        """The topics that are handed on as they come."""
+        """Return the topics that are forwarded as they arrive."""
         return set(self._forwarded.wanted)
 
     def deliver(self, topic: str, message: Any, received_ns: int = 1) -> None:
-        """Hand on a message of such a topic, as Zenoh's thread does."""
+        """Deliver a message of such a topic, as Zenoh's thread does."""
         self._forwarded.wanted[topic](Received(encode(message), 1, received_ns, received_ns))
 
     def fly(self, x: float = 1.0, y: float = 2.0, z: float = 1.5) -> None:
-        """One sample of everything, as of now."""
+        """Publish one sample of everything, with the present time."""
         stamp = header(time.time_ns())
         pose = {"pose": {"position": (x, y, z), "orientation": (0.0, 0.0, 0.6, 0.8)}}
         twist = {"twist": {"linear": (1.0, 0.0, 0.5), "angular": (0.1, 0.2, 0.3)}}
@@ -198,7 +198,7 @@ class ScriptedStation(Station):
     def compare(
         self, names: tuple[str, ...] = ("vehicle", "error_state"), residuals: Any = None
     ) -> None:
-        """One comparison: estimator i is (10 + i) mm off; residuals (rad) by beacon, of all."""
+        """Publish one comparison: estimator i is (10 + i) mm off; residuals are in rad."""
         seen = {1: 0.010, 2: 0.020, 3: 0.030, 4: 0.120} if residuals is None else residuals
         results = [
             new(
@@ -264,7 +264,7 @@ class ScriptedStation(Station):
 
 @dataclass
 class Site:
-    """A running web process: where it is, how to sign in, and its station."""
+    """Running web process: its address, its sign-in, and its station."""
 
     base: str
     data: Path
@@ -276,11 +276,11 @@ class Site:
     tls: Tls | None = None
     vehicle: Any = None
     stations: list[ScriptedStation] = field(default_factory=list)
-    """Of all vehicles."""
+    """Stations of all vehicles."""
 
     @property
     def verify(self) -> Any:
-        """Return what a browser trusts that has this data folder's authority."""
+        """Return the trust of a browser that has this data folder's authority."""
         if self.tls is None:
             return False
         context = ssl.create_default_context(cafile=self.tls.authority)
@@ -300,7 +300,7 @@ class Site:
         return httpx.Client(base_url=self.base, timeout=20.0, verify=self.verify)
 
     def sign_in(self, token: str | None = None) -> httpx.Client:
-        """A signed-in browser."""
+        """Return a signed-in client."""
         with self.browser() as first:
             answer = first.get("/", params={"token": token or self.token})
         assert answer.status_code == 200, answer.text
@@ -309,12 +309,12 @@ class Site:
         return client
 
     def invited(self, by: httpx.Client, role: str) -> httpx.Client:
-        """A browser that signed in by an invitation."""
+        """Return a client that signed in by an invitation."""
         url = by.post("/api/invitations", json={"role": role}).json()["url"]
         return self.sign_in(parse_qs(urlsplit(url).query)["token"][0])
 
     def cookies_of(self, client: httpx.Client) -> list[dict[str, str]]:
-        """Return the cookies as Playwright takes them."""
+        """Return the cookies in Playwright's form."""
         return [{"name": n, "value": v, "url": self.base} for n, v in client.cookies.items()]
 
     def cookie(self, client: httpx.Client) -> str:
@@ -327,7 +327,7 @@ class Site:
         origin: str | None = None,
         subprotocol: str | None = None,
     ) -> Any:
-        """An open websocket (websockets.sync), to be used with `with`."""
+        """Return an open websocket (websockets.sync), to be used with `with`."""
         import websockets.sync.client
 
         headers = {"Cookie": cookie} if cookie else {}
@@ -357,7 +357,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
 
 @pytest.fixture(scope="module")
 def beacon_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    """A site whose station has the parameters of bearings, and compares estimators."""
+    """Yield a site whose station has the parameters of bearings, and compares estimators."""
     data = tmp_path_factory.mktemp("beacons")
     with serving(data, Catalogue(data)) as running:
         station, fly = running.station, running.station.fly
@@ -376,7 +376,10 @@ def beacon_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
 
 @pytest.fixture(scope="session")
 def helper() -> Callable[[str], Any]:
-    """`helper("step_vehicle")`: the module step_vehicle.py beside this, which is no test."""
+    """Return a function that imports a module of this folder which is no test.
+
+    An example is `helper("step_vehicle")`.
+    """
 
     def load(path: str) -> Any:
         name = path.rpartition("/")[2]
@@ -397,7 +400,7 @@ def helper() -> Callable[[str], Any]:
 def tune_site(
     tmp_path_factory: pytest.TempPathFactory, helper: Callable[[str], Any]
 ) -> Iterator[Site]:
-    """A site whose vehicle flies step tests: `site.vehicle`, see step_vehicle.py beside this."""
+    """Yield a site whose vehicle flies step tests: `site.vehicle`, see step_vehicle.py."""
     module = helper("step_vehicle")
     data, ended = tmp_path_factory.mktemp("tune"), threading.Event()
     with serving(data, Catalogue(data)) as running:
@@ -415,11 +418,14 @@ def tune_site(
 
 
 class serving:  # noqa: N801 - used as `with serving(...)`
-    """Runs the whole process in a thread; `stop` and start again keep the data folder."""
+    """The whole process in a thread; `stop` and start again keep the data folder."""
 
     view: str | None = None
-    """The document served in place of viser's; None for viser. The browser could put it there
-    itself, but then asks its driver about each of a page's hundred files."""
+    """Document served in place of viser's; None for viser.
+
+    The browser could replace it itself, but would then ask its driver about each of a page's
+    hundred files.
+    """
 
     def __init__(
         self,
@@ -509,7 +515,7 @@ def serve() -> type[serving]:
 
 @pytest.fixture
 def station(site: Site) -> Iterator[ScriptedStation]:
-    """The site's station with a clean script."""
+    """Yield the site's station with a clean script."""
     site.station.requests.clear()
     yield site.station
     site.station.refusal = ""
@@ -521,7 +527,7 @@ def station(site: Site) -> Iterator[ScriptedStation]:
 
 @pytest.fixture
 def admin(site: Site) -> Iterator[httpx.Client]:
-    """Return an administrator's client, signed in by the terminal's link."""
+    """Yield an administrator's client, signed in by the terminal's link."""
     with site.sign_in() as client:
         yield client
 

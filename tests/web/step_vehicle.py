@@ -1,4 +1,4 @@
-"""A scripted vehicle that flies step tests, ten times as fast as a real one, and has their log."""
+"""Scripted vehicle that flies step tests, ten times as fast as a real one, and has their log."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vehicle_link.topics import SERVICES
 
 FASTER = 10.0
 STEP_NS = 2_000_000
-ROWS = 400  # of an answer
+ROWS = 400  # rows of an answer
 
 
 class _Limits(Parameters):
@@ -33,13 +33,13 @@ class _Tree(Parameters):
 
 
 class StepVehicle:
-    """Takes the place of a ScriptedStation's vehicle: its status and its services.
+    """Replacement for a ScriptedStation's vehicle: its status and its services.
 
     Attributes:
         zeta: damping of the response it flies; omega is the root of control.position.kp_xy.
-        lose: (first, last) ticks of the log that are missing, of the next test.
-        lasts: a test goes on until another behavior is asked for.
-        log_problem: why its log cannot be read.
+        lose: (first, last) ticks that are missing in the log of the next test.
+        lasts: whether a test continues until another behavior is requested.
+        log_problem: reason why its log cannot be read.
     """
 
     def __init__(self, station: Any) -> None:
@@ -64,7 +64,7 @@ class StepVehicle:
         return 1_780_000_000_000_000_000 + int(FASTER * 1e9 * (time.monotonic() - self._began))
 
     def _put(self, topic: str, message: Any) -> None:
-        """Put a message in place of the station's method, with the status of this vehicle."""
+        """Store a message in place of the station's method, with this vehicle's status."""
         if topic == "status":
             with self._lock:
                 message = self._status()
@@ -102,7 +102,7 @@ class StepVehicle:
         return reply
 
     def _excite(self, plan: Plan) -> None:
-        """The whole flight at once; the status shows it for its time."""
+        """Compute the whole flight at once; the status shows it for its duration."""
         self.behavior = "excite"
         start_ns = self.now_ns() - 500_000_000
         seconds = 0.5 + LEAD + plan.edges * plan.duration

@@ -1,4 +1,4 @@
-"""The page's look has one source: colours, type sizes, radii and motion are in tokens.css alone."""
+"""The page's design has one source: tokens.css has all colours, type sizes, radii and motion."""
 
 from __future__ import annotations
 

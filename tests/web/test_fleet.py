@@ -1,4 +1,4 @@
-"""Several vehicles in one web process: each has its pages, commands and sticks for itself."""
+"""Several vehicles in one web process: each has separate pages, commands and sticks."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_each_address_is_of_its_vehicle_and_the_root_of_the_first(pilot: httpx.C
 
 
 def test_every_vehicle_has_the_same_routes(fleet_site: Any) -> None:
-    """The table of test_access then says what each role may, at every address."""
+    """So the table of test_access applies at every address."""
     first, second = (routes_of(app) for app in fleet_site.gate._app.apps.values())
     assert first == second
     assert ("POST", "/api/commands/arm") in first
@@ -158,10 +158,10 @@ def test_the_fleet_s_socket_tells_how_and_where_each_one_is(
     second.fly(x=-1.0, y=0.5, z=0.0)
     told: dict[str, Any] = {}
     with fleet_site.websocket("/ws/fleet?plot=1", fleet_site.cookie(pilot)) as socket:
-        for _ in range(50):  # a position is dropped soon after it was sent, and so sent again
+        for _ in range(50):  # a position is dropped soon after it was sent, so send it again
             first.fly(x=1.0, y=2.0, z=1.5)
             second.fly(x=-1.0, y=0.5, z=0.0)
-            told |= json.loads(socket.recv(10))  # vehicles come at first and when they change
+            told |= json.loads(socket.recv(10))  # vehicles are sent at first and when they change
             positions = [where and where[:3] for where in told["positions"]]
             if positions == [[1.0, 2.0, 1.5], [-1.0, 0.5, 0]]:
                 break

@@ -1,4 +1,4 @@
-"""One script of a page's modules: the same names, the same lines; what cannot be joined is told."""
+"""One script of a page's modules: the same names, the same lines; others are refused."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def joined(files: dict[str, str], entry: str = "a.js") -> str:
 
 
 def places(source_map: str) -> Iterator[tuple[str, int] | None]:
-    """Return, for each line of the script, the file and line that it is of, both from 0."""
+    """Yield, for each line of the script, the file and line of its source, both from 0."""
     told = json.loads(source_map)
     file = line = 0
     for one in told["mappings"].split(";"):

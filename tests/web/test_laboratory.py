@@ -1,4 +1,4 @@
-"""`quadlab.connect`: a script looks at a laboratory, changes it, and takes runs home."""
+"""`quadlab.connect`: a script reads a laboratory, changes it, and downloads runs."""
 
 from __future__ import annotations
 
@@ -115,12 +115,12 @@ def test_an_experiment_is_waited_for_and_its_run_has_the_verdict(
         while not any(name == "experiment" for name, _ in station.requests):
             threading.Event().wait(0.01)
         told("flying")
-        threading.Event().wait(1.0)  # the script looks twice a second
+        threading.Event().wait(1.0)  # the script polls twice a second
         figures = {"metric_names": ["position_rms_m", "judged_s"], "metric_values": [0.002, 9.0]}
         told("passed", verdict="passed", metric_limits=[0.005, math.nan], **figures)
 
     earlier = {"run_id": "20250101T000000Z_quad1", "verdict": "failed"}
-    told("failed", **earlier)  # of the same name and person: not this one's
+    told("failed", **earlier)  # of the same name and person, but not this one
     flight = threading.Thread(target=flown)
     flight.start()
     run = lab.fly("hover", duration=9.0)

@@ -1,4 +1,4 @@
-"""Starting: ports, imports, and the page's own tables against the code they describe."""
+"""Start: ports, imports, and the page's own tables against the code they describe."""
 
 from __future__ import annotations
 

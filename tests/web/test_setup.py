@@ -1,4 +1,4 @@
-"""The Set-up page's routes, and the check list on its way to the page."""
+"""Routes of the Set-up page, and the check list from the station to the page."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FOUND = [
 
 @pytest.fixture
 def checked(station: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The station has looked at itself."""
+    """Return a station that has run its checks."""
     answer = station._call_blocking
 
     def call(service: str, request: Any) -> Any:

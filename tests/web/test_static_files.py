@@ -1,4 +1,4 @@
-"""The page's files from memory: what a browser gets is what the folder has."""
+"""Files of the page from memory: a browser gets what the folder has."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_a_changed_file_is_read_again(ask: Asker, script: Path) -> None:
     before = ask("a.js").headers["etag"]
     assert ask("a.js", if_none_match=before).status_code == 304
     script.write_text("again")
-    os.utime(script, ns=(1, 1))  # as long, and older
+    os.utime(script, ns=(1, 1))  # of the same size, but older
     after = ask("a.js", if_none_match=before)
     assert (after.status_code, after.text) == (200, "again")
 

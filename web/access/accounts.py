@@ -1,4 +1,4 @@
-"""People with a name and a password: the accounts of a data folder."""
+"""Accounts of a data folder: people with a name and a password."""
 
 from __future__ import annotations
 
@@ -39,10 +39,11 @@ def check_name(name: str) -> None:
 
 
 class Accounts:
-    """The accounts; safe for several threads and processes. Every method may raise StorageError.
+    """Accounts of a data folder; safe for several threads and processes.
 
-    Every change but a new account ends the account's sessions: their rows go, and the account
-    gets a new generation, which cookies of the old one do not carry.
+    Every method may raise StorageError. Every change, except a new account, ends the sessions of
+    the account: their rows are deleted, and the account gets a new generation, which old cookies
+    lack.
     """
 
     def __init__(
@@ -65,11 +66,12 @@ class Accounts:
             return session.scalar(select(func.count()).select_from(AccountRow)) or 0
 
     def check_new(self, name: str, role: Role | None = None) -> Role:
-        """Return the role a new account would get: `role`, by default operator, the first one
-        admin.
+        """Return the role a new account would get.
 
-        Raises UsageError for what is no name; RefusedError if the name is taken, or if the first
-        account would not be an admin.
+        That is `role`; without one, admin for the first account and operator for the others.
+
+        Raises UsageError for a name that is not allowed; RefusedError if the name is taken, or if
+        the first account would not be an admin.
         """
         check_name(name)
         with self._database.reading() as session:
@@ -93,7 +95,10 @@ class Accounts:
             return _account(row)
 
     def existing(self, name: str) -> Account:
-        """Return an existing account. Raises RefusedError, which lists the existing ones."""
+        """Return an existing account.
+
+        Raises RefusedError, which lists the accounts, if it is missing.
+        """
         with self._database.reading() as session:
             return _account(_existing(session, name))
 
@@ -132,8 +137,9 @@ class Accounts:
             _renew(session, _existing(session, name))
 
     def verify(self, name: str, password: str) -> Account | None:
-        """Return the account if the password is its own. Takes the same time for an unknown
-        name.
+        """Return the account if the password is right, else None.
+
+        The call takes the same time for an unknown name.
         """
         known = NAME.fullmatch(name) is not None
         with self._database.reading() as session:
@@ -145,7 +151,7 @@ class Accounts:
         return _account(row)
 
     def _rehash(self, row: AccountRow, password: str) -> None:
-        """Hash the same password with the present costs; the generation does not change."""
+        """Hash the same password with the present costs, and leave the generation as it is."""
         encoded = self._passwords.hash(password)
         with self._database.session() as session:
             session.execute(

@@ -1,7 +1,8 @@
-"""The limit on tries of a password: free failures first, then waits that double.
+"""Limit on the attempts at a password: a few failures are free, then each doubles the wait.
 
-Counted by address (an IPv6 network of 64 bits is one) and by name. An attempt is counted when it
-begins and forgiven when it succeeds, so that many at once gain nothing.
+Failures are counted per address (an IPv6 network of 64 bits is one address) and per name. An
+attempt counts as a failure when it begins and is cleared when it succeeds, so that many attempts at
+once gain nothing.
 """
 
 from __future__ import annotations
@@ -17,25 +18,31 @@ FREE = 5  # failures without a wait
 FIRST_WAIT = 2.0  # s
 LONGEST_WAIT = 300.0  # s
 FORGOTTEN = 3600.0  # s without a failure
-REMEMBERED = 4096  # addresses and names
+REMEMBERED = 4096  # addresses and names held in memory
 
 
 @dataclass(slots=True)
 class _Record:
     failures: int
     last: float  # s
-    until: float  # s; no attempt before
+    until: float  # s; no attempt is allowed before
 
 
 class Attempts:
-    """Counts failures by address and name; bounded memory drops the least recent. Clock in s."""
+    """Counters of failures by address and name, with a clock in s.
+
+    The memory is bounded: the least recent counters are dropped.
+    """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._records: OrderedDict[tuple[str, str], _Record] = OrderedDict()
 
     def begin(self, address: str, name: str) -> float:
-        """Return 0 and count a failure until it succeeds, or the wait (s) before the next try."""
+        """Begin an attempt: return 0, or the wait, in s, until it is allowed.
+
+        An allowed attempt counts as a failure until it succeeds.
+        """
         now = self._clock()
         keys = _keys(address, name)
         wait = max(self._wait(key, now) for key in keys)

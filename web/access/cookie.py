@@ -1,4 +1,4 @@
-"""The session cookie: its name and flags."""
+"""Session cookie: its name and flags."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from web.access.sessions import SESSION_AGE
 
 
 class SessionCookie:
-    """The cookie's name contains the port, because browsers share cookies between ports of a host;
-    under TLS it is Secure, and its prefix keeps other hosts from setting it."""
+    """Session cookie of one page.
+
+    Its name contains the port, because browsers share cookies between the ports of a host. Under
+    TLS it is Secure, and its prefix keeps other hosts from setting it.
+    """
 
     def __init__(self, base_url: str) -> None:
         place = urlsplit(base_url)

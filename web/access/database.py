@@ -1,7 +1,7 @@
-"""`<data>/web/access.sqlite` (mode 0600): accounts and open sessions.
+"""Database `<data>/web/access.sqlite` (mode 0600): accounts and open sessions.
 
-A file of its own and not a part of the catalogue: that one is shared with the station, may lie on
-another server and is handed on with the runs; password hashes belong in none of these.
+It is a separate file and not a part of the catalogue, which is shared with the station, may be on
+another server and is passed on with the runs: password hashes belong in none of these.
 """
 
 from __future__ import annotations
@@ -25,11 +25,14 @@ READING = "quadlab_reading"
 
 
 class Base(DeclarativeBase):
-    """The base class of these tables."""
+    """Base class of these tables."""
 
 
 class AccountRow(Base):
-    """`generation` is new with every change of password or role and every sign-out everywhere."""
+    """Row of an account.
+
+    `generation` changes with every change of password or role and every sign-out everywhere.
+    """
 
     __tablename__ = "accounts"
 
@@ -42,7 +45,7 @@ class AccountRow(Base):
 
 
 class SessionRow(Base):
-    """An open session; without its row a session is over, even if its cookie is valid."""
+    """Row of an open session; without it a session is over, even if its cookie is valid."""
 
     __tablename__ = "sessions"
 
@@ -55,7 +58,7 @@ class SessionRow(Base):
 
 
 class CounterRow(Base):
-    """Numbers that are never reused, so that a name added again has no old generation."""
+    """Counter whose numbers are never reused, so that a name added again has no old generation."""
 
     __tablename__ = "counters"
 
@@ -64,7 +67,9 @@ class CounterRow(Base):
 
 
 class AccessDatabase:
-    """The database; safe for several threads and processes. Every method may raise StorageError.
+    """Database of accounts and sessions; safe for several threads and processes.
+
+    Every method may raise StorageError.
 
     Args:
         folder: `<data>/web`, made if missing.
@@ -74,7 +79,7 @@ class AccessDatabase:
         self._path = folder / NAME
         try:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            # SQLite gives its files next to this one the same mode.
+            # SQLite creates its additional files with the same mode.
             os.close(os.open(self._path, os.O_RDWR | os.O_CREAT, 0o600))
             self._path.chmod(0o600)
         except OSError as error:
@@ -99,7 +104,7 @@ class AccessDatabase:
 
     @contextmanager
     def session(self) -> Iterator[Session]:
-        """Yield one transaction, committed at the end; refusals raised inside roll it back."""
+        """Yield one transaction, committed at the end; an error raised inside rolls it back."""
         with self._said(), self._sessions.begin() as session:
             yield session
 
@@ -111,7 +116,7 @@ class AccessDatabase:
             yield session
 
     def version(self) -> int:
-        """Return a number that differs after every commit of any process; costs about 2 µs."""
+        """Return a number that changes after every commit of any process; costs about 2 µs."""
         with self._said(), self._watch_lock:
             row = self._watch.execute("PRAGMA data_version").fetchone()
         return int(row[0])
@@ -129,7 +134,7 @@ class AccessDatabase:
 
 
 def count_accounts(folder: Path) -> int:
-    """Return how many accounts there are, without making the file. Raises StorageError."""
+    """Return the number of accounts, without creating the file. Raises StorageError."""
     if not (folder / NAME).exists():
         return 0
     database = AccessDatabase(folder)
@@ -151,7 +156,7 @@ def next_generation(session: Session) -> int:
 
 
 def _set_up(connection: Any, _record: Any) -> None:
-    connection.isolation_level = None  # we begin transactions ourselves, below
+    connection.isolation_level = None  # `_begin` begins the transactions instead
     cursor = connection.cursor()
     cursor.execute("PRAGMA busy_timeout=5000")
     cursor.execute("PRAGMA journal_mode=WAL")  # a check of a session never waits for a writer
@@ -160,8 +165,6 @@ def _set_up(connection: Any, _record: Any) -> None:
 
 
 def _begin(connection: Any) -> None:
-    """Begin a transaction in which what is read (is this the last admin?) still holds when it is
-    written.
-    """
+    """Begin a transaction whose reads (is this the last admin?) still hold when it writes."""
     reading = connection.get_execution_options().get(READING, False)
     connection.exec_driver_sql("BEGIN" if reading else "BEGIN IMMEDIATE")

@@ -1,10 +1,10 @@
-"""The entrance of the page: one-time sign-in tokens and the signed session cookie.
+"""Entrance of the page: one-time sign-in tokens and the signed session cookie.
 
-A token signs one browser in and is consumed by it; then a fresh one is minted, so that there is
-always exactly one way in for the next person, and it is shown only in the terminal. The
-terminal's token opens an admin's session: who reads it owns the data folder anyway. Tokens and
-the cookie-signing secret live in `<data>/web/door.json` (mode 0600), open sessions in
-`web.access.sessions`: both survive a restart.
+A token signs one browser in and is consumed by it. Then a new one is created, so that there is
+always exactly one way in for the next person; it is shown only in the terminal. The terminal's
+token opens an admin's session, because the person who can read it owns the data folder anyway.
+Tokens and the secret that signs cookies are stored in `<data>/web/door.json` (mode 0600), open
+sessions in `web.access.sessions`: both survive a restart.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from web.access.sessions import SESSION_AGE, Sessions
 
 __all__ = ["Door", "Role", "Session"]
 
-REMEMBERED = 200  # consumed tokens remembered, so that a supervisor cannot bring one back
-LINK_AGE = 600  # s, of a live link
+REMEMBERED = 200  # consumed tokens remembered, so that a supervisor cannot make one valid again
+LINK_AGE = 600  # s for which a live link is valid
 OPEN_AT_ONCE = 20  # unused tokens kept; each start of `quadlab up` leaves one
 
 
@@ -35,8 +35,8 @@ class Door:
 
     Args:
         folder: `<data>/web`, made if missing.
-        sessions: those that are open.
-        given: a token chosen by whoever started us (`quadlab up`); ignored once it was used.
+        sessions: the open sessions.
+        given: a token chosen by the process that started this one (`quadlab up`); ignored if used.
 
     Raises StorageError when the folder or its file cannot be read or written.
     """
@@ -70,7 +70,7 @@ class Door:
             return token
 
     def consume(self, token: str) -> Session | None:
-        """Return the session the token opens, or None when it is wrong or was used before."""
+        """Return the session that the token opens, or None if it is wrong or used."""
         with self._lock:
             sent = token.encode()
             tokens = self._state["tokens"]
@@ -92,19 +92,22 @@ class Door:
         return _signed(self._serializer, session)
 
     def session(self, cookie: str | None) -> Session | None:
-        """Return the session of a cookie's value, or None when forged, foreign, too old or
-        ended.
+        """Return the session of a cookie's value.
+
+        It is None if the value is forged, from another data folder or too old, or if its session
+        has ended.
         """
         return self._read(self._serializer, cookie, SESSION_AGE)
 
     def sign_link(self, session: Session) -> str:
-        """Return a token with which a program that has no cookie connects as this session, within
-        LINK_AGE.
+        """Return a token with which a program without a cookie connects as this session.
+
+        It is valid for LINK_AGE.
         """
         return _signed(self._links, session)
 
     def session_of_link(self, token: str) -> Session | None:
-        """Return the session of such a token, or None as `session` does."""
+        """Return the session of a token from `sign_link`, or None as `session` does."""
         return self._read(self._links, token, LINK_AGE)
 
     def _read(self, signer: URLSafeTimedSerializer, value: str | None, age: int) -> Session | None:

@@ -1,7 +1,7 @@
-"""The gate for every HTTP request and websocket: checks host, origin and sign-in.
+"""Gate for every HTTP request and websocket, which checks host, origin and sign-in.
 
-A plain ASGI middleware, so that nothing, static files and websockets included, is served before
-the checks. A refused websocket is answered 403 before it is accepted.
+It is a plain ASGI middleware, so that nothing, not even a static file or a websocket, is served
+before the checks. A refused websocket gets 403 before it is accepted.
 """
 
 from __future__ import annotations
@@ -30,13 +30,15 @@ NO_STORE = {"cache-control": "no-store"}
 
 
 class Gate:
-    """Lets a request through to `app` with its `web.access.roles.Session` in `scope["session"]`.
+    """ASGI middleware that passes signed-in requests to `app`.
+
+    The application finds the `web.access.roles.Session` in `scope["session"]`.
 
     Args:
-        base_url: where we are, with its scheme: pages of another scheme are foreign too.
+        base_url: the address of this page with its scheme; pages of another scheme are foreign too.
         hosts: allowed values of the Host header (`127.0.0.1:8080`, `localhost:8080`, …).
-        people: while they have no accounts, the sign-in page asks for no password.
-        links: to single files, which need no session.
+        people: the users; while they have no accounts, the sign-in page asks for no password.
+        links: signed links to single files, which need no session.
     """
 
     def __init__(
@@ -61,11 +63,11 @@ class Gate:
                 await self._people.sockets.serve(app, scope["session"], scope, receive, send)
             else:
                 await app(scope, receive, send)
-        except StorageError as error:  # of the accounts: no one is let in
+        except StorageError as error:  # the accounts cannot be read: refuse everyone
             await _error(503, str(error))(scope, receive, send)
 
     async def _application(self, scope: Scope, receive: Receive) -> ASGIApp:
-        """Return what answers: the application, its session in the scope, or our own answer."""
+        """Return the ASGI application that answers: the page's, with its session, or a refusal."""
         came = HTTPConnection(scope)
         follow_choice(came)
         if refusal := self._foreign(came):
@@ -101,7 +103,7 @@ class Gate:
         if host not in self._hosts:
             return f"this is not {host!r:.80}; open {self._base_url}/ instead"
         guarded = came.scope["type"] == "websocket" or came.scope["method"] not in SAFE_METHODS
-        guarded = guarded and _live_token(came) is None  # not the browser, but who has it, asks
+        guarded = guarded and _live_token(came) is None  # asked by the token's holder, no browser
         origin = came.headers.get("origin")
         # Programs send no Origin; browsers always do on a POST, a PUT and a websocket.
         if guarded and origin is not None and origin.lower() != f"{self._scheme}://{host}":
@@ -110,7 +112,7 @@ class Gate:
 
     async def _by_link(self, request: Request, token: str, session: Session | None) -> Response:
         if session is not None:
-            # A bookmark or a second click: leave the token to someone else.
+            # This is a bookmark or a second click: leave the token to someone else.
             return page_response(signed_in_page())
         outcome = await self._people.sign_in.by_link(token, address_of(request))
         if isinstance(outcome, Refusal):
@@ -151,8 +153,9 @@ class Gate:
 
 
 def _live_token(came: HTTPConnection) -> str | None:
-    """Return the token of a live link: Foxglove connects from its own page, where our cookie never
-    comes.
+    """Return the token of a live link, or None.
+
+    Foxglove connects from its own page, which does not send this page's cookie.
     """
     is_live = came.scope["type"] == "websocket" and came.scope["path"].endswith("/foxglove")
     return came.query_params.get("token") if is_live else None
@@ -167,12 +170,12 @@ def _wants_page(request: Request) -> bool:
 
 
 def _with_policy(send: Send) -> Send:
-    """Add the headers every answer carries; an answer may bring its own content policy.
+    """Add the headers that every answer carries; an answer may set its own content policy.
 
-    No Strict-Transport-Security: it would keep a browser from this computer's other ports, and
-    from this one once TLS is off again; with a private authority not yet trusted it would forbid
-    to go on at all. Referrer-Policy is not `no-referrer`: under it a browser sends a form with
-    `Origin: null`.
+    There is no Strict-Transport-Security: it would keep a browser from this computer's other ports,
+    and from this one once TLS is off again. With a private authority that is not yet trusted, it
+    would not even let the user proceed. Referrer-Policy is not `no-referrer`, because a browser
+    then sends a form with `Origin: null`.
     """
 
     async def sending(message: Message) -> None:

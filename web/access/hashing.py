@@ -1,4 +1,4 @@
-"""Hashing of passwords outside the event loop: two at once, with a short queue."""
+"""Hashing of passwords outside the event loop, two at a time, with a short queue."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import ParamSpec, TypeVar
 from quadrotor.errors import QuadlabError
 
 AT_ONCE = 2
-WAITING = 16  # and those being hashed; each takes about 0.1 s and 64 MiB
+WAITING = 16  # including those being hashed; each takes about 0.1 s and 64 MiB
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -26,9 +26,7 @@ class Hashing:
         self._under_way = 0
 
     async def run(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """Run a function in the hashing threads. Raises BusyError rather than letting a queue
-        grow.
-        """
+        """Run a function in the hashing threads. Raises BusyError if the queue is full."""
         if self._under_way >= WAITING:
             raise BusyError("too many people sign in at once; try again in a few seconds")
         self._under_way += 1

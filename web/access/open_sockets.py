@@ -1,4 +1,4 @@
-"""Open websockets, closed when their session ends."""
+"""Open websockets, which are closed when their session ends."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from quadrotor.errors import StorageError
 from web.access.roles import Session
 from web.access.sessions import Sessions
 
-PERIOD = 0.5  # s, between looks at what other processes and the clock have ended
-GRACE = 1.0  # s a socket has to end by itself
+PERIOD = 0.5  # s, between checks for sessions ended by another process or by age
+GRACE = 1.0  # s that a socket has to end by itself
 SIGNED_OUT = 4401
-"""Close code: the page goes to the sign-in page instead of reconnecting."""
+"""Close code on which the page opens the sign-in page instead of reconnecting."""
 
 
 class OpenSockets:
@@ -53,12 +53,12 @@ class OpenSockets:
     async def run(self) -> None:
         while True:
             await asyncio.sleep(PERIOD)
-            with contextlib.suppress(StorageError):  # tried again; requests say it meanwhile
+            with contextlib.suppress(StorageError):  # tried again; requests report the error
                 self.check()
 
 
 class _Guard:
-    """A guard between one socket and its application; once over, nothing passes any more."""
+    """Guard between one socket and its application; once it is over, nothing passes any more."""
 
     def __init__(self, session: Session, receive: Receive, send: Send) -> None:
         self.session = session
@@ -74,18 +74,19 @@ class _Guard:
         message: Message = {"type": "websocket.disconnect", "code": SIGNED_OUT}
         if not self.is_over:
             came = await self._receive()
-            if not self.is_over:  # a frame that was under way does not count either
+            if not self.is_over:  # a frame received in the meantime does not count either
                 message = dict(came)
         return message
 
     async def send(self, message: Message) -> None:
         if self.is_over:
-            raise OSError("signed out")  # what a socket that has gone raises
+            raise OSError("signed out")  # what a closed socket raises
         await self._send(message)
 
     def end(self) -> None:
-        """End the socket: the close frame wakes the application; one that does not notice is
-        cancelled.
+        """End the socket.
+
+        The close frame wakes the application; after GRACE its task is cancelled.
         """
         self.is_over = True
         loop = asyncio.get_running_loop()
@@ -93,7 +94,7 @@ class _Guard:
         self._deadline = loop.call_later(GRACE, self._cut_off)
 
     def cut_off(self) -> bool:
-        """Return whether the cancellation being handled is ours; it is then taken back."""
+        """Return whether this guard cancelled the task; then revoke the cancellation."""
         if self._was_cut_off and self._serving is not None:
             self._serving.uncancel()
         return self._was_cut_off

@@ -1,4 +1,4 @@
-"""The two small pages of the sign-in and their style; all others are in `static/`."""
+"""The two small pages of the sign-in, and their style; all other pages are in `static/`."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ maxlength="500" required{password_focus}></label>
 
 
 def sign_in_page(line: str, name: str, base_url: str, *, with_password: bool) -> str:
-    """Return the page that explains what to do without a session.
+    """Return the page that explains how to sign in.
 
     Args:
         line: why this page is shown.
-        name: as it was typed the last time.
-        with_password: there are accounts to sign in to.
+        name: the name typed at the last attempt.
+        with_password: whether there are accounts to sign in to.
     """
     people = ""
     if with_password:
@@ -65,8 +65,9 @@ autocomplete="off"{focus}><button>Sign in</button></form>""",
 def signed_in_page() -> str:
     """Return the page that continues to the console by itself.
 
-    A page and not a redirect: a SameSite=Strict cookie is not sent along a redirect that
-    began at another site (a link in a mail), but is on a navigation that begins here.
+    It is a page and not a redirect: a browser does not send a SameSite=Strict cookie along a
+    redirect that began at another site (a link in a mail), but does on a navigation that begins
+    here.
     """
     return small_page(
         "quadlab",
@@ -78,13 +79,13 @@ def signed_in_page() -> str:
 def page_response(
     page: str, status: int = 200, headers: dict[str, str] | None = None
 ) -> HTMLResponse:
-    """Return a small page as an answer that is never kept."""
+    """Return a small page as an answer that is not cached."""
     own = {"content-security-policy": POLICY, "cache-control": "no-store"}
     return HTMLResponse(page, status, {**own, **(headers or {})})
 
 
 def small_page(title: str, body: str) -> str:
-    """Return a page of its own, without scripts; `body` is HTML."""
+    """Return a complete page without scripts; `body` is HTML."""
     return (
         f'<!doctype html>{html_tag()}<meta charset="utf-8"><title>{title}</title>'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'

@@ -32,9 +32,10 @@ def check_password(name: str, password: str) -> None:
 
 
 class Passwords:
-    """Hashes and verifies passwords. A call takes about 0.1 s and 64 MiB: never on an event loop.
+    """Hashing and verification of passwords.
 
-    One lane, not RFC 9106's four: the flight process has a core of this computer.
+    A call takes about 0.1 s and 64 MiB: never call it on an event loop. It uses one lane, not the
+    four of RFC 9106, because the flight process has a core of this computer.
     """
 
     def __init__(self, time_cost: int = 3, memory_cost: int = 64 * 1024) -> None:
@@ -53,8 +54,10 @@ class Passwords:
         return self._hasher.hash(_normal(password))
 
     def matches(self, encoded: str | None, password: str) -> bool:
-        """Return whether the password fits. Without a hash (no one of that name) the same work is
-        done in vain, so that the time taken does not tell which names exist.
+        """Return whether the password fits.
+
+        Without a hash (no account has that name) the same work is done in vain, so that the time
+        taken does not reveal which names exist.
         """
         from argon2.exceptions import InvalidHashError, VerificationError
 
@@ -65,8 +68,9 @@ class Passwords:
         return fits and encoded is not None
 
     def is_outdated(self, encoded: str) -> bool:
-        """Return whether the hash was made with other costs than ours: to be made again while the
-        password is at hand.
+        """Return whether the hash was made with other costs than the present ones.
+
+        If so, make it again while the password is available.
         """
         return self._hasher.check_needs_rehash(encoded)
 
@@ -77,7 +81,7 @@ class Passwords:
 
 
 def _normal(password: str) -> str:
-    """Return the normalised form of characters that keyboards write differently."""
+    """Return the password in the Unicode form NFKC: keyboards write some characters differently."""
     return unicodedata.normalize("NFKC", password)
 
 

@@ -23,7 +23,7 @@ from web.access.roles import Session
 from web.access.sessions import Sessions
 from web.access.sign_in import SignIn
 
-SEEN_PERIOD = 30.0  # s, between writes of when each was last seen
+SEEN_PERIOD = 30.0  # s, between writes of when each user was last seen
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class People:
         return answer
 
     async def run(self) -> None:
-        """Keep when each was last seen; a disk that is full for a while is no reason to end."""
+        """Store when each user was last seen; a disk that is full for a while does not end this."""
         while True:
             await asyncio.sleep(SEEN_PERIOD)
             with contextlib.suppress(StorageError):
@@ -70,8 +70,8 @@ def open_people(
     """Open the accounts and sessions in `<data>/web`.
 
     Args:
-        token: as `given` of `web.access.door.Door`.
-        say, on_link, attempts: as of `web.access.sign_in.SignIn`.
+        token: see `given` of `web.access.door.Door`.
+        say, on_link, attempts: see `web.access.sign_in.SignIn`.
 
     Raises StorageError.
     """

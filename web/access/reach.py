@@ -1,4 +1,4 @@
-"""The addresses on which the page may listen: on loopback, elsewhere only with TLS and accounts."""
+"""Addresses on which the page may listen: loopback; others only with TLS and accounts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from quadrotor.errors import UsageError
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether a server on `host` is reached from this computer only."""
+    """Return whether a server on `host` is reached only from this computer.
+
+    Raises UsageError for an unknown host.
+    """
     if not host:
         return False
     try:
@@ -27,8 +30,9 @@ def is_loopback(host: str) -> bool:
 
 
 def check_reach(host: str, *, has_tls: bool, accounts: int) -> None:
-    """Raise UsageError unless others reach the page only by password, over TLS: it moves a
-    machine.
+    """Raise UsageError unless others reach the page only by password and over TLS.
+
+    The page moves a machine.
     """
     if is_loopback(host):
         return

@@ -7,7 +7,7 @@ from enum import StrEnum
 
 
 class Role(StrEnum):
-    """The role of a person; each role may do all that those before it may."""
+    """Role of a person; each role may do all that the roles above it may."""
 
     VIEWER = "viewer"  # watch
     OPERATOR = "operator"  # command
@@ -23,8 +23,11 @@ _RANK = {role: rank for rank, role in enumerate(Role)}
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """A signed-in browser. `label` is the requester of its commands: an account's name, or
-    `operator 1` for one that signed in by a link (accounts' names have no spaces)."""
+    """Session of a signed-in browser.
+
+    `label` is the requester of its commands: an account's name, or `operator 1` for a browser that
+    signed in by a link (names of accounts have no spaces).
+    """
 
     label: str
     role: Role

@@ -1,7 +1,7 @@
-"""The open sessions: checked at every request from memory, stored in the database.
+"""Open sessions: checked in memory at every request, stored in the database.
 
-The memory is read again whenever any process has committed to the database: `quadlab user remove`
-in a terminal signs out a browser of the running page at its next request.
+The sessions are read again whenever any process has committed to the database: `quadlab user
+remove` in a terminal signs out a browser of the running page at its next request.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from web.access.database import AccessDatabase, AccountRow, SessionRow
 from web.access.roles import Role, Session
 
 SESSION_AGE = 30 * 24 * 3600  # s
-PER_LABEL = 50  # open sessions of one account; the oldest go
+PER_LABEL = 50  # open sessions of one account; the oldest are ended
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """A person with open sessions."""
+    """Person with open sessions."""
 
     label: str
     role: Role
@@ -35,7 +35,7 @@ class Seen:
 
 
 class Sessions:
-    """The open sessions; thread-safe. Every method may raise StorageError."""
+    """Open sessions; thread-safe. Every method may raise StorageError."""
 
     def __init__(self, database: AccessDatabase, clock: Callable[[], float] = time.time) -> None:
         self._database = database
@@ -46,8 +46,10 @@ class Sessions:
         self._seen: dict[str, int] = {}  # since the last `write_seen`
 
     def open(self, label: str, role: Role, generation: int = 0) -> Session:
-        """Open a session. `generation` is the account's as its password was verified: should it
-        have changed since, the session is over before it begins.
+        """Open a session.
+
+        `generation` is that of the account when its password was verified: if it has changed since,
+        the session is over before it begins.
         """
         now = int(self._clock())
         session = Session(label, role, secrets.token_urlsafe(16), generation, now)
@@ -71,15 +73,17 @@ class Sessions:
         return session
 
     def is_open(self, session: Session) -> bool:
-        """Return as `holds`, for a session that asks for something now."""
+        """Return whether `holds` is true, and if so note that the session was seen now."""
         if not self.holds(session):
             return False
         self._seen[session.id] = int(self._clock())
         return True
 
     def holds(self, session: Session) -> bool:
-        """Return whether the session has neither ended, nor is too old, nor of an account that has
-        changed since. A session may ask for less than it was opened with: as a viewer.
+        """Return whether the session is still valid.
+
+        It is not if it was ended, if it is too old, or if its account has changed since. A session
+        may be used with a lower role than it was opened with, that of a viewer.
         """
         with self._lock:
             version = self._database.version()
@@ -96,7 +100,7 @@ class Sessions:
             transaction.execute(delete(SessionRow).where(SessionRow.id == session.id))
 
     def end_guests(self, label: str) -> None:
-        """End the session of a link with this label. Raises RefusedError if there is none."""
+        """End the sessions by link with this label. Raises RefusedError if there are none."""
         with self._database.session() as transaction:
             guests = SessionRow.label == label, SessionRow.generation == 0
             ended = transaction.scalars(select(SessionRow.id).where(*guests)).all()
@@ -118,7 +122,7 @@ class Sessions:
         ]
 
     def write_seen(self) -> None:
-        """Store the time each was last seen, and drop sessions that are over."""
+        """Store when each session was last seen, and delete those that are too old."""
         seen, self._seen = self._seen, {}
         oldest = int(self._clock()) - SESSION_AGE
         with self._database.session() as transaction:

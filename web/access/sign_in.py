@@ -18,13 +18,13 @@ from web.access.roles import Session
 from web.access.sessions import Sessions
 
 LARGEST_FORM = 4096  # bytes
-FORM_TIME = 10.0  # s a form may take to arrive
+FORM_TIME = 10.0  # s in which a form must arrive
 _log = logging.getLogger("quadlab.web")
 
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A refused sign-in with its reason; `wait`: s before the next try is allowed."""
+    """Refused sign-in with its reason; `wait` is the time, in s, before the next try is allowed."""
 
     status: int
     line: str
@@ -32,10 +32,10 @@ class Refusal:
 
 
 class SignIn:
-    """Signs users in; to be used from the event loop's thread.
+    """Sign-in of users; to be used from the event loop's thread.
 
     Args:
-        say: level and text of a line in everyone's event list.
+        say: called with level and text of a line for everyone's event list.
         on_link: called with the label of the person who used a link.
     """
 
@@ -73,9 +73,7 @@ class SignIn:
         return Refusal(401, "This sign-in link is not valid (any more).")
 
     async def by_password(self, name: str, password: str, address: str) -> Session | Refusal:
-        """Sign in by password. The name is taken as it was meant: small letters, no blanks around
-        it.
-        """
+        """Sign in by password. The name is converted to lower case without blanks around it."""
         account = await self.verify(name.strip().lower(), password, address)
         if isinstance(account, Refusal):
             return account
@@ -84,8 +82,9 @@ class SignIn:
         return session
 
     async def verify(self, name: str, password: str, address: str) -> Account | Refusal:
-        """Return the account of a name and its password, within the limits of
-        `web.access.attempts`.
+        """Return the account of a name and its password.
+
+        Attempts are limited by `web.access.attempts`.
         """
         if self._attempts.begin(address, name) > 0.0:
             wait = self._attempts.wait(address, name)
@@ -98,7 +97,7 @@ class SignIn:
         if account is not None:
             self._attempts.succeeded(address, name)
             return account
-        # Never what came as the name: people type their password there.
+        # Never log an unknown name, because people type their password in this field.
         names = {one.name for one in await asyncio.to_thread(self._accounts.all)}
         whose = f"the password of {name}" if name in names else "a name that is not known"
         wait = self._attempts.wait(address, name)
@@ -118,7 +117,7 @@ class SignIn:
 
 
 def address_of(came: HTTPConnection) -> str:
-    """Return the address of the connection itself: a header could name any."""
+    """Return the address of the connection itself, because a header could name any."""
     return came.client.host if came.client else "unknown"
 
 

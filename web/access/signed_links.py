@@ -1,7 +1,7 @@
 """Links to one run's file that work without a session, for ten minutes.
 
-Foxglove and Lichtblick read a log from their own pages, where our cookie never comes. So a link
-carries a signature over run and time instead: it opens that file, to be read, and nothing else.
+Foxglove and Lichtblick read a log from their own pages, which do not send this page's cookie. So a
+link carries a signature over run and time instead: it allows reading that file, and nothing else.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from quadrotor.errors import StorageError
 
 AGE = 600  # s
 FOLDER = "/signed/runs/"
-SUFFIX = ".mcap"  # by which viewers know what to do
+SUFFIX = ".mcap"  # by which viewers recognise the format
 KEY = "links.key"
-METHODS = frozenset({"GET", "HEAD", "OPTIONS"})  # the last before a browser reads
+METHODS = frozenset({"GET", "HEAD", "OPTIONS"})  # a browser sends the last before it reads
 SITES = frozenset({"https://app.foxglove.dev", "https://lichtblick-suite.github.io"})
 """Sites whose pages may read the file, in addition to those served by the reader's computer."""
 
@@ -36,10 +36,10 @@ _READ = ("Accept-Ranges", "Content-Length", "Content-Range", "ETag", "Last-Modif
 
 
 class SignedLinks:
-    """Makes signed links and verifies them.
+    """Maker and verifier of signed links.
 
     Args:
-        folder: `<data>/web`; the key lies there, mode 0600.
+        folder: `<data>/web`; the key is stored there, mode 0600.
         clock: s, epoch.
 
     Raises StorageError when the key cannot be read or made.
@@ -50,8 +50,9 @@ class SignedLinks:
         self._key = _key(folder / KEY)
 
     def make(self, run_id: str) -> str:
-        """Return path and query of a link to the run's file. Raises StorageError for an odd
-        name.
+        """Return path and query of a link to the run's file.
+
+        Raises StorageError if the run's name has other characters than a link allows.
         """
         if not _RUN.fullmatch(run_id):
             raise StorageError(f"run {run_id!r:.80}: a file of this name has no link")
@@ -60,7 +61,7 @@ class SignedLinks:
         return f"{FOLDER}{run_id}{SUFFIX}?{query}"
 
     def opens(self, scope: Scope) -> bool:
-        """Return whether this request carries a valid signature for exactly what it asks."""
+        """Return whether this request carries a valid signature for exactly what it requests."""
         path = scope["path"]
         if scope["type"] != "http" or scope["method"] not in METHODS:
             return False
@@ -74,7 +75,7 @@ class SignedLinks:
         right = self._sign(run_id, until[0])
         if not hmac.compare_digest(right.encode(), given[0].encode()):
             return False
-        return self._clock() <= int(until[0])  # ours: it was signed
+        return self._clock() <= int(until[0])  # a number, because the signature is right
 
     @staticmethod
     def sharing(app: ASGIApp) -> ASGIApp:

@@ -1,4 +1,4 @@
-"""The page's certificate: from the data folder's own authority, or provided by the user."""
+"""Certificate of the page: from the data folder's own authority, or provided by the user."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from pathlib import Path
 
 from quadrotor.errors import UsageError
 
-SOON = 14  # days: a certificate that ends within these is worth a word
+SOON = 14  # days before its end from which a certificate causes a warning
 
 
 @dataclass(frozen=True, slots=True)
 class Tls:
-    """A verified pair of certificate and key.
+    """Verified pair of certificate and key.
 
-    names: hosts it is for, wildcards left out.
-    authority: to be trusted once in each browser; None for a certificate the user brought.
+    names: hosts it is for, without wildcards.
+    authority: to be trusted once in each browser; None for a certificate that the user provided.
     """
 
     certificate: Path
@@ -29,7 +29,7 @@ class Tls:
 
 
 def private_tls(data: Path, names: tuple[str, ...]) -> Tls:
-    """Return a certificate of the data folder's authority for these names; made when missing.
+    """Return a certificate of the data folder's authority for these names, made if missing.
 
     Raises StorageError or LinkError.
     """
@@ -44,7 +44,8 @@ def private_tls(data: Path, names: tuple[str, ...]) -> Tls:
 def given_tls(certificate: Path, key: Path) -> Tls:
     """Return a certificate (with its chain) and key in PEM.
 
-    Raises UsageError: unreadable, no PEM, locked by a password, not fitting, not valid today.
+    Raises UsageError if they are unreadable, not PEM, locked by a password, do not fit each other
+    or are not valid today.
     """
     held = _read(certificate, "--tls-certificate")
     _readable(key, "--tls-key")
@@ -77,9 +78,7 @@ def own_names(host: str) -> tuple[str, ...]:
 
 
 def shown_host(host: str) -> str:
-    """Return the host that links name: `host`, or this computer's first address when it listens on
-    all.
-    """
+    """Return the host that links use: `host`, or this computer's first address for a wildcard."""
     if host not in ("", "0.0.0.0", "::"):
         return host
     return next(iter(_addresses()), socket.gethostname())
@@ -123,7 +122,7 @@ def _addresses() -> list[str]:
     """Return the addresses of this computer, the one towards the network first."""
     found: list[str] = []
     for family, elsewhere in (
-        (socket.AF_INET, "192.0.2.1"),  # addresses of documentation: nothing is sent
+        (socket.AF_INET, "192.0.2.1"),  # addresses reserved for documentation; nothing is sent
         (socket.AF_INET6, "2001:db8::1"),
     ):
         try:
@@ -140,7 +139,7 @@ def _addresses() -> list[str]:
 
 
 def _interface_addresses() -> list[str]:
-    """Return IPv4 of every network interface (Linux)."""
+    """Return the IPv4 address of every network interface (Linux)."""
     import fcntl
     import struct
 
@@ -151,7 +150,7 @@ def _interface_addresses() -> list[str]:
             request = struct.pack("256s", name.encode()[:15])
             try:
                 answer = fcntl.ioctl(probe.fileno(), get_address, request)
-            except OSError:  # it has none
+            except OSError:  # the interface has no address
                 continue
             found.append(socket.inet_ntoa(answer[20:24]))
     return found

@@ -48,7 +48,7 @@ def add_users(app: FastAPI, people: People) -> None:
 def _add_session(app: FastAPI, people: People) -> None:
     @app.post("/api/session/sign_out")
     async def sign_out(session: Asker, body: SignOutBody | None = None) -> JSONResponse:
-        """End this session; its open websockets are closed."""
+        """End this session, or with `everywhere` all of the account, and close their websockets."""
         if body is not None and body.everywhere and session.has_account:
             await asyncio.to_thread(people.accounts.end_sessions, session.label)
             people.sign_in.tell("info", f"{session.label} signed out everywhere")
@@ -62,7 +62,7 @@ def _add_session(app: FastAPI, people: People) -> None:
 
     @app.put("/api/session/password")
     async def change_own(body: OwnPasswordBody, session: Asker, request: Request) -> Response:
-        """Set a new password for one's own account; other browsers of it are signed out."""
+        """Set a new password for your own account; its other browsers are signed out."""
         if not session.has_account:
             raise RefusedError(f"{session.label} signed in by a link and has no password")
         account = await people.sign_in.verify(session.label, body.current, address_of(request))
@@ -85,8 +85,9 @@ def _add_management(app: FastAPI, people: People) -> None:
 
     @app.get("/api/users")
     async def users(_: Admin) -> list[dict[str, Any]]:
-        """Return the accounts, and who is signed in by a link; `last_seen` in s, epoch, 0 =
-        never.
+        """Return the accounts and the people signed in by a link.
+
+        `last_seen` is in s, epoch; 0 = never.
         """
         return await asyncio.to_thread(_everyone, people)
 
@@ -105,7 +106,7 @@ def _add_management(app: FastAPI, people: People) -> None:
 
     @app.put("/api/users/{name}/role")
     async def set_role(name: str, body: RoleBody, session: Admin) -> dict[str, str]:
-        """Set a role, and sign the user out everywhere."""
+        """Set the role of a user, who is signed out everywhere."""
         await asyncio.to_thread(accounts.set_role, name, body.role)
         people.sockets.check()
         tell("info", f"{session.label} made {name} {body.role}")
@@ -113,7 +114,7 @@ def _add_management(app: FastAPI, people: People) -> None:
 
     @app.put("/api/users/{name}/password")
     async def set_password(name: str, body: PasswordBody, session: Admin) -> dict[str, str]:
-        """Set a password, and sign the user out everywhere."""
+        """Set the password of a user, who is signed out everywhere."""
         await people.hashing.run(accounts.set_password, name, body.password)
         people.sockets.check()
         tell("info", f"{session.label} gave {name} a new password")
@@ -121,7 +122,7 @@ def _add_management(app: FastAPI, people: People) -> None:
 
     @app.post("/api/users/{name}/end_sessions")
     async def end_sessions(name: str, session: Admin) -> dict[str, str]:
-        """Sign an account out everywhere, or end the session of a link such as `operator 1`."""
+        """Sign an account out everywhere, or end the sessions of a link such as `operator 1`."""
         if " " in name:
             await asyncio.to_thread(people.sessions.end_guests, name)
         else:
@@ -142,6 +143,6 @@ def _everyone(people: People) -> list[dict[str, Any]]:
 
 
 def shown(one: Seen) -> dict[str, Any]:
-    """Return a person for the page; `last_seen` in s, epoch."""
+    """Return a person as JSON for the page; `last_seen` is in s, epoch."""
     fields = asdict(one)
     return {"name": fields.pop("label"), "account": fields.pop("has_account"), **fields}

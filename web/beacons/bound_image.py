@@ -1,6 +1,6 @@
-"""The observability map as a picture: calm colours in order of lightness, on a logarithmic scale.
+"""Observability map as a picture: muted colours, ordered by lightness, on a logarithmic scale.
 
-Light is well determined, dark is badly, and what is not determined at all is left out.
+Light means well determined, dark badly; what is not determined is left transparent.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ COLORS = ((199, 233, 205), (126, 197, 184), (70, 152, 163), (48, 108, 138), (43,
 BEYOND = (40, 42, 62)
 OPACITY = 0.5
 STEPS = 24
-"""Shades: so few that the edges between them read as contour lines, and the picture is small."""
+"""Number of shades: few, so that their edges look like contour lines and the picture is small."""
 NICE = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0)
 
 
 @dataclass(frozen=True)
 class Scale:
-    """Ends of the colours, m."""
+    """Ends of the colour scale, m."""
 
     low: float
     high: float
 
     @classmethod
     def of(cls, bound: npt.NDArray[np.float64]) -> Scale | None:
-        """Return round ends around most of a map; None when nothing is determined."""
+        """Return round ends around most of a map, or None if nothing is determined."""
         known = bound[np.isfinite(bound)]
         if not len(known):
             return None
@@ -38,7 +38,7 @@ class Scale:
         return cls(low, high if high > low else 2.0 * low)
 
     def share(self, bound: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Return 0 at the low end, 1 at the high one, on a logarithmic scale, not limited."""
+        """Return 0 at the low end, 1 at the high end, logarithmic in between and not clipped."""
         shares: npt.NDArray[np.float64] = np.log(bound / self.low) / math.log(self.high / self.low)
         return shares
 
@@ -64,9 +64,7 @@ def shade_of(share: float) -> tuple[int, int, int]:
 
 
 def legend(scale: Scale) -> dict[str, object]:
-    """Return the legend for the page: ends in m, colours from low to high, and the colour of what
-    is above.
-    """
+    """Return the legend for the page: ends in m, colours from low to high, and beyond the end."""
     return {
         "low": scale.low,
         "high": scale.high,
@@ -82,12 +80,12 @@ def hex_of(color: tuple[int, int, int]) -> str:
 
 
 def round_down(value: float) -> float:
-    """Return the largest round number not above."""
+    """Return the largest round number that is not above the value."""
     decade = 10.0 ** math.floor(math.log10(value))
     return max((n * decade for n in NICE if n * decade <= value * (1 + 1e-9)), default=decade)
 
 
 def round_up(value: float) -> float:
-    """Return the smallest round number not below."""
+    """Return the smallest round number that is not below the value."""
     decade = 10.0 ** math.floor(math.log10(value))
     return min(n * decade for n in NICE if n * decade >= value * (1 - 1e-9))

@@ -1,8 +1,8 @@
-"""`/ws/comparison`: the estimators of the comparison with their residuals, for an open Beacons tab.
+"""`/ws/comparison`: estimators of the comparison and residuals, for an open Beacons tab.
 
-JSON at 5 Hz, faster than which no one reads numbers; nothing while no comparison comes. Charts get
-the same figures at their own rate as signals (web.signals). A page opens this socket while its
-tab is open and closes it after.
+It sends JSON at 5 Hz, because people read numbers no faster, and nothing while there is no
+comparison. Charts get the same figures at their own rate as signals (web.signals). A page opens
+this socket while its tab is open.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ async def serve(socket: WebSocket, live: Live) -> None:
 
 
 def as_json(message: Any) -> dict[str, Any]:
-    """Return the message for the page: lengths in mm, angles in degrees; null is not known."""
+    """Return the message for the page: lengths in mm, angles in degrees; null = not known."""
     return {
         "truth": message.truth,
         "duration": _short(message.duration, 6),
@@ -50,9 +50,11 @@ def as_json(message: Any) -> dict[str, Any]:
 
 
 def _estimator(one: Any) -> dict[str, Any]:
-    """Return an estimator's figures by place, for names would be most of the bytes: position error
-    now, rms and maximum of the last 10 s, rms of the attitude's error, the same two of the session,
-    share of a core in percent.
+    """Return an estimator's figures in a fixed order, because names would be most of the bytes.
+
+    They are the position error now, its rms and maximum over the last 10 s, the rms of the attitude
+    error, rms and maximum of the position error over the session, and the share of a core in
+    percent.
     """
     lengths = (one.position_error, one.position_rms_recent, one.position_max_recent)
     return {
@@ -77,5 +79,5 @@ def _degrees(radians: float) -> float | None:
 
 
 def _short(value: float, digits: int = 4) -> float | None:
-    """Return a number in few digits: JSON has no NaN, and the page shows no more."""
+    """Return a number with few digits, which is all the page shows, or None: JSON has no NaN."""
     return float(f"{value:.{digits}g}") if math.isfinite(value) else None

@@ -1,9 +1,9 @@
 """Beacons dragged in the 3D view.
 
-viser never sees a drag: the pump takes an operator's drag of a handle out of the browser's
-messages (`drag_of`) and gives it here. The pointer's line of sight is met with the beacons' plane,
-so that a beacon stays in it whatever the view, and positions are handed on at 10 Hz, the last one
-always. A handle moves only with the confirmed layout.
+viser never receives a drag: the pump removes an operator's drag of a handle from the browser's
+messages (`drag_of`) and passes it to this module. The pointer's line of sight is intersected with
+the beacons' plane, so that a beacon stays in it whatever the view. Positions are passed on at
+10 Hz, always including the last one. A handle moves only with the confirmed layout.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from web.beacons.shapes import Point, on_plane
 
 MESSAGE = "SceneNodeDragMessage"
 PERIOD = 0.1  # s between two positions of one beacon
-SETTLING = 1.5  # s a wanted place is shown without news
-NEAR = 0.002  # m between confirmed and wanted place: it has arrived
+SETTLING = 1.5  # s for which a requested position is shown without a confirmation
+NEAR = 0.002  # m; a confirmed position this close to the requested one is the same
 FARTHEST = 15.0  # m from the world's origin, on each axis
 
 Phase = Literal["start", "update", "end"]
 
 
 class Drag(NamedTuple):
-    """One step: the pointer's place (m, world) as seen from `eye`, the camera."""
+    """One step of a drag: the pointer's place (m, world) as seen from `eye`, the camera."""
 
     name: str
     phase: Phase
@@ -37,7 +37,7 @@ class Drag(NamedTuple):
 
 
 class _DragMessage(msgspec.Struct, tag_field="type", tag=MESSAGE):
-    """A drag message of viser's client; the rest of it is not needed."""
+    """Drag message of viser's client; its other fields are not needed."""
 
     phase: Phase
     name: str
@@ -66,7 +66,7 @@ def drag_of(frame: bytes, names: frozenset[str], eye: Point | None, who: str) ->
 
 @dataclass(slots=True)
 class _Wish:
-    """A wish for a beacon's position, and whether that was sent on."""
+    """Requested position of a beacon, and whether it was sent on."""
 
     position: Point
     who: str
@@ -76,7 +76,7 @@ class _Wish:
 
 
 class BeaconDrags:
-    """Tracks drags by beacon id; `on_moved(id, position, who)` is called with the positions."""
+    """Tracker of drags by beacon id; `on_moved(id, position, who)` is called with the positions."""
 
     def __init__(self) -> None:
         self.on_moved: Callable[[int, Point, str], None] = lambda *_: None
@@ -85,7 +85,7 @@ class BeaconDrags:
         self._sent: dict[int, float] = {}
 
     def take(self, drag: Drag, id: int, place: Point, normal: Point, now: float) -> None:
-        """Take one step of beacon `id`, which is at `place` in the plane with this normal."""
+        """Handle one step of beacon `id`, which is at `place` in the plane with this normal."""
         met = on_plane(drag.eye, drag.pointer, place, normal)
         if drag.phase == "start":
             self._offsets.pop(id, None)
@@ -108,7 +108,7 @@ class BeaconDrags:
             del self._offsets[id]
 
     def hand_on(self, now: float) -> None:
-        """Send the moves that are due; to be called at every frame."""
+        """Pass on the moves that are due; to be called at every frame."""
         for id, wish in list(self._wishes.items()):
             if not wish.is_sent and now - self._sent.get(id, -math.inf) >= PERIOD:
                 wish.is_sent = True
@@ -116,7 +116,7 @@ class BeaconDrags:
                 self.on_moved(id, wish.position, wish.who)
 
     def wanted(self, places: dict[int, Point], now: float) -> dict[int, Point]:
-        """Return requested places that are not yet confirmed; `places` are the confirmed ones."""
+        """Return the requested places that are not yet confirmed; `places` are the confirmed."""
         for id, wish in list(self._wishes.items()):
             place = places.get(id)
             has_come = wish.is_over and place is not None and _near(place, wish.position)

@@ -1,4 +1,4 @@
-"""One estimate as a ghost next to the truth, with the ellipsoid of three sigma of its position."""
+"""One estimate drawn as a ghost, with the three-sigma ellipsoid of its position."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from web.view.airframe import Airframe
 
 TINT = (186, 142, 226)
 OPACITY = 0.16
-LARGEST = 10.0  # m; a larger half axis says nothing and would fill the view
+LARGEST = 10.0  # m; a larger half axis is meaningless and would fill the view
 CHANGED = 0.04  # share by which a covariance must differ to be drawn again
 ONE_FRAME = "one frame"
 
 
 class Estimate(NamedTuple):
-    """Position (m), quaternion and covariance (3, 3) m^2, NaN where there is none."""
+    """Position (m), quaternion and covariance (3, 3) m^2; NaN where not known."""
 
     position: Point
     quaternion: Quaternion
@@ -30,14 +30,14 @@ class Estimate(NamedTuple):
 
 
 def of_one_frame(message: Any) -> Estimate:
-    """Return the estimate of `bearing_pose`, PoseWithCovarianceStamped."""
+    """Return the estimate of a `bearing_pose` message (PoseWithCovarianceStamped)."""
     pose = message.pose.pose
     covariance = np.array(message.pose.covariance, float).reshape(6, 6)[:3, :3]
     return Estimate(point_of(pose.position), wxyz_of(pose.orientation), covariance)
 
 
 def of_comparison(message: Any, name: str) -> Estimate | None:
-    """Return that result of an EstimatorComparison, once it has a start."""
+    """Return the result of this name, or None if it is missing or not yet initialized."""
     for one in message.estimators:
         if one.name == name and one.initialized:
             covariance = np.array(one.position_covariance, float).reshape(3, 3)
@@ -47,7 +47,7 @@ def of_comparison(message: Any, name: str) -> Estimate | None:
 
 
 class EstimateGhost:
-    """Nodes `/estimate/body` and `/estimate/covariance`."""
+    """Ghost of an estimate: the nodes `/estimate/body` and `/estimate/covariance`."""
 
     def __init__(self, api: Any) -> None:
         self._frame = api.add_frame("/estimate", show_axes=False, visible=False)
@@ -86,5 +86,5 @@ class EstimateGhost:
 
 
 def _alike(a: Array, b: Array) -> bool:
-    """Return whether two poses look the same; always False for NaN."""
+    """Return whether two covariances look the same; always False for NaN."""
     return bool(np.abs(a - b).max() <= CHANGED * np.abs(a).max())

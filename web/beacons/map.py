@@ -1,4 +1,4 @@
-"""The observability map: the position bound over a horizontal slice, computed next to the loop."""
+"""Observability map: the position bound over a horizontal slice, computed in a thread."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from bearing_sim.beacons import Beacons
 from bearing_sim.observability import Sight, bound_map
 from web.beacons.bound_image import Scale, legend, picture
 
-PERIOD = 0.2  # s between two maps, at least: while a beacon is dragged
-SPACING = 0.1  # m, at least
-MOST = 80  # points along a side
+PERIOD = 0.2  # shortest time between two maps, in s, as when a beacon is dragged
+SPACING = 0.1  # shortest spacing, m
+MOST = 80  # largest number of points along a side
 NODE = "/bound"
 
 Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
@@ -21,7 +21,7 @@ Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class Wish:
-    """The inputs of a map."""
+    """Inputs of a map."""
 
     beacons: Beacons
     sigma: float  # rad
@@ -31,7 +31,7 @@ class Wish:
 
 
 class BoundSlice:
-    """The node `/bound`. `update` does not block: a thread computes the newest request."""
+    """Node `/bound`. `update` does not block: a thread computes the newest request."""
 
     def __init__(self, api: Any) -> None:
         self._api = api
@@ -44,10 +44,9 @@ class BoundSlice:
         self.scale: Scale | None = None
 
     def update(self, wish: Wish | None, now: float) -> bool:
-        """Start the computation of a request and show a finished map; return whether the scale has
-        changed.
+        """Start the computation of a request, and show a finished map; None hides the map.
 
-        None hides the map.
+        Return whether the scale has changed.
         """
         before = self.scale
         if self._work is not None and self._work.done():
@@ -64,7 +63,7 @@ class BoundSlice:
         return self.scale != before
 
     def legend(self) -> dict[str, object] | None:
-        """Return the legend of the map that is shown; None when there is none."""
+        """Return the legend of the map that is shown, or None."""
         return None if self.scale is None else legend(self.scale)
 
     def _draw(self, wish: Wish) -> Scale | None:

@@ -1,7 +1,7 @@
 """Beacons as nodes of the 3D view: ball, post and id, and the handle that drags one.
 
-Slot k shows the k-th beacon of the layout. Slots are made when first needed and hidden when not:
-viser keeps a tombstone of every node removed.
+Slot k shows the k-th beacon of the layout. Slots are created when first needed and hidden when not:
+viser keeps a tombstone of every removed node.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ THINNEST = 0.01  # m, the height of a post on the ground
 
 
 class _Slot:
-    """The nodes of one beacon."""
+    """Nodes of one beacon."""
 
     def __init__(self, api: Any, name: str) -> None:
         self.id: int | None = None
@@ -69,13 +69,13 @@ class _Slot:
                 receive_shadow=False,
                 wxyz=turn,
             )
-            # Only tells the browser to take hold of it: what it sends ends at the pump.
+            # This only makes the browser offer the drag: its messages end at the pump.
             self._handle.on_drag("left")(_nothing)
         self._handle.wxyz = turn
         self._handle.visible = shown
 
     def want(self, position: Point | None) -> None:
-        """Show a pale ball at the unconfirmed position that a beacon was dragged to."""
+        """Show a pale ball where a beacon was dragged to, until confirmed; None hides it."""
         if self._wanted is None:
             if position is None:
                 return
@@ -94,7 +94,11 @@ class _Slot:
 
 
 class BeaconMarks:
-    """Args: `api` is viser's scene; nodes are `/beacons/<slot>/…`."""
+    """Beacons of the layout as the nodes `/beacons/<slot>/…`.
+
+    Args:
+        api: viser's scene.
+    """
 
     def __init__(self, api: Any) -> None:
         self._api = api
@@ -127,7 +131,7 @@ class BeaconMarks:
 
     @property
     def handles(self) -> dict[str, int]:
-        """Return the names of the handles now shown, and the beacon each drags."""
+        """Return the names of the handles that are shown, and the beacon that each drags."""
         if not self._handles_shown:
             return {}
         return {slot.handle_name: slot.id for slot in self._slots if slot.id is not None}

@@ -1,7 +1,7 @@
-"""Beacons dragged in the 3D view: each step asks for a new layout on the gain path.
+"""Beacons dragged in the 3D view: each step requests a new layout on the gain path.
 
-A drag brings up to ten positions a second. Steps follow on the layout last asked for, not on the
-one last confirmed, so that two beacons can be moved at once; the gain path sends the newest only.
+A drag produces up to ten positions a second. A step changes the layout last requested, not the one
+last confirmed, so that two beacons can be moved at once. The gain path sends only the newest.
 """
 
 from __future__ import annotations
@@ -18,11 +18,15 @@ from web.parameters.replica import LAYOUT, PageParameters
 
 Position = tuple[float, float, float]
 DIGITS = 4  # to a tenth of a millimetre, well within the flatness a small set needs
-PAUSE = 1.0  # s between two lines about refusals
+PAUSE = 1.0  # s between two event lines about refusals
 
 
 class BeaconMoves:
-    """Args: `put_back()` is called after each refusal, to show the confirmed layout again."""
+    """Requests of layouts in which a beacon was moved.
+
+    Args:
+        put_back: called after each refusal, to show the confirmed layout again.
+    """
 
     def __init__(
         self,
@@ -67,7 +71,7 @@ class BeaconMoves:
             self._refused(id, who, error)
         finally:
             if self._wanted == text:
-                self._wanted = None  # from here on what is confirmed counts
+                self._wanted = None  # from now on the confirmed layout counts
 
     def _refused(self, id: int, who: str, error: QuadlabError) -> None:
         self._wanted = None

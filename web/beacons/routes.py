@@ -1,7 +1,7 @@
-"""The beacons' positions and their display: the routes below /api/beacons.
+"""Positions of the beacons and their display: the routes below /api/beacons.
 
-A layout is a parameter of the station (`station.bearings.layout`), so a change of it goes the
-way of every parameter: station and vehicle check it, and refuse it with a reason.
+A layout is a parameter of the station (`station.bearings.layout`), so a change of it is handled
+like that of every parameter: station and vehicle check it, and refuse it with a reason.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ _BODY = {
 
 
 class ViewBody(Body):
-    """A change of the view; omitted fields keep their values."""
+    """Change of the view; omitted fields keep their values."""
 
     rays: bool | None = Field(None, description="lines from the vehicle to the beacons")
     cones: bool | None = Field(None, description="cones of 3 sigma around them")
@@ -91,7 +91,7 @@ _decode = msgspec.json.Decoder(list[_Row] | _Preset).decode
 
 
 def add_beacons(app: FastAPI, parts: Parts) -> None:
-    """Add the routes below /api/beacons, and /ws/comparison; takes drags to the gain path."""
+    """Add the routes below /api/beacons, and /ws/comparison; pass drags to the gain path."""
     shown = parts.scene.beacons
     moves = BeaconMoves(parts.gains, parts.replica, parts.hub, shown.put_back)
     shown.on_moved = moves.moved
@@ -106,8 +106,10 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/beacons")
     async def beacons() -> dict[str, Any]:
-        """Return the confirmed layout (null until it has been read), all presets, the shared view
-        with its legend, and the gains presets of the complementary filter.
+        """Return the confirmed layout, all presets, the shared view and the gains.
+
+        The layout is null until it has been read. The view has its legend; `gains` are the presets
+        of the complementary filter.
         """
         text = parts.replica.value(LAYOUT)
         return {
@@ -123,7 +125,7 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/beacons/file", response_class=Response)
     async def file() -> Response:
-        """Return the confirmed layout as a CSV file, as PUT takes it."""
+        """Return the confirmed layout as a CSV file, in the form that PUT accepts."""
         text = parts.replica.value(LAYOUT)
         if not isinstance(text, str):
             raise LinkError("the layout of the beacons has not been read yet; is the station up?")
@@ -140,8 +142,8 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
     ) -> dict[str, Any]:
         """Set a new layout, all or nothing.
 
-        422 when it is none (of a CSV file with line and column), 409 with the reason when station
-        or vehicle refuse it.
+        The answer is 422 if the body is not a layout (for a CSV file with line and column), and 409
+        with the reason if station or vehicle refuse it.
         """
         kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
         text = layout_of(await _body(request), kind, name)
@@ -151,8 +153,10 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
 
     @app.put("/api/beacons/view")
     async def show(body: ViewBody, _: Operator) -> dict[str, Any]:
-        """Change how the 3D view shows beacons and estimates; one for all pages, which are
-        notified. `legend` is the bound map's scale, in m, once it is drawn.
+        """Change how the 3D view shows beacons and estimates.
+
+        The view is shared by all pages, which are notified. `legend` is the scale of the bound map,
+        in m, once it is drawn.
         """
         wanted = body.model_dump(exclude_none=True)
         if "estimate" in wanted:
@@ -167,7 +171,7 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
 
 
 def layout_of(body: bytes, kind: str, name: str) -> str:
-    """Return the one line of text for a request's body; `kind` is its content type.
+    """Return the layout as one line of text, from a request's body; `kind` is its content type.
 
     Raises MeasurementError, DegenerateGeometryError or OutOfBoundsError.
     """
@@ -193,7 +197,7 @@ def rows_of(beacons: Beacons) -> list[list[float]]:
 
 
 def csv_of(beacons: Beacons) -> str:
-    """Return the beacons as `bearing_sim.beacon_file` reads them, to the last digit."""
+    """Return the beacons as `bearing_sim.beacon_file` reads them, with all digits."""
     lines = [",".join(map(repr, row)) for row in rows_of(beacons)]
     return "\n".join([",".join(COLUMNS), *lines, ""])
 
@@ -212,9 +216,7 @@ def check_estimate(name: str, replica: PageParameters, live: Live) -> None:
 
 
 async def _body(request: Request) -> bytes:
-    """Read the body, at most a little more than the largest file, so that its reader can refuse
-    it.
-    """
+    """Read the body up to a little more than the largest file, so that its reader can refuse it."""
     body = b""
     async for chunk in request.stream():
         body += chunk

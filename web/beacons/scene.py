@@ -1,7 +1,6 @@
-"""Beacons in the 3D view: where they stand, how they are seen, what is made of it, how well it can
-be known; and dragging them.
+"""Beacons in the 3D view: positions, sight, an estimate, the observability map, and drags.
 
-Everything here is one for all pages and is changed from the event loop's thread.
+Everything is shared by all pages and is changed from the event loop's thread.
 """
 
 from __future__ import annotations
@@ -23,19 +22,19 @@ from web.live.latest import STALE, Live
 from web.view.server import ViewServer
 
 HIGHEST = 20.0  # m
-FRAMES = 2.5  # frames that may be missing before what they show is stale
+FRAMES = 2.5  # number of missing frames after which what they show is stale
 MANY = 10  # beacons; with more, rays and cones are sent less often
-UNLIT = 0.6  # s without a bearing after which a beacon is grey
+UNLIT = 0.6  # s without a bearing after which a beacon turns grey
 
 
 @dataclass(frozen=True)
 class BeaconView:
-    """The options of the view. Raises OutOfBoundsError.
+    """Options of the view. Raises OutOfBoundsError.
 
     Attributes:
-        map_height: m, of the map's slice.
-        estimate: the ghost: `none`, `one frame` (topic `bearing_pose`), or a result of the topic
-            `comparison` by name.
+        map_height: height of the map's slice, m.
+        estimate: the estimate drawn as a ghost: `none`, `one frame` (topic `bearing_pose`), or a
+            result of the topic `comparison` by name.
         drag: whether the handles that drag beacons are shown.
     """
 
@@ -54,11 +53,11 @@ class BeaconView:
 
 
 class BeaconScene:
-    """The nodes `/beacons`, `/rays`, `/cones`, `/estimate` and `/bound`.
+    """Nodes `/beacons`, `/rays`, `/cones`, `/estimate` and `/bound`.
 
-    `on_moved(id, position, who)`: an operator drags a beacon, at most 10 times a second, the last
-    position always; nothing has moved until `set_beacons` says so. `on_legend()`: the map's scale
-    has changed.
+    `on_moved(id, position, who)` is called when an operator drags a beacon, at most 10 times a
+    second and always with the last position; nothing moves until `set_beacons` is called.
+    `on_legend()` is called when the map's scale has changed.
     """
 
     def __init__(self, server: ViewServer, live: Live) -> None:
@@ -78,7 +77,7 @@ class BeaconScene:
         self._volume: Box | None = None
         self._lit: dict[int, float] = {}
         self._now = self._due = -math.inf
-        self._drawn: Any = None  # the newest frame of bearings, when it is on the screen
+        self._drawn: Any = None  # the newest frame of bearings, once it is drawn
         server.on_drag = self._dragged
         self.set_beacons(PAPER_BEACONS, self._sigma)
 
@@ -104,7 +103,8 @@ class BeaconScene:
         """Set the confirmed layout and the sensor's parameters used by the view.
 
         Args:
-            sigma_rad: on each of two tangent axes. sensor: what it sees; everything when None.
+            sigma_rad: on each of two tangent axes.
+            sensor: what it sees; everything if None.
             rate: frames a second.
         """
         self._sigma, self._rate, self._sensor = sigma_rad, rate, sensor or SensorSight()
@@ -130,8 +130,10 @@ class BeaconScene:
         self._drags.forget()
 
     def legend(self) -> dict[str, object] | None:
-        """Return the legend of the map: `low` and `high` in m on a logarithmic scale, `colors`
-        between them from low to high, `beyond` above; None while no map is shown.
+        """Return the legend of the map, or None while no map is shown.
+
+        It has `low` and `high` in m on a logarithmic scale, `colors` from low to high, and `beyond`
+        for what is above.
         """
         return self._map.legend()
 
@@ -144,7 +146,8 @@ class BeaconScene:
         if self._map.update(self._wish(), now):
             self.on_legend()
         if now >= self._due or self._due > now + 1.0:
-            # A little less than a period: frames come when they come. Many beacons, more bytes.
+            # A little less than a period, as frames are not exact; longer for many beacons (more
+            # bytes).
             self._due = now + 0.95 / RATE * max(1.0, len(self._marks.places) / MANY)
             self._show_sight(now)
             self._ghost.show(self._estimate())
@@ -158,8 +161,9 @@ class BeaconScene:
         self._history.clear()
 
     def _fresh(self, topic: str) -> Any | None:
-        """Return the newest message of a topic if it is fresh; a sensor of 1 Hz is not stale after
-        half a second.
+        """Return the newest message of a topic if it is fresh, else None.
+
+        The limit follows the sensor's rate: one of 1 Hz is not stale after half a second.
         """
         limit = max(STALE[topic], FRAMES / self._rate)
         return self._live.newest(topic) if self._live.age(topic) <= limit else None

@@ -21,7 +21,7 @@ Mesh = tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]
 """Vertices (V, 3) and faces (F, 3)."""
 
 DEVIATIONS = 3.0
-"""Size of cones and ellipsoids in standard deviations."""
+"""Size of cones and ellipsoids, in standard deviations."""
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
@@ -36,17 +36,17 @@ def wxyz_of(q: Any) -> Quaternion:
 
 
 def matrix_of(q: Sequence[float]) -> Array:
-    """Return the rotation matrix of a quaternion of any length but zero."""
+    """Return the rotation matrix of a quaternion of any length except zero."""
     return np.array(rows_of(np.asarray(q, float) / math.sqrt(math.fsum(c * c for c in q))))
 
 
 def wxyz_of_matrix(R: Array) -> Quaternion:
-    """Return the quaternion of a rotation matrix, w not negative."""
+    """Return the quaternion of a rotation matrix, with w not negative."""
     w, x, y, z = (
         math.sqrt(max(0.0, 1.0 + a * R[0, 0] + b * R[1, 1] + c * R[2, 2]))
         for a, b, c in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
     )
-    # The largest is divided by: the others come with it from the matrix, signs included.
+    # Divide by the largest component: the matrix then gives the others with their signs.
     if w >= max(x, y, z):
         q = (w * w, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1])
     elif x >= max(y, z):
@@ -60,7 +60,7 @@ def wxyz_of_matrix(R: Array) -> Quaternion:
 
 
 def turns_from_z(directions: Array) -> Array:
-    """Return quaternions (N, 4) of the shortest turns of +z to unit vectors (N, 3)."""
+    """Return quaternions (N, 4) of the shortest rotations from +z to unit vectors (N, 3)."""
     x, y, z = directions.T
     w = 1.0 + z
     q = np.stack([w, -y, x, np.zeros_like(w)], axis=1)
@@ -70,7 +70,7 @@ def turns_from_z(directions: Array) -> Array:
 
 
 def cone(segments: int = 28) -> Mesh:
-    """Return the side of a cone: apex at the origin, base of radius 1 at z = 1, without a lid."""
+    """Return the lateral surface of a cone: apex at the origin, base of radius 1 at z = 1."""
     angle = np.linspace(0.0, 2.0 * np.pi, segments, endpoint=False)
     rim = np.stack([np.cos(angle), np.sin(angle), np.ones(segments)], axis=1)
     k = np.arange(segments)
@@ -79,10 +79,11 @@ def cone(segments: int = 28) -> Mesh:
 
 
 def cone_scales(distances: Array, sigma: float) -> Array:
-    """Return the scales (N, 3) that make `cone()` reach beacons at these distances (m),
-    `DEVIATIONS` sigma wide.
+    """Return the scales (N, 3) with which `cone()` reaches beacons, `DEVIATIONS` sigma wide.
 
-    sigma: rad on each of two tangent axes.
+    Args:
+        distances: distances to the beacons, m.
+        sigma: rad on each of two tangent axes.
     """
     angle = min(DEVIATIONS * sigma, math.radians(80.0))
     radius = distances * math.tan(angle)
@@ -90,10 +91,10 @@ def cone_scales(distances: Array, sigma: float) -> Array:
 
 
 def ellipsoid(covariance: npt.ArrayLike) -> tuple[Point, Quaternion] | None:
-    """Return half axes (m) and rotation of the surface at `DEVIATIONS` of a (3, 3) covariance
-    (m^2).
+    """Return half axes (m) and rotation of the ellipsoid of a (3, 3) covariance (m^2).
 
-    None when it is none: not finite, or not positive.
+    Its surface is at `DEVIATIONS` standard deviations. None if the covariance is not finite or not
+    positive definite.
     """
     P = np.asarray(covariance, float).reshape(3, 3)
     if not np.isfinite(P).all():
@@ -108,8 +109,9 @@ def ellipsoid(covariance: npt.ArrayLike) -> tuple[Point, Quaternion] | None:
 
 
 def handle(radius: float = 0.17, reach: float = 0.27) -> Mesh:
-    """Return the handle that drags a beacon: a disc in the plane z = 0 with an arrow head to each
-    of four sides.
+    """Return the handle that drags a beacon.
+
+    It is a disc in the plane z = 0 with an arrow head on each of four sides.
     """
     segments = 32
     angle = np.linspace(0.0, 2.0 * np.pi, segments, endpoint=False)
@@ -128,7 +130,7 @@ def handle(radius: float = 0.17, reach: float = 0.27) -> Mesh:
 def on_plane(eye: Point, through: Point, point: Point, normal: Point) -> Point | None:
     """Return where the line of sight from `eye` through another point meets a plane.
 
-    None when it does not, or so flatly that a pixel is metres.
+    None if it does not, or at so flat an angle that one pixel means metres.
     """
     ray = [b - a for a, b in zip(eye, through, strict=True)]
     length = math.sqrt(math.fsum(c * c for c in ray))

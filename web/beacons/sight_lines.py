@@ -1,9 +1,9 @@
-"""The vehicle's sight of the beacons: measured rays, and cones of three sigma where they belong.
+"""The vehicle's sight of the beacons: measured rays, and three-sigma cones to the beacons.
 
-A ray leaves the pose its bearing was measured at, in the measured direction, as long as the beacon
-is far: where it ends next to the beacon is the noise. A cone points at the beacon itself, so that
-it is calm, and a ray outside of it is one in ninety. The pose is the truth where there is one, and
-else the vehicle's estimate.
+A ray starts at the pose at which its bearing was measured, in the measured direction, and is as
+long as the distance to the beacon: its end misses the beacon by the noise. A cone points at the
+beacon itself, so that it is steady; a ray outside of it is one in ninety. The pose is the truth if
+available, else the vehicle's estimate.
 """
 
 from __future__ import annotations
@@ -28,30 +28,30 @@ from web.beacons.shapes import (
 )
 from web.view.trails import line_color
 
-RATE = 15.0  # Hz, at most
+RATE = 15.0  # largest rate, Hz
 HISTORY = 2.0  # s
 COLOR = (224, 196, 110)
 CONE_OPACITY = 0.07
-MOVED = 0.004  # m; a cone that would move less stays
+MOVED = 0.004  # m; a cone is not redrawn for a smaller move
 
 STAMP_NS = 1_000_000_000
 
 
 def stamp_of(message: Any) -> int:
-    """Return the ns of a message's header."""
+    """Return the stamp of a message's header, in ns."""
     stamp = message.header.stamp
     return int(stamp.sec) * STAMP_NS + int(stamp.nanosec)
 
 
 class PoseHistory:
-    """The last poses of one source (`truth` or `state`), to be asked for at a stamp."""
+    """Last poses of one source (`truth` or `state`), interpolated at a stamp."""
 
     def __init__(self) -> None:
         self._source = ""
         self._poses: deque[tuple[int, Point, Quaternion]] = deque()
 
     def add(self, source: str, message: Any) -> None:
-        """Add an odometry; another source or a stamp that went back begins again."""
+        """Add an odometry; another source or an earlier stamp clears the history first."""
         stamp_ns = stamp_of(message)
         if source != self._source or (self._poses and stamp_ns < self._poses[-1][0]):
             self._poses.clear()
@@ -67,8 +67,9 @@ class PoseHistory:
         self._poses.clear()
 
     def at(self, stamp_ns: int) -> tuple[Array, Array] | None:
-        """Return position (3,) m and R_wb (3, 3), interpolated; the nearest end beyond the
-        history.
+        """Return position (3,) m and R_wb (3, 3), interpolated, or None if the history is empty.
+
+        Beyond the history, the pose at its nearest end is returned.
         """
         if not self._poses:
             return None
@@ -147,7 +148,7 @@ class Sight:
         self._cones.visible = sound and cones
 
     def _draw_rays(self, apex: Array, directions: Array, beacons: Array, count: int) -> None:
-        """Draw `count` segments whatever is seen: a node that keeps its size is cheap to change."""
+        """Draw `count` segments, however many are seen: a node of constant size is cheap."""
         distances = np.linalg.norm(beacons - apex, axis=1)
         segments = np.empty((count, 2, 3), np.float32)
         segments[:] = apex
@@ -164,10 +165,10 @@ class Sight:
         rays = beacons - apex
         distances = np.maximum(np.linalg.norm(rays, axis=1), 1e-6)
         turns = np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (count, 1))
-        scales = np.full((count, 3), 1e-4)  # those of beacons not seen vanish
+        scales = np.full((count, 3), 1e-4)  # hides the cones of beacons not seen
         turns[: len(beacons)] = turns_from_z(rays / distances[:, None])
         scales[: len(beacons)] = cone_scales(distances, sigma)
-        # Not the node's own position: the browser would move that a frame before the others.
+        # Do not set the node's own position: the browser would move it a frame before the others.
         self._cones.batched_positions = np.tile(apex, (count, 1)).astype(np.float32)
         self._cones.batched_wxyzs = turns.astype(np.float32)
         self._cones.batched_scales = scales.astype(np.float32)

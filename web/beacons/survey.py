@@ -1,7 +1,7 @@
-"""Surveys of the beacons from recorded flights: asked for, judged, accepted or rejected.
+"""Surveys of the beacons from recorded flights: requested, judged, accepted or rejected.
 
-The survey itself (quadlab.replay.survey) runs in a process of its own, for it flies the run some
-hundred times. What is accepted is set as every layout is: station and vehicle check it.
+The survey itself (quadlab.replay.survey) runs in a separate process, because it flies the run some
+hundred times. An accepted layout is set like any other: station and vehicle check it.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     from web.app_parts import Parts
 
 SECONDS = 1800.0
-"""One survey may take."""
+"""Longest time of one survey, s."""
 
 
 @dataclass
 class SurveyedBeacon:
-    """A beacon's place, how far it is from where the flight had it, and its deviations; m."""
+    """Surveyed position of a beacon, its distance from the flight's layout, and deviations; m."""
 
     id: int
     position_w: list[float]
@@ -43,12 +43,12 @@ class SurveyedBeacon:
 
 @dataclass
 class LayoutProposal:
-    """The layout that a survey found.
+    """Layout found by a survey.
 
     Attributes:
         began: the flight's layout, as `bearing_sim.beacons.parse_layout` reads it.
-        before, after: what the error-state filter does not predict of the bearings with that
-            layout and with the one found, rad rms.
+        before, after: bearing residuals of the error-state filter with that layout and with the one
+            found, rad rms.
     """
 
     began: str
@@ -58,13 +58,13 @@ class LayoutProposal:
 
     @property
     def layout(self) -> str:
-        """Return the layout found, as the parameter has it."""
+        """Return the layout found, in the form of the parameter."""
         ids, places = [one.id for one in self.beacons], [one.position_w for one in self.beacons]
         return format_layout(Beacons(ids, places))
 
 
 SurveyRun = Callable[..., LayoutProposal]
-"""A job (vehicle_link.jobs) that takes the log and reports its progress, 0 to 1."""
+"""Job (vehicle_link.jobs) that reads the log and reports its progress, 0 to 1."""
 
 
 class SurveyBody(Body):
@@ -72,7 +72,11 @@ class SurveyBody(Body):
 
 
 class SurveyDesk:
-    """The newest survey of one vehicle. Thread-safe. Args: `survey`, without which none is made."""
+    """Newest survey of one vehicle; thread-safe.
+
+    Args:
+        survey: the job that makes a survey; None refuses every request.
+    """
 
     def __init__(self, survey: SurveyRun | None) -> None:
         self._workshop = None if survey is None else Workshop(survey, "surveys", SECONDS)
@@ -81,7 +85,7 @@ class SurveyDesk:
         self._run_id = self._decision = ""
 
     def ask(self, run_id: str, log: Path) -> None:
-        """Begin a survey, which replaces the one before. Raises RefusedError, StorageError."""
+        """Start a survey, which replaces the previous one. Raises RefusedError, StorageError."""
         try:
             if is_being_written(log):
                 raise RefusedError(f"run {run_id} is being recorded; survey it when it has ended")
@@ -97,7 +101,7 @@ class SurveyDesk:
             self._work, self._run_id, self._decision = work, run_id, ""
 
     def proposal(self) -> LayoutProposal:
-        """Return what waits for a decision. Raises RefusedError when nothing does."""
+        """Return the proposal that waits for a decision. Raises RefusedError if there is none."""
         with self._lock:
             if self._decision:
                 raise RefusedError(f"the survey of run {self._run_id} is {self._decision} already")
@@ -107,7 +111,7 @@ class SurveyDesk:
             return proposal
 
     def decide(self, decision: str) -> None:
-        """Note what became of the proposal: accepted or rejected. Raises RefusedError."""
+        """Store the decision on the proposal: accepted or rejected. Raises RefusedError."""
         self.proposal()
         with self._lock:
             self._decision = decision
@@ -156,20 +160,21 @@ def add_survey(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/beacons/survey")
     def state() -> dict[str, Any]:
-        """Return the newest survey: none, waiting, working, ready or failed, and what it proposes,
-        in m, mm and mrad.
+        """Return the newest survey: none, waiting, working, ready or failed, and its proposal.
+
+        Places are in m, moves and deviations in mm, residuals in mrad.
         """
         return desk.as_json()
 
     @app.post("/api/beacons/survey")
     def begin(body: SurveyBody, _: Operator) -> dict[str, Any]:
-        """Find where the beacons are from a recorded flight; nothing changes until accepted."""
+        """Find the beacons' positions from a recorded flight; nothing changes until accepted."""
         desk.ask(body.run_id, parts.catalogue.resolve(body.run_id))
         return desk.as_json()
 
     @app.post("/api/beacons/survey/accept")
     async def accept(session: Operator) -> dict[str, Any]:
-        """Set the layout that is proposed; station and vehicle check it."""
+        """Set the proposed layout; station and vehicle check it."""
         proposal, in_use = desk.proposal(), parts.replica.value(LAYOUT)
         if isinstance(in_use, str):
             ours, found = (
@@ -186,7 +191,7 @@ def add_survey(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/beacons/survey/reject")
     def reject(_: Operator) -> dict[str, Any]:
-        """Discard the proposal."""
+        """Reject the proposal; the layout does not change."""
         desk.decide("rejected")
         return desk.as_json()
 

@@ -1,1 +1,1 @@
-"""Commands of the page: behaviours, control, emergencies, sticks."""
+"""Commands of the page: behaviors, control, emergencies, sticks."""

@@ -1,4 +1,4 @@
-"""The behaviors that the Fly tab starts, with their arguments as the vehicle describes them."""
+"""Behaviors that the Fly tab starts, with their arguments as the vehicle describes them."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from web.static_files import STATIC
 
 @cache
 def described() -> list[dict[str, Any]]:
-    """Return the rows of `static/fly/behaviors.json`, their arguments with type, start value,
-    bounds and unit. A row may give another start value; an empty one leaves it to the vehicle.
+    """Return the rows of `static/fly/behaviors.json` with described arguments.
+
+    Each argument has type, start value, bounds and unit. A row may set another start value; an
+    empty one leaves it to the vehicle.
     """
     rows: list[dict[str, Any]] = json.loads((STATIC / "fly/behaviors.json").read_text())
     for row in rows:

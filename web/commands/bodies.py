@@ -1,4 +1,4 @@
-"""The requests of a page to the vehicle: the bodies of `POST /api/commands/…`."""
+"""Bodies of `POST /api/commands/…`: the requests of a page to the vehicle."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ class CommandBody(Body):
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Return what it carries; without a request id when the page gave none."""
+        """Return the fields of the command; without a request id if the page sent none."""
         return {name: value for name, value in self if name != "request_id" or value}
 
 
 def body_of(command: Command) -> type[CommandBody]:
-    """Return the body of a command: what its request carries but for who asks."""
+    """Return the body of a command: the fields of its request without the requester."""
     carried: dict[str, Any] = {
         field.name: (field.type, ... if field.required else field.default_factory())
         for field in fields_of(command.request)

@@ -1,7 +1,7 @@
-"""Control as the page shows it: the station's lease, and who is here to hold it.
+"""Control as the page shows it: the station's lease, and the people present to hold it.
 
-The station decides (console/control). From here it hears once a second who has a page open, so
-that control does not stay with someone who left.
+The station decides (console/commands). Once a second this process reports to it who has a page
+open, so that control does not stay with someone who left.
 """
 
 from __future__ import annotations
@@ -24,7 +24,12 @@ PERIOD = 1.0  # s
 
 
 class Control:
-    """Args: `present()` → labels of those who have a page open; `tell(labels)` the station."""
+    """Control of one vehicle.
+
+    Args:
+        present: returns the labels of those who have a page open.
+        tell: called with these labels, to report them to the station.
+    """
 
     def __init__(
         self,
@@ -38,7 +43,7 @@ class Control:
 
     @property
     def holder(self) -> str:
-        """Return the label of who has control; "" = no one, or not known."""
+        """Return the label of the person who has control; "" = no one, or not known."""
         status = self._live.current("control")
         return str(status.holder) if status is not None else ""
 
@@ -64,17 +69,17 @@ class Control:
 
 
 class ControlBody(CommandBody):
-    """`take` is for admins."""
+    """Change of control; the action `take` is for admins."""
 
     action: Literal["ask", "give", "keep", "release", "take"]
 
 
 def add_control(app: FastAPI, parts: Parts) -> None:
-    """Add POST /api/control. The station refuses what this person may not, with the reason."""
+    """Add POST /api/control. The station refuses, with the reason, what this person may not do."""
 
     @app.post("/api/control")
     async def control(body: ControlBody, session: Operator) -> dict[str, bool]:
-        """Ask for control, answer who asks, or give it up; an admin may take it."""
+        """Ask for control, answer a request for it, or give it up; an admin may take it."""
         if body.action == "take" and not session.role.may(Role.ADMIN):
             raise HTTPException(
                 403, f"{session.label} may ask for control; admins alone may take it"

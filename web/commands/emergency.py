@@ -1,15 +1,15 @@
-"""Emergency land and cut: sent, tried again, and watched until the vehicle shows it.
+"""Emergency land and cut: sent, retried, and watched until the vehicle shows it.
 
-The newest press is told to every page (event type `emergency`, and in the `hello` of one that
-comes later), for whoever pressed wants to know, and whoever did not must know too. A press is
+The newest press is published to every page (event type `emergency`, and in the `hello` of a page
+that connects later): the person who pressed wants to know, and the others must know too. A press is
 
-- `sent` until the vehicle has answered (try n of 3, under one request id: it is done once),
-- `accepted` until a status that came after the press shows it: of a landing the one that
+- `sent` until the vehicle has answered (try n of 3, under one request id, so it is done once),
+- `accepted` until a status received after the press shows it: for a landing, the one that
   `safety.emergency_land` chooses, or a worse one; the microcontroller's once it has taken over,
 - `acknowledged`, or `failed` with its reason.
 
-Presses of one kind that are under way are one call: however often anyone presses, there are at
-most two, so that none waits for a thread.
+Presses of one kind are joined to one call while it is under way: however often anyone presses,
+there are at most two calls, so that none waits for a thread.
 """
 
 from __future__ import annotations
@@ -29,11 +29,14 @@ from web.live.latest import Live
 log = logging.getLogger("quadlab.web")
 
 TRIES = 3
-SPACING = 0.5  # s at least from one try to the next: what fails at once may be back soon
-LOOKS = 0.02  # s between looks at the newest status
+SPACING = 0.5  # s at least from one try to the next: an immediate failure may be over soon
+LOOKS = 0.02  # s between checks of the newest status
 PATIENCE = 10.0  # s for an accepted press to show in the status
 OVER = ("cut", "ready")
-"""Modes that show both; `ready`: on the ground with the motors off, which refuses both before."""
+"""Modes that show that a landing or a cut was done.
+
+`ready` does, because a vehicle already on the ground with its motors off refuses both.
+"""
 LANDINGS = ("land", "descend", "emergency")
 """Choices of safety.emergency_land, from the mildest."""
 NAMES = {"land": "emergency land", "cut": "cut of the motors"}
@@ -65,12 +68,12 @@ class Press:
 
 
 class EmergencyDesk:
-    """The emergency commands of one event loop.
+    """Emergency commands of one event loop.
 
     Args:
-        publish: takes the messages for all pages.
-        say: (level, line) for everyone's list of events.
-        chosen: safety.emergency_land, None while that is not known.
+        publish: sends a message to all pages.
+        say: called with (level, line) for everyone's list of events.
+        chosen: returns safety.emergency_land, None while that is not known.
     """
 
     def __init__(
@@ -97,8 +100,9 @@ class EmergencyDesk:
         return None if self._newest is None else self._as_message(self._newest)
 
     async def press(self, action: str, requester: str, request_id: str | None = None) -> str:
-        """Send the command until the vehicle has accepted it; return its id, of the call it joined
-        if it did.
+        """Send the command until the vehicle has accepted it, and return the id of the press.
+
+        A press that joins a call under way returns the id of that call's press.
 
         Raises RefusedError with the vehicle's reason, or LinkError.
         """
@@ -107,7 +111,7 @@ class EmergencyDesk:
             press = Press(action, requester, request_id or uuid.uuid4().hex, self._clock())
             self._under_way[action] = press
             newest = self._newest
-            # A cut that is not yet acknowledged stays in sight, whoever presses land.
+            # A cut that is not yet acknowledged remains visible when a landing is pressed.
             is_hidden = newest is not None and newest.pending and newest.action == "cut"
             if action == "cut" or not is_hidden:
                 self._newest = press
@@ -126,7 +130,7 @@ class EmergencyDesk:
             await self._try(press)
         except QuadlabError as error:
             self._unanswered(press, error)
-        except Exception as error:  # a defect must not leave anyone waiting
+        except Exception as error:  # a defect must not leave a caller waiting
             log.exception("emergency %s", press.action)
             self._unanswered(press, LinkError(f"defect, see the log of quadlab web: {error!r}"))
         else:
@@ -139,7 +143,7 @@ class EmergencyDesk:
 
     def _unanswered(self, press: Press, error: QuadlabError) -> None:
         press.answered.set_exception(error)
-        press.answered.exception()  # retrieved, though no one may wait any more
+        press.answered.exception()  # retrieve it, even if no caller waits any more
         shown = isinstance(error, LinkError) and self._shows(press)
         if press.phase == "sent" and not shown:
             press.reason = str(error)
@@ -149,8 +153,8 @@ class EmergencyDesk:
             self._finish(press, "acknowledged")
 
     async def _try(self, press: Press) -> None:
-        """Try to send a press until it is answered. Raises RefusedError, or the last LinkError."""
-        # A cut under the id of a landing would get the landing's answer, and not be done.
+        """Send a press until it is answered. Raises RefusedError, or the last LinkError."""
+        # A cut under the id of a landing would get the landing's answer and not be done.
         request_id = uuid.uuid5(uuid.NAMESPACE_OID, f"{press.action} {press.id}").hex
         for number in range(1, TRIES + 1):
             began = self._clock()
@@ -167,10 +171,10 @@ class EmergencyDesk:
                     raise
             await asyncio.sleep(max(began + SPACING - self._clock(), 0.0))
             if press.action == "land" and self._cut_at >= press.pressed:
-                raise LinkError("not answered; a cut followed it")  # and must not wait for it
+                raise LinkError("not answered; a cut followed it")  # the cut must not wait for it
 
     async def _watch(self, press: Press) -> None:
-        """Watch a press from acceptance to what the status shows."""
+        """Watch an accepted press until the status shows it, or the time is over."""
         while press.pending:
             await asyncio.sleep(LOOKS)
             if press.phase != "accepted":
@@ -182,7 +186,7 @@ class EmergencyDesk:
                 self._finish(press, "failed")
 
     def _shows(self, press: Press) -> bool:
-        """Return whether a status that came after the press shows it."""
+        """Return whether a status received after the press shows it."""
         if self._live.age("status") >= self._clock() - press.pressed:
             return False
         status = self._live.newest("status")
@@ -191,8 +195,9 @@ class EmergencyDesk:
         return press.action == "land" and self._lands(status)
 
     def _lands(self, status: Any) -> bool:
-        """Return whether the vehicle lands as chosen, or worse: without a pose it cannot land by
-        one.
+        """Return whether the vehicle lands as chosen, or worse.
+
+        Without a pose it cannot land by one.
         """
         if str(status.mode).lower() != "emergency_land":
             return False
@@ -222,9 +227,7 @@ class EmergencyDesk:
             self._publish({"type": "emergency", "press": self._as_message(press)})
 
     def _as_message(self, press: Press) -> Message:
-        """Return a press as a message; `age` is in s since the press, for a page has a clock of its
-        own.
-        """
+        """Return a press as a message; `age` is in s since the press, not a time of this clock."""
         return {
             "id": press.id,
             "action": press.action,

@@ -1,9 +1,9 @@
-"""Emergencies without scripts: the forms of the pages, answered with a small page of their own.
+"""Emergencies without scripts: the forms of the pages, answered with a small page.
 
-A page's buttons are forms until its scripts have started, and where none run. A landing is asked
-for at once. A cut is asked for once more, for a form cannot be held; not on `/kill`, for who opens
-that has decided. The answer shows how the newest press stands, and looks again by itself until the
-vehicle has acknowledged it.
+A page's buttons are forms until its scripts have started, and remain so where none run. A landing
+is sent at once. A cut has to be confirmed, because a form cannot be held; not on `/kill`, because
+opening that page is the decision. The answer shows the state of the newest press, and reloads
+itself until the vehicle has acknowledged it.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from web.fleet.fleet import Fleet
 from web.requester import Asker
 
 SOON = 0.3
-"""s that an answer may take to be told at once."""
+"""Longest time, in s, that the request waits for the vehicle's answer before it is answered."""
 AGAIN = 1
-"""s between two looks at a press that is not yet acknowledged."""
+"""Time, in s, after which the page reloads while a press is not yet acknowledged."""
 NAMES = {"land": "Emergency land", "cut": "Cut motors"}
 DONE = {"land": "Landing", "cut": "Motors cut"}
 
@@ -67,7 +67,7 @@ def add_plain_emergency(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
         if action == "cut" and form.get("sure") != "yes":
             return _page(f"Cut the motors of {parts.vehicle}? It falls.", "", _LAND + _SURE + _CUT)
         try:
-            with contextlib.suppress(TimeoutError):  # it goes on, and is told as the newest press
+            with contextlib.suppress(TimeoutError):  # the press continues and is shown
                 await asyncio.wait_for(desk.press(action, session.label), SOON)
         except QuadlabError as error:
             said = f"{parts.vehicle}: {NAMES[action]} failed: {error}. Press again."
@@ -80,7 +80,7 @@ def _buttons(session: Session) -> str:
 
 
 def _told(vehicle: str, press: Message | None) -> tuple[str, str]:
-    """Return one line of the newest press, and what makes the page ask again."""
+    """Return a line on the newest press, and the tag that reloads the page while it is pending."""
     if press is None:
         return f"{vehicle}: no emergency was pressed.", ""
     name, phase = f"{NAMES[press['action']]} by {press['by']}", press["phase"]

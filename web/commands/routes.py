@@ -1,4 +1,4 @@
-"""The routes of commands, `POST /api/commands/…`, made from the table of commands."""
+"""Routes of commands, `POST /api/commands/…`, made from the table of commands."""
 
 from __future__ import annotations
 

@@ -1,12 +1,12 @@
-"""`/ws/stick`: the sticks of one page, to the station as `stick` (sensor_msgs/Joy).
+"""`/ws/stick`: the sticks of one page, published to the station as `stick` (sensor_msgs/Joy).
 
 A page sends 28 B at 50 Hz while its dead-man button is held: four float32 axes (forward, left,
-up, yaw; -1 to 1), float32 1.0 for the button, its own number of the frame, and with the last one
-the cause it stops for. Each frame is answered with `{"n": number, "by": "station" or "web",
-"on": …, "why": …}`: by the station for what came so far, by us for what did not.
+up, yaw; -1 to 1), float32 1.0 for the button, the frame's number, and in the last frame the cause
+why it stops. Each frame is answered with `{"n": number, "by": "station" or "web", "on": …,
+"why": …}`: by the station if the frame was forwarded to it, otherwise by this process.
 
-The button counts from a press with all sticks centred, until a cause drops it; then it must be
-released and pressed again, so that a page that stood still does not wake up flying.
+The button counts from a press with all sticks centred, until a cause drops it. Then it must be
+released and pressed again, so that a page that was frozen does not resume flying by itself.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from web.live.conversation import converse
 _FRAME = struct.Struct("<5f2I")
 SILENCE = 0.25  # s
 CENTRED = 0.05
-"""Largest deflection at which the button counts; a page sends exact zeros there."""
+"""Largest deflection at which the button starts to count; a page sends exact zeros then."""
 CAUSES = (
     "released",
     "the window lost the focus",
@@ -43,13 +43,13 @@ CAUSES = (
 )
 """Reasons why a page releases the sticks, by the number in its frame."""
 RELEASED, CLOSED = CAUSES[0], "the page closed"
-REMEMBERED = 64  # frames whose answer may still come
-WAITING = 20  # answers a page may lag behind; older ones are dropped
+REMEMBERED = 64  # frames whose answer may still arrive
+WAITING = 20  # unsent answers to a page; older ones are dropped
 
 Axes = tuple[float, float, float, float]
 _CENTRE: Axes = (0.0, 0.0, 0.0, 0.0)
 Answered = Callable[[bool, str], None]
-"""Told by the station whether a frame's sticks go to the vehicle, and why not."""
+"""Called with the station's answer: whether the vehicle gets a frame's sticks, and why not."""
 _encode = msgspec.json.Encoder().encode
 
 
@@ -62,7 +62,7 @@ class Frame:
 
 
 def read_frame(raw: bytes) -> Frame:
-    """Read a frame of the sticks. Raises ValueError for what is no frame."""
+    """Read a frame of the sticks. Raises ValueError for anything else."""
     if len(raw) != _FRAME.size:
         raise ValueError(f"{len(raw)} bytes; a stick frame has {_FRAME.size}")
     *axes, button, number, cause = _FRAME.unpack(raw)
@@ -75,7 +75,7 @@ def read_frame(raw: bytes) -> Frame:
 
 
 class Hand:
-    """One page's button: on, or why it does not count. Pure."""
+    """One page's button: whether it counts, or why it does not. It has no side effects."""
 
     def __init__(self) -> None:
         self.on = False
@@ -83,7 +83,7 @@ class Hand:
         self._last = -math.inf
 
     def take(self, frame: Frame, now: float) -> bool:
-        """Take a frame, and return whether the sticks are on with it."""
+        """Handle a frame, and return whether the sticks are on with it."""
         silence, self._last = now - self._last, now
         if not frame.held:
             self.on, self.why = False, ""
@@ -104,11 +104,13 @@ class Hand:
 
 
 class StickOutput:
-    """Lets one hand through. Of the event loop's thread, but for `answer_from_thread`.
+    """Output of the sticks, which lets one hand through at a time.
+
+    All methods are for the event loop's thread, except `answer_from_thread`.
 
     Args:
-        publish: (axes, enabled, requester) → stamp (ns) by which the station will answer, or 0
-            when there is no station.
+        publish: called with (axes, enabled, requester); returns the stamp, in ns, by which the
+            station will answer, or 0 if there is no station.
     """
 
     def __init__(
@@ -126,7 +128,7 @@ class StickOutput:
         self._loop = loop
 
     def send(self, hand: object, axes: Axes, requester: str, answered: Answered) -> bool:
-        """Send, and return whether this hand has the sticks now."""
+        """Publish the sticks unless another hand has them; return whether this one does."""
         now = self._clock()
         if self._owner is not hand and self._owner is not None and now <= self._until:
             return False
@@ -138,12 +140,12 @@ class StickOutput:
         return True
 
     def release(self, hand: object, let_go: str = "") -> None:
-        """Zero and disabled, once, if this hand had the sticks.
+        """Publish zero and disabled, once, if this hand had the sticks.
 
         Args:
-            let_go: who released the button. While no one has the sticks that is passed on, too: a
-                station that dropped them waits for it, and may not have heard it of a web process
-                that was there before.
+            let_go: the requester who released the button. It is passed on even while no hand has
+                the sticks: a station that dropped them waits for the release, and may have missed
+                it if the web process was restarted.
         """
         if self._owner is hand:
             self._owner = None
@@ -152,8 +154,9 @@ class StickOutput:
             self._publish(_CENTRE, False, let_go)
 
     def answer(self, stamp_ns: int, on: bool, why: str) -> None:
-        """Pass on what the station answers to a frame; to its last one again when silence dropped
-        it.
+        """Pass on the station's answer to a frame.
+
+        The last frame gets a second one when a silence drops the sticks.
         """
         if (answered := self._asked.get(stamp_ns)) is not None:
             answered(on, why)
@@ -170,11 +173,11 @@ async def serve(
     may: Callable[[str], bool],
     say: Callable[[str, str], None],
 ) -> None:
-    """Serve one page's sticks until it leaves.
+    """Serve one page's sticks until it disconnects.
 
     Args:
-        may: whether this requester has control, or may take it now; asked with each frame.
-        say: (level, line) for everyone's list of events.
+        may: returns whether this requester has control, or may take it now; called with each frame.
+        say: called with (level, line) for everyone's list of events.
     """
     if not session.role.may(Role.OPERATOR):
         await socket.close(1008, "viewers have no sticks")
@@ -218,6 +221,6 @@ async def serve(
 
 
 async def _send(socket: WebSocket, answers: asyncio.Queue[bytes]) -> None:
-    with contextlib.suppress(RuntimeError):  # it has gone
+    with contextlib.suppress(RuntimeError):  # the socket is closed
         while True:
             await socket.send_text((await answers.get()).decode())

@@ -1,6 +1,6 @@
-"""Calibrations for the page: what the vehicle keeps of them, and what an experiment proposes.
+"""Calibrations for the page: the vehicle's history of them, and an experiment's proposal.
 
-They are flown, confirmed and decided as every experiment (`web/experiments/experiments.py`).
+They are flown, confirmed and decided like every experiment (`web/experiments/experiments.py`).
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ def add_calibration(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/calibrations")
     async def calibrations() -> dict[str, Any]:
-        """Return all that the vehicle keeps, newest first; the first of each name is in force.
+        """Return all calibrations that the vehicle stores, newest first.
 
-        `history` is null, with the `problem`, while the vehicle does not tell it.
+        The first of each name is in force. `history` is null, with the `problem`, while the vehicle
+        does not answer.
         """
         try:
             answer = await station.command("calibrate", "page", action="history")
@@ -38,8 +39,9 @@ def add_calibration(app: FastAPI, parts: Parts) -> None:
 
 
 def proposal_summary(live: Live) -> dict[str, Any] | None:
-    """Return what the station's experiment proposes; None for nothing, `problem` if it makes no
-    sense.
+    """Return the calibration that the station's experiment proposes.
+
+    It is None if there is none; it has a `problem` if it cannot be read.
     """
     status = live.newest("experiment_status")
     return None if status is None or not status.proposal else _proposal(str(status.proposal))
@@ -54,7 +56,7 @@ def _proposal(text: str) -> dict[str, Any]:
 
 
 def fields_of(record: CalibrationRecord) -> dict[str, Any]:
-    """Return the fields as in JSON, with whether each figure, and all, are within their limits."""
+    """Return the fields as in JSON, and whether each figure, and all, are within their limits."""
     fields: dict[str, Any] = json.loads(record.model_dump_json())
     for shown, figure in zip(fields["quality"], record.quality, strict=True):
         shown["good"] = figure.good

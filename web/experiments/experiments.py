@@ -1,6 +1,6 @@
-"""Experiments of the station: what there is, start, finish, stop, what they ask and propose.
+"""Experiments of the station: list, start, finish, stop, questions and proposals.
 
-The station flies and judges them; the page may close meanwhile. Reports are in
+The station flies and judges them; the page may be closed in the meantime. Reports are in
 `web/experiments/reports.py`.
 """
 
@@ -44,23 +44,23 @@ def add_experiments(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/experiments")
     async def experiments() -> dict[str, Any]:
-        """Return each experiment with its options: bounds, choices, unit, description; and its
-        status.
+        """Return each experiment with its options, and the experiments' status.
 
-        `calibration`: which one it proposes; `problem`: why a file of one's own cannot run.
+        An option has bounds, choices, unit and description. `calibration`: the one that the
+        experiment proposes; `problem`: why a user's own file cannot run.
         """
         answer = await station.command("experiment", "page", action="describe")
         return {"experiments": _described(answer), "status": experiment_summary(parts.live)}
 
     @app.post("/api/experiments/start")
     async def start(body: StartExperimentBody, session: Operator) -> dict[str, bool]:
-        """Arm and fly; the station checks the options."""
+        """Arm and fly an experiment; the station checks the options."""
         options = to_parameters(body.options)
         return await ask(body, session.label, "start", name=body.name, options=options)
 
     @app.post("/api/experiments/finish")
     async def finish(body: CommandBody, session: Operator) -> dict[str, bool]:
-        """End the manoeuvre now: handed back, landed, judged."""
+        """End the manoeuvre now; the vehicle then lands and the run is judged."""
         return await ask(body, session.label, "finish")
 
     @app.post("/api/experiments/stop")
@@ -70,13 +70,13 @@ def add_experiments(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/experiments/confirm")
     async def confirm(body: ConfirmBody, session: Operator) -> dict[str, bool]:
-        """Answer yes to the question it waits with."""
+        """Answer yes to the question that the experiment waits with."""
         options = to_parameters({"question": body.question})
         return await ask(body, session.label, "confirm", options=options)
 
     @app.post("/api/experiments/accept")
     async def accept(body: CommandBody, session: Operator) -> dict[str, bool]:
-        """Accept the proposed calibration: the vehicle takes it over, all of it or nothing."""
+        """Accept the proposed calibration: the vehicle applies all of it or nothing."""
         return await ask(body, session.label, "accept")
 
     @app.post("/api/experiments/reject")
@@ -107,9 +107,7 @@ def _described(answer: Any) -> list[dict[str, Any]]:
 
 
 def experiment_summary(live: Live) -> dict[str, Any] | None:
-    """Return the state of the station's experiment, for the page; None before the station reported
-    one.
-    """
+    """Return the state of the station's experiment, for the page; None until it is reported."""
     status = live.newest("experiment_status")
     if status is None:
         return None
@@ -154,5 +152,5 @@ def experiment_summary(live: Live) -> dict[str, Any] | None:
 
 
 def _number(value: float) -> float | None:
-    """Return a number, None for NaN, which JSON does not have."""
+    """Return a number with six digits, None for NaN, which JSON does not have."""
     return float(f"{value:.6g}") if math.isfinite(value) else None

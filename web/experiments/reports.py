@@ -1,4 +1,4 @@
-"""Reports of runs: what an experiment found, their files, and one made on request."""
+"""Reports of runs: an experiment's result, its files, and a report made on request."""
 
 from __future__ import annotations
 
@@ -27,8 +27,11 @@ DOCUMENT = (
     "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'; font-src data:; "
     "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
 )
-"""Content policy of an HTML report: it stands for itself, runs nothing, fetches nothing, and is of
-no origin, so that nothing in it has the rights of whoever opens it."""
+"""Content policy of an HTML report.
+
+The report is self-contained: it runs nothing, fetches nothing and has no origin, so that nothing in
+it has the rights of the person who opens it.
+"""
 
 
 def add_reports(app: FastAPI, parts: Parts) -> None:
@@ -42,14 +45,15 @@ def add_reports(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/runs/{run_id}/report")
     def make(run_id: str, _: Operator) -> dict[str, Any]:
-        """Begin to make the report with figures, again if there is one; return its progress."""
+        """Start making the report with figures, again if there is one; return its progress."""
         log = catalogue.resolve(run_id)
         return reports.ask(run_id, log).as_json(log)
 
     @app.get("/api/runs/{run_id}/report_making")
     def making(run_id: str) -> dict[str, Any]:
-        """Return the state of the report asked for last: none, waiting, working, ready or failed,
-        with progress 0 to 1 or the reason; and the files there are.
+        """Return the state of the newest report: none, waiting, working, ready or failed.
+
+        It has the progress, 0 to 1, or the reason, and the files that exist.
         """
         return reports.state(run_id).as_json(catalogue.resolve(run_id))
 

@@ -1,1 +1,1 @@
-"""The page of several vehicles."""
+"""Page of several vehicles."""

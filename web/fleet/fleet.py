@@ -1,7 +1,8 @@
-"""The vehicles of this page: the state of each one, and what a page shows of it.
+"""Vehicles of this page: the state of each one, and what a page shows of it.
 
-What comes many times a second is taken only of vehicles that someone looks at, what is only for
-charts while one shows it, and of all their positions only while someone has the fleet's page open.
+Fast topics are subscribed to only where they are shown: for vehicles whose page someone has open,
+those for charts while a chart shows them, and all positions while someone has the fleet's page
+open.
 """
 
 from __future__ import annotations
@@ -21,17 +22,21 @@ from web.signals.signal import quaternion
 if TYPE_CHECKING:
     from web.live.vehicle_side import VehicleSide
 
-LOOK = 0.2  # s between looks at who looks at what
-LINGER = 5.0  # s for which a vehicle is taken whole after the last page of it: it may be reloading
+LOOK = 0.2  # s between checks of which pages are open
+LINGER = 5.0  # s for which topics are kept after the last page closes: it may be reloading
 POSITION = frozenset({"state"})
 SEEN = FAST.difference(CHARTED)
-"""Taken of a vehicle that is looked at; the others only while a chart shows them."""
+"""Topics subscribed to while a vehicle's page is open; the other fast ones only while charted."""
 
 Message = dict[str, Any]
 
 
 class Fleet:
-    """The fleet of one event loop. Args: `sides` of the vehicles, the first one's page is at /."""
+    """Fleet of one event loop.
+
+    Args:
+        sides: the vehicles; the page of the first one is at /.
+    """
 
     def __init__(self, sides: Sequence[VehicleSide]) -> None:
         self._sides = tuple(sides)
@@ -46,7 +51,7 @@ class Fleet:
 
     @property
     def lives(self) -> dict[str, Live]:
-        """Return the results of each vehicle, by name."""
+        """Return the newest messages of each vehicle, by name."""
         return {side.name: side.parts.live for side in self._sides}
 
     @contextlib.contextmanager
@@ -63,19 +68,19 @@ class Fleet:
         return [_summary(side) for side in self._sides]
 
     def positions(self) -> list[list[float] | None]:
-        """Return x, y, z (m, W) and yaw (rad) of each, None where it is not known now."""
+        """Return x, y, z (m, W) and yaw (rad) of each vehicle, None where it is not known now."""
         return [_position(side.parts.live) for side in self._sides]
 
     async def land_all(self, requester: str, request_id: str | None = None) -> list[Message]:
-        """Land all in an emergency that are not known to be on the ground with their motors off.
+        """Send an emergency landing to all vehicles not known to be on the ground with motors off.
 
-        Answers once each has accepted or refused it; what they show then is in `summary`.
+        Return once each has accepted or refused it; `summary` reports what they show then.
         """
         landings = (self._land(side, requester, request_id) for side in self._sides)
         return list(await asyncio.gather(*landings))
 
     async def run(self) -> None:
-        """Keep what is taken of each vehicle at what is looked at."""
+        """Subscribe to what is shown of each vehicle, and to no more."""
         loop = asyncio.get_running_loop()
         while True:
             for side in self._sides:
@@ -87,7 +92,7 @@ class Fleet:
                     wanted = SEEN | side.parts.feed.topics
                 if wanted == self._taken.get(side.name, frozenset()):
                     continue
-                with contextlib.suppress(LinkError):  # the session goes; asked again
+                with contextlib.suppress(LinkError):  # the session is closing; tried again
                     await loop.run_in_executor(self._changing, side.station.watch, wanted)
                     self._taken[side.name] = wanted
             await asyncio.sleep(LOOK)
@@ -145,10 +150,10 @@ def _position(live: Live) -> list[float] | None:
 
 
 def _age(live: Live, topic: str) -> float | None:
-    """Return the age in s; None means never."""
+    """Return the age of the newest message, in s; None if there has been none."""
     return _rounded(live.age(topic), 2)
 
 
 def _rounded(value: float, digits: int) -> float | None:
-    """Return a number, None for infinity, which JSON does not have."""
+    """Return a rounded number, None for infinity, which JSON does not have."""
     return round(float(value), digits) if math.isfinite(value) else None

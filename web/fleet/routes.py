@@ -1,7 +1,7 @@
-"""The page of all vehicles, /fleet, and what it asks for: the same under every vehicle's address.
+"""Page of all vehicles, /fleet, and its routes, which are the same under every vehicle's address.
 
-`/ws/fleet` tells how each one stands, at 2.5 Hz, for the switch in the bar as well; with `?plot=1`
-where each one is, too, at 10 Hz.
+`/ws/fleet` sends the state of each vehicle at 2.5 Hz, also for the switch in the bar; with
+`?plot=1` it also sends their positions, at 10 Hz.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from web.live.conversation import converse
 from web.requester import Asker
 from web.static_files import FILES
 
-PERIOD = 0.4  # s, of how they stand
-PLOT_PERIOD = 0.1  # s, of where they are
+PERIOD = 0.4  # s between states
+PLOT_PERIOD = 0.1  # s between positions
 _encode = msgspec.json.Encoder().encode
 
 
@@ -37,8 +37,9 @@ def add_fleet(app: FastAPI, fleet: Fleet) -> None:
 
     @app.post("/api/fleet/land")
     async def land(body: CommandBody, session: Asker) -> dict[str, Any]:
-        """Land all in an emergency whose motors are not known to be off; any role may. Answers once
-        each vehicle has accepted or refused it.
+        """Send an emergency landing to all vehicles whose motors are not known to be off.
+
+        Any role may. The answer is sent once each vehicle has accepted or refused it.
         """
         return {"vehicles": await fleet.land_all(session.label, body.request_id)}
 

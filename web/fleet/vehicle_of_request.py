@@ -1,7 +1,7 @@
-"""The vehicle that a request concerns: `/v/quad2/…` is quad2's, all others the first one's.
+"""Routing of requests to vehicles: `/v/quad2/…` is for quad2, all others for the first one.
 
-Behind the gate, a plain ASGI application: each vehicle has the whole application for itself, as if
-it were the only one, so that who may what is the same under every address.
+It is a plain ASGI application behind the gate. Each vehicle has a complete application, as if it
+were the only one, so that the same permissions apply under every address.
 """
 
 from __future__ import annotations
@@ -18,7 +18,11 @@ PLACE = "/v/"
 
 
 class ByVehicle:
-    """Args: `apps` by name; the lifespan is the first one's."""
+    """ASGI application that passes each request to the application of its vehicle.
+
+    Args:
+        apps: the applications by name; the lifespan is that of the first one.
+    """
 
     def __init__(self, apps: Mapping[str, FastAPI]) -> None:
         self.apps = dict(apps)

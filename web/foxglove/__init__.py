@@ -1,1 +1,1 @@
-"""The live connection of Foxglove, Lichtblick and others that speak Foxglove's protocol."""
+"""Live connection of Foxglove, Lichtblick and other viewers with Foxglove's protocol."""

@@ -1,4 +1,4 @@
-"""The offer to a client: channels for the topics, services for the commands."""
+"""Topics and commands offered to a client: channels for topics, services for commands."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from web.foxglove.protocol import ENCODING
 CHANNELS = tuple(
     name
     for name, row in TOPICS.items()
-    # What the lane brings from the vehicle would come a second time over the radio.
+    # What the vehicle sends on the lane would arrive a second time over the radio.
     if not (row.sender == "vehicle" and row.lane) and row.sender != "web" and name != "sweeps"
 )
-"""Topics by the number of their channel."""
+"""Topics by channel number."""
 CALLED = (*(name for name, row in COMMANDS.items() if row.has_route), "mark", "control")
-"""Services by their number: those for which the page has a route."""
+"""Commands by service number: those for which the page has a route."""
 SCHEMA_ENCODING = "ros2msg"
 
 
 @cache
 def channels(vehicle: str) -> list[dict[str, Any]]:
-    """Return the channels as they are advertised."""
+    """Return the channels in the form in which they are advertised."""
     return [
         {
             "id": number,
@@ -41,7 +41,7 @@ def channels(vehicle: str) -> list[dict[str, Any]]:
 
 @cache
 def services(vehicle: str) -> list[dict[str, Any]]:
-    """Return the services as they are advertised; schemas also as older clients look for them."""
+    """Return the services as they are advertised, with schemas for older clients too."""
     return [
         {
             "id": number,

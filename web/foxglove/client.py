@@ -1,7 +1,8 @@
-"""One client: what it subscribes, and what waits to be sent to it.
+"""One client: its subscriptions, and the queue of what is to be sent to it.
 
-Messages that wait have a bound; beyond it the oldest are dropped and the client is told. So a slow
-client holds up nobody, and one that reads nothing is disconnected by the websocket's keepalive.
+The queue of messages is bounded: beyond the limit the oldest are dropped and the client is
+notified. So a slow client delays no other, and one that reads nothing is disconnected by the
+websocket's keepalive.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ from web.foxglove import protocol
 from web.foxglove.catalogue import CHANNELS
 from web.foxglove.protocol import ERROR, WARNING
 
-MOST_BYTES = 1_000_000  # of messages that wait
-MOST_TEXTS = 300  # and of answers
+MOST_BYTES = 1_000_000  # of queued messages
+MOST_TEXTS = 300  # number of queued answers
 AT_ONCE = 64 * 1024  # bytes of one write
-TOLD = 5.0  # s at least between two lines about dropped messages
+TOLD = 5.0  # shortest time, in s, between two lines about dropped messages
 OVERFLOW = 1008  # close code
 
 
@@ -30,8 +31,8 @@ class FoxgloveClient:
     """One client of one event loop.
 
     Attributes:
-        topics: those that it subscribes.
-        followed: names of parameters whose changes it wants; None for all.
+        topics: the topics it is subscribed to.
+        followed: names of the parameters whose changes it gets; None for all.
     """
 
     def __init__(self, socket: WebSocket, session: Session) -> None:
@@ -48,7 +49,7 @@ class FoxgloveClient:
         self._news = asyncio.Event()
 
     def subscribe(self, subscription: int, channel: int) -> None:
-        """Subscribe a channel. Raises ValueError."""
+        """Subscribe to a channel. Raises ValueError."""
         if not 0 <= channel < len(CHANNELS):
             raise ValueError(f"there is no channel {channel}; allowed 0 to {len(CHANNELS) - 1}")
         if not 0 <= subscription < 2**32 or subscription in self._subscriptions:
@@ -82,12 +83,12 @@ class FoxgloveClient:
             self._dropped += 1
 
     def wake(self) -> None:
-        """Send what waits."""
+        """Send the queued messages."""
         if self._frames:
             self._news.set()
 
     def tell(self, answer: str | bytes) -> None:
-        """Queue an answer, which is not dropped."""
+        """Queue an answer, which is never dropped."""
         self._texts.append(answer)
         self._news.set()
 
@@ -96,24 +97,24 @@ class FoxgloveClient:
         self.tell(protocol.text("status", level=level, message=line))
 
     def changed(self, values: dict[str, ParameterValue]) -> None:
-        """Queue new values of the parameters that it follows."""
+        """Queue new values of the parameters that the client follows."""
         followed = self.followed
         if news := {k: v for k, v in values.items() if followed is None or k in followed}:
             self.tell(protocol.parameter_values(news))
 
     def follow(self, names: Iterable[str]) -> None:
-        """Follow these parameters too, all without names."""
+        """Follow these parameters too; without names, follow all."""
         names = set(names)
         self.followed = None if not names or self.followed is None else self.followed | names
 
     def leave(self, names: Iterable[str], known: Iterable[str]) -> None:
-        """Follow these of the `known` parameters no more, none without names."""
+        """Stop following these of the `known` parameters; without names, follow none."""
         names = set(names)
         before = set(known) if self.followed is None else self.followed
         self.followed = before - names if names else set()
 
     async def talk(self) -> None:
-        """Send until the socket is gone."""
+        """Send until the socket is closed."""
         while True:
             await self._news.wait()
             self._news.clear()
@@ -147,5 +148,5 @@ class FoxgloveClient:
             self.say(WARNING, f"{count} messages dropped: this connection is too slow for them")
 
     def refuse(self, error: Exception) -> None:
-        """Say why a request had no effect."""
+        """Send the client the reason why a request had no effect."""
         self.say(ERROR, str(error))

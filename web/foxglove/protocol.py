@@ -1,7 +1,7 @@
-"""Foxglove's websocket protocol, versions `foxglove.sdk.v1` and `foxglove.websocket.v1`, which are
-the same on the wire (https://github.com/foxglove/ws-protocol).
+"""Foxglove's websocket protocol, in the versions `foxglove.sdk.v1` and `foxglove.websocket.v1`.
 
-Text messages are JSON with their operation in `op`, binary ones begin with one byte of it.
+Both are the same on the wire (https://github.com/foxglove/ws-protocol). Text messages are JSON with
+their operation in `op`; binary messages begin with one byte that names it.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ INFO, WARNING, ERROR = range(3)
 """Levels of a status message."""
 
 _MESSAGE = struct.Struct("<BIQ")  # 1, subscription, ns of reception; then the payload
-_CALL = struct.Struct("<BIII")  # 2 (its answer: 3), service, call, bytes of the encoding's name
+_CALL = struct.Struct("<BIII")  # 2 (its answer: 3), service, call, length of the encoding's name
 _encode = msgspec.json.Encoder().encode
 
 
 class Wanted(msgspec.Struct):
     id: int
-    channelId: int  # noqa: N815 - the protocol's
+    channelId: int  # noqa: N815 - the protocol's name
 
 
 class Subscribe(msgspec.Struct, tag_field="op", tag="subscribe"):
@@ -64,7 +64,7 @@ _decoder: msgspec.json.Decoder[Asked] = msgspec.json.Decoder(Asked)
 
 
 class Call(NamedTuple):
-    """The call of a service."""
+    """Call of a service."""
 
     service: int
     id: int
@@ -98,24 +98,24 @@ def parse_call(data: bytes) -> Call:
 
 
 def message_frame(subscription: int, received_ns: int, payload: bytes) -> bytes:
-    """Return a message of a channel."""
+    """Return the binary frame of a channel's message."""
     return _MESSAGE.pack(1, subscription, received_ns) + payload
 
 
 def answer_frame(call: Call, payload: bytes) -> bytes:
-    """Return the answer to a call."""
+    """Return the binary frame of the answer to a call."""
     encoding = ENCODING.encode()
     return _CALL.pack(3, call.service, call.id, len(encoding)) + encoding + payload
 
 
 def text(op: str, **fields: Any) -> str:
-    """Return a text message of this operation; fields of None are left out."""
+    """Return a text message of this operation; fields that are None are left out."""
     given = {name: value for name, value in fields.items() if value is not None}
     return _encode({"op": op, **given}).decode()
 
 
 def parameter_values(values: dict[str, ParameterValue], identity: str | None = None) -> str:
-    """Return the message with these parameters; `float64` tells a client that 3 stands for 3.0."""
+    """Return the message with these parameters; `float64` marks that a 3 is the float 3.0."""
     parameters = [
         {"name": name, "value": value, **({"type": "float64"} if type(value) is float else {})}
         for name, value in values.items()

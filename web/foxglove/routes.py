@@ -1,4 +1,4 @@
-"""The route of the live connection, `/foxglove`, and of the links to it."""
+"""Route of the live connection, `/foxglove`, and those of the links to it."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ from web.runs.sharing import VIEWERS
 if TYPE_CHECKING:
     from web.app_parts import Parts
 
-AT_ONCE = 8  # calls of one client under way
+AT_ONCE = 8  # calls of one client in progress
 LAYOUT = Path(__file__).with_name("layout.json")
 INSTANCE = uuid.uuid4().hex
-"""Identity of this process, so that a client recognises a restart."""
+"""Identity of this process, by which a client recognises a restart."""
 
 
 def add_foxglove(app: FastAPI, parts: Parts) -> None:
@@ -44,9 +44,11 @@ def add_foxglove(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/foxglove/link")
     def link(request: Request, session: Asker) -> dict[str, Any]:
-        """Return the address of the live connection with a token that lets a program connect as
-        you for ten minutes, and the addresses that open it in a viewer. Those only watch: a
-        viewer's server sees its own address, token included.
+        """Return the address of the live connection, with a token that is valid for ten minutes.
+
+        A program with this token connects as you. `viewers` are addresses that open the connection
+        in a viewer; these can only watch, because a viewer's server sees its own address, including
+        the token.
         """
         scheme = "wss" if urlsplit(parts.base_url).scheme == "https" else "ws"
         place = f"{scheme}://{request.headers['host']}/v/{parts.vehicle}/foxglove"
@@ -64,7 +66,7 @@ def add_foxglove(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/foxglove/layout")
     def layout() -> Response:
-        """Return a layout to import, with this vehicle's topics."""
+        """Return a layout with this vehicle's topics, to import into a viewer."""
         content = LAYOUT.read_text().replace("VEHICLE", parts.vehicle)
         disposition = f'attachment; filename="quadlab_{parts.vehicle}_layout.json"'
         headers = {"content-disposition": disposition}
@@ -72,7 +74,7 @@ def add_foxglove(app: FastAPI, parts: Parts) -> None:
 
 
 async def serve(socket: WebSocket, parts: Parts) -> None:
-    """Serve one client until it or its session ends."""
+    """Serve one client until the connection or its session ends."""
     chosen = next((name for name in SUBPROTOCOLS if name in socket.scope["subprotocols"]), None)
     if chosen is None:
         asked = ", ".join(socket.scope["subprotocols"]) or "none"
@@ -99,7 +101,7 @@ async def serve(socket: WebSocket, parts: Parts) -> None:
 
 
 class _Conversation:
-    """The requests of one client."""
+    """Requests of one client."""
 
     def __init__(self, client: FoxgloveClient, parts: Parts) -> None:
         self._client, self._parts = client, parts
@@ -116,7 +118,7 @@ class _Conversation:
                 self._client.refuse(error)
 
     def _asked(self, asked: Asked) -> None:
-        """Do what is asked. Raises ValueError."""
+        """Handle a request. Raises ValueError."""
         client, replica = self._client, self._parts.replica
         match asked:
             case protocol.Subscribe():
@@ -166,7 +168,7 @@ class _Conversation:
             self._client.tell(protocol.answer_frame(call, payload))
 
     def _begin(self, work: Coroutine[Any, Any, None]) -> None:
-        """Run next to the conversation. Raises ValueError when too much is under way."""
+        """Run a request in parallel. Raises ValueError if too many are in progress."""
         if len(self._tasks) >= AT_ONCE:
             work.close()
             raise ValueError(f"{AT_ONCE} requests are under way; wait for their answers")

@@ -1,6 +1,7 @@
-"""Calls of services by a client: who may and what happens is as on the page.
+"""Calls of services by a client, with the same permissions and effects as on the page.
 
-The requester is who signed in, whatever the request says; the station checks who has control.
+The requester is the signed-in person, whatever the request says; the station checks who has
+control.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 
 async def call(parts: Parts, session: Session, service: str, payload: bytes) -> bytes:
-    """Return the answer in CDR; a refusal is one, with its reason. Raises LinkError."""
+    """Return the answer in CDR; a refusal is an answer with its reason. Raises LinkError."""
     request = decode(payload, f"{SERVICES[service]}_Request")
     fields = {
         name: getattr(request, name)
@@ -37,10 +38,10 @@ async def call(parts: Parts, session: Session, service: str, payload: bytes) -> 
 
 
 def _refusal(session: Session, service: str, fields: dict[str, Any]) -> str:
-    """Return why this person may not; "" when they may."""
+    """Return why this person may not call the service; "" if they may."""
     least = Role.OPERATOR
     if service == "emergency" and fields["action"] == "land":
-        least = Role.VIEWER  # open to all
+        least = Role.VIEWER  # anyone may
     elif service == "control" and fields["action"] == "take":
         least = Role.ADMIN
     if session.role.may(least):

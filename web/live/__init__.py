@@ -1,1 +1,1 @@
-"""The live content of the page: the newest messages, events, telemetry."""
+"""Live content of the page: the newest messages, events, telemetry."""

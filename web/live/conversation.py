@@ -1,4 +1,4 @@
-"""A page's websocket: talk and listen at once until either side ends."""
+"""Conversation on a page's websocket: send and receive at once until either side ends."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketDisconnected
 
 GONE = (WebSocketDisconnect, WebSocketDisconnected, OSError)
-"""What a socket raises that the page has left: at once, or when it is used once more."""
+"""Errors of a socket that the page has closed: at once, or when it is used again."""
 
 
 async def converse(
@@ -17,10 +17,11 @@ async def converse(
     talk: Coroutine[Any, Any, None],
     listen: Coroutine[Any, Any, None] | None = None,
 ) -> None:
-    """Run both until one of them ends, and end the other; a socket that has gone is no error.
+    """Run both until one of them ends, then end the other; a closed socket is no error.
 
     Args:
-        listen: reads until the page leaves; without it what the page sends is dropped.
+        talk: sends to the page.
+        listen: reads until the page disconnects; without it, what the page sends is dropped.
 
     Raises what either of them raises.
     """

@@ -1,7 +1,7 @@
-"""`/ws/events`: what happens, as JSON: a summary at 5 Hz, log lines, parameter changes.
+"""`/ws/events`: events as JSON: a summary at 5 Hz, log lines, parameter changes.
 
-Every page gets the same. A page that does not keep up is disconnected and starts afresh when
-it comes back, which is simpler and more honest than a backlog.
+Every page gets the same. A page that does not keep up is disconnected and starts again when it
+reconnects, which is simpler than a backlog and shows no old news.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ Message = dict[str, Any]
 
 RATE = 5.0  # Hz, of the summary
 OF_ALL = ("runs",)
-"""Types of messages that are news for the pages of every vehicle."""
-KEPT = 200  # log lines a new page gets
-WAITING = 500  # messages a page may lag behind
+"""Types of messages that are published to the pages of every vehicle."""
+KEPT = 200  # log lines that a new page gets
+WAITING = 500  # unsent messages of a page, beyond which it is disconnected
 SUMMARY_NOW: Message = {"type": "summary now"}
-"""Message of the hub: every page gets its summary without waiting for the next."""
+"""Message of the hub on which every page gets its summary without waiting for the next."""
 NOISES = ("accelerometer", "gyroscope", "measurement")
 LEVELS = {10: "debug", 20: "info", 30: "warn", 40: "error", 50: "error"}
 
@@ -39,8 +39,10 @@ _encode = msgspec.json.Encoder().encode
 
 
 class EventHub:
-    """Hands messages to all open pages. To be used from the event loop's thread, but for
-    `publish_from_thread`."""
+    """Distributor of messages to all open pages.
+
+    It is to be used from the event loop's thread, except `publish_from_thread`.
+    """
 
     def __init__(self) -> None:
         self._pages: set[asyncio.Queue[Message | None]] = set()
@@ -72,7 +74,7 @@ class EventHub:
         for queue in self._pages:
             if queue.qsize() >= WAITING:
                 _empty(queue)
-                queue.put_nowait(None)  # tells its page to go
+                queue.put_nowait(None)  # disconnects the page
             else:
                 queue.put_nowait(message)
 
@@ -81,7 +83,7 @@ class EventHub:
             self._loop.call_soon_threadsafe(self.publish, message)
 
     def say(self, level: str, text: str) -> None:
-        """Publish a line of our own in everyone's event list."""
+        """Publish a line of this process in everyone's event list."""
         self.publish(event(level, text, "web", wall_time()))
 
     @contextlib.contextmanager
@@ -95,7 +97,7 @@ class EventHub:
 
 
 def event(level: str, text: str, source: str, stamp: float) -> Message:
-    """Return an event; `stamp`: s, epoch; `level`: info, warn or error."""
+    """Return an event; `stamp` in s, epoch; `level` is info, warn or error."""
     return {"type": "event", "level": level, "text": text, "source": source, "stamp": stamp}
 
 
@@ -106,9 +108,7 @@ async def serve(
     hello: Callable[[], Message],
     summary: Callable[[], Message],
 ) -> None:
-    """Serve one page's socket until it closes; parts of the summary that did not change are left
-    out.
-    """
+    """Serve one page's socket until it closes; send only the changed parts of the summary."""
     await socket.accept()
 
     async def talk(queue: asyncio.Queue[Message | None]) -> None:
@@ -139,7 +139,7 @@ async def serve(
 
 
 def summarize(live: Live) -> Message:
-    """Return the bar's content: newest status messages and the age (s) of every topic."""
+    """Return the bar's content: the newest status messages and the age (s) of each topic."""
     ages = {topic: live.age(topic) for topic in STALE if topic not in CHARTED}
     return {
         "age": {t: round(a, 2) if math.isfinite(a) else None for t, a in ages.items()},
@@ -158,15 +158,17 @@ def session_fields(session: Session) -> Message:
 
 
 def _station(message: Any) -> Message | None:
-    """Return its fields; the real-time factor as this process knows it, while the station is
-    waited for.
+    """Return the fields of the station's status.
+
+    In a simulation the real-time factor is that of this process, because the simulated time may be
+    waiting for the station.
     """
     fields, factor = _fields(message), real_time_factor()
     return {**fields, "real_time_factor": factor} if fields and factor else fields
 
 
 def _tracker(message: Any) -> Message | None:
-    """Return its fields, and how well a camera sees in the words of its process."""
+    """Return the fields of a tracker's status, and a text on how well a camera sees."""
     fields = _fields(message)
     return {**fields, "sees": camera_words(message)} if fields else fields
 
@@ -178,8 +180,9 @@ def _battery(message: Any) -> Message | None:
 
 
 def _estimate(message: Any) -> Message | None:
-    """Return how well the estimate in use and its measurements agree, rounded so that it is news
-    only when it changes.
+    """Return how well the estimate in use and its measurements agree.
+
+    The values are rounded, so that they change only when it matters.
     """
     if message is None:
         return None
@@ -197,7 +200,7 @@ def _fields(message: Any) -> Message | None:
 
 
 def _number(value: Any) -> Any:
-    """Return a value for JSON, which has no NaN, no arrays of numpy, and needs no 17 digits."""
+    """Return a value for JSON, which has no NaN and no numpy arrays, with six digits."""
     if isinstance(value, float):
         return float(f"{value:.6g}") if math.isfinite(value) else None
     return value.tolist() if hasattr(value, "tolist") else value

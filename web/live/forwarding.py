@@ -1,7 +1,7 @@
-"""Messages of the hub to the clients that subscribe them, as they come.
+"""Forwarding of the hub's messages to the clients that subscribe to them.
 
-Zenoh's thread only puts a message away; 50 times a second the event loop gives each client what
-came for it. A topic is subscribed at the hub while some client subscribes it.
+Zenoh's thread only queues a message; 50 times a second the event loop gives each client what has
+arrived for it. A topic is subscribed to at the hub while any client subscribes to it.
 """
 
 from __future__ import annotations
@@ -18,31 +18,36 @@ from quadrotor.parameters import ParameterValue
 from vehicle_link.transport.publisher import Received
 
 PERIOD = 0.02  # s
-MOST_WAITING = 20_000  # messages, while the event loop stands still
+MOST_WAITING = 20_000  # messages, while the event loop is blocked
 
 Forward = Callable[[Mapping[str, Callable[[Received], None]]], None]
 
 
 class ForwardingClient(Protocol):
-    """One that takes topics as they come: a program that speaks Foxglove's protocol, or a page that
-    looks at a camera.
+    """Receiver of topics as they arrive.
+
+    It is a program that speaks Foxglove's protocol, or a page that shows a camera.
     """
 
     @property
     def topics(self) -> Collection[str]: ...
 
     def put(self, topic: str, received_ns: int, payload: bytes) -> None:
-        """Take a message of any client's topic."""
+        """Queue a message, which may be of another client's topic."""
 
     def wake(self) -> None:
-        """Send what was put."""
+        """Send what was queued."""
 
     def changed(self, values: dict[str, ParameterValue]) -> None:
-        """Take new values of parameters."""
+        """Handle new values of parameters."""
 
 
 class Forwarding:
-    """The forwarding of one vehicle. Args: `forward` (web.live.station) says what is taken."""
+    """Forwarding of one vehicle's topics.
+
+    Args:
+        forward: sets the topics that are subscribed to, with their functions (web.live.station).
+    """
 
     def __init__(self, forward: Forward) -> None:
         self._forward = forward
@@ -64,7 +69,7 @@ class Forwarding:
     def told(
         self, message: Mapping[str, Any], values: Callable[[], dict[str, ParameterValue]]
     ) -> None:
-        """Pass on what pages are told of parameters: one that changed, or that all were read."""
+        """Pass on a message on parameters: one that changed, or that all were read."""
         changed = (
             values() if message["type"] == "parameters" else {message["name"]: message["value"]}
         )
@@ -78,7 +83,7 @@ class Forwarding:
             wanted = frozenset().union(*(client.topics for client in self.clients))
             if wanted != self._taken:
                 takers = {name: partial(self._put, name) for name in wanted}
-                with contextlib.suppress(LinkError):  # the session goes; asked again
+                with contextlib.suppress(LinkError):  # the session is closing; tried again
                     await loop.run_in_executor(None, self._forward, takers)
                     self._taken = wanted
             self._hand_out()

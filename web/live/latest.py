@@ -1,8 +1,8 @@
-"""The newest message of each topic and its age.
+"""Newest message of each topic and its age.
 
-Zenoh's threads put payloads in; the page's loops take messages out at their own pace, so that
-what no one looks at is never decoded. Ages run on this computer's monotonic clock, from the
-arrival: they need no clock of the vehicle.
+Zenoh's threads store payloads; the page's loops read messages at their own pace, so that what no
+page shows is never decoded. Ages use this computer's monotonic clock, from the arrival, and so need
+no clock of the vehicle.
 """
 
 from __future__ import annotations
@@ -15,14 +15,16 @@ from vehicle_link.clock import monotonic
 from vehicle_link.topics.table import TOPICS
 
 STALE = {name: row.stale for name, row in TOPICS.items() if row.stale}
-"""The topics of which the newest message is kept, with the age (s) above which its values are shown
-grey and charts show a gap."""
+"""Topics whose newest message is stored.
+
+The value is the age, in s, above which its values are shown in grey and charts show a gap.
+"""
 
 FAST = frozenset(name for name in STALE if TOPICS[name].page != "always")
-"""Those among them that come many times a second, or are made only for who looks."""
+"""Those among them that arrive many times a second, or are computed only while shown."""
 
 CHARTED = tuple(name for name in STALE if TOPICS[name].page == "chart")
-"""Those among them that are for charts only."""
+"""Those among them that only charts need."""
 
 
 @dataclass(slots=True)
@@ -33,7 +35,12 @@ class _Newest:
 
 
 class Live:
-    """Args: `decode(payload, type_name)` → message; `clock()` in s, monotonic."""
+    """Newest messages of one vehicle.
+
+    Args:
+        decode: called as `decode(payload, type_name)`; returns the message.
+        clock: s, monotonic.
+    """
 
     def __init__(
         self, decode: Callable[[bytes, str], Any], clock: Callable[[], float] = monotonic
@@ -43,11 +50,11 @@ class Live:
         self._newest: dict[str, _Newest] = {}
 
     def put(self, topic: str, payload: bytes) -> None:
-        """Put a message, from any thread."""
+        """Store a message; may be called from any thread."""
         self._newest[topic] = _Newest(payload, self._clock())
 
     def age(self, topic: str) -> float:
-        """Return the seconds since the newest message arrived; inf if none did."""
+        """Return the seconds since the newest message arrived; inf before the first."""
         newest = self._newest.get(topic)
         return self._clock() - newest.received if newest else float("inf")
 
@@ -55,7 +62,7 @@ class Live:
         return self.age(topic) <= STALE[topic]
 
     def newest(self, topic: str) -> Any | None:
-        """Return the newest message however old, decoded once; None if none came."""
+        """Return the newest message whatever its age, decoded once; None before the first."""
         newest = self._newest.get(topic)
         if newest is None:
             return None

@@ -1,4 +1,4 @@
-"""Topics that are received only while somebody looks at them."""
+"""Topics that are received only while a page or client shows them."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
 
 
 class OptionalTopics:
-    """Subscriptions that are renewed when others are wanted; thread-safe.
+    """Subscriptions to a set of topics that may change at any time; thread-safe.
 
     Each topic has a node, because a node closes as a whole.
 
     Args:
-        prefix: of the nodes' names.
+        prefix: prefix of the nodes' names.
 
     Attributes:
-        wanted: the topics wanted, each with its function.
+        wanted: the topics to subscribe to, each with its function.
     """
 
     def __init__(self, vehicle: str, prefix: str) -> None:
@@ -33,8 +33,9 @@ class OptionalTopics:
         self._lock = threading.Lock()
 
     def want(self, topics: Mapping[str, Callable[[Received], None]]) -> None:
-        """Give each message of these topics to its function, on Zenoh's thread, and of no others.
-        Blocks for some ms.
+        """Subscribe to these topics and no others.
+
+        Each message is passed to its function on Zenoh's thread. Blocks for some ms.
         """
         with self._lock:
             self.wanted = dict(topics)
@@ -66,6 +67,6 @@ class OptionalTopics:
 
 
 def subscribe_directly(node: Node, topic: str, put: Callable[[Received], None]) -> None:
-    """Subscribe on Zenoh's own thread: `put` only puts the bytes away."""
+    """Subscribe on Zenoh's own thread, which `put` must not hold up."""
     row = TOPICS[topic]
     node.subscribe(topic, row.type_name, put, qos=row.qos, direct=True)

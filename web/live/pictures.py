@@ -1,8 +1,8 @@
-"""`/ws/picture/{camera}`: a camera's pictures as they come, one JPEG a message.
+"""`/ws/picture/{camera}`: a camera's pictures as they arrive, one JPEG a message.
 
-A page opens it while it shows the picture. The topic is taken from the hub while some page, program
-or a recording does, and the tracker process makes pictures for these alone. A page that does not
-keep up skips to the newest picture.
+A page opens it while it shows the picture. The topic is subscribed to while any page, program or
+recording needs it, and the tracker process makes pictures only then. A page that does not keep up
+skips to the newest picture.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from web.app_parts import Parts
 
 Camera = Literal["tracker", "camera"]
-"""Of the tracker, or on board."""
+"""The tracker's camera, or the one on board."""
 
 
 class PictureClient:
-    """One page that looks at a camera: a client of `web.live.forwarding`.
+    """One page that shows a camera: a client of `web.live.forwarding`.
 
     Attributes:
-        topics: the one that it takes.
+        topics: the one that it subscribes to.
     """
 
     def __init__(self, camera: Camera) -> None:
@@ -46,10 +46,10 @@ class PictureClient:
             self._news.set()
 
     def changed(self, values: Mapping[str, ParameterValue]) -> None:
-        """Take news of parameters, of which a picture shows none."""
+        """Ignore new values of parameters, which a picture does not show."""
 
     async def talk(self, socket: WebSocket) -> None:
-        """Send each picture until the socket is gone."""
+        """Send each picture until the socket is closed."""
         while True:
             await self._news.wait()
             self._news.clear()
@@ -65,7 +65,7 @@ class PictureClient:
 
 
 def add_pictures(app: FastAPI, parts: Parts) -> None:
-    """Add the websocket."""
+    """Add the websocket /ws/picture/{camera}."""
 
     @app.websocket("/ws/picture/{camera}")
     async def picture(socket: WebSocket, camera: Camera) -> None:

@@ -1,8 +1,8 @@
-"""Our port, and websocket connections that keep no history for a stalled tab.
+"""The listening port, and websocket connections without a backlog for a stalled tab.
 
 Everything sent live has a newer version a moment later. With the usual buffers (megabytes in
-the kernel) a tab that stood still replays half a minute; with small ones `send` waits, and
-what is sent next is the newest.
+the kernel) a tab that was stalled replays half a minute; with small ones `send` waits, and the
+next message sent is the newest.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ UNSENT = 8 * 1024  # bytes
 
 
 class LiveWebSocket(WebSocketsSansIOProtocol):
-    """uvicorn's websocket with small send buffers."""
+    """The websocket of uvicorn with small send buffers."""
 
     def connection_made(self, transport: BaseTransport) -> None:
         super().connection_made(transport)
@@ -43,7 +43,7 @@ class LiveWebSocket(WebSocketsSansIOProtocol):
     async def send(self, message: ASGISendEvent) -> None:
         if message["type"] == "websocket.send":
             await self.writable.wait()
-            # Closed by uvicorn itself, too, when a page did not answer its pings.
+            # uvicorn itself also closes it, when a page has not answered its pings.
             if self.disconnected or self.close_sent:
                 raise ClientDisconnected
         frames: Sequence[bytes] | None = message.get("frames")  # type: ignore[assignment]
@@ -54,13 +54,14 @@ class LiveWebSocket(WebSocketsSansIOProtocol):
             return
         await super().send(message)
         if message["type"] == "websocket.http.response.body" and not message.get("more_body"):
-            # Refused with an answer, as the gate does: uvicorn would log that as a failure.
+            # The gate refused with an answer: uvicorn would log that as a failure.
             self.handshake_complete = True
 
 
 def plain_transport(transport: Any) -> Any:
-    """Return the transport below TLS, with a buffer of its own that asyncio gives no other way to;
-    or None.
+    """Return the transport below TLS, or None.
+
+    It has a buffer of its own, to which asyncio offers no other access.
     """
     return getattr(getattr(transport, "_ssl_protocol", None), "_transport", None)
 
@@ -84,7 +85,7 @@ def listen(host: str, port: int) -> socket.socket:
                 f"port {port} needs root; choose one above 1023 with --port"
             ) from error
         raise LinkError(f"cannot listen on {host}:{port} ({error.strerror or error})") from error
-    # Connections inherit it. asyncio sets it only where the protocol is named, and without it the
+    # Connections inherit it. asyncio sets it only if the protocol is named, and without it the
     # second half of each answer waits 40 ms for the acknowledgement of the first.
     made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return made

@@ -1,4 +1,4 @@
-"""Live spectra: what the flight loop sampled in the last seconds, over frequency."""
+"""Live spectra of what the flight loop sampled in the last seconds."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 SHORTEST = 2.0
-"""s of telemetry that a spectrum is made of, at least."""
+"""Shortest telemetry, in s, from which a spectrum is made."""
 MESSAGES: dict[str, Callable[[Record, str], Records]] = {
     "state": state_messages,
     "reference": lambda ticks, vehicle: reference_messages(ticks),
@@ -45,11 +45,15 @@ _KNOWN = {signal.name for signal in SIGNALS}
 
 
 class TickSignals:
-    """The signals of the page for each of N ticks. Args: ticks: TICK records, shape (N,).
+    """Signals of the page for each of N ticks.
+
+    Args:
+        ticks: TICK records, shape (N,).
 
     Attributes:
-        start: of the first tick, the vehicle's time, s. time: since then, (N,), s.
-        turns: of the rotors a second, (4, N).
+        start: the vehicle's time at the first tick, s.
+        time: time since then, (N,), s.
+        turns: revolutions of the rotors a second, (4, N).
     """
 
     def __init__(self, ticks: Record, vehicle: str) -> None:
@@ -61,8 +65,9 @@ class TickSignals:
         self.turns: Array = rotor_frequency(ticks["actuators"]["thrusts"]).T
 
     def values(self, name: str) -> Array:
-        """Return a signal, shape (N,), in its own unit. Raises OutOfBoundsError when the telemetry
-        does not have it.
+        """Return a signal, shape (N,), in its own unit.
+
+        Raises OutOfBoundsError when the telemetry does not have it.
         """
         source, place = _SOURCES.get(name, (None, 0))
         if source is None or source.topic not in MESSAGES:
@@ -95,11 +100,12 @@ def signals_of(packets: bytes, lengths: Sequence[int], vehicle: str) -> TickSign
     """Return the signals of packets of telemetry, each tick once.
 
     Args:
-        packets: quadlab_msgs/Telemetry, one behind the other. lengths: bytes of each.
+        packets: quadlab_msgs/Telemetry messages, concatenated.
+        lengths: bytes of each.
 
     Raises MeasurementError for less than SHORTEST.
     """
-    import_module("scipy.signal")  # takes seconds once, while the station collects telemetry
+    import_module("scipy.signal")  # slow once, while the station collects telemetry
     ends = np.cumsum(lengths, dtype=np.int64).tolist()
     parts = [unpack(packets[end - size : end])[1] for end, size in zip(ends, lengths, strict=True)]
     ticks = np.concatenate(parts) if parts else np.zeros(0, TICK)
@@ -126,8 +132,9 @@ def spectra(signals: TickSignals, names: Sequence[str]) -> dict[str, Any]:
 
 
 def live_spectrogram(signals: TickSignals, name: str) -> dict[str, Any]:
-    """Return the spectrogram of a signal as `web.replay.reader.Replay.spectrogram` does, by the
-    vehicle's time, and the time of the newest sample, `newest` (s).
+    """Return the spectrogram of a signal as `web.replay.reader.Replay.spectrogram` does.
+
+    Its times are the vehicle's; `newest` is that of the newest sample (s).
 
     Raises OutOfBoundsError for an unknown signal.
     """
@@ -148,8 +155,10 @@ def add_spectra(app: FastAPI, parts: Parts) -> None:
     async def spectrum(
         asker: Asker, signal: Annotated[list[str], Query(min_length=1, max_length=8)]
     ) -> dict[str, Any]:
-        """Return spectra of the last 5 s of signals that the flight loop samples, and the rotors'
-        frequencies (Hz). The station collects them from the first request on.
+        """Return spectra of the last 5 s of signals that the flight loop samples.
+
+        `rotors` are the rotors' frequencies (Hz). The station collects telemetry from the first
+        request on.
         """
         return await asyncio.to_thread(spectra, await recent(asker), signal)
 

@@ -1,8 +1,7 @@
-"""The web process's node on the station's loopback router: subscriptions and service calls.
+"""Node of the web process on the station's loopback router: subscriptions and service calls.
 
-The session is opened in a thread and keeps trying: the page works, and says how old everything
-is, while the station is away. Calls run in threads of their own, emergencies in one kept free
-for them.
+The session is opened in a thread, which keeps trying: while the station is away, the page works and
+shows the age of everything. Calls run in separate threads, some of them reserved for emergencies.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ PATIENCE = {
     "experiment": 4.0,
     "onboard_files": 4.0,
 }
-"""s, for what takes its time: a little longer than the station gives the vehicle."""
+"""Timeouts, in s, of slow services: a little longer than the station waits for the vehicle."""
 RETRY = 1.0  # s
 JOY = "sensor_msgs/Joy"
 
@@ -47,12 +46,13 @@ Described = tuple[list[ParameterDescription], dict[str, ParameterValue]]
 
 
 class Station:
-    """
+    """Client of the station for one vehicle.
+
+    Fast topics are subscribed to only while `watch` requests them.
+
     Args:
         open_session: returns a Zenoh session or raises LinkError.
-        close_session: ends what `open_session` gave; may block for long.
-
-    What comes fast is taken only while `watch` says.
+        close_session: closes the session that `open_session` returned; may block for long.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class Station:
         self._closing.set()
         self._opener.join(timeout=1.0)
         if self._node is not None:
-            # Closing a session whose router died can block for long; the process need not wait.
+            # Closing a session whose router died can block for long; the process must not wait.
             closer = threading.Thread(target=self._close, args=(self._node,), daemon=True)
             closer.start()
             closer.join(timeout=1.0)
@@ -98,18 +98,20 @@ class Station:
         self._urgent.shutdown(wait=False, cancel_futures=True)
 
     def watch(self, topics: Collection[str]) -> None:
-        """Take these of the topics in `FAST`, and no others of them. Blocks for some ms."""
+        """Subscribe to these of the topics in `FAST`, and to no others. Blocks for some ms."""
         self._watched.want({topic: self._put(topic) for topic in topics})
 
     def forward(self, topics: Mapping[str, Callable[[Received], None]]) -> None:
-        """Give each message of these topics to its function, on Zenoh's thread, and of no others.
-        Blocks for some ms.
+        """Subscribe to these topics and no others.
+
+        Each message is passed to its function on Zenoh's thread. Blocks for some ms.
         """
         self._forwarded.want(topics)
 
     async def command(self, service: str, requester: str, **fields: Any) -> Any:
-        """Call one of the station's services and return its answer. Raises RefusedError with the
-        reason, LinkError.
+        """Call one of the station's services and return its answer.
+
+        Raises RefusedError with the reason, or LinkError.
         """
         fields.setdefault("request_id", uuid.uuid4().hex)
         sent = {k: to_parameters(v) if isinstance(v, dict) else v for k, v in fields.items()}
@@ -125,20 +127,27 @@ class Station:
     async def change_parameters(
         self, values: Mapping[str, ParameterValue], requester: str
     ) -> tuple[dict[str, ParameterValue], int]:
-        """Change parameters; return applied values and the revision. Raises RefusedError or
-        LinkError.
+        """Change parameters; return the applied values and the revision.
+
+        Raises RefusedError or LinkError.
         """
         response = await self.command("change_parameters", requester, parameters=dict(values))
         return from_parameters(response.applied), int(response.revision)
 
     async def read_parameters(self, remote: str) -> Described:
-        """Return all of a node's parameters (`/quad1/vehicle`). Raises LinkError."""
+        """Return the descriptions and values of all of a node's parameters.
+
+        Args:
+            remote: the node (`/quad1/vehicle`).
+
+        Raises LinkError.
+        """
         return await asyncio.get_running_loop().run_in_executor(
             self._callers, self._read_parameters, remote
         )
 
     async def has_parameters(self, remote: str) -> bool:
-        """Return whether that node answers."""
+        """Return whether the parameter services of that node answer."""
         try:
             await asyncio.get_running_loop().run_in_executor(
                 self._callers, lambda: self._parameter_client(remote).names()
@@ -165,7 +174,7 @@ class Station:
     ) -> int:
         """Publish forward, left, up, yaw in -1..1; the station checks, watches and forwards them.
 
-        Returns the stamp (ns) the station's answer will have; 0 when there is no station.
+        Return the stamp (ns) that the station's answer will have; 0 if there is no station.
         """
         if self._stick is None:
             return 0
@@ -175,13 +184,13 @@ class Station:
         return now
 
     def publish_presence(self, labels: Iterable[str]) -> None:
-        """Publish who has a page open."""
+        """Publish the labels of those who have a page open."""
         if self._presence is not None:
             self._presence.put(encode(new("quadlab_msgs/Presence", names=list(labels))))
 
     def _call_blocking(self, service: str, request: Any) -> Any:
         node = self._require_node()
-        with self._making:  # each client announces itself to ROS 2: one a service, not a call
+        with self._making:  # ROS 2 learns of each client: make one a service, not a call
             if service not in self._clients:
                 self._clients[service] = node.client(f"station/{service}", SERVICES[service])
         return self._clients[service].call(request, timeout=PATIENCE.get(service, CALL_TIMEOUT))
@@ -192,7 +201,7 @@ class Station:
         return self._node
 
     def _open(self) -> None:
-        """Open session, node and subscriptions, trying again until it works."""
+        """Open session, node and subscriptions; retry until it works."""
         told = False
         while not self._closing.is_set():
             try:
@@ -222,7 +231,7 @@ class Station:
         )
         for topic, react in reactions:
             node.subscribe(topic, TOPICS[topic].type_name, react, qos=TOPICS[topic].qos)
-        encode(new(JOY))  # serialisers are written on first use, which takes up to 0.1 s
+        encode(new(JOY))  # serialisers are generated on first use, which takes up to 0.1 s
         self._stick = node.advertise(TOPICS["stick"])
         self._presence = node.advertise(TOPICS["presence"])
         self._watched.join(session)
@@ -236,7 +245,7 @@ class Station:
         return put
 
     def _on_link(self, received: Received) -> None:
-        """Show pages a link that breaks at once, not with the next summary."""
+        """Show pages a broken link at once, not with the next summary."""
         self._live.put("link_status", received.payload)
         state = decode(received.payload, TOPICS["link_status"].type_name).state
         if state != self._link_said:

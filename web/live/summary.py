@@ -1,4 +1,4 @@
-"""The summary of all states, made once for all pages that ask at about the same time."""
+"""Summary of all states, made once for all pages that request it at about the same time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,11 @@ SHARED = 0.05  # s
 
 
 class Summary:
-    """The summary for the page, of one event loop. Args: `clock`, s of a steady clock."""
+    """Summary for the page, of one event loop.
+
+    Args:
+        clock: s of a steady clock.
+    """
 
     def __init__(self, parts: Parts, clock: Callable[[], float] = time.monotonic) -> None:
         self._parts = parts
@@ -29,8 +33,10 @@ class Summary:
         self._newest: Message = {}
 
     def __call__(self) -> Message:
-        """Return newest status messages, ages, experiment and its proposal, control, pre-flight,
-        how far a trajectory is, what Emergency land does; to be read only.
+        """Return the summary, which is read-only.
+
+        It has the newest status messages, ages, the experiment and its proposal, control,
+        pre-flight, the progress of a trajectory, and what Emergency land does.
         """
         now = self._clock()
         if now - self._made > SHARED:

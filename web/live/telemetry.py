@@ -1,13 +1,13 @@
-"""`/ws/telemetry`: the signals a page asked for, as small binary frames at 25 Hz.
+"""`/ws/telemetry`: the signals that a page requests, as small binary frames at 25 Hz.
 
 The page sends `{"id": 3, "signals": ["state.position.x", …]}` whenever its selection changes.
-A frame (little endian): uint16 id, uint16 count, float64 time (s, this computer's epoch),
-uint16 age in ms (65535: never or longer) of each topic these signals are of, in the order of
-`web.live.latest.STALE`, float32 values. With the 40 signals of state table, charts as they come and
-Beacons tab a frame has 186 B and a page costs 4.7 kB/s with the heads of the websocket; the most
-there may be, 96 signals, costs 10.6 kB/s. Only what some page asked for is computed.
+A frame (little endian): uint16 id, uint16 count, float64 time (s, this computer's epoch), uint16
+age in ms (65535: never or longer) of each topic of these signals, in the order of
+`web.live.latest.STALE`, float32 values. With the 40 signals of state table, default charts and
+Beacons tab, a frame has 186 B and a page costs 4.7 kB/s with the heads of the websocket; the
+maximum of 96 signals costs 10.6 kB/s. Only what a page requests is computed.
 
-`{"ping": 12.5}` is answered at once by `{"pong": 12.5}`: the page's own link.
+`{"ping": 12.5}` is answered at once by `{"pong": 12.5}`, which measures the page's own link.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from web.live.latest import STALE, Live
 from web.signals import INDEX, SIGNALS, snapshot, topics_for
 
 RATE = 25.0  # Hz
-MOST_SIGNALS = 96  # of state table, four charts and the Beacons tab together
+MOST_SIGNALS = 96  # state table, four charts and the Beacons tab together
 NEVER = 65535
 
 
@@ -40,8 +40,9 @@ class Ping(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def parse(text: str) -> Subscription | Ping:
-    """Parse a request of the page. Unknown names are refused, so that a page of another version
-    notices. Raises ValueError.
+    """Parse a request of the page. Raises ValueError.
+
+    Unknown names are refused, so that a page of another version notices.
     """
     try:
         if text.startswith('{"ping"'):
@@ -74,7 +75,7 @@ def frame(identity: int, stamp: float, ages: Sequence[float], values: Sequence[f
 
 
 class _Page:
-    """The subscription of one page, with its places in the snapshot."""
+    """Subscription of one page, with the places of its signals in the snapshot."""
 
     def __init__(self, wanted: Subscription) -> None:
         self.identity = wanted.id
@@ -84,7 +85,7 @@ class _Page:
 
 
 class TelemetryFeed:
-    """Computes the snapshot once a period however many pages are open."""
+    """Feed that computes the snapshot once a period, however many pages are open."""
 
     def __init__(self, live: Live, clock: Callable[[], float] = wall_time) -> None:
         self._live = live
@@ -101,7 +102,7 @@ class TelemetryFeed:
 
     @property
     def topics(self) -> frozenset[str]:
-        """Return the topics that the open pages' signals are made of."""
+        """Return the topics from which the open pages' signals are computed."""
         return topics_for(self._wanted)
 
     @property
@@ -136,7 +137,7 @@ class TelemetryFeed:
 
         async def talk() -> None:
             while True:
-                page = self._pages[socket]  # what is asked for now is in the next snapshot
+                page = self._pages[socket]  # a request received now counts for the next snapshot
                 async with self._tick:
                     await self._tick.wait()
                 ages = [self._ages[topic] for topic in page.topics]

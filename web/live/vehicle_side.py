@@ -1,6 +1,6 @@
-"""The part of the web process for one vehicle: what came of it, its pages, its way to the station.
+"""Part of the web process for one vehicle: its messages, its pages, its access to the station.
 
-People, catalogue, links, exports and replays are shared by all of them.
+People, catalogue, links, exports and replays are shared by all vehicles.
 """
 
 from __future__ import annotations
@@ -38,18 +38,18 @@ from web.view.scene import Scene
 from web.view.server import ViewServer
 
 Connect = Callable[[str, Live, EventHub], Station]
-"""Makes the station's client: of this vehicle, for these."""
+"""Called with a vehicle's name, Live and EventHub; returns its client of the station."""
 
 
 class Runs(Protocol):
-    """A part that has a loop of its own."""
+    """Part with its own loop."""
 
     async def run(self) -> None: ...
 
 
 @dataclass(frozen=True)
 class Shared:
-    """The parts that all vehicles share."""
+    """Parts that all vehicles share."""
 
     base_url: str
     people: People
@@ -63,7 +63,12 @@ class Shared:
 
 
 class VehicleSide:
-    """One vehicle's, wired. Args: `hub` of its pages; `view_server` of its 3D view."""
+    """All parts of one vehicle, connected to each other.
+
+    Args:
+        hub: the event hub of its pages.
+        view_server: the server of its 3D view.
+    """
 
     def __init__(
         self, name: str, shared: Shared, connect: Connect, hub: EventHub, view_server: ViewServer

@@ -1,4 +1,4 @@
-"""The presets that come with quadlab: gain sets of controller and estimator, and the defaults."""
+"""Built-in presets: gain sets of controller and estimator, and the defaults."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from web.parameters.replica import LAYOUT, PageParameters
 
 DEFAULTS, CALM = "defaults", "simulator defaults"
 MEASURED = ("model.", "imu.", "beacons.layout", LAYOUT)
-"""Parameters measured of this vehicle and its room; the defaults leave it alone."""
+"""Parameters measured on this vehicle and in its room; the preset of defaults excludes them."""
 
 
 def built_in(replica: PageParameters) -> dict[str, dict[str, ParameterValue]]:
-    """Return values by parameter, by the preset's name; of parameters that the vehicle has."""
+    """Return the values of each preset by parameter; only of parameters that the vehicle has."""
     sets: dict[str, dict[str, ParameterValue]] = {}
     for name in CONTROL:
         sets[f"control {name}"] = preset_values(name)

@@ -1,8 +1,8 @@
-"""The gain path: check, coalesce, ask the vehicle, tell every page what was applied.
+"""Gain path: check, coalesce, call the vehicle, publish to every page what was applied.
 
 The vehicle is the authority. `GainPath` carries changes to it: one call at a time for each
-parameter and hand, at most 20 a second, and the last value is always sent, however fast the
-slider moved. `web.parameters.stepwise` goes on where one step in flight is not enough.
+parameter and requester, at most 20 a second. The last value is always sent, however fast the slider
+moved. Where one step in flight is not enough, `web.parameters.stepwise` makes several.
 """
 
 from __future__ import annotations
@@ -28,33 +28,34 @@ Applied = tuple[dict[str, ParameterValue], int]
 
 
 class ParameterTarget(Protocol):
-    """The target of changes: the station, for the vehicle."""
+    """Target of changes: the station, for the vehicle."""
 
     async def change_parameters(
         self, values: Mapping[str, ParameterValue], requester: str
     ) -> Applied:
-        """Change parameters; return applied values and revision. Raises RefusedError or
-        LinkError.
+        """Change parameters; return the applied values and the revision.
+
+        Raises RefusedError or LinkError.
         """
         ...
 
 
 @dataclass(slots=True)
 class _Slot:
-    """The newest wish of one hand for one parameter, and who waits for its answer."""
+    """Newest value that one requester set for one parameter, and the callers that wait."""
 
     value: ParameterValue = 0.0
-    steps: int = 0  # that the walk there may still take
+    steps: int = 0  # that may still be made towards the value
     waiting: list[asyncio.Future[tuple[ParameterValue, int]]] = field(default_factory=list)
     last_call: float = -math.inf
     task: asyncio.Task[None] | None = None
 
 
 class GainPath:
-    """Changes parameters through `target` and keeps `replica` up to date.
+    """Changes of parameters through `target`, which keep `replica` up to date.
 
     Args:
-        airborne: whether the vehicle flies, so that steps are limited.
+        airborne: returns whether the vehicle flies, so that steps are limited.
     """
 
     def __init__(
@@ -71,13 +72,13 @@ class GainPath:
     async def change(
         self, values: Mapping[str, object], requester: str, *, walks: bool = False
     ) -> Applied:
-        """Change parameters; return applied values and revision.
+        """Change parameters; return the applied values and the revision.
 
-        One parameter alone may be coalesced with newer values of it from the same requester (the
-        answer is then the newer one's); several are one call, all or nothing.
+        A single parameter may be coalesced with newer values of it from the same requester (the
+        answer is then that of the newest). Several are one call, all or nothing.
 
         Args:
-            walks: where a step is too large in flight, go there in several.
+            walks: whether to reach a value in several steps if one is too large in flight.
 
         Raises ParameterError, RefusedError or LinkError.
         """
@@ -88,7 +89,7 @@ class GainPath:
                 return await walk(self._replica, self._call, checked, requester, SHORTEST_PERIOD)
             return await self._call(checked, requester)
         ((name, value),) = checked.items()
-        if len(self._slots) > MOST_SLOTS:  # of people who have left
+        if len(self._slots) > MOST_SLOTS:  # drop those of people who have left
             self._slots = {k: s for k, s in self._slots.items() if s.task and not s.task.done()}
         slot = self._slots.setdefault((name, requester), _Slot())
         future = asyncio.get_running_loop().create_future()
@@ -101,7 +102,7 @@ class GainPath:
         return {name: applied}, revision
 
     async def _drain(self, name: str, requester: str, slot: _Slot) -> None:
-        """Send until nothing waits: of values that came meanwhile only the newest counts."""
+        """Send until no caller waits; of the values set in the meantime only the newest counts."""
         while slot.waiting:
             pause = slot.last_call + SHORTEST_PERIOD - time.monotonic()
             if pause > 0.0:
@@ -117,15 +118,16 @@ class GainPath:
             except QuadlabError as error:
                 _answer_all(waiting, error)
                 continue
-            # Another hand may pull it elsewhere: no walk is longer than it was at its start.
+            # Another requester may change it too: never make more steps than were planned.
             if value == wanted or slot.waiting or slot.steps < 1:
                 _answer_all(waiting, (applied[name], revision))
             else:
                 slot.waiting = waiting
 
     async def _call(self, values: Mapping[str, ParameterValue], requester: str) -> Applied:
-        """Call the authorities. The simulator's change goes last and apart: nothing is left to be
-        refused but by its silence.
+        """Call the authorities, the simulator's last and separately.
+
+        By then its change can fail only if the simulator does not answer.
         """
         simulated = {n: v for n, v in values.items() if authority_of(n) == SIMULATOR}
         if not simulated or len(simulated) == len(values):
@@ -140,7 +142,7 @@ class GainPath:
 
     async def _call_one(self, values: Mapping[str, ParameterValue], requester: str) -> Applied:
         applied, revision = await self._target.change_parameters(values, requester)
-        # Of a mixed call the revision is the vehicle's; the station tells of its own by itself.
+        # A mixed call has the vehicle's revision; the station publishes changes of its own.
         mine = {n: v for n, v in applied.items() if authority_of(n) != STATION} or applied
         self._replica.confirm(mine, requester, revision)
         return applied, revision
@@ -151,7 +153,7 @@ def _answer_all(
     answer: tuple[ParameterValue, int] | QuadlabError,
 ) -> None:
     for future in futures:
-        if future.done():  # its page went away
+        if future.done():  # its page has left
             continue
         if isinstance(answer, QuadlabError):
             future.set_exception(answer)

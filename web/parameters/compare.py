@@ -1,4 +1,4 @@
-"""A set of values next to the present ones: what would change, and what cannot be taken and why."""
+"""Comparison of a set of values with the present ones: the changes, and what is refused."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from quadrotor.parameters import ParameterValue
 from web.parameters.replica import PageParameters
 from web.parameters.stepwise import steps_between
 
-MOST_SHOWN = 200  # characters of a value that cannot be taken
+MOST_SHOWN = 200  # characters of a value that is refused
 
 
 def compare(replica: PageParameters, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return `lines` of what differs, in the order of the tree, `same`: how many do not.
+    """Return `lines` of what differs, in the order of the tree, and `same`, the number of the rest.
 
-    Each line has name, unit, now, new, `reason` ("" or why it cannot be taken) and `steps`, how
-    many changes it takes in flight. Raises LinkError before anything was read.
+    Each line has name, unit, now, new, `reason` ("" or why it is refused) and `steps`, the number
+    of changes it needs in flight. Raises LinkError before anything was read.
     """
     replica.check({})
     order = {d.name: k for k, d in enumerate(replica.descriptions())}
@@ -50,11 +50,11 @@ def compare(replica: PageParameters, values: Mapping[str, Any]) -> dict[str, Any
 
 
 def differing(replica: PageParameters, values: Mapping[str, ParameterValue]) -> int:
-    """Return how many of these values the vehicle does not have."""
+    """Return the number of these values that differ from the vehicle's."""
     return sum(replica.value(name) != value for name, value in values.items())
 
 
 def _shown(value: Any) -> Any:
     if isinstance(value, bool | int) or (isinstance(value, float) and math.isfinite(value)):
         return value
-    return str(value)[:MOST_SHOWN]  # a text, a date, a list, nan
+    return str(value)[:MOST_SHOWN]  # text, date, list or nan

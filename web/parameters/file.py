@@ -1,7 +1,7 @@
 """Parameter values as a TOML file with comments, and back.
 
 The tables are the components, so that `[control.position]` with `kp_xy = 4.0` is
-`control.position.kp_xy`. What stands in comments is for people.
+`control.position.kp_xy`. Comments are for people only.
 """
 
 from __future__ import annotations
@@ -16,9 +16,12 @@ from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterDescription, ParameterValue
 
 LARGEST = 256 * 1024
-"""Bytes; all parameters are about 20 kB."""
+"""Largest file, in bytes; all parameters are about 20 kB."""
 _DEEP = re.compile(r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){32}""")
-"""A key of so many parts is nobody's, and takes the parser a time that grows with their square."""
+"""Pattern of a name with more than 32 parts.
+
+No parameter has one, and the parser's time grows with the square of their number.
+"""
 
 
 def write_file(
@@ -28,7 +31,7 @@ def write_file(
     *,
     modified_only: bool = False,
 ) -> str:
-    """Write a TOML document; read-only parameters are comments."""
+    """Write a TOML document, in which read-only parameters are comments."""
     lines, table = [f"# {line}" for line in heading.splitlines()], None
     for d in descriptions:
         if d.name not in values or (modified_only and values[d.name] == d.default):
@@ -43,7 +46,7 @@ def write_file(
 
 
 def read_file(content: bytes) -> dict[str, Any]:
-    """Read values by name, unchecked. Raises MeasurementError that says where it is no TOML."""
+    """Read values by name, unchecked. Raises MeasurementError with the place of a syntax error."""
     if len(content) > LARGEST:
         raise MeasurementError(f"the file has {len(content)} bytes; allowed are {LARGEST}")
     try:

@@ -1,6 +1,6 @@
-"""Keeps the pages' replica true: reads all parameters when a snapshot is due.
+"""Updates of the pages' replica: all parameters are read when a snapshot is due.
 
-What the 3D view shows of parameters, flight volume and beacons, follows the replica.
+The parameters that the 3D view shows, flight volume and beacons, follow the replica.
 """
 
 from __future__ import annotations
@@ -21,14 +21,18 @@ from web.live.station import Station
 from web.parameters.replica import PageParameters
 from web.view.scene import Box, Scene
 
-PERIOD = 0.5  # s between looks at the status
-ROUND = 2.0  # s between looks for the simulator, which has a life of its own
-GLANCE = 0.05  # s between looks at what the 3D view shows
+PERIOD = 0.5  # s between checks of the status
+ROUND = 2.0  # s between checks for the simulator, which starts and ends independently
+GLANCE = 0.05  # s between checks of what the 3D view shows
 BEARINGS = "station.bearings."
 
 
 class ParameterFollower:
-    """Args: `namespace` with its slash (`/quad1`)."""
+    """Follower of one vehicle's parameters.
+
+    Args:
+        namespace: with its slash (`/quad1`).
+    """
 
     def __init__(
         self, replica: PageParameters, station: Station, live: Live, scene: Scene, namespace: str
@@ -40,13 +44,13 @@ class ParameterFollower:
         self._namespace = namespace
         self._loop: asyncio.AbstractEventLoop | None = None
         self._shown: dict[str, Any] = {}
-        self._surprises = 0  # looks in a row that found another simulator than is known
+        self._surprises = 0  # checks in a row in which the simulator's presence was unexpected
 
     def attach(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
 
     def changed_from_thread(self, change: ParameterChange) -> None:
-        """Hand a `parameter_changes` message over to the event loop."""
+        """Pass a `parameter_changes` message to the event loop."""
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._replica.told, change)
 
@@ -62,7 +66,7 @@ class ParameterFollower:
             due = loop.time() + PERIOD
             status = self._live.current("status")
             if status is None:
-                self._replica.lost()  # another vehicle may come back
+                self._replica.lost()  # another vehicle may appear
             elif self._is_due(status):
                 await self._read(status)
             elif loop.time() >= round_due:
@@ -73,16 +77,14 @@ class ParameterFollower:
                 self._scene.set_volume(box)
 
     def show_beacons(self) -> None:
-        """Show the beacons once the station's parameters are known, and whenever one of the
-        emulator's changed.
-        """
+        """Show the beacons once the station's parameters are known, and whenever one changes."""
         names = {name: f"{BEARINGS}{name}" for name in BearingParameters.model_fields}
         values = {name: self._replica.value(full) for name, full in names.items()}
         values = {name: value for name, value in values.items() if value is not None}
         if "layout" not in values or values == self._shown:
             return
         self._shown = values
-        with contextlib.suppress(QuadlabError, ValueError):  # of a station of another version
+        with contextlib.suppress(QuadlabError, ValueError):  # a station of another version
             sensor = BearingParameters.model_validate(values)
             self._scene.beacons.set_beacons(
                 parse_layout(sensor.layout),
@@ -96,8 +98,9 @@ class ParameterFollower:
         return self._replica.is_due
 
     async def is_simulator_news(self) -> bool:
-        """Return whether the simulator came or went: one that does not answer once may only be
-        late.
+        """Return whether the simulator was started or ended.
+
+        Two checks must find it missing, because one missed answer may only be late.
         """
         described = self._replica.descriptions()
         is_known = any(authority_of(d.name) == SIMULATOR for d in described)
@@ -106,9 +109,9 @@ class ParameterFollower:
         return self._surprises > (1 if is_known else 0)
 
     async def _read(self, status: Any) -> None:
-        """Read vehicle, station and simulator, of which a real vehicle has none.
+        """Read the parameters of vehicle, station and, if there is one, simulator.
 
-        A vehicle that does not answer is asked again in the next period.
+        If the vehicle does not answer, the next period tries again.
         """
         instance, revision = int(status.instance), int(status.parameter_revision)
         since = self._replica.clock
@@ -127,7 +130,7 @@ class ParameterFollower:
 
 
 def flight_volume(value: Any) -> Box | None:
-    """Return the box of `behavior.volume_…`, once known; `value(name)` looks a parameter up."""
+    """Return the box of `behavior.volume_…`, or None; `value(name)` returns a parameter's value."""
     bounds = []
     for axis in "xyz":
         low, high = value(f"behavior.volume_{axis}_min"), value(f"behavior.volume_{axis}_max")

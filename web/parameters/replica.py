@@ -1,7 +1,7 @@
-"""The replica of vehicle, station and simulator that all pages show.
+"""Replica of the parameters of vehicle, station and simulator that all pages show.
 
-A page gets each value with the revision at which its authority applied it, and takes no older one
-over a newer one, as the replica does, so that all screens end on the same value.
+A page gets each value with the revision at which its authority applied it, and like the replica
+never replaces a newer one by an older, so that all screens end on the same value.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ Message = dict[str, Any]
 
 
 class PageParameters(ParameterReplica):
-    """A replica with descriptions that tells pages what is news; only the event loop writes.
+    """Replica with descriptions, which publishes news to pages; only the event loop writes.
 
     Attributes:
-        generation: grows when revisions may be of other processes than before (another vehicle, a
-            restart): those of different generations are not compared. Also across restarts of
-            this process.
+        generation: increases when revisions may be those of other processes than before (another
+            vehicle, a restart), also across restarts of this process. Revisions of different
+            generations are not compared.
     """
 
     def __init__(self, publish: Callable[[Message], None]) -> None:
@@ -45,7 +45,7 @@ class PageParameters(ParameterReplica):
         since: int | None = None,
         descriptions: Iterable[ParameterDescription] = (),
     ) -> Snapshot:
-        """Take over a snapshot as the replica does; pages are notified to read it."""
+        """Apply a snapshot as the replica does, and notify pages to read it."""
         self._descriptions = {d.name: d for d in descriptions}
         if not self.is_whole or instance != self.instance:
             self.generation = max(self.generation + 1, time.time_ns() // 1_000_000)
@@ -54,11 +54,11 @@ class PageParameters(ParameterReplica):
         return snapshot
 
     def confirm(self, values: Mapping[str, ParameterValue], requester: str, revision: int) -> None:
-        """Take over the values of an answer and send every page those that are news."""
+        """Apply the values of an answer, and publish those that are new to every page."""
         self._tell(self.apply(values, revision), requester, revision)
 
     def told(self, change: ParameterChange) -> None:
-        """Take over the message of an authority, as `confirm` does."""
+        """Apply the message of an authority, as `confirm` does."""
         news = self.apply({change.name: change.new}, change.revision, change.instance)
         self._tell(news, change.requester, change.revision)
 
@@ -77,8 +77,7 @@ class PageParameters(ParameterReplica):
             )
 
     def check(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
-        """Return all of them as they may be sent: a slider ends at its bounds, a typed value is
-        refused.
+        """Return the values, checked and converted to their types.
 
         Raises UnknownParameterError, WrongTypeError, OutOfBoundsError or LinkError.
         """

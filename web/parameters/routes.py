@@ -1,6 +1,6 @@
-"""The routes below /api/parameters: values, their history, presets and files.
+"""Routes below /api/parameters: values, their history, presets and files.
 
-Everything that changes a value goes through the gain path, so that station and vehicle check it.
+Every change of a value uses the gain path, so that station and vehicle check it.
 """
 
 from __future__ import annotations
@@ -53,14 +53,12 @@ def add_parameters(app: FastAPI, parts: Parts) -> None:
 def _add_values(app: FastAPI, parts: Parts) -> None:
     @app.get("/api/parameters")
     async def parameters() -> dict[str, Any]:
-        """Return descriptions and confirmed values, as the vehicle gave them."""
+        """Return descriptions and confirmed values, as reported by the vehicle."""
         return parts.replica.as_json()
 
     @app.put("/api/parameters")
     async def change(body: ChangeBody, session: Operator) -> dict[str, Any]:
-        """Change values, checked against their bounds, all or none; answers what the vehicle
-        applied.
-        """
+        """Change values, all or none, checked against their bounds; return those applied."""
         applied, revision = await parts.gains.change(body.values, session.label, walks=body.walks)
         return {
             "applied": applied,
@@ -78,8 +76,9 @@ def _add_history(app: FastAPI, parts: Parts) -> None:
         limit: Annotated[int, Query(ge=1, le=1000)] = 200,
         before: Annotated[int, Query(ge=0)] = 0,
     ) -> dict[str, Any]:
-        """Return the changes, newest first; `flight`: a run id or `ground`; `before`: only older
-        ones than this id.
+        """Return the changes, newest first.
+
+        `flight`: a run id or `ground`; `before`: only changes older than this id.
         """
         wanted = "" if flight == ON_THE_GROUND else flight
         found = parts.history.changes(name, wanted, limit, before)
@@ -101,12 +100,12 @@ def _add_history(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/parameters/flight")
     async def flight() -> dict[str, Any]:
-        """Return what it takes to be back to before the present flight, or the last one."""
+        """Return the changes that undo those made since before the present or last flight."""
         last = await run_in_threadpool(parts.history.flight)
         if last is None:
             nothing: dict[str, Any] = {"run": None, "start": None, "is_over": True, "values": {}}
             return {**nothing, **compare(parts.replica, {})}
-        # Not the beacons: they stand where they stand.
+        # Not the beacons: real ones have not moved.
         values = {name: value for name, value in last.values.items() if name not in PLACES}
         return {
             "run": last.run,
@@ -120,7 +119,7 @@ def _add_history(app: FastAPI, parts: Parts) -> None:
 def _add_files(app: FastAPI, parts: Parts) -> None:
     @app.get("/api/parameters/file")
     async def save(which: Literal["all", "modified"] = "all") -> PlainTextResponse:
-        """Save a TOML file with unit, bounds, default and meaning of each as comments."""
+        """Return a TOML file with unit, bounds, default and meaning of each value as comments."""
         now = datetime.now(UTC)
         what = "All parameters" if which == "all" else "Parameters that differ from their default"
         heading = f"{what} of {parts.vehicle}, {now:%Y-%m-%d %H:%M:%S} UTC."
@@ -140,7 +139,7 @@ def _add_files(app: FastAPI, parts: Parts) -> None:
         openapi_extra={"requestBody": {"required": True, "content": {"application/toml": {}}}},
     )
     async def read(request: Request, _: Operator) -> dict[str, Any]:
-        """Return what loading this file would change; nothing is changed by it."""
+        """Return the changes that loading this file would make; nothing is changed."""
         content = b""
         async for piece in request.stream():
             content += piece
@@ -154,8 +153,9 @@ def _add_presets(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/parameters/presets")
     async def all_presets() -> dict[str, Any]:
-        """Return all presets, built-in ones first; `differs`: in how many values from the present
-        ones.
+        """Return all presets, built-in ones first.
+
+        `differs`: the number of values that differ from the present ones.
         """
         mine = await run_in_threadpool(presets.all)
         own = [
@@ -174,7 +174,7 @@ def _add_presets(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/parameters/presets/{preset}")
     async def look(preset: str) -> dict[str, Any]:
-        """Return what switching to it would change."""
+        """Return the changes that switching to this preset would make."""
         found = built_in(replica)
         if preset in found:
             return compare(replica, found[preset])
@@ -202,7 +202,7 @@ def _add_presets(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/parameters/presets/{preset}/restore")
     def restore(preset: str, _: Operator) -> dict[str, Any]:
-        """Restore what was deleted."""
+        """Restore a deleted preset."""
         return _facts(presets.restore(_number(preset)))
 
     def _counts(values: dict[str, ParameterValue]) -> dict[str, int]:

@@ -1,7 +1,8 @@
-"""Farther than one step in flight: several changes, each within what the vehicle takes at once.
+"""Changes larger than one step in flight: several changes, each within the vehicle's limit.
 
-All values move together on the straight line between the two sets, so that what lies between is
-between in every gain. What has no step moves with the first one, where a refusal changes nothing.
+All values move together on the straight line between the two sets, so that every intermediate set
+lies between them in each gain. Values without a step limit change with the first step, where a
+refusal changes nothing.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def steps_between(replica: PageParameters, values: Values) -> int:
 
 
 def step_towards(replica: PageParameters, name: str, value: ParameterValue) -> ParameterValue:
-    """Return the value as far as one step in flight goes from the present one."""
+    """Return the value, or the farthest value that one step in flight reaches."""
     step, present = _step(replica, name), replica.value(name)
     if step is None or present is None:
         return value
@@ -45,9 +46,9 @@ async def walk(
 ) -> tuple[dict[str, ParameterValue], int]:
     """Change values step by step; return what was applied in the end, and its revision.
 
-    When a step is refused it goes back the way it came.
+    When a step is refused, the steps before are undone in reverse order.
 
-    Raises QuadlabError of the refused step, with where it ended.
+    Raises the QuadlabError of the refused step, with where the values are.
     """
     start = {name: present for name in values if (present := replica.value(name)) is not None}
     count = steps_between(replica, values)
@@ -84,7 +85,7 @@ async def _back(
     pause: float,
     error: QuadlabError,
 ) -> None:
-    """Go back to the start, and raise the error with where the values are now."""
+    """Return to the start, and raise the error with where the values are now."""
     try:
         for k in range(reached - 1, -1, -1):
             await asyncio.sleep(pause)

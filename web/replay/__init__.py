@@ -1,1 +1,1 @@
-"""Any recorded run on the page again: 3D, charts, time line; two runs over each other."""
+"""Replay of any recorded run on the page: 3D, charts, time line; two runs compared."""

@@ -1,7 +1,7 @@
-"""The parts of a replay that take long to find in the log's columns: time line, findings, track.
+"""Parts of a replay that take long to compute from the log's columns: time line, findings, track.
 
-They lie in the folder of the log's columns (flight_log.columns) and go with it: `replay.json`, and
-`track.bin` (web.replay.track). The job of web.replay.store makes them.
+They are stored in the folder of the log's columns (flight_log.columns) and are deleted with it:
+`replay.json`, and `track.bin` (web.replay.track). The job of web.replay.store makes them.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ VERSION = 5
 """Version of the files; those of another version are made again."""
 MOST_SIGNALS = 4000
 INDEX, TRACK = "replay.json", "track.bin"
-READING = 0.9  # of the progress
+READING = 0.9  # share of the progress
 
 
 def build_replay(log: Path, report: Callable[[float], None]) -> None:
-    """Make what the replay of a log needs. Raises LogFormatError or StorageError."""
+    """Make the files for the replay of a log. Raises LogFormatError or StorageError."""
     run = read_run(log, lambda share: report(round(READING * share, 3)))
     if run.log.note:
         raise StorageError(f"the replay of {log.name} cannot be kept: {run.log.note}")
@@ -74,7 +74,7 @@ def _index(run: Run) -> dict[str, Any]:
 
 
 def _with_constant(run: Run, signal: dict[str, Any]) -> dict[str, Any]:
-    """Return the signal with the only value that it has, where it never changes."""
+    """Return the signal, with its value if that never changes."""
     value = run.topics[signal["topic"]].constant(signal["column"])
     if value is None:
         return signal
@@ -93,7 +93,7 @@ def _track(run: Run) -> tuple[float, Any]:
     }
     tracked = run.topics.get("tracker_pose")
     if "state" not in sources and tracked is not None:
-        # A log without estimates shows what the tracker saw.
+        # A log without estimates shows the tracker's poses.
         sources["state"] = tracked.time, lambda name: tracked.values(name.removeprefix("pose."))
     return track(run.duration, sources)
 

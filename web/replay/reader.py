@@ -1,7 +1,7 @@
-"""Windows and instants of a replay, out of the mapped columns of its log: only what is asked for is
-read from the disk.
+"""Windows and instants of a replay, read from the mapped columns of its log.
 
-Thread-safe: nothing is changed after opening.
+Only the requested parts are read from the disk. It is thread-safe, because nothing changes after
+opening.
 """
 
 from __future__ import annotations
@@ -27,27 +27,28 @@ from web.replay.build import INDEX, TRACK, VERSION
 from web.replay.signals import derived, members_of
 
 MOST_SAMPLES = 2_000_000
-"""Largest number of samples under one spectrum."""
+"""Largest number of samples for one spectrum."""
 MOST_COLUMNS = 300
-"""Columns of a spectrogram."""
+"""Largest number of columns of a spectrogram."""
 DETAIL = 2
-"""Samples a point are drawn one by one."""
+"""Samples a point up to which each sample is drawn."""
 BIN = 16
-"""Samples of which the least and the greatest are kept: a whole flight is drawn from these."""
+"""Number of samples whose minimum and maximum are cached, to draw a whole flight."""
 MOST_BINNED = 64
-"""Columns of which they are kept: 300 kB each of 20 min at 500 Hz."""
+"""Number of columns whose extremes are cached: 300 kB each for 20 min at 500 Hz."""
 PIECE = 1 << 16
-"""Samples that are made at once."""
+"""Number of samples that are computed at once."""
 
 Array = npt.NDArray[np.float64]
 Extremes = tuple[Array, Array]
 Made = dict[tuple[str, int, int], Sequence[Array]]
-"""The signals that one answer has computed, by their source's first one and the place."""
+"""Signals that one answer has computed, by the first one of their source and the samples' range."""
 
 
 class Replay:
-    """An opened replay, of the log as it was when its columns were made. Raises StorageError when
-    these are not there, or without what the replay needs.
+    """Opened replay, of the log as it was when its columns were made.
+
+    Raises StorageError if these are missing, or lack what the replay needs.
     """
 
     def __init__(self, log: Path) -> None:
@@ -79,12 +80,12 @@ class Replay:
         return fields
 
     def window(self, names: Sequence[str], start: float, end: float, points: int) -> bytes:
-        """Return signals from start to end (s), each drawn by about `points` places at most.
+        """Return signals from start to end (s), each drawn with at most about `points` points.
 
-        A JSON head and arrays, every part padded to a multiple of 8 bytes; little endian:
-        uint32 length of the head, the head, and for each of its groups `count` float64 times and
-        for each of the group's signals `count` float32 values. Where samples are many, two
-        neighbouring values are the least and the greatest of some. NaN parts what is apart.
+        The answer has a JSON head and arrays, every part padded to a multiple of 8 bytes; little
+        endian: uint32 length of the head, the head, and for each of its groups `count` float64
+        times and for each of the group's signals `count` float32 values. Where there are many
+        samples, two neighbouring values are the minimum and maximum of several. NaN marks a gap.
 
         Raises OutOfBoundsError for an unknown signal.
         """
@@ -105,9 +106,10 @@ class Replay:
         )
 
     def spectra(self, names: Sequence[str], start: float, end: float) -> dict[str, Any]:
-        """Return the density of each signal between two instants (s), in its unit/√Hz as an
-        estimator's white noise has it (two-sided), and the rotors' mean frequencies (Hz) by their
-        thrusts, none where the log has no thrusts.
+        """Return the spectral density of each signal between two instants (s).
+
+        The density is in the signal's unit/√Hz, two-sided as an estimator's white noise. `rotors`
+        are the rotors' mean frequencies (Hz) from their thrusts; none if the log has no thrusts.
 
         Raises OutOfBoundsError for an unknown signal, MeasurementError for too few or too many
         samples.
@@ -120,18 +122,15 @@ class Replay:
         return {"spectra": found, "rotors": rotors}
 
     def spectrogram(self, name: str, start: float, end: float) -> dict[str, Any]:
-        """Return the density of a signal over time (s of the run) and frequency, see
-        `spectrogram_of`.
+        """Return the density of a signal over time (s of the run) and frequency.
 
-        Raises OutOfBoundsError and MeasurementError as `spectra` does.
+        See `spectrogram_of`. Raises OutOfBoundsError and MeasurementError as `spectra` does.
         """
         first, rate, even = self._even(name, start, end)
         return spectrogram_of(rate, even, first, self._rotors(start, end), MOST_COLUMNS)
 
     def at(self, names: Sequence[str], t: float) -> dict[str, list[float | None]]:
-        """Return newest value at t (s) and its age (s) of each signal; None before the first
-        one.
-        """
+        """Return each signal's newest value at t (s) and its age (s); None before the first."""
         found: dict[str, list[float | None]] = {}
         for name in names:
             row = self._row(name)
@@ -145,11 +144,12 @@ class Replay:
         return found
 
     def picture(self, topic: str, t: float) -> tuple[float, bytes] | None:
-        """Return a camera's newest picture at t (s), a JPEG, and when it was taken (s); None before
-        the first one.
+        """Return a camera's newest picture at t (s), a JPEG, and the time (s) of its capture.
+
+        None before the first one.
 
         Raises OutOfBoundsError for a run without this camera, MeasurementError or LinkError for a
-        message that is no JPEG.
+        message that is not a JPEG.
         """
         series = self._run.topics.get(topic)
         if series is None or series.type_name.replace("/msg/", "/") != PICTURE:
@@ -170,7 +170,7 @@ class Replay:
         return float(times[known][0]), rate, even
 
     def _rotors(self, start: float, end: float) -> list[tuple[Array, Array]]:
-        """Return times (s) and turns a second of each rotor whose thrust the log has."""
+        """Return times (s) and revolutions a second of each rotor whose thrust is in the log."""
         rows = [self._signals.get(f"actuators/thrusts[{k}]") for k in range(4)]
         thrusts = [self._between(row, start, end) for row in rows if row is not None]
         return [(times, rotor_frequency(values)) for times, values in thrusts if len(values)]
@@ -197,7 +197,7 @@ class Replay:
     def _samples(
         self, row: dict[str, Any], first: int, last: int, made: Made | None = None
     ) -> Array:
-        """Return the samples of a signal from `first` to before `last`."""
+        """Return the samples of a signal with `first` <= index < `last`."""
         column = row["column"]
         if column in self._made:
             return self._make(column, first, last, {} if made is None else made)[
@@ -208,7 +208,7 @@ class Replay:
         return samples
 
     def _make(self, column: str, first: int, last: int, made: Made) -> Sequence[Array]:
-        """Return all signals of a derived one's source."""
+        """Return all signals of the source of a derived column."""
         source, names, _ = self._made[column]
         assert source.function is not None
         key = (source.signals[0].name, first, last)
@@ -221,7 +221,7 @@ class Replay:
         return made[key]
 
     def _at(self, name: str, times: Array, first: int, last: int, made: Made) -> Array:
-        """Return a signal at times[first:last], between its samples; NaN outside of them."""
+        """Return a signal at times[first:last], interpolated; NaN outside of its samples."""
         row, wanted = self._row(name), times[first:last]
         its = self._times(row)
         if its is times or not len(wanted):
@@ -233,8 +233,9 @@ class Replay:
         return between
 
     def _binned(self, topic: str, column: str) -> list[Extremes]:
-        """Return least and greatest of every BIN samples, of a column or of all signals of a
-        derived one's source.
+        """Return minimum and maximum of every BIN samples.
+
+        They are of a column, or of all signals of the source of a derived one.
         """
         series = self._run.topics[topic]
         pieces: list[list[Extremes]] = []
@@ -253,10 +254,10 @@ class Replay:
     def _group(
         self, rows: list[dict[str, Any]], start: float, end: float, points: int
     ) -> tuple[Array, list[Array]]:
-        """Return the times of signals with the same ones, and a column each."""
+        """Return the times of signals that share them, and a column of each signal."""
         made: Made = {}
         times, its_gaps = self._times(rows[0]), self._gaps(rows[0]["topic"])
-        # One sample more on each side, so that lines run on to the window's edges.
+        # One more sample on each side continues the lines to the window's edges.
         first = max(_before(times, start) - 1, 0)
         last = min(_before(times, end) + 1, len(times))
         count = max(last - first, 0)
@@ -287,12 +288,12 @@ class Replay:
 
 
 def _before(times: Array, t: float) -> int:
-    """Return how many times are at or before t."""
+    """Return the number of times at or before t."""
     return int(np.searchsorted(times, t, side="right"))
 
 
 def coarser(low: Array, high: Array, factor: int) -> tuple[Array, Array]:
-    """Return bins of `factor` values, the last one of what is left; NaN only where all are."""
+    """Return bins of `factor` values, the last of the remainder; NaN only if all are NaN."""
     if factor <= 1 or len(low) == 0:
         return low, high
     begins = np.arange(0, len(low), factor)
@@ -302,7 +303,7 @@ def coarser(low: Array, high: Array, factor: int) -> tuple[Array, Array]:
 def _parted(
     times: Array, columns: list[Array], keys: npt.NDArray[np.int64], gaps: npt.NDArray[np.int64]
 ) -> tuple[Array, list[Array]]:
-    """Insert a NaN between the points on both sides of a gap; `keys`: samples' indices."""
+    """Insert a NaN between the points on both sides of a gap; `keys` are the samples' indices."""
     inside = gaps[(gaps >= keys[0]) & (gaps < keys[-1])] if len(keys) else gaps[:0]
     places = np.unique(np.searchsorted(keys, inside, side="right"))
     places = places[(places > 0) & (places < len(keys))]

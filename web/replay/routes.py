@@ -1,6 +1,6 @@
-"""`/replay/{run_id}` and what its page asks for.
+"""Page `/replay/{run_id}`, and the routes for its content.
 
-All of it is reading: viewers may replay. Runs are found by the catalogue; the vehicle's own logs,
+All of them only read: viewers may replay. Runs are found in the catalogue; the vehicle's own logs,
 which are in no catalogue, as `onboard:NAME` (of the one simulated here), `onboard:VEHICLE:NAME`
 (fetched from a vehicle) and `onboard:VEHICLE:here:NAME` (of several simulated here).
 """
@@ -51,7 +51,7 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
         kind, _, name = run_id.partition(":")
         if kind != ONBOARD or not name:
             return catalogue.resolve(run_id)
-        path = onboard_logs().get(run_id)  # never a path made of what came
+        path = onboard_logs().get(run_id)  # never a path made from the request
         if path is not None and path.is_file():
             return path
         raise StorageError(f"no log {name!r:.80} in the folder {ONBOARD}")
@@ -62,9 +62,7 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
 
     @app.get("/api/replay")
     def logs() -> list[dict[str, Any]]:
-        """Return the vehicle's own logs that lie on this computer, newest first; runs:
-        /api/runs.
-        """
+        """Return the vehicle's own logs on this computer, newest first; runs are in /api/runs."""
         found = [(path.stat().st_mtime, name, path) for name, path in onboard_logs().items()]
         return [
             {"id": name, "bytes": path.stat().st_size}
@@ -73,7 +71,7 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
 
     @app.get("/api/replay/{run_id}")
     def describe(run_id: str, newer: bool = False) -> dict[str, Any]:
-        """Return signals, events, spans, parameters of a run; or how far they are: ask again."""
+        """Return signals, events, spans and parameters of a run, or its progress: ask again."""
         log = find(run_id)
         found = store.get(log, newer=newer)
         if isinstance(found, Building):
@@ -115,8 +113,10 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
 
     @app.get("/api/replay/{run_id}/picture", response_class=Response)
     def picture(run_id: str, camera: Camera, t: Seconds) -> Response:
-        """Return a camera's newest picture at t (s), a JPEG, with the time (s) at which it was
-        taken in the header `x-time`; nothing (204) before the first one.
+        """Return a camera's newest picture at t (s), a JPEG.
+
+        The header `x-time` is the time (s) of its capture. The answer is empty (204) before the
+        first one.
         """
         found = store.opened(find(run_id)).picture(f"{camera}_picture", t)
         if found is None:
@@ -126,5 +126,5 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
 
     @app.get("/api/replay/{run_id}/at")
     def at(run_id: str, t: Seconds, signal: Names) -> dict[str, list[float | None]]:
-        """Return newest value and its age (s) of each signal at t (s)."""
+        """Return the newest value and its age (s) of each signal at t (s)."""
         return store.opened(find(run_id)).at(signal, t)

@@ -1,7 +1,7 @@
-"""The signals of a run: those of the live page by the same names, then every number of the log.
+"""Signals of a run: those of the live page by the same names, then every number of the log.
 
-Most are a column of the log and a factor: angles are stored in rad and shown in degrees. What is
-made of several columns has a column of its own, `@` and its name, which is made when it is shown.
+Most are a column of the log times a factor: angles are stored in rad and shown in degrees. A signal
+computed from several columns has a derived column, `@` and its name, computed when it is shown.
 """
 
 from __future__ import annotations
@@ -13,19 +13,22 @@ from flight_log.run import Series
 from web.signals import NAMED_SOURCES, Signal, Source
 
 Derived = dict[str, tuple[Source, list[str], int]]
-"""Derived columns by their names `@…`: the source, the names of its columns in this log, the
-signal's place in it."""
+"""Derived columns by their names `@…`.
+
+A value has the source, the names of its columns in this log, and the signal's place in it.
+"""
 
 
 def signals_of(
     columns: Mapping[str, Collection[str]], members: Mapping[str, str]
 ) -> Iterator[dict[str, Any]]:
-    """Yield the signals of a log as the page has them, with their column and its factor; `known`
-    ones have words and a unit, the others their path.
+    """Yield the signals of a log in the form for the page, with their column and its factor.
+
+    `known` ones have a label and a unit, the others their path.
 
     Args:
-        columns: topic without the vehicle's namespace → its columns, the derived ones among them.
-        members: of `members_of`.
+        columns: topic without the vehicle's namespace → its columns, including the derived ones.
+        members: the result of `members_of`.
     """
     for source in NAMED_SOURCES:
         for signal, column, factor in _places(source, members):
@@ -56,7 +59,7 @@ def signals_of(
 
 
 def members_of(topics: Mapping[str, Series]) -> dict[str, str]:
-    """Return where each estimator of the topic `comparison` is: `vehicle` → `estimators[0].`."""
+    """Return each estimator's place in the topic `comparison`: `vehicle` → `estimators[0].`."""
     compared = topics.get("comparison")
     return {
         changes[0][1]: path.removesuffix("name")
@@ -66,7 +69,7 @@ def members_of(topics: Mapping[str, Series]) -> dict[str, str]:
 
 
 def derived(topics: Mapping[str, Series], members: Mapping[str, str]) -> dict[str, Derived]:
-    """Return what is made of several columns in this log, by topic."""
+    """Return the columns derived from several columns in this log, by topic."""
     known: set[str] = set()
     found: dict[str, Derived] = {}
     for source in NAMED_SOURCES:
@@ -84,7 +87,7 @@ def derived(topics: Mapping[str, Series], members: Mapping[str, str]) -> dict[st
 
 
 def _columns(source: Source, members: Mapping[str, str]) -> list[str] | None:
-    """Return the names a log has for a source's columns; None without its member."""
+    """Return the names of a source's columns in the log; None if its member is missing."""
     if source.member and source.member not in members:
         return None
     below = members[source.member] if source.member else ""
@@ -92,7 +95,7 @@ def _columns(source: Source, members: Mapping[str, str]) -> list[str] | None:
 
 
 def _places(source: Source, members: Mapping[str, str]) -> list[tuple[Signal, str, float]]:
-    """Return column and factor of each signal."""
+    """Return the signals of a source, each with its column and factor."""
     if source.function is not None:
         return [(signal, f"@{signal.name}", 1.0) for signal in source.signals]
     columns = _columns(source, members) or []

@@ -1,7 +1,7 @@
-"""The replays that are opened: prepared when first asked for, one at a time.
+"""Opened replays: prepared when first requested, one at a time.
 
-What a replay needs lies with the columns of its log (flight_log.columns), so that it is made again
-when the log grows or is mended, and goes with them.
+The files of a replay are stored with the columns of its log (flight_log.columns), so that they are
+made again when the log grows or is repaired, and are deleted with them.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from web.replay.reader import Replay
 
 MOST_OPEN = 6
 WAITING = 20
-"""Replays that may wait for their turn: each has a thread."""
+"""Replays that may wait for their turn; each has a thread."""
 LOOK = 0.01
-"""Share of the progress between two looks at the size of the columns."""
+"""Share of the progress between two checks of the size of the columns."""
 NICENESS = 10
-"""Niceness below everything that flies; a person waits for it all the same."""
+"""Niceness below all that flies; not lower, because a person waits for it."""
 
 
 @dataclass
 class Building:
-    """A replay on its way."""
+    """Replay that is being prepared."""
 
     progress: float = 0.0  # 0 to 1
     problem: str = ""
@@ -39,7 +39,7 @@ class Building:
 
 
 class ReplayStore:
-    """Thread-safe."""
+    """Opened replays of a page; thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -48,11 +48,11 @@ class ReplayStore:
         self._open: OrderedDict[Path, Replay] = OrderedDict()
 
     def get(self, log: Path, *, newer: bool = False) -> Replay | Building:
-        """Return the replay of a log, or how far it is.
+        """Return the replay of a log, or its progress while it is prepared.
 
-        A recording that still grows is shown as it was when it was opened; `newer` asks for what
-        has come since. Raises StorageError or LogFormatError with the reason a log has none,
-        RefusedError while too many wait.
+        A recording that still grows is shown as it was when it was opened; `newer` includes what
+        has been recorded since. Raises StorageError or LogFormatError with the reason why a log has
+        none, RefusedError while too many wait.
         """
         now = identity(log_of(log))
         with self._lock:
@@ -75,8 +75,9 @@ class ReplayStore:
         return building
 
     def opened(self, log: Path) -> Replay:
-        """Return a replay that `get` gave before. Raises StorageError when it does not exist (any
-        more).
+        """Return a replay that `get` has returned before.
+
+        Raises StorageError if it does not exist (any more).
         """
         with self._lock:
             kept = self._kept(log)
@@ -85,7 +86,7 @@ class ReplayStore:
         return kept
 
     def is_current(self, log: Path) -> bool:
-        """Return whether the replay that is kept shows all of the log."""
+        """Return whether the replay that is stored shows all of the log."""
         with self._lock:
             kept = self._kept(log)
         return kept is not None and kept.identity == identity(log_of(log))
@@ -114,7 +115,7 @@ class ReplayStore:
                 )
             except QuadlabError as error:
                 problem = str(error)
-            except Exception as error:  # else it would be on its way for ever
+            except Exception as error:  # otherwise it would stay in preparation for ever
                 problem = f"the replay of {log.stem} could not be built: {error!r}"
         with self._lock:
             self._open.pop(log, None)

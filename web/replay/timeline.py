@@ -1,4 +1,4 @@
-"""The timeline of a run: events, marks, parameter changes, behaviours, moments to align at."""
+"""Timeline of a run: events, marks, parameter changes, behaviors, moments to align at."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from flight_log.run import Series
 from quadrotor.errors import QuadlabError
 
 WHOLE = ("/events", "/marks", "/parameter_changes")
-"""Topics of which every message is a line of its own."""
+"""Topics of which every message is a separate line."""
 MOST_LINES = 5000
-"""Largest number of lines of each kind; a log with more keeps the first ones and says so."""
+"""Largest number of lines of each kind; of a log with more, the first ones are shown."""
 SPANS = {"mode": ("status", "mode"), "behavior": ("status", "behavior")}
 _WORDS = ("text", "label", "words", "note", "notes", "msg", "message", "description", "name")
 _PEOPLE = ("requester", "operator", "author", "who", "by", "person")
@@ -31,7 +31,7 @@ Moment = dict[str, Any]
 
 
 def lines_of(series: Series) -> list[dict[str, Any]]:
-    """Return each message of one of WHOLE with its time t, its words, who and its other fields."""
+    """Return each message of one of WHOLE with its time t, text, requester and other fields."""
     found = []
     for t, fields in islice(series.lines(MOST_LINES), MOST_LINES):
         texts = {k: v for k, v in fields.items() if isinstance(v, str) and v}
@@ -53,7 +53,7 @@ def as_events(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def as_marks(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return one a mark: of the messages of one id the newest text counts, an empty one as well."""
+    """Return one entry a mark, with the newest text of its messages, even an empty one."""
     found: dict[str, dict[str, Any]] = {}
     for number, line in enumerate(lines):
         key = str(line["fields"].get("id") or number)
@@ -77,7 +77,7 @@ def as_changes(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def spans(changes: list[tuple[float, str]], end: float) -> list[dict[str, Any]]:
-    """Return stretches of one text each, to `end`."""
+    """Return the spans of equal text, the last one up to `end`."""
     ends = [t for t, _ in changes[1:]] + [end]
     return [
         {"from": round(t, 4), "to": round(max(t, stop), 4), "text": text}
@@ -87,7 +87,7 @@ def spans(changes: list[tuple[float, str]], end: float) -> list[dict[str, Any]]:
 
 
 def rises(times: Times, values: npt.NDArray[np.float32]) -> list[float]:
-    """Return when a flag went from no to yes; at the beginning when it was yes from there on."""
+    """Return the times at which a flag became true; the first one if it was true at the start."""
     on = values > 0.5
     before = np.concatenate([[False], on[:-1]])
     return [round(float(t), 4) for t in times[on & ~before]]
@@ -99,7 +99,7 @@ def moments(
     marks: list[dict[str, Any]],
     behaviors: list[dict[str, Any]],
 ) -> list[Moment]:
-    """Return what two runs can be aligned at: kind, label, t (s)."""
+    """Return the moments at which two runs can be aligned: kind, label, t (s)."""
     found: list[Moment] = [{"kind": "start", "label": "start of recording", "t": 0.0}]
     found += _numbered("arming", "arming", armed)
     found += _numbered("take_off", "take-off", airborne)
@@ -116,7 +116,7 @@ def moments(
 
 
 def parameters_in_json(attachment: bytes | None) -> dict[str, Any]:
-    """Return name → value at the start; what JSON has no number for becomes a text."""
+    """Return name → value at the start; a number that JSON lacks becomes a text."""
     return {
         k: str(v) if isinstance(v, float) and not math.isfinite(v) else v
         for k, v in parameters_of(attachment).items()
@@ -124,9 +124,7 @@ def parameters_in_json(attachment: bytes | None) -> dict[str, Any]:
 
 
 def volume_of(parameters: Mapping[str, Any]) -> list[list[float]] | None:
-    """Return the flight volume, (low, high) of x, y and z in m; None where the log does not
-    tell.
-    """
+    """Return the flight volume, (low, high) of x, y and z in m; None if the log has none."""
     sides = []
     for axis in "xyz":
         side = [parameters.get(f"behavior.volume_{axis}_{end}") for end in ("min", "max")]
@@ -139,7 +137,7 @@ def volume_of(parameters: Mapping[str, Any]) -> list[list[float]] | None:
 def beacons_of(
     parameters: Mapping[str, Any], changes: list[dict[str, Any]]
 ) -> list[dict[str, Any]]:
-    """Return layouts with the time each came in force: t, beacons (id, x, y, z)."""
+    """Return the layouts with the time when each came into force: t, beacons (id, x, y, z)."""
     name = next((one for one in LAYOUTS if one in parameters), None)
     if name is None:
         return []

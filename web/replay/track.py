@@ -1,6 +1,4 @@
-"""The track of a whole run for the 3D view, at a steady rate: small enough for the browser to
-keep.
-"""
+"""Track of a whole run for the 3D view, at a constant rate: small enough for a browser."""
 
 from __future__ import annotations
 
@@ -21,14 +19,14 @@ PARTS: dict[str, tuple[str, ...]] = {
     "truth": (*POSITION, *ROTATION),
     "actuators": tuple(f"motor_references[{k}]" for k in range(4)),
 }
-"""Topic → its columns, in the order of a row: quaternions (w, x, y, z), body to world."""
+"""Topic → its columns, in the order of a row; quaternions are (w, x, y, z), body to world."""
 WIDTH = sum(map(len, PARTS.values()))
 
 Source = tuple[npt.NDArray[np.float64], Callable[[str], npt.NDArray[np.float32]]]
 
 
 def track(duration: float, sources: dict[str, Source]) -> tuple[float, npt.NDArray[np.float32]]:
-    """Return rate in Hz and rows (M, WIDTH): the newest sample of each topic at k / rate.
+    """Return the rate in Hz and rows (M, WIDTH): the newest sample of each topic at k / rate.
 
     NaN where a topic is older than STALE, or not in the log.
     """
@@ -49,6 +47,6 @@ def track(duration: float, sources: dict[str, Source]) -> tuple[float, npt.NDArr
         try:
             read = np.stack([column(name) for name in columns], axis=1)
         except KeyError:
-            continue  # a topic of this name and another type
+            continue  # a topic of this name with another type
         rows[fresh, its] = read[index[fresh]]
     return rate, rows

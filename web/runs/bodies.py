@@ -1,4 +1,4 @@
-"""The requests of a page about runs."""
+"""Bodies of a page's requests about runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tells all pages that something about runs is new."""
+"""Notification of all pages that runs have changed."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ if TYPE_CHECKING:
 
 
 def tell_changed(hub: EventHub, run_ids: Iterable[str]) -> None:
-    """Notify the pages, from any thread; they ask again for what they show."""
+    """Notify the pages, from any thread; they request again what they show."""
     hub.publish_from_thread({"type": "runs", "runs": list(run_ids)})

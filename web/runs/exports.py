@@ -1,4 +1,4 @@
-"""Recordings for viser, made when asked for and kept next to the run."""
+"""Recordings for viser, made on request and stored next to the run."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from quadrotor.errors import RefusedError, StorageError
 from web.runs.job_queue import Work, Workshop
 
 SECONDS = 1800.0
-"""One recording may take."""
+"""Longest time for one recording, s."""
 REMEMBERED = 200
 
 
 @dataclass(slots=True)
 class Export(Work):
-    """The state of a recording being made; `path` when it is ready."""
+    """State of a recording; `path` is set when it is ready."""
 
     path: Path | None = None
 
@@ -31,27 +31,27 @@ class Export(Work):
 
 
 def write_recording(log: Path, file: Path, report: Callable[[float], None]) -> None:
-    """Write the recording of a log: the job."""
-    from web.runs.viser_recording import record  # with the scene, of which the page needs nothing
+    """Write the recording of a log; this is the job."""
+    from web.runs.viser_recording import record  # imports the scene, which the page does not need
 
     record(log, file, report)
 
 
 class ViserExports:
-    """Safe to use from several threads.
+    """Recordings of runs for viser; safe for several threads.
 
     Args:
-        function: run with the log and the file to write.
+        function: called with the log and the file to write.
     """
 
     def __init__(self, function: Callable[..., None] = write_recording) -> None:
         self.workshop = Workshop(function, "recordings", SECONDS)
-        self._version = version("viser")  # a recording is of the client that plays it
+        self._version = version("viser")  # a recording fits only the client of the same version
         self._lock = threading.Lock()
         self._exports: dict[tuple[str, int], Export] = {}  # by run and age of its log
 
     def ask(self, run_id: str, log: Path) -> Export:
-        """Begin to make a recording, unless it exists, is under way or has failed before.
+        """Start making a recording, unless it exists, is in progress or has failed before.
 
         Raises RefusedError while the run is being recorded or too many wait, StorageError.
         """
@@ -78,12 +78,12 @@ class ViserExports:
             return export
 
     def stop(self) -> None:
-        """End the process that is running, if one is; nothing half stays."""
+        """End the running process, if any; no partial file remains."""
         self.workshop.stop()
 
 
 def _finish(log: Path, file: Path, export: Export, reason: str) -> str:
-    """Finish an export so that no partial file stays."""
+    """Finish an export, and delete a partial file."""
     if not log.exists():
         file.unlink(missing_ok=True)
         return "the run was deleted meanwhile"

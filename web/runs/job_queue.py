@@ -1,4 +1,4 @@
-"""Programs about runs, one at a time, each in a process of its own that tells how far it is."""
+"""Jobs on runs, one at a time, each in a separate process that reports its progress."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from quadrotor.errors import QuadlabError, RefusedError
 from vehicle_link.jobs import run
 
 MOST_WAITING = 20
-"""Works that may wait for their turn."""
+"""Largest number of works that wait for their turn."""
 REASON_LENGTH = 300
 
 WorkName = Literal["none", "waiting", "working", "ready", "failed"]
@@ -21,7 +21,7 @@ WorkName = Literal["none", "waiting", "working", "ready", "failed"]
 
 @dataclass(slots=True)
 class Work:
-    """The state of something that was asked for."""
+    """State of a requested work."""
 
     name: WorkName = "waiting"
     progress: float = 0.0  # 0 to 1
@@ -40,12 +40,14 @@ class _Order(NamedTuple):
 
 
 class Workshop:
-    """Thread-safe. Its thread starts with the first work.
+    """Queue of works, and the thread that runs them; thread-safe.
+
+    The thread starts with the first work.
 
     Args:
         function: the job (vehicle_link.jobs); reports its progress, 0 to 1.
-        what: the works' name, in the plural.
-        seconds: one may take.
+        what: name of the works, in the plural.
+        seconds: longest time of one.
     """
 
     def __init__(self, function: Callable[..., Any], what: str, seconds: float = math.inf) -> None:
@@ -58,11 +60,11 @@ class Workshop:
     def put(
         self, work: Work, arguments: Sequence[Any], finish: Callable[[str], str] = lambda why: why
     ) -> None:
-        """Queue work behind that which waits; its state is written into `work`.
+        """Queue a work; its state is written into `work`.
 
         Args:
-            finish: called in the workshop's thread behind the process, with the reason it failed
-                or nothing; gives the reason to tell, or nothing for what is ready.
+            finish: called in the queue's thread after the process has ended, with the reason of its
+                failure or ""; returns the reason to report, or "" for success.
 
         Raises RefusedError while too many wait.
         """
@@ -78,7 +80,7 @@ class Workshop:
                 self._worker.start()
 
     def stop(self) -> None:
-        """End the process that is running, if one is."""
+        """End the running process, if any."""
         self._is_stopped = True
         self._orders.put(None)
 
@@ -87,7 +89,7 @@ class Workshop:
             work = order.work
             try:
                 reason = order.finish(self._work(work, order.arguments))
-            except Exception as error:  # the others wait for this thread
+            except Exception as error:  # other works wait for this thread
                 reason = f"cannot be made: {error}"
             if reason:
                 work.reason, work.name = reason, "failed"
@@ -95,7 +97,7 @@ class Workshop:
                 work.progress, work.name = 1.0, "ready"
 
     def _work(self, work: Work, arguments: Sequence[Any]) -> str:
-        """Do the work and return why it failed; "" when it did not."""
+        """Do the work; return why it failed, or "" if it succeeded."""
         work.name = "working"
 
         def check() -> None:

@@ -1,4 +1,4 @@
-"""One line of the list of runs, with what stands next to the catalogue."""
+"""Rows of the list of runs, with what is stored outside of the catalogue."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from quadrotor.errors import StorageError
 
 
 def lines(catalogue: Catalogue, entries: Sequence[RunEntry]) -> list[dict[str, Any]]:
-    """Return for each run its row, tags, number of marks, who wrote the notes, verdict of its
-    report, and how it compares with the vehicle's own log (null: not at all).
+    """Return for each run its entry, tags, number of marks, author of the notes and verdict.
+
+    `completeness` is how it compares with the vehicle's own log (null if it was not compared).
     """
     ids = [entry.id for entry in entries]
     tags, notes = tags_of(catalogue, ids), newest_notes(catalogue, ids)
@@ -41,7 +42,7 @@ def lines(catalogue: Catalogue, entries: Sequence[RunEntry]) -> list[dict[str, A
 
 
 def about(note: Note | None) -> dict[str, Any]:
-    """Return who wrote the notes and when (s, epoch); version 0: no one yet."""
+    """Return who wrote the notes and when (s, epoch); version 0: no notes yet."""
     if note is None:
         return {"version": 0, "author": "", "stamp": None}
     stamp = note.stamp_ns * 1e-9 if note.stamp_ns else None
@@ -56,9 +57,7 @@ def _is_recorded(catalogue: Catalogue, entry: RunEntry) -> bool:
 
 
 def _report(log: Path) -> dict[str, Any]:
-    """Return the report's fields: `report`: whether there is one; `verdict` also says when it
-    cannot be read.
-    """
+    """Return the report's fields; `verdict` is "unreadable" if it cannot be read."""
     try:
         stamp = (report_folder(log) / RESULT).stat().st_mtime_ns
     except OSError:
@@ -69,7 +68,7 @@ def _report(log: Path) -> dict[str, Any]:
 
 @lru_cache(maxsize=4096)
 def _verdict(log: Path, stamp: int) -> tuple[str, str]:
-    """Return the verdict; another `stamp` makes a report that was judged again a different one."""
+    """Return experiment and verdict; `stamp` makes the cache miss after a new judgement."""
     try:
         result = read_result(log)
     except StorageError:

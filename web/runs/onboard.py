@@ -1,4 +1,4 @@
-"""The vehicle's own logs: which there are, fetching one, and filling a run from them."""
+"""Vehicle's own logs: list, download, and back-fill of a run from them."""
 
 from __future__ import annotations
 
@@ -26,8 +26,10 @@ def add_onboard(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/onboard")
     async def logs() -> dict[str, Any]:
-        """Return the vehicle's logs, newest first; times are s of its clock, null where not known;
-        `here`: the id by which /replay knows the copy on this computer.
+        """Return the vehicle's logs, newest first.
+
+        Times are s of its clock, null where not known; `here` is the id under which /replay shows
+        the copy on this computer.
         """
         answer = await parts.station.command("onboard_files", "")
         return {
@@ -49,19 +51,17 @@ def add_onboard(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/onboard/{name}/download")
     async def download(name: Name, session: Operator) -> dict[str, bool]:
-        """Begin to fetch the log to this computer, or go on; progress is published as
-        `transfers`.
-        """
+        """Start or continue a download of the log; progress is published as `transfers`."""
         return await _transfer("download", name, session.label)
 
     @app.post("/api/onboard/{name}/cancel")
     async def cancel(name: Name, session: Operator) -> dict[str, bool]:
-        """Cancel a transfer; what came of it is thrown away."""
+        """Cancel a transfer, and discard what was received."""
         return await _transfer("cancel", name, session.label)
 
     @app.post("/api/runs/{run_id}/backfill")
     async def backfill(run_id: str, session: Operator) -> dict[str, bool]:
-        """Compare the run with the vehicle's log again and fetch what it lacks."""
+        """Compare the run with the vehicle's log again, and fetch what is missing."""
         parts.catalogue.get(run_id)
         return await _transfer("backfill", run_id, session.label)
 
@@ -75,8 +75,9 @@ def add_onboard(app: FastAPI, parts: Parts) -> None:
 
 
 def copy_of(folder: Path, vehicle: str, name: str, size: int) -> str | None:
-    """Return the id of a log here of that name and size: fetched, or of a vehicle simulated
-    here.
+    """Return the id of a log of that name and size on this computer, or None.
+
+    It was fetched, or is of a vehicle simulated here.
     """
     for path, prefix in (
         (folder / vehicle / name, f"{ONBOARD}:{vehicle}:"),
@@ -89,9 +90,7 @@ def copy_of(folder: Path, vehicle: str, name: str, size: int) -> str | None:
 
 
 def transfers_summary(live: Live) -> list[dict[str, Any]]:
-    """Return what the station fetches from the vehicle, as quadlab_msgs/Transfer; sizes in
-    bytes.
-    """
+    """Return the transfers from the vehicle, as in quadlab_msgs/Transfer; sizes in bytes."""
     message = live.current("transfers")
     if message is None:
         return []

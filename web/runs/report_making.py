@@ -1,4 +1,4 @@
-"""Reports of runs on request: plots take seconds."""
+"""Reports of runs, made on request, because plots take seconds."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from quadrotor.errors import RefusedError, StorageError
 from web.runs.job_queue import Work, Workshop
 
 SECONDS = 300.0
-"""One report may take."""
+"""Longest time for one report, s."""
 REMEMBERED = 200
 
 
 @dataclass(slots=True)
 class Making(Work):
-    """The state of a report that was asked for."""
+    """State of a requested report."""
 
     def as_json(self, log: Path) -> dict[str, Any]:
-        """Return the fields with the names of the files there are."""
+        """Return the fields, and the names of the files that exist."""
         return {
             "state": self.name,
             "progress": round(self.progress, 3),
@@ -33,17 +33,17 @@ class Making(Work):
 
 
 def make_report(log: Path, report: Callable[[float], None]) -> None:
-    """Write a run's report next to its result: the job."""
-    from console.reports.report import write_report  # with matplotlib, which the page does not need
+    """Write a run's report next to its result; this is the job."""
+    from console.reports.report import write_report  # imports matplotlib, not needed by the page
 
     write_report(log, report_folder(log), tell=report)
 
 
 class ReportMaking:
-    """Safe to use from several threads.
+    """Reports of runs made on request; safe for several threads.
 
     Args:
-        function: run with the log.
+        function: called with the log.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class ReportMaking:
         self._asked: dict[str, Making] = {}
 
     def ask(self, run_id: str, log: Path) -> Making:
-        """Begin to make a report, again if there is one; one that is under way is enough.
+        """Start making a report, also if there is one, unless one is in progress.
 
         Raises RefusedError while the run is being recorded or too many wait, StorageError.
         """
@@ -76,16 +76,16 @@ class ReportMaking:
             return making
 
     def state(self, run_id: str) -> Making:
-        """Return the state of the newest report asked for; `none` if none was since the start."""
+        """Return the state of the newest requested report; `none` if none was since the start."""
         return self._asked.get(run_id) or Making("none")
 
     def stop(self) -> None:
-        """End the process that is running, if one is."""
+        """End the running process, if any."""
         self.workshop.stop()
 
 
 def files_of(log: Path) -> list[str]:
-    """Return the names of what lies in the report's folder, documents first."""
+    """Return the names of the files in the report's folder, documents first."""
     first = (".html", ".pdf", ".png")
     folder = report_folder(log)
     try:

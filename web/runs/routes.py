@@ -1,5 +1,7 @@
-"""The page of runs, their list, notes, tags, marks and files. An unknown run is a StorageError,
-answered with 404."""
+"""Page of runs, their list, notes, tags, marks and files.
+
+An unknown run is a StorageError, answered with 404.
+"""
 
 from __future__ import annotations
 
@@ -34,8 +36,9 @@ Nanoseconds = Annotated[int, Query(ge=0, lt=2**63)]
 
 
 def add_runs(app: FastAPI, parts: Parts) -> None:
-    """Add /runs and the routes below /api/runs, /api/tags, /api/marks, /api/trash, /api/storage,
-    /api/onboard.
+    """Add /runs and the routes below /api/runs.
+
+    Also those below /api/tags, /api/marks, /api/trash, /api/storage and /api/onboard.
     """
     _add_list(app, parts)
     _add_notes(app, parts)
@@ -54,8 +57,10 @@ def _add_list(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/runs")
     def runs(search: Text = "", limit: int = 200, offset: int = 0) -> list[dict[str, Any]]:
-        """Return the runs, newest first; each word of `search` must be in id, operator, notes,
-        vehicle, a tag or the text of a mark. `report`: whether it has one.
+        """Return the runs, newest first.
+
+        Each word of `search` must be in the id, operator, notes, vehicle, a tag or the text of a
+        mark. `report`: whether it has one.
         """
         return lines(
             catalogue, catalogue.runs(search, limit=min(max(limit, 1), MOST), offset=max(offset, 0))
@@ -71,9 +76,7 @@ def _add_list(app: FastAPI, parts: Parts) -> None:
         limit: Annotated[int, Query(ge=1, le=MOST)] = 100,
         offset: Annotated[int, Query(ge=0)] = 0,
     ) -> dict[str, Any]:
-        """Return a page of the list and how many there are; bounds of the start are of the
-        epoch.
-        """
+        """Return a part of the list, and the total; `since_ns` and `until_ns` are of the epoch."""
         wanted = RunSearch(words, tag, vehicle, since_ns, until_ns)
         found = catalogue.runs(wanted, limit=limit, offset=offset)
         return {"total": catalogue.count(wanted), "runs": lines(catalogue, found)}
@@ -90,8 +93,9 @@ def _add_notes(app: FastAPI, parts: Parts) -> None:
 
     @app.put("/api/runs/{run_id}/notes")
     def set_notes(run_id: str, body: NotesBody, session: Operator) -> dict[str, Any]:
-        """Set the notes. The last one who writes wins; `replaced`: what another wrote that `seen`
-        did not know. Earlier texts stay in the history.
+        """Set the notes. The last writer wins, and earlier texts stay in the history.
+
+        `replaced` is another person's text that was written after the version `seen`.
         """
         written = write_notes(catalogue, run_id, body.notes, session.label, body.seen)
         tell_changed(parts.hub, [run_id])
@@ -104,7 +108,7 @@ def _add_notes(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/runs/{run_id}/notes")
     def history(run_id: str) -> list[dict[str, Any]]:
-        """Return all texts, newest first."""
+        """Return all texts of the notes, newest first."""
         return [{"notes": n.text, **about(n)} for n in notes_history(catalogue, run_id)]
 
 
@@ -130,13 +134,14 @@ def _add_tags_and_marks(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/runs/{run_id}/marks")
     def marks(run_id: str) -> list[dict[str, Any]]:
-        """Return the marks in the order of time; `time` in s since the start of the run."""
+        """Return the marks in the order of time; `time` is in s since the start of the run."""
         return [asdict(mark) for mark in marks_of(catalogue, run_id)]
 
     @app.post("/api/marks")
     async def mark(body: MarkBody, session: Operator) -> dict[str, Any]:
-        """Mark the moment the key was pressed in the run being recorded; needs no lease. With a
-        known id only the text is new.
+        """Mark the moment when the key was pressed in the run being recorded; needs no lease.
+
+        With a known id, only the text is changed.
         """
         pressed_ns = 0 if body.ago is None else time.time_ns() - round(body.ago * 1e9)
         answer = await parts.station.command(

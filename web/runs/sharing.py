@@ -1,4 +1,4 @@
-"""A run for other programs: a signed link for Foxglove and Lichtblick, a recording for viser."""
+"""Runs for other programs: signed links for Foxglove and Lichtblick, recordings for viser."""
 
 from __future__ import annotations
 
@@ -36,8 +36,9 @@ def add_sharing(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/runs/{run_id}/link")
     def link(run_id: str, request: Request, _: Asker) -> dict[str, Any]:
-        """Return a link to the run's file that works for ten minutes without a session, and the
-        addresses that open it in a viewer.
+        """Return a link to the run's file that works for ten minutes without a session.
+
+        `viewers` are addresses that open it in a viewer.
         """
         catalogue.resolve(run_id)
         here = f"{urlsplit(parts.base_url).scheme}://{request.headers['host']}"
@@ -52,9 +53,7 @@ def add_sharing(app: FastAPI, parts: Parts) -> None:
     @app.head("/signed/runs/{name}", include_in_schema=False)
     @app.get("/signed/runs/{name}", include_in_schema=False)
     def signed(name: str) -> FileResponse:
-        """Send the file. The gate lets a request come this far with a session or a valid
-        signature.
-        """
+        """Send the file. The gate accepts a request with a session or a valid signature."""
         try:
             path = catalogue.resolve(name.removesuffix(SUFFIX))
         except StorageError as error:
@@ -63,16 +62,15 @@ def add_sharing(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/runs/{run_id}/viser")
     def make(run_id: str, _: Asker) -> dict[str, Any]:
-        """Begin to make the recording for viser, or says how that stands: ready, working, waiting
-        or failed, with progress 0 to 1 or the reason.
+        """Start making the recording for viser, or return its state.
+
+        That is ready, working, waiting or failed, with progress 0 to 1 or the reason.
         """
         return exports.ask(run_id, catalogue.resolve(run_id)).as_json()
 
     @app.get("/api/runs/{run_id}/viser")
     def recording(run_id: str) -> Response:
-        """Return the recording, for /viser/?playbackPath=…; 202 and its progress while it is
-        made.
-        """
+        """Return the recording, for /viser/?playbackPath=…, or 202 and the progress."""
         log = catalogue.resolve(run_id)
         state = exports.ask(run_id, log)
         if state.path is None:

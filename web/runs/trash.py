@@ -1,6 +1,6 @@
-"""Deleting runs, undoing it, and how full the disk is.
+"""Deletion of runs, its undoing, and the space on the disk.
 
-An operator deletes and brings back; permanently only an admin removes before the time is up.
+Operators delete and restore; only an admin may remove runs for good before their time is over.
 """
 
 from __future__ import annotations
@@ -32,8 +32,10 @@ def add_trash(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/storage")
     def disk() -> dict[str, Any]:
-        """Return sizes in bytes; `lasts`: s of recording until only `keep_free` is left, at the
-        rate of the newest runs or of the one being recorded; null when no rate is known.
+        """Return sizes in bytes, and how long a recording can last.
+
+        `lasts` is the time in s until only `keep_free` is left, at the rate of the newest runs or
+        of the one being recorded; null if no rate is known.
         """
         found, limits = storage(catalogue), recorder_limits(parts)
         station = parts.live.current("station_status")
@@ -58,17 +60,17 @@ def add_trash(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/trash")
     def delete(body: RunsBody, session: Operator) -> dict[str, Any]:
-        """Move runs to the trash; `refused`: id → reason of those that stay."""
+        """Move runs to the trash; `refused`: id → reason, of those that were not moved."""
         return _each(body.runs, lambda run_id: delete_run(catalogue, run_id, session.label))
 
     @app.post("/api/trash/restore")
     def restore(body: RunsBody, _: Operator) -> dict[str, Any]:
-        """Bring runs back with notes, tags and marks."""
+        """Restore runs with notes, tags and marks."""
         return _each(body.runs, lambda run_id: restore_run(catalogue, run_id))
 
     @app.post("/api/trash/empty")
     def empty(session: Admin) -> dict[str, Any]:
-        """Remove what is in the trash for good, now; `refused`: id → reason of those that stay."""
+        """Delete all runs in the trash for good; `refused`: id → reason, of those not deleted."""
         purged = purge(catalogue)
         if purged.done:
             tell_changed(parts.hub, purged.done)
@@ -89,7 +91,7 @@ def add_trash(app: FastAPI, parts: Parts) -> None:
 
 
 def recorder_limits(parts: Parts) -> dict[str, float]:
-    """Return `station.recorder.*` as confirmed, else their defaults."""
+    """Return the confirmed values of `station.recorder.*`, else their defaults."""
     defaults = RecorderParameters()
     return {
         name: float(parts.replica.value(f"{RECORDER}{name}") or getattr(defaults, name))

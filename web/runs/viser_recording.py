@@ -1,4 +1,4 @@
-"""A flight as a recording for viser: what the 3D view of the page would have shown."""
+"""Recording of a flight for viser: what the 3D view of the page would have shown."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from web.view.server import ViewServer
 
 RATE = 20.0  # Hz
 MOST_FRAMES = 12_000
-"""Ten minutes at the full rate; a longer log has fewer frames a second. They are held."""
+"""Ten minutes at the full rate; a longer log has fewer frames a second. They are in memory."""
 SHOWN = ("state", "reference", "truth", "actuators", "status", "bearings", "bearing_pose")
 CHANGES = "parameter_changes"
 LEAST_PROGRESS = 0.01
@@ -47,13 +47,13 @@ def record(log: Path, file: Path, progress: Callable[[float], None] = lambda sha
 
 
 class _Flight:
-    """One log through the scene of the page, whose clock is that of the log."""
+    """Playback of one log through the scene of the page, on the log's clock."""
 
     def __init__(self, log: Path, server: ViewServer) -> None:
         self._log = log
         self._server = server
         self._now = 0.0  # s, log time
-        self._types: dict[str, str] = {}  # of the log's topics, by their type names of today
+        self._types: dict[str, str] = {}  # present type name → type name in the log
         self._live = Live(self._decode, lambda: self._now)
         self._scene = Scene(server, self._live)
         view = self._scene.beacons.view  # rays and cones are most of the bytes
@@ -62,7 +62,7 @@ class _Flight:
         self._scene_of_parameters()
 
     def play(self, duration: float, progress: Callable[[float], None]) -> bytes:
-        """Play the flight into a recording; `duration` of the log in s."""
+        """Play the flight into a recording; `duration` is that of the log, s."""
         recording = self._server.viser.get_scene_serializer()
         start = due = told = 0.0
         period, frames = max(1.0 / RATE, duration / MOST_FRAMES), 0
@@ -73,10 +73,10 @@ class _Flight:
             now = message.log_ns * 1e-9
             start = start or now
             due = due or now
-            # A clock that jumps must not make hours of frames; a gap is shown as one long frame.
+            # A clock that jumps must not produce hours of frames; a gap is shown as one long frame.
             if now >= due:
                 if frames >= 2 * MOST_FRAMES:
-                    break  # longer than its index says
+                    break  # the log is longer than its index claims
                 frames += 1
                 recording.insert_sleep(min(now - due + period, max(1.0, period)))
                 due = now + period
@@ -98,7 +98,7 @@ class _Flight:
         return decode(payload, self._types.get(type_name, type_name))
 
     def _change(self, change: Any) -> None:
-        """Change a parameter the 3D view follows."""
+        """Apply a change of a parameter that the 3D view shows."""
         if change.name == f"{BEARINGS}layout":
             self._values[change.name] = str(logged_value(change.new_value))
             self._scene_of_parameters()
@@ -118,11 +118,11 @@ class _Flight:
                 sensor.rate,
             )
         except (QuadlabError, ValueError, TypeError):
-            return  # of another version; the beacons stay where they were
+            return  # a log of another version; the beacons stay where they were
 
 
 def _station_values(log: Path) -> dict[str, Any]:
-    """Return parameters of vehicle and station by their full names, as they were at the start."""
+    """Return the parameters of vehicle and station by their full names, as at the start."""
     try:
         content = json_value(read_attachments(log).get("parameters.json", b"{}"))
     except ValueError:

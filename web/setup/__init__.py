@@ -1,1 +1,1 @@
-"""The Set-up page: vehicles and users of this station, and its checks."""
+"""Set-up page: vehicles and users of this station, and its checks."""

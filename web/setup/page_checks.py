@@ -1,4 +1,4 @@
-"""The checks of the web process itself: its addresses, TLS and accounts."""
+"""Checks of the web process itself: its addresses, TLS and accounts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PACKAGES = ("viser", "fastapi", "uvicorn", "uplot-python")
 
 
 def page_checks(base_url: str, tls: Tls | None, accounts: int) -> list[Check]:
-    """Return the page's checks; `accounts`: the number of accounts."""
+    """Return the page's checks; `accounts` is the number of accounts."""
     place = urlsplit(base_url)
     return [
         _encryption(place.hostname or "", tls),

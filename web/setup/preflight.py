@@ -1,4 +1,4 @@
-"""The station's pre-flight check list, for the page."""
+"""Pre-flight check list of the station, for the page."""
 
 from __future__ import annotations
 
@@ -10,9 +10,7 @@ from web.live.latest import Live
 
 
 def preflight_summary(live: Live) -> dict[str, Any] | None:
-    """Return the pre-flight list; None when the station has not sent it for a while: then nothing
-    is known.
-    """
+    """Return the pre-flight list, or None if the station has not sent it for a while."""
     message = live.current("preflight")
     if message is None:
         return None
@@ -25,7 +23,7 @@ def preflight_summary(live: Live) -> dict[str, Any] | None:
 
 
 def _listed(check: Check) -> dict[str, str]:
-    """Return a check in a list that is the station's; sent twice a second."""
+    """Return a check without its place, which is the same for all; it is sent twice a second."""
     fields = asdict(check)
     fields.pop("place")
     return fields

@@ -1,6 +1,6 @@
-"""The routes of the Set-up page: /setup and those below /api/setup.
+"""Routes of the Set-up page: /setup and those below /api/setup.
 
-Parameters, beacons and users have routes of their own, which the page uses as well.
+Parameters, beacons and users have their own routes, which the page uses as well.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
 
     @app.get("/api/setup/people")
     async def signed_in() -> list[dict[str, Any]]:
-        """Return who has a browser signed in; `last_seen` in s, epoch."""
+        """Return the people with a signed-in browser; `last_seen` in s, epoch."""
         return [shown(one) for one in await asyncio.to_thread(people.sessions.people)]
 
     async def found(requester: str, *, again: bool) -> dict[str, Any]:
@@ -59,8 +59,9 @@ def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
 
     @app.get("/api/setup/checks")
     async def checks() -> dict[str, Any]:
-        """Return what was found last by station and vehicle (`checked`: when, s, epoch, null = not
-        yet), and what the page finds now.
+        """Return the last results of station and vehicle, and those of the page now.
+
+        `checked` is when the station and the vehicle were checked, in s, epoch; null = not yet.
         """
         return await found("page", again=False)
 

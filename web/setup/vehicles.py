@@ -1,4 +1,4 @@
-"""The vehicles known to this station: configured, enrolled, or found in its runs."""
+"""Vehicles known to this station: configured, enrolled, or found in its runs."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ SCANNED = 1000
 @dataclass(slots=True)
 class KnownVehicle:
     name: str
-    ours: bool  # this station dials it
-    link: str  # good, degraded, lost; empty for another station's
+    ours: bool  # this station connects to it
+    link: str  # good, degraded, lost; empty for a vehicle of another station
     runs: int  # of the newest `SCANNED`
     last_seen: float | None  # s, epoch; of its newest run where it is not connected
     address: str = ""  # where it was enrolled (`quadlab link enrol`)
@@ -27,8 +27,11 @@ class KnownVehicle:
 def known_vehicles(
     dialled: Mapping[str, Live], catalogue: Catalogue, now: float
 ) -> list[dict[str, object]]:
-    """Return the known vehicles, ours first: what came of each, by name. `now`: s, epoch. Raises
-    StorageError.
+    """Return the known vehicles, this station's first. Raises StorageError.
+
+    Args:
+        dialled: the newest messages of each vehicle of this station, by name.
+        now: s, epoch.
     """
     found = {}
     for name, live in dialled.items():

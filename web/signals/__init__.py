@@ -1,8 +1,8 @@
-"""Numbers a chart or the state table can show: name, label, unit, and where each comes from.
+"""Numbers that a chart or the state table can show: name, label, unit, and source.
 
-First the named ones, in the units people think in; then every other number of the topics that are
-kept (`web.live.latest.STALE`), made from their message types. A value is NaN when its topic
-is stale or absent: the charts draw a gap, the table greys the cell.
+The named ones come first, in units that are easy to read; then every other number of the topics
+that are stored (`web.live.latest.STALE`), made from their message types. A value is NaN when its
+topic is stale or missing: the charts draw a gap, the table shows the cell in grey.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def _plain() -> list[Source]:
 _SOURCES = (*NAMED_SOURCES, *_plain(), *RESULTS)
 SIGNALS: tuple[Signal, ...] = tuple(s for source in _SOURCES for s in source.signals)
 NAMED = sum(len(source.signals) for source in NAMED_SOURCES)
-"""Number of leading SIGNALS that have a name of their own."""
+"""Number of leading SIGNALS that have their own names."""
 INDEX: dict[str, int] = {signal.name: i for i, signal in enumerate(SIGNALS)}
 _NOTHING = [math.nan] * len(SIGNALS)
 
@@ -59,7 +59,7 @@ def _plan(wanted: Set[str] | None) -> list[tuple[Source, slice, list[int]]]:
     """Return the sources to read, with the places of their signals and of their inputs."""
     needed = set(INDEX if wanted is None else wanted)
     found = []
-    for source in reversed(_SOURCES):  # inputs stand before what is made of them
+    for source in reversed(_SOURCES):  # inputs are listed before the signals made of them
         if needed.isdisjoint(signal.name for signal in source.signals):
             continue
         needed.update(source.inputs)
@@ -70,10 +70,10 @@ def _plan(wanted: Set[str] | None) -> list[tuple[Source, slice, list[int]]]:
 
 
 def snapshot(live: Live, wanted: frozenset[str] | None = None) -> list[float]:
-    """Return the values now, in the order of SIGNALS; NaN where stale.
+    """Return the present values, in the order of SIGNALS; NaN where stale.
 
     Args:
-        wanted: names; sources with none of them are not read and give NaN. None: all.
+        wanted: names of signals; sources with none of them are not read and give NaN. None: all.
     """
     values = _NOTHING.copy()
     messages: dict[str, Any] = {}
@@ -89,7 +89,7 @@ def snapshot(live: Live, wanted: frozenset[str] | None = None) -> list[float]:
 
 
 def topics_for(wanted: frozenset[str]) -> frozenset[str]:
-    """Return the topics that the values of these signals are made of."""
+    """Return the topics from which the values of these signals are computed."""
     return frozenset(source.topic for source, _, _ in _plan(wanted))
 
 
@@ -105,5 +105,5 @@ def describe() -> dict[str, Any]:
 
 @cache
 def described() -> bytes:
-    """Return the same as JSON."""
+    """Return `describe` as JSON."""
     return msgspec.json.encode(describe())

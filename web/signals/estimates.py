@@ -1,4 +1,4 @@
-"""Poses of single frames of bearings, and the estimators compared against the truth."""
+"""Signals of poses from single frames of bearings, and of the estimators in the comparison."""
 
 from __future__ import annotations
 
@@ -17,9 +17,11 @@ COMPARED = (
     "complementary:bearings",
     "complementary:resolved",
 )
-"""Results of the topic `comparison` that have signals: the vehicle's own estimate, and every
-estimator and preset of gains that comes along. One that was registered has its row in the Beacons
-tab and no signal."""
+"""Results of the topic `comparison` that have signals.
+
+They are the vehicle's own estimate, and every built-in estimator and preset of gains. A registered
+one has its row in the Beacons tab and no signal.
+"""
 
 _RESULT = "quadlab_msgs/EstimatorResult"
 
@@ -55,7 +57,7 @@ def _bound(of: str, unit: str, factor: float) -> Scaled:
 
 
 def _results(of: str) -> Source:
-    """Return the source of everything else that is published of an estimator."""
+    """Return the source of all other numbers that are published for an estimator."""
     rows = [
         Scaled(
             Signal(

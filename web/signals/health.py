@@ -1,4 +1,4 @@
-"""Actuators, estimator, flight loop, link and battery, in the units people think in."""
+"""Signals of actuators, estimator, flight loop, link and battery, in units easy to read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""State, reference, tracking error and truth: world axes, degrees."""
+"""Signals of state, reference, tracking error and truth: world axes, degrees."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from web.signals.signal import Signal, Source, one, scaled, xyz
 DEGREES = math.degrees(1.0)
 ATTITUDE = tuple(f"pose.pose.orientation.{axis}" for axis in "wxyz")
 VELOCITY = tuple(f"twist.twist.linear.{axis}" for axis in "xyz")
-"""Body axes."""
+"""Linear velocity, in body axes."""
 
 
 def _signals(prefix: str, group: str, unit: str, names: Sequence[str], topic: str) -> list[Signal]:

@@ -1,4 +1,4 @@
-"""Signals made from the message types: every number of a message that no named signal shows."""
+"""Signals made from the message types: all numbers of messages that have no named signal."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from vehicle_link.topics.table import TOPICS
 from web.signals.signal import Scaled, Signal, Source, scaled
 
 MEMBERS = 8
-"""Members shown of an array without a fixed length: beacons, axes of sticks, cells of a battery."""
+"""Members shown of an array of variable length: beacons, axes of sticks, cells of a battery."""
 
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """One number of a message, with its words for people."""
+    """One number of a message, with its label, group and unit."""
 
     name: str  # `pose.covariance.0`
     column: str  # `pose.covariance[0]`
@@ -29,7 +29,7 @@ def leaves(type_name: str, covered: Collection[str] = ()) -> list[Leaf]:
     """Return the numbers of a message of this type (`quadlab_msgs/LinkStatus`), in its order.
 
     Args:
-        covered: columns left out, with what is below them.
+        covered: columns that are left out, with all below them.
     """
     found = []
     for path, fields in numbers(type_name, MEMBERS):
@@ -43,8 +43,9 @@ def leaves(type_name: str, covered: Collection[str] = ()) -> list[Leaf]:
 
 
 def _words(path: Path) -> list[str]:
-    """Return the words of a path: `pose`, `covariance 7` of `pose.pose.covariance.7`, as an index
-    says nothing alone.
+    """Return the words of a path: `pose`, `covariance 7` of `pose.pose.covariance.7`.
+
+    An index joins the word before it, because it means nothing alone.
     """
     words: list[str] = []
     for step in path:
@@ -56,7 +57,7 @@ def _words(path: Path) -> list[str]:
 
 
 def sources_of(topic: str, covered: Collection[str]) -> list[Source]:
-    """Return one source for each group of numbers, so that only what is wanted is read."""
+    """Return one source for each group of numbers, so that only requested ones are read."""
     groups: dict[str, list[Leaf]] = {}
     for leaf in leaves(TOPICS[topic].type_name, covered):
         groups.setdefault(leaf.group, []).append(leaf)

@@ -1,7 +1,7 @@
-"""The definition of a signal, and how its values come from columns of numbers.
+"""Definition of a signal, and how its values are computed from columns of numbers.
 
 A signal is one function of columns: of N numbers each in a log, of one each live. A column is a
-number of a topic, named as a log names it: `pose.pose.position.x`, `thrusts[0]`.
+number of a topic, named as in a log: `pose.pose.position.x`, `thrusts[0]`.
 """
 
 from __future__ import annotations
@@ -22,22 +22,23 @@ class Signal:
     label: str  # `x`
     unit: str
     group: str  # `position`
-    topic: str  # whose age it has
+    topic: str  # the topic whose age it has
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Some signals that come together.
+    """Some signals that are computed together.
 
     Attributes:
-        topic: whose newest message, or whose every message, gives values.
-        columns: of that topic.
-        signals: what is made of them.
-        factors: of each signal, which is the column in its place times this factor; else
-        function: called as `function(xp, *columns, *inputs)` with xp = math and floats, or with
-            xp = numpy and arrays (N,); returns the signals' values in their order.
-        inputs: names of signals that it takes, too; in a log between their samples.
-        member: the columns are those of the estimator of this name in `estimators`.
+        topic: the topic whose newest message, or whose every message, gives values.
+        columns: the columns of that topic.
+        signals: the signals that are computed from them.
+        factors: if not empty, a factor for each signal, which is the column in its place times
+            this.
+        function: otherwise called as `function(xp, *columns, *inputs)` with xp = math and floats,
+            or with xp = numpy and arrays (N,); returns the signals' values in their order.
+        inputs: names of signals that it also needs; in a log, interpolated between their samples.
+        member: name of the estimator in `estimators` whose columns are meant, if any.
     """
 
     topic: str
@@ -55,7 +56,7 @@ class Source:
         object.__setattr__(self, "_is_scaled", any(factor != 1.0 for factor in self.factors))
 
     def values(self, message: Any, inputs: Sequence[float]) -> Sequence[float] | None:
-        """Return the values of a message, None without the member."""
+        """Return the values of a message; None if it lacks the member."""
         if self.member:
             message = next((r for r in message.estimators if r.name == self.member), None)
             if message is None:
@@ -71,7 +72,7 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Scaled:
-    """A signal that is a column times a factor."""
+    """Signal that is a column times a factor."""
 
     signal: Signal
     column: str
@@ -79,7 +80,7 @@ class Scaled:
 
 
 def scaled(*rows: Scaled, member: str = "") -> Source:
-    """Return the source of signals of one topic that are a column each."""
+    """Return the source of signals of one topic, each of which is a scaled column."""
     return Source(
         rows[0].signal.topic,
         tuple(row.column for row in rows),
@@ -90,7 +91,7 @@ def scaled(*rows: Scaled, member: str = "") -> Source:
 
 
 def one(signal: str, label: str, unit: str, group: str, column: str, factor: float = 1.0) -> Scaled:
-    """Return the signal of a column, `state/pose.pose.position.x`."""
+    """Return the signal of a column, such as `state/pose.pose.position.x`."""
     topic, _, path = column.partition("/")
     return Scaled(Signal(signal, label, unit, group, topic), path, factor)
 
@@ -105,7 +106,7 @@ def quaternion(q: Any) -> tuple[float, float, float, float]:
 
 
 def rms(xp: Any, *variances: Any) -> Any:
-    """Return the length that an error of these variances has in the mean square."""
+    """Return the root-mean-square length of an error with these variances."""
     total = sum(variances)
     return math.nan if xp is math and not total >= 0.0 else xp.sqrt(total)
 

@@ -1,1 +1,1 @@
-"""Step tests from the page: flown, fetched from the vehicle's log, judged, kept, compared."""
+"""Step tests from the page: flown, read from the vehicle's log, judged, stored, compared."""

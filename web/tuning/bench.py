@@ -1,7 +1,7 @@
-"""One step test at a time: fly it, fetch every tick of it from the vehicle's log, judge, keep.
+"""Step tests, one at a time: fly it, read its ticks from the vehicle's log, judge and store it.
 
-It goes on when the page that asked is closed. Nothing of it is taken from telemetry: what the
-log cannot give is a gap, or a failure that says so.
+A test continues when the page that requested it is closed. It uses no telemetry: what the log lacks
+is a gap, or a failure with its reason.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ log = logging.getLogger("quadlab.web")
 
 BEHAVIOR = "excite"
 GAINS = ("control.", "estimation.")
-LOOK = 0.05  # s between two looks at the vehicle's status
+LOOK = 0.05  # s between two checks of the vehicle's status
 STARTS_WITHIN_NS = 3_000_000_000  # of the vehicle's clock; a status after that shows a new test
 PATIENCE = 10.0  # s beyond the planned end
 AFTER_NS = 350_000_000
@@ -39,8 +39,9 @@ ENDS_WELL = ("hover",)
 
 
 class TuningBench:
-    """The tuning bench, to be used from the event loop's thread. Publishes `{"type": "tuning", …}`
-    to all pages.
+    """Bench for step tests, to be used from the event loop's thread.
+
+    It publishes `{"type": "tuning", …}` to all pages.
     """
 
     def __init__(
@@ -73,7 +74,7 @@ class TuningBench:
         }
 
     async def start(self, plan: Plan, requester: str) -> None:
-        """Start, and return when the vehicle has accepted it. Raises RefusedError or LinkError."""
+        """Start a test; return once the vehicle accepts. Raises RefusedError or LinkError."""
         if self.busy:
             raise RefusedError("a step test is under way; wait for its end, or brake")
         status = self._live.current("status")
@@ -131,7 +132,7 @@ class TuningBench:
             self._tell("failed", f"defect, see the log of quadlab web: {error!r}", 0.0)
 
     async def _fly(self, plan: Plan, begin_ns: int) -> tuple[int, str]:
-        """Wait for its end: the stamp up to which the log is asked, and what followed."""
+        """Wait for the end; return the last stamp needed from the log, and the next behavior."""
         planned = LEAD + plan.edges * plan.duration
         began = time.monotonic()
         seen = False
@@ -140,7 +141,7 @@ class TuningBench:
             status = self._live.current("status")
             flies = status is not None and status.behavior == BEHAVIOR
             seen = seen or flies
-            # An old status that comes late is no end of it.
+            # An old status that arrives late is not the end.
             shown = seen or (status and stamp_of(status) > begin_ns + STARTS_WITHIN_NS)
             if status is not None and not flies and shown:
                 return stamp_of(status) + AFTER_NS, str(status.behavior)

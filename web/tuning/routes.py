@@ -1,4 +1,4 @@
-"""The routes below /api/tuning: start a step test, read the last ones, put gains back."""
+"""Routes below /api/tuning: start a step test, read the newest ones, restore their gains."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LIMITS = {"position": "behavior.excite_position_max", "yaw": "behavior.excite_ya
 
 
 class TestBody(Body):
-    """The vehicle knows its limits and checks them."""
+    """Step test; the vehicle checks it against its limits."""
 
     axis: Literal["x", "y", "z", "yaw"] = "x"
     shape: Literal["step", "doublet"] = "step"
@@ -41,7 +41,7 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/tuning")
     def tuning() -> dict[str, Any]:
-        """Return the state of a test, the last ones newest first, and what may be asked for."""
+        """Return the state of the test, the stored tests, newest first, and the allowed options."""
         return {
             "status": bench.status,
             "axes": AXES,
@@ -53,21 +53,22 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/tuning/run")
     async def run(body: TestBody, session: Operator) -> dict[str, bool]:
-        """Run a test from hover. Returns when the vehicle has begun; the rest is published as
-        `tuning`.
+        """Run a test from hover.
+
+        The answer is sent when the vehicle has begun; the rest is published as `tuning`.
         """
         await bench.start(Plan(**body.model_dump()), session.label)
         return {"accepted": True}
 
     @app.get("/api/tuning/runs/{run_id}")
     def one(run_id: str) -> dict[str, Any]:
-        """Return set-point and actual at every tick, s since the first edge; null within a gap."""
+        """Return set-point and actual at every tick, s since the first edge; null in a gap."""
         found = kept.run(run_id)
         return {**asdict(found), **drawn(evaluate(kept.samples(run_id), found.plan))}
 
     @app.delete("/api/tuning/runs/{run_id}")
     def delete(run_id: str, _: Operator) -> dict[str, str]:
-        """Put aside; `restore` takes it back."""
+        """Delete a test; `restore` undoes it."""
         kept.delete(run_id)
         bench.kept_changed()
         return {"deleted": run_id}
@@ -80,9 +81,9 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/tuning/runs/{run_id}/gains")
     async def put_back(run_id: str, session: Operator) -> dict[str, Any]:
-        """Restore the gains of this test as one change, all or none; numbers only.
+        """Restore the gains of this test as one change, all or none; only numbers.
 
-        Which law or estimator flies is chosen where the vehicle can check it.
+        The choice of law or estimator is not changed: it is made where the vehicle can check it.
         """
         changes, left = _differences(kept.run(run_id), bench)
         if not changes:
@@ -95,9 +96,7 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
 
 
 def _differences(run: KeptRun, bench: TuningBench) -> tuple[dict[str, ParameterValue], list[str]]:
-    """Return numbers that are to be changed, and names of other parameters that differ and are
-    left.
-    """
+    """Return the numbers to be changed, and the names of other parameters that differ."""
     now = bench.gains()
     differing = {n: v for n, v in run.gains.items() if n in now and now[n] != v}
     numbers = {n: v for n, v in differing.items() if type(v) in (int, float)}

@@ -1,1 +1,1 @@
-"""The 3D view: viser behind our port, and what is drawn in it."""
+"""3D view: viser behind the page's own port, and what is drawn in it."""

@@ -1,6 +1,6 @@
-"""The vehicle as drawn: a plus frame with four rotors, its front arm marked.
+"""Drawing of the vehicle: a plus frame with four rotors, the front arm marked.
 
-Node names under one frame (`/vehicle`), so that one pose moves everything. Lengths in m.
+All nodes are children of one frame (`/vehicle`), so that one pose moves everything. Lengths in m.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 ROTORS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
-"""Directions of front, left, rear and right, body axes (x forward, y left)."""
+"""Directions of the front, left, rear and right rotors, body axes (x forward, y left)."""
 
 _ROTOR_RADIUS = 0.125
 _DARK = (92, 103, 114)
@@ -22,12 +22,12 @@ _BLADE = (222, 228, 234)
 
 
 class Airframe:
-    """A vehicle node; `pose` moves it, `spin` turns its propellers.
+    """Drawn vehicle; `pose` moves it, `spin` turns its propellers.
 
     Args:
-        arm: m, centre to rotor axis.
-        ghost: drawn as a pale outline without propellers (another pose next to the estimate).
-        tint, opacity: of a ghost, sRGB.
+        arm: distance from the centre to a rotor axis, m.
+        ghost: draw a pale outline without propellers, for another pose than the estimate.
+        tint, opacity: those of a ghost, sRGB.
     """
 
     def __init__(
@@ -76,12 +76,12 @@ class Airframe:
             )
 
     def pose(self, position: Any, quaternion: Any) -> None:
-        """Set position (m) and (w, x, y, z), body to world."""
+        """Set position (m) and quaternion (w, x, y, z), body to world."""
         self.frame.position = position
         self.frame.wxyz = quaternion
 
     def spin(self, turns: list[float]) -> None:
-        """Turn each propeller on by a share of a revolution, front to right."""
+        """Turn each propeller by a share of a revolution, in the order of ROTORS."""
         for index, (node, turn) in enumerate(zip(self._propellers, turns, strict=True)):
             if turn == 0.0:
                 continue
@@ -93,7 +93,7 @@ class Airframe:
 def _add_body(
     scene: Any, name: str, arm: float, color: tuple[int, int, int], opacity: float | None
 ) -> None:
-    """Add the body; `opacity` of a ghost."""
+    """Add the body; `opacity` is that of a ghost, or None."""
     ghost = opacity is not None
     look: dict[str, Any] = {"cast_shadow": not ghost, "receive_shadow": False}
     if ghost:

@@ -1,9 +1,9 @@
-"""viser's frames, packed once for all pages that get the same.
+"""Frames of viser, packed once for all pages that get the same.
 
-viser packs what changed again for each of its clients; with ten pages that was a third of the web
-process. Pages that keep up get the same messages at the same time, so the frame packed last is
-kept and given to each of them. A page that lags gets frames of its own, with the newest values, as
-viser meant it. How a frame is packed stays viser's.
+viser packs every change again for each of its clients; with ten pages that was a third of the web
+process. Pages that keep up get the same messages at the same time, so the newest packed frame is
+stored and sent to each of them. A page that lags gets separate frames, with the newest values, as
+viser intends. The packing itself is done by viser.
 """
 
 from __future__ import annotations
@@ -26,20 +26,21 @@ _viser_producer = _infra._message_producer
 
 
 def share_frames() -> None:
-    """Share frames in every viser server of this process: viser looks its producer up for each new
-    client.
+    """Share frames in every viser server of this process.
+
+    viser looks up its producer for each new client.
     """
     _infra._message_producer = _produce
 
 
 class _Newest(threading.local):
-    """The newest packed frame; each viser server has a thread of its own."""
+    """Newest packed frame; each viser server has its own thread."""
 
     window: Window = ()
     frame: bytes = b""
 
     async def of(self, window: Window) -> bytes:
-        # The same messages themselves: equal ones would have to be compared array by array.
+        # Compare identities: to compare equal messages would take a comparison array by array.
         if len(window) != len(self.window) or not all(map(is_, window, self.window)):
             self.frame, self.window = await _packed(window), window
         return self.frame
@@ -54,7 +55,7 @@ async def _produce(
     client_id: int,
     backlog_done_message: Message | None = None,
 ) -> None:
-    """Send a client all that is in `buffer` and will come, until either ends."""
+    """Send a client all messages that are in `buffer` or will be, until either ends."""
     if not buffer.persistent_messages:  # for this client alone: its camera
         await _viser_producer(websocket, buffer, client_id, backlog_done_message)
         return
@@ -71,7 +72,7 @@ async def _packed(window: Window) -> bytes:
 
 
 class _Once:
-    """Buffer and websocket of viser's producer at once: hands out one window, keeps its frame."""
+    """Buffer and websocket for viser's producer, which yields one window and stores its frame."""
 
     done = False
     frame = b""

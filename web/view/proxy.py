@@ -1,12 +1,12 @@
-"""viser's page and websocket through our port.
+"""Proxy of viser's page and websocket through the page's own port.
 
-The pump carries viser's frames to the browser untouched and lets back the camera alone. Our scene
-has no viser widgets, and other messages let a client change what everyone sees (set attributes
-of handles, drag nodes, ask for a public tunnel). An operator's drag of a beacon's handle does not
-reach viser either: it is taken out and given to `ViewServer.on_drag`.
+It passes viser's frames to the browser unchanged, and only camera messages back. The scene has no
+viser widgets, and other messages let a client change what everyone sees (set attributes of handles,
+drag nodes, request a public tunnel). An operator's drag of a beacon's handle does not reach viser
+either: it is passed to `ViewServer.on_drag`.
 
-What viser's own client never sends to this scene (other messages, large ones, hundreds a second)
-comes from another program: that connection is closed.
+Messages that viser's own client never sends to this scene (of other types, large ones, hundreds a
+second) come from another program: that connection is closed.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ IDLE = ("SceneNodeDragMessage", "SceneNodeClickMessage", "ScenePointerMessage")
 """Messages that a pointer in viser's client may cause; none of them reaches viser."""
 LARGEST_UPWARD = 4096  # bytes; a camera message is about 300
 CLOSING = 0.5
-"""s for viser to answer a farewell, which waits behind frames that nobody reads any more."""
+"""Longest time, in s, for viser to answer a close frame, which waits behind unread frames."""
 RATE, BURST = 200.0, 400.0  # messages a second, and at once; viser's client sends 50 a second
 POLICY_VIOLATION = 1008  # close code
 CLIENT_POLICY = (
@@ -45,7 +45,11 @@ CLIENT_POLICY = (
     "worker-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
     "font-src 'self' data:; connect-src 'self' data: blob:; frame-ancestors 'self'"
 )
-"""viser's client is one file with inline scripts, workers and WebAssembly; it may reach only us."""
+"""Content policy of viser's client.
+
+The client is one file with inline scripts, workers and WebAssembly; it may only connect to this
+server.
+"""
 
 _INJECTION = f"""<script>document.hasFocus=()=>true</script>
 <style>{TOKENS}html,body,canvas[data-engine]{{background:var(--ground)!important}}
@@ -55,12 +59,15 @@ _INJECTION = f"""<script>document.hasFocus=()=>true</script>
 .mantine-Notification-root *{{color:var(--text)!important}}
 @media(max-width:700px){{.mantine-Notification-description{{display:none}}}}</style>
 """
-"""viser's client reconnects only while its document has the focus, which an iframe has not; its
-control panel (server address, scene tree) has no business on our page."""
+"""Script and style added to viser's client.
+
+The client reconnects only while its document has the focus, which an iframe does not have. Its
+control panel (server address, scene tree) is hidden.
+"""
 
 
 class _Upward(msgspec.Struct):
-    """The head of what a browser sends to viser."""
+    """Head of a message that a browser sends to viser."""
 
     type: str
     position: object = None
@@ -70,7 +77,7 @@ _decode = msgspec.msgpack.Decoder(_Upward).decode
 
 
 class HostileError(Exception):
-    """A message that viser's client does not send to this scene; the text says which."""
+    """Error of a message that viser's client does not send to this scene; the text describes it."""
 
 
 def _read(frame: bytes | None) -> _Upward:
@@ -85,9 +92,10 @@ def _read(frame: bytes | None) -> _Upward:
 
 
 class Upstream:
-    """The messages of one browser: decides what reaches viser, and finds drags in the rest.
+    """Filter of one browser's messages: it decides what reaches viser, and finds drags.
 
-    Args: `clock`, s of a steady clock.
+    Args:
+        clock: s of a steady clock.
     """
 
     def __init__(
@@ -116,7 +124,7 @@ class Upstream:
         return False
 
     def _count(self) -> None:
-        """Count a message in a bucket that RATE fills and each message takes from."""
+        """Limit the rate by a bucket that RATE fills and each message empties by one."""
         now = self._clock()
         self._left = min(BURST, self._left + RATE * (now - self._counted)) - 1.0
         self._counted = now
@@ -125,7 +133,7 @@ class Upstream:
 
 
 def eye_of(position: object) -> Point | None:
-    """Return where a camera message puts the camera, m, world; None when it is not sound."""
+    """Return the camera's position in a camera message, m, world; None if it is not valid."""
     try:
         x, y, z = msgspec.convert(position, Point)
     except msgspec.ValidationError:
@@ -135,14 +143,14 @@ def eye_of(position: object) -> Point | None:
 
 @cache
 def client_html() -> bytes:
-    """Return viser's single-file client with our injection, about 0.8 MB."""
+    """Return viser's single-file client with the additions, about 0.8 MB."""
     path = distribution("viser").locate_file("viser/client/build/index.html")
     html = Path(str(path)).read_text(encoding="utf-8")
     return html.replace("</head>", _INJECTION + "</head>", 1).encode()
 
 
 async def pump(socket: WebSocket, server: ViewServer, session: Session) -> None:
-    """Carry one browser's view until either side closes."""
+    """Pass one browser's view until either side closes."""
     offered = socket.scope.get("subprotocols", [])
     wanted = f"viser-v{server.version}"
     if wanted not in offered:

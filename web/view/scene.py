@@ -1,8 +1,8 @@
-"""The 3D scene: vehicle, truth ghost, trails, flight volume, ground; follow cameras.
+"""3D scene: vehicle, ghost of the truth, trails, flight volume, ground; follow cameras.
 
-Nodes are made once and then only moved, shown or hidden: 30 Hz, below 60 kB/s a client while
-flying, 12 kB/s on the ground while bearings come, almost nothing without. Nothing is sent for what
-did not change. Beacons are `web.beacons.scene`'s.
+Nodes are created once and then only moved, shown or hidden. At 30 Hz this is below 60 kB/s a client
+while flying, 12 kB/s on the ground while bearings arrive, and almost nothing otherwise. Unchanged
+values are not sent. Beacons are drawn by `web.beacons.scene`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
 class Scene:
-    """`beacons` shows the beacons and what is seen of them."""
+    """Scene of one vehicle; `beacons` draws the beacons and the sight of them."""
 
     def __init__(self, server: ViewServer, live: Live) -> None:
         self._server = server
@@ -71,7 +71,7 @@ class Scene:
         server.viser.initial_camera.look_at = (0.0, 0.0, 0.8)
 
     def follow(self, view: str, wanted: bool) -> None:
-        """Keep a page's camera on the vehicle, or let it go."""
+        """Let a page's camera follow the vehicle, or stop following it."""
         if wanted:
             self._following.add(view)
         else:
@@ -104,7 +104,7 @@ class Scene:
             rate = RATE if self._server.watched else UNWATCHED
             deadline = max(deadline + 1.0 / rate, loop.time())
             await asyncio.sleep(deadline - loop.time())
-            with self._server.viser.atomic():  # one wake-up and one frame of all that moves
+            with self._server.viser.atomic():  # one wake-up and one frame for all that moves
                 self.update(time.monotonic())
 
     def update(self, now: float) -> None:
@@ -151,15 +151,15 @@ class Scene:
         status, actuators = self._live.current("status"), self._live.current("actuators")
         if status is None or actuators is None or not status.armed:
             return
-        # Real propellers turn 80 times a second, which no frames can show: a share of it, in
-        # every second frame, for each message costs every page.
+        # Real propellers turn 80 times a second, which no frame rate can show. Turn them by a
+        # share, in every second frame, because each message is sent to every page.
         self._turning = not self._turning
         if self._turning:
             self._vehicle.spin([0.1 + float(r) * 0.0011 for r in actuators.motor_references])
 
 
 def _carry(camera: Any, point: Sequence[float]) -> None:
-    """Move a camera so that it looks at `point` from the side and distance it has now."""
+    """Move a camera so that it looks at `point` from its present direction and distance."""
     offset = camera.position - camera.look_at
     target = np.asarray(point, float)
     if np.linalg.norm(target - camera.look_at) > 0.002:
@@ -174,7 +174,7 @@ def _add_room(api: Any) -> None:
         height=12.0,
         cell_size=0.5,
         section_size=1.0,
-        cell_color=(72, 82, 92),  # as EDGES: to be seen on a dark and on a light ground
+        cell_color=(72, 82, 92),  # as EDGES: visible on a dark and on a light background
         section_color=(104, 116, 128),
         cell_thickness=0.8,
         section_thickness=1.0,

@@ -1,9 +1,9 @@
-"""The viser server behind our door: loopback, a random port, and only our pump may speak to it.
+"""Server of viser behind the page's sign-in, on loopback and a random port.
 
-viser has no login and no origin check, so its port must answer no one else: each connection
-needs a secret header, checked before viser sees the request. Its sockets get small send
-buffers: viser replaces an unsent value by the newer one, which only works while the unsent ones
-are still in viser and not in the kernel (a stalled tab would replay half a minute).
+viser has no login and no origin check, so its port must answer only this process: each connection
+needs a secret header, checked before viser sees the request. Its sockets get small send buffers:
+viser replaces an unsent value by the newer one, which only works while the unsent ones are still in
+viser and not in the kernel (a stalled tab would replay half a minute).
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ SEND_BUFFER = 16 * 1024  # bytes, the kernel doubles it
 
 
 class ViewServer:
-    """viser with its second lock.
+    """Server of viser, which only the proxy can connect to.
 
-    `secret` must come in SECRET_HEADER; VIEW_HEADER names the page's view, so that
+    A connection needs `secret` in SECRET_HEADER; VIEW_HEADER names the page's view, so that
     `clients_of(view)` finds the cameras to move. Operators may drag the nodes in `draggable`;
-    `on_drag` gets what they do, on the event loop.
+    `on_drag` is called with their drags, on the event loop.
     """
 
     def __init__(self) -> None:
@@ -62,7 +62,7 @@ class ViewServer:
         return viser.__version__
 
     def clients_of(self, views: set[str]) -> dict[str, viser.ClientHandle]:
-        """Return view name → client, of those views that are connected and have sent a camera."""
+        """Return view name → client, for the views that are connected and have sent a camera."""
         connections = self.viser._websock_server._live_connections
         found = {}
         for client_id, client in self.viser.get_clients().items():
@@ -83,7 +83,7 @@ class ViewServer:
 
 
 def refuse_sharing(server: viser.ViserServer) -> None:
-    """Refuse any tunnel to a public host: a client may ask for one by message."""
+    """Refuse any tunnel to a public host, which a client could request by message."""
 
     def refuse(*_: Any, **__: Any) -> None:
         return None
@@ -96,10 +96,10 @@ def refuse_sharing(server: viser.ViserServer) -> None:
 
 @contextlib.contextmanager
 def _guarded_listener(secret: str) -> Iterator[None]:
-    """Give viser's call of `websockets.asyncio.server.serve` our socket and our check.
+    """Replace `websockets.asyncio.server.serve` by one with this module's socket and check.
 
-    viser takes neither a socket nor a request hook. It looks `serve` up on the module when it
-    starts its thread and returns once it listens, so the replacement lasts only that long.
+    viser accepts neither a socket nor a request hook. It looks `serve` up in the module when it
+    starts its thread, and returns once it listens, so the replacement lasts only that long.
     """
     original = websockets.asyncio.server.serve
 

@@ -1,11 +1,11 @@
-"""A trail in the 3D view: what was flown or wanted in the last 20 s, cheap to send.
+"""Trails in the 3D view: the flown or reference path of the last 20 s, cheap to send.
 
-A trail re-sent whole at 30 Hz costs megabytes a second. So the newest 16 segments (the head)
-are one node, re-sent with every frame; full heads are copied into a chunk of 128 segments,
-re-sent twice a second; chunks form a ring whose nodes are reused, never removed (viser keeps a
-tombstone of each removed node). Together 18 kB/s a trail and client while moving.
+A trail sent completely at 30 Hz costs megabytes a second. So the newest 16 segments (the head)
+are one node, sent again with every frame; full heads are copied into a chunk of 128 segments,
+sent again twice a second; chunks form a ring whose nodes are reused, never removed (viser keeps a
+tombstone of each removed node). Together this is 18 kB/s a trail and client while moving.
 
-`TrailRing` is the bookkeeping; `Trail` draws it.
+`TrailRing` does the bookkeeping; `Trail` draws it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ HEAD = 16  # segments
 CHUNK = 128  # segments
 CHUNKS = 5
 DURATION = 20.0  # s
-SMALLEST_STEP = 0.004  # m; standing still adds nothing
+SMALLEST_STEP = 0.004  # m; smaller movements add nothing
 LARGEST_STEP = 1.5  # m between two samples; more is a jump, drawn as a gap
 LONGEST_GAP = 0.5  # s without a sample; more is drawn as a gap
 
@@ -30,12 +30,12 @@ Segments = npt.NDArray[np.float32]
 
 @dataclass
 class Piece:
-    """One node's content: up to `size` segments, padded with its last point."""
+    """Content of one node: up to `size` segments, padded with the last point."""
 
     size: int
     segments: Segments = field(init=False)
     count: int = 0
-    first: float = 0.0  # s, when its first point was
+    first: float = 0.0  # s, time of its first point
 
     def __post_init__(self) -> None:
         self.segments = np.zeros((self.size, 2, 3), np.float32)
@@ -48,7 +48,7 @@ class Piece:
         self.count += 1
 
     def take(self, other: Piece) -> None:
-        """Add the other piece's segments and empty it."""
+        """Append the other piece's segments and empty it."""
         if self.count == 0:
             self.first = other.first
         stop = self.count + other.count
@@ -59,7 +59,7 @@ class Piece:
 
 
 class TrailRing:
-    """Points (m, world) in, changed pieces out."""
+    """Ring of pieces that get points (m, world) and report which of them changed."""
 
     def __init__(self) -> None:
         self.head = Piece(HEAD)
@@ -69,7 +69,7 @@ class TrailRing:
         self._last_time = 0.0
 
     def add(self, point: Sequence[float], now: float) -> set[int]:
-        """Return which pieces changed: chunk indices, and -1 for the head."""
+        """Add a point; return the pieces that changed: chunk indices, and -1 for the head."""
         changed = self._expire(now)
         last, position = self._last, tuple(float(x) for x in point)
         if last is None:
@@ -89,7 +89,7 @@ class TrailRing:
         return changed | {-1}
 
     def clear(self) -> set[int]:
-        """Forget everything and return the pieces that had content."""
+        """Remove all points, and return the pieces that had content."""
         changed = {i for i, piece in enumerate(self.chunks) if piece.count}
         if self.head.count:
             changed.add(-1)
@@ -115,17 +115,17 @@ class TrailRing:
 
 
 def line_color(color: tuple[int, int, int]) -> tuple[int, int, int]:
-    """Return the colour to give a viser line so that it looks like this sRGB colour: lines come out
-    brighter.
+    """Return the colour with which a viser line looks like this sRGB colour.
 
-    The exponent was found by eye next to the page's own colours.
+    Lines look brighter than their colour. The exponent was found by eye next to the page's own
+    colours.
     """
     red, green, blue = (round(255.0 * (c / 255.0) ** 1.4) for c in color)
     return (red, green, blue)
 
 
 class Trail:
-    """Draws a TrailRing with reused line nodes; `color` is sRGB, 0 to 255."""
+    """Trail drawn with reused line nodes; `color` is sRGB, 0 to 255."""
 
     def __init__(
         self, scene: Any, name: str, color: tuple[int, int, int], thickness: float

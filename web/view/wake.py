@@ -1,9 +1,9 @@
-"""viser's buffers, safe to write to from the web process's own thread.
+"""Buffers of viser that are safe to write to from the web process's own thread.
 
-Every write sets an `asyncio.Event` of viser's loop, whichever thread it comes from, and an Event
-goes through its waiters then. When viser's loop changed them meanwhile, the write failed and with
-it what drew the 3D view. Here only viser's loop touches the waiters; it is asked to by viser itself
-after each write.
+Every write sets an `asyncio.Event` of viser's loop, from whichever thread, and an Event then
+iterates over its waiters. When viser's loop changed these in the meantime, the write failed, and
+with it the drawing of the 3D view. Here only viser's loop touches the waiters; viser itself wakes
+it after each write.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from viser.infra._async_message_buffer import AsyncMessageBuffer
 
 
 def make_writes_safe() -> None:
-    """Give every viser server that is made in this process from now on such buffers."""
+    """Give every viser server that is created in this process from now on such buffers."""
     module: Any = _infra
     module.AsyncMessageBuffer = SafeBuffer
 
 
 class SafeBuffer(AsyncMessageBuffer):
-    """A buffer whose event wakes only on the buffer's own loop."""
+    """Buffer whose event wakes its waiters only on the buffer's own loop."""
 
     def __init__(self, event_loop: asyncio.AbstractEventLoop, persistent_messages: bool) -> None:
         super().__init__(event_loop, persistent_messages, message_event=_Wake(event_loop))
@@ -32,7 +32,7 @@ class _Wake(asyncio.Event):
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         super().__init__()
         self._owner = loop
-        self._is_wanted = False  # a `set` from elsewhere: true for `is_set`, not told to waiters
+        self._is_wanted = False  # a `set` elsewhere: for `is_set`, not for waiters
 
     def is_set(self) -> bool:
         return self._is_wanted or super().is_set()

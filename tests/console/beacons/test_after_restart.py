@@ -1,4 +1,4 @@
-"""The beacons in force outlive the station's process."""
+"""The beacons in force survive a restart of the station's process."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ CHANGE = SERVICES["change_parameters"]
 
 
 class Running:
-    """A station's process, and a node beside it."""
+    """A station's process, and a node next to it."""
 
     def __init__(self, loopback: int) -> None:
         self._session = loopback_session(loopback)
@@ -78,7 +78,7 @@ class Running:
 
 @contextmanager
 def station(data: Path, **settings: Any) -> Iterator[Running]:
-    """Killed at the end, as a station that dies."""
+    """Start a station that is killed at the end, as one that crashes."""
     vehicle, loopback = free_port(socket.SOCK_DGRAM), free_port()
     given = json.dumps({name.replace("__", "."): value for name, value in settings.items()})
     child = subprocess.Popen(

@@ -15,7 +15,7 @@ from vehicle_link.serial.ids import MotorState
 
 
 def test_a_vehicle_that_connects_is_told_follows_and_has_a_veto(linked: Any) -> None:
-    assert linked.change(OURS, "wide").accepted  # nobody to ask
+    assert linked.change(OURS, "wide").accepted  # no vehicle to ask
     vehicle = linked.connect()
     assert vehicle.layout == "wide"
 
@@ -39,7 +39,7 @@ def test_what_one_of_them_refuses_neither_has(linked: Any) -> None:
     assert "line" in wrong.reason
     assert (linked.layout, vehicle.layout) == ("paper", "paper")
 
-    # As when bearings are flown on: its beacons stay where they are.
+    # As in flight on bearings: its beacons do not change.
     vehicle.stack.navigation.source = "bearings"
     vehicle.microcontroller.motor_state = MotorState.ON
     vehicle.stack.modes.mode = Mode.ARMED

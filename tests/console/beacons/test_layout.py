@@ -13,7 +13,7 @@ from quadrotor.parameters import ParameterValue
 
 
 class Vehicle:
-    """Its parameters as the station knows them, and what it answers."""
+    """A vehicle's parameters as the station has them, and its answers."""
 
     def __init__(self, layout: str | None = "paper") -> None:
         self.layout: ParameterValue | None = layout

@@ -23,7 +23,7 @@ MS = 1_000_000
 
 
 class Sink:
-    """Collects what is sent; `came` counts poses and frames together."""
+    """Receiver of what is sent; `came` counts poses and frames together."""
 
     def __init__(self) -> None:
         self.poses: list[PoseMeasurement] = []
@@ -133,7 +133,7 @@ def test_beside_a_camera_on_board_no_bearings_are_emulated_and_its_problems_are_
     for k in range(1, 50):
         feed.truth(10 * k * MS, HERE, LEVEL)
     assert len(sink.frames) == 1
-    assert len(sink.poses) == 50  # the simulated tracker goes on
+    assert len(sink.poses) == 50  # the simulated tracker continues
     assert feed.camera_alarm == "camera on board: the picture is black"
     assert feed.bearings_nominal == 20.0
     seen = BearingMeasurement(7, np.array([3], np.int32), np.array([[1.0, 0.0, 0.0]]), 0.002)

@@ -1,4 +1,4 @@
-"""The catalogue of runs: what is kept, what is found, and that no name leaves the folder."""
+"""Catalogue of runs: what is stored, what is found, and that no name leaves the folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the labels of runs: notes, tags, and what the search finds by them."""
+"""Labels of runs: notes, tags, and what the search finds by them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A tracked body turned about the vertical shows when the vehicle is tilted in the hand."""
+"""A tracked body that is turned about the vertical is detected by tilting the vehicle by hand."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ GRAVITY, STEP = 9.81, 0.01
 def held(
     turn: BodyTurn, tilt: float, about: float, body: float, rate: float = 0.0, now: float = 0.0
 ) -> None:
-    """Hold the vehicle for a second, tilted about a horizontal axis; its tracked body is turned by
-    `body`. Angles in degrees.
+    """Hold the vehicle for a second, tilted about a horizontal axis.
+
+    Its tracked body is turned by `body`. Angles in degrees.
     """
     axis = np.array([math.cos(math.radians(about)), math.sin(math.radians(about)), 0.0])
     R_wb = rotation_exp(math.radians(30.0) * np.array([0.0, 0.0, 1.0])) @ rotation_exp(

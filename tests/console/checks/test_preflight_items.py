@@ -1,4 +1,4 @@
-"""The pre-flight check list, judged from facts alone: each line can fail, and says what to do."""
+"""Pre-flight check list, judged from facts alone: each line can fail, and gives advice."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""A real station refuses to arm for its own reasons, over real sessions, and looks at itself.
+"""A real station refuses to arm for its own reasons, over real sessions, and checks itself.
 
-The vehicle is a scripted stand-in that can be made unfit in each way the station judges.
+The vehicle is scripted and can be made unfit in each way that the station judges.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ PREFLIGHT = TOPICS["preflight"].type_name
 
 
 class FitVehicle:
-    """Says what a vehicle says that stands ready, until a test changes `state`."""
+    """Scripted vehicle that reports to be ready, until a test changes `state`."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
@@ -83,7 +83,7 @@ class FitVehicle:
 
     def values(self) -> dict[str, Any]:
         if self.state["revision"] > 1:
-            threading.Event().wait(2.0)  # it does not answer in time
+            threading.Event().wait(2.0)  # its answer is too late
         return dict(self.gains)
 
     def change(self, values: Any, requester: str) -> Any:
@@ -161,7 +161,7 @@ class Bench(LinkedStation):
         settings = {
             "station.recorder.after_disarm": 0.0,
             "station.recorder.keep_free": 10.0,
-            # Of what a busy computer sends in one thread.
+            # The rate that a busy computer achieves in one thread.
             "station.preflight.telemetry_rate_min": 5.0,
             "station.tracker.rate": 10.0,
         }
@@ -207,7 +207,7 @@ class Bench(LinkedStation):
         return bool(self.newest and self.newest.ready and not self.newest.armed)
 
     def fit(self) -> None:
-        """All well again, and seen to be."""
+        """Make everything fit again, and wait until the station sees it."""
         self.vehicle.reset()
         self.tracked, self._deflection = True, 0.0
         self.station._alarms.set("defect", None)
@@ -286,13 +286,13 @@ def test_an_experiment_is_refused_as_a_person_is(bench: Bench) -> None:
 
 
 def test_of_a_ready_vehicle_the_list_at_arming_is_in_the_log_of_its_flight(bench: Bench) -> None:
-    bench.vehicle.state.update(flags=["not_real_time"])  # worth a word only
+    bench.vehicle.state.update(flags=["not_real_time"])  # only a warning
     assert until(lambda: bench.state("flight loop") == "warn")
     assert bench.newest.ready
     assert bench.call("arm").accepted
     assert bench.vehicle.armings[-1] == "ada"
     run_id = until(lambda: bench.station.runs.recorder.run_id)
-    bench.vehicle.state.update(voltage=12.0)  # in flight: what it was at arming stays
+    bench.vehicle.state.update(voltage=12.0)  # in flight: the value at arming remains
     count = len(bench.lists)
     assert until(lambda: len(bench.lists) >= count + 3)
     assert bench.newest.armed
@@ -314,7 +314,7 @@ def test_of_a_ready_vehicle_the_list_at_arming_is_in_the_log_of_its_flight(bench
 
 
 def test_an_armed_vehicle_answers_for_itself(bench: Bench) -> None:
-    """A command repeated because its answer was lost must not be refused for the flight's sake."""
+    """A command repeated because its answer was lost must not be refused because of the flight."""
     assert bench.call("arm").accepted
     assert until(lambda: bench.newest.armed)
     bench.vehicle.state.update(voltage=12.0)

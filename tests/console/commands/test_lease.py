@@ -1,4 +1,4 @@
-"""The control lease: one commands, everybody else asks."""
+"""Control lease: one person commands, all others ask."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ def test_the_holder_may_keep_it() -> None:
 def test_a_silent_holder_gives_way_and_a_busy_one_does_not() -> None:
     lease = held()
     lease.ask("ben", 1.0)
-    for second in range(1, 40):  # flies on, and has no hand free for an answer
+    for second in range(1, 40):  # continues to fly, too busy to answer
         lease.command("anna", float(second))
         lease.present("ben", float(second))
     assert lease.holder == "anna"
     for tenth in range(390, 390 + int(10 * UNANSWERED) + 2):
-        lease.present("anna", tenth / 10)  # sits there
+        lease.present("anna", tenth / 10)  # is present
     assert lease.holder == "ben"
 
 
@@ -83,7 +83,7 @@ def test_who_asked_gets_it_when_the_holder_leaves_or_gives_it_up() -> None:
 def test_only_one_asks_at_a_time() -> None:
     lease = held()
     lease.ask("ben", 1.0)
-    lease.ask("ben", 5.0)  # impatience does not start the wait anew
+    lease.ask("ben", 5.0)  # asking again does not restart the wait
     assert lease.view(5.0).answer_within == pytest.approx(UNANSWERED - 4.0)
     with pytest.raises(RefusedError, match="ben has asked anna"):
         lease.ask("cleo", 2.0)

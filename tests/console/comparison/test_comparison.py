@@ -1,4 +1,4 @@
-"""Estimators compared: errors by hand, the same results as by direct calls, and bad input."""
+"""Comparison of estimators: errors by hand, the same results as by direct calls, and bad input."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MS = 1_000_000
 START_NS = 7_000_000_000
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 RADIUS, SPIN = 0.8, 1.0
-"""m, rad/s: a level vehicle that slides round the middle of the beacons, 1 m high."""
+"""m, rad/s: a level vehicle that slides around the centre of the beacons, 1 m high."""
 PACKET = 5
 
 
@@ -35,7 +35,7 @@ def place(stamp_ns: int) -> np.ndarray:
 
 
 def ticks_of(first_ns: int, count: int = PACKET, drift: float = 0.0) -> Record:
-    """Ticks of the slide at 500 Hz; the vehicle believes itself `drift` m too high."""
+    """Return ticks of the slide at 500 Hz; the vehicle's estimate is `drift` m too high."""
     ticks = np.zeros(count, TICK)
     stamps = first_ns + 2 * MS * np.arange(count)
     ticks["imu"]["stamp_ns"] = stamps
@@ -50,7 +50,7 @@ def ticks_of(first_ns: int, count: int = PACKET, drift: float = 0.0) -> Record:
 
 @dataclass
 class Flight:
-    """Packets, true poses every 10 ms and frames of bearings, to be fed in any way."""
+    """Packets, true poses every 10 ms and frames of bearings, to be fed in any order."""
 
     seconds: float
     start_ns: int = START_NS
@@ -59,7 +59,7 @@ class Flight:
     def __post_init__(self) -> None:
         emulator = BearingEmulator(BearingParameters(**self.settings))
         self.packets: list[Record] = []
-        self.frames: list[list[BearingMeasurement]] = []  # those that have come by each packet
+        self.frames: list[list[BearingMeasurement]] = []  # those received by each packet
         for k in range(round(self.seconds * 100)):
             packet = ticks_of(self.start_ns + 10 * MS * k)
             self.packets.append(packet)
@@ -88,7 +88,7 @@ def begun(*words: str) -> EstimatorComparison:
 
 
 def newest(comparison: EstimatorComparison) -> Any:
-    """The report as a page gets it."""
+    """Return the report as a page gets it."""
     report = comparison.report()
     assert report is not None
     message = message_of(report)
@@ -118,7 +118,7 @@ def test_errors_of_a_still_vehicle_are_those_worked_out_by_hand() -> None:
     assert own.initialized
     assert own.converged
     assert message.truth == "truth"
-    assert own.position_error == pytest.approx(0.5)  # 0.3, 0.4
+    assert own.position_error == pytest.approx(0.5)  # from 0.3 and 0.4
     assert own.attitude_error == pytest.approx(0.02)
     assert own.position_rms == pytest.approx(0.5 * math.sqrt(0.5))  # half of them 0, half 0.5
     assert own.position_max == pytest.approx(0.5)
@@ -128,7 +128,7 @@ def test_errors_of_a_still_vehicle_are_those_worked_out_by_hand() -> None:
     assert message.duration == pytest.approx(0.99)
     assert math.isnan(own.processor)
     assert np.isnan(own.position_covariance).all()
-    assert math.isnan(message.sigma)  # no frame came
+    assert math.isnan(message.sigma)  # no frame has arrived
     position = own.pose.position
     assert (position.x, position.y, position.z) == pytest.approx((0.3, 0.0, 1.4))
 
@@ -136,7 +136,7 @@ def test_errors_of_a_still_vehicle_are_those_worked_out_by_hand() -> None:
 def test_the_truth_is_interpolated_at_the_stamps_of_the_estimates() -> None:
     comparison = begun()
     for k in range(50):
-        truth_ns = START_NS + 10 * MS * k + 3 * MS  # between those of the ticks
+        truth_ns = START_NS + 10 * MS * k + 3 * MS  # between the stamps of the ticks
         comparison.truth(truth_ns, place(truth_ns), LEVEL)
         comparison.ticks(ticks_of(START_NS + 10 * MS * k))
     [own] = newest(comparison).estimators
@@ -171,7 +171,7 @@ def test_residuals_are_the_angles_between_measured_and_expected_bearings() -> No
     axis = np.cross(away[1], [0.0, 0.0, 1.0])
     axis /= np.linalg.norm(axis)
     away[1] = math.cos(angle) * away[1] + math.sin(angle) * np.cross(axis, away[1])
-    ids = np.array([1, 2, 77, 4], np.int32)  # nobody knows 77
+    ids = np.array([1, 2, 77, 4], np.int32)  # no beacon has the id 77
     comparison.bearings(BearingMeasurement(stamp_ns, ids, away, 0.02), PAPER_BEACONS)
     message = newest(comparison)
     [own] = message.estimators
@@ -195,7 +195,7 @@ def test_residuals_belong_to_the_instant_of_the_frame_between_two_packets() -> N
             comparison.report()
         comparison.ticks(ticks_of(START_NS + 10 * MS * k))
     [own] = newest(comparison).estimators
-    assert own.residuals == pytest.approx([0.0] * 4, abs=5e-5)  # 3 ms unaccounted: 2e-3
+    assert own.residuals == pytest.approx([0.0] * 4, abs=5e-5)  # 3 ms unaccounted for: 2e-3
 
 
 def test_the_bound_is_that_of_the_beacons_seen_at_the_true_pose() -> None:
@@ -243,7 +243,7 @@ def test_nothing_is_told_twice_or_without_telemetry() -> None:
 
 # ---------------------------------------------------------------------- estimators in the shadow
 def direct(word: str, flight: Flight, since: int = 0) -> tuple[Any, Record]:
-    """The estimator after the flight, called as the vehicle's tick calls it."""
+    """Return the estimator after the flight, called as in the vehicle's tick."""
     estimator = registry.create(word, EstimationParameters())
     state, estimate = new_state(), np.zeros(1, ESTIMATE)
     samples = np.concatenate(flight.packets[since:])["imu"].copy()
@@ -353,7 +353,7 @@ def test_a_hole_of_a_fifth_of_a_second_is_bridged_and_a_long_one_starts_anew() -
     )
     assert np.linalg.norm(error) < 0.05
     flight.feed(comparison, 430, 431)
-    assert applied[0] <= 1  # none but of that packet's frame
+    assert applied[0] <= 1  # none except that packet's frame
     flight.feed(comparison, 431, 600)
     again = newest(comparison).estimators[1]
     assert again.initialized
@@ -397,7 +397,7 @@ def test_each_frame_is_solved_with_the_beacons_of_its_own_instant() -> None:
         packet = ticks_of(START_NS + 10 * MS * k)
         now_ns = int(packet["imu"]["stamp_ns"][-1])
         if k == 300:
-            parameters.layout = "ceiling"  # ids as before, all elsewhere; 0.3 s of frames under way
+            parameters.layout = "ceiling"  # the same ids elsewhere; 0.3 s of frames in transit
         emulator.observe(now_ns, place(now_ns), LEVEL)
         for frame in emulator.due(now_ns):
             assert frame.beacons is not None

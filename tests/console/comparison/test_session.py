@@ -1,4 +1,4 @@
-"""The comparison over a real session: told, recorded, changed and refused at the station."""
+"""Comparison over a real session: published, recorded, changed and refused at the station."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ TYPE = TOPICS["comparison"].type_name
 
 
 class Heard:
-    """The newest comparison."""
+    """Receiver of the newest comparison."""
 
     def __init__(self, node: Node) -> None:
         self._got: list[Received] = []
@@ -150,13 +150,13 @@ def test_a_defect_in_one_message_is_said_once_and_the_rest_is_taken() -> None:
         ticks["imu"]["stamp_ns"] = 10_000_000 * k + 2_000_000 * np.arange(1, 6)
         worker.take(("", [("telemetry", b"nothing"), ("telemetry", pack(ticks, k))]))
     worker.close()
-    assert len(told) == 2  # each other batch
+    assert len(told) == 2  # every second batch
     assert len(said) == 1
     assert "too few for a telemetry packet" in said[0]
 
 
 def test_a_worker_starts_what_is_named_and_stops_what_no_longer_is() -> None:
-    """Through the same pickles as between the processes."""
+    """The messages are pickled as between the processes."""
     registry.prepare("error_state", bearings=True)
     told: list[Any] = []
     worker = Worker(lambda payload, stamp_ns: told.append(decode(payload, TYPE)), print)
@@ -263,7 +263,7 @@ def test_each_range_alone_is_refused_beyond_the_other_and_both_at_once_may_pass_
     store.change({high: 2.0}, "ada")
     with pytest.raises(OutOfBoundsError, match="range_min = 3 m exceeds range_max = 2 m"):
         store.change({low: 3.0}, "ada")
-    store.change({low: 3.0, high: 4.0}, "ada")  # the first alone would not do
+    store.change({low: 3.0, high: 4.0}, "ada")  # the first alone would be refused
     with pytest.raises(OutOfBoundsError, match="range_min = 3 m exceeds range_max = 1 m"):
         store.change({high: 1.0}, "ada")
     store.change({high: 1.0, low: 0.5}, "ada")

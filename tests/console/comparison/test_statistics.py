@@ -1,4 +1,4 @@
-"""The windows of the statistics: the last 10 s, and the session."""
+"""Windows of the statistics: the last 10 s, and the session."""
 
 from __future__ import annotations
 
@@ -87,14 +87,14 @@ def test_arming_begins_a_session_and_disarming_ends_it() -> None:
         return own.session.position_max, own.recent.position_max, report.duration
 
     second(0, 0.3)
-    assert told() == pytest.approx((0.3, 0.3, 0.99))  # never armed: since it began
+    assert told() == pytest.approx((0.3, 0.3, 0.99))  # never armed: since the start
     comparison.status(armed=True, starting=False)
     second(1, 0.1)
     second(2, 0.2)
     assert told() == pytest.approx((0.2, 0.3, 1.99))
     comparison.status(armed=False, starting=False)
     second(3, 0.7)
-    assert told() == pytest.approx((0.2, 0.7, 1.99))  # the flight's, kept
+    assert told() == pytest.approx((0.2, 0.7, 1.99))  # the flight's, which remain
     comparison.status(armed=True, starting=False)
     second(4, 0.05)
     assert told() == pytest.approx((0.05, 0.7, 0.99))

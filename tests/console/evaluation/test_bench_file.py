@@ -1,4 +1,4 @@
-"""A motor bench recorded elsewhere: what its file must be, and what it comes to."""
+"""A motor bench recorded elsewhere: the form of its file, and its results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HEADER = "time_s,reference,force_N,torque_Nm,speed"
 
 
 def recorded(rng: np.random.Generator, *, speed: bool = True) -> list[str]:
-    """Eight references held for 3 s after 1.5 s of rest, 200 Hz, as lines of a file."""
+    """Return eight references held for 3 s after 1.5 s of rest, 200 Hz, as lines of a file."""
     time = np.arange(0.0, 8 * 4.5, 0.005)
     held = 30.0 + 20.0 * (time // 4.5)
     reference = np.where(time % 4.5 < 1.5, 25.0, held)

@@ -1,4 +1,4 @@
-"""The experiment `drag`: the coefficient from circles, in whatever else is wrong."""
+"""Experiment `drag`: the coefficient from circles, whatever else is wrong."""
 
 from __future__ import annotations
 
@@ -29,9 +29,10 @@ PARAMETERS = FlownParameters(
 def circled(
     drag: float, mass: float, speed: float = 1.0, seconds: float = 25.0
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """Ticks of a circle of radius 0.8 m, flown with the tilt that drag and a push ask for.
+    """Return ticks of a circle of radius 0.8 m, with the tilt that drag and a push require.
 
-    Level about its axes, so that the torques are those against the drag's lever and a weak motor.
+    The vehicle is level about its axes, so that the torques are those against the drag's lever and
+    a weak motor.
     """
     time = np.arange(0.0, seconds, DT)
     turn = speed / 0.8

@@ -1,4 +1,4 @@
-"""Judging a flown run in a process of its own, and where its report lies."""
+"""Judgement of a flown run in a separate process, and the place of its report."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from quadrotor.errors import JobError, QuadlabError, RefusedError, StorageError
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A short flight on bearings, in simulated time."""
+    """Return the log of a short flight on bearings, in simulated time."""
     folder = tmp_path_factory.mktemp("flights")
     main(["fly", "bearings", "--set", "experiment.duration=5", "--out", str(folder)])
     [path] = folder.glob("*.mcap")

@@ -1,4 +1,4 @@
-"""Tests of the explanation of a flight: claims with their figures, and silence below limits."""
+"""Explanation of a flight: claims with their figures, and none below the limits."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ COLUMNS = {
     "status": ("airborne", "flags", "suspect_offset", "suspect_beacon"),
     "battery": ("voltage",),
 }
-"""The fields by topic from which flights are explained."""
+"""Fields by topic from which flights are explained."""
 
 
 class Made(Series):
-    """A topic of given columns."""
+    """Topic with given columns."""
 
     def __init__(self, rate: int, columns: Mapping[str, Any], flags: Any = ()) -> None:
         self.time, self._flags = TIMES[rate], list(flags)
@@ -59,7 +59,7 @@ class Made(Series):
         return name in self._values
 
     def cut(self, count: int) -> Made:
-        """Return its first rows alone."""
+        """Return only the first rows."""
         short = Made(2, {}, self._flags)
         short.time = self.time[:count]
         short._values = {name: values[:count] for name, values in self._values.items()}
@@ -238,7 +238,7 @@ def test_two_flights_in_a_log_are_not_one_finding() -> None:
 
 def test_a_flight_on_bearings_far_from_the_tracker_is_named_unless_one_beacon_explains_it() -> None:
     moved: dict[str, Any] = {"tracker_pose": {TRACKED[1]: 0.25}}
-    assert explained(moved) == []  # it flies on the poses: what is off then is another's to say
+    assert explained(moved) == []  # it flies on the poses, so another explanation applies
     [found] = explained({**moved, "status": {"flags": ON_BEARINGS}})
     assert (found.kind, found.follows) == ("bearings_disagree", False)
     assert "by 0.0° and moved by 0.25 m" in found.claim
@@ -279,7 +279,7 @@ def test_a_log_without_a_topic_is_explained_by_the_others(missing: str) -> None:
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 5, 21, 33])
 def test_a_log_that_ends_at_once_is_explained(count: int) -> None:
-    """Shorter than what is smoothed over, too; other topics may be longer."""
+    """It is shorter than the smoothing window, too; other topics may be longer."""
     topics = flight(imu={"linear_acceleration.x": 50.0 * NOISE})
     assert explain({name: one.cut(count) for name, one in topics.items()}, {}) == []
     assert explain({**topics, "imu": topics["imu"].cut(count)}, {}) == []

@@ -1,4 +1,4 @@
-"""Judging a station's run: each source with stamps of its own, and what a vehicle did by itself."""
+"""Judgement of a station's run: sources with different stamps, actions of the vehicle itself."""
 
 from __future__ import annotations
 
@@ -37,11 +37,12 @@ def write(
     seen: bool = True,
     cut: bool = False,
 ) -> Path:
-    """10 s on bearings; truth at 100 Hz, 0.4 ms beside the ticks at 500 Hz.
+    """Write 10 s on bearings; truth at 100 Hz, 0.4 ms off the ticks at 500 Hz.
 
     Args:
-        sigma: deg, of the bearings. layout: what the vehicle knows of the beacons.
-        seen: whether the log has bearings at all.
+        sigma: deviation of the bearings, deg.
+        layout: the beacons as the vehicle has them.
+        seen: whether the log has bearings.
     """
     stamps = np.arange(0, 10_000, 2) * MS
     ticks = np.zeros(len(stamps), TICK)

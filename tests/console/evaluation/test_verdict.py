@@ -1,4 +1,4 @@
-"""A verdict needs limits: beyond one is failed, without one that decides is not judged."""
+"""A verdict needs limits: a figure beyond one fails; without a decisive one it is not judged."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_without_bound_or_known_gains_the_figures_that_decide_have_no_limit(
 
 
 def hovered(sigma: float, rate: float = 30.0, seconds: float = 20.0) -> PoseBound:
-    """The bound above four beacons."""
+    """Return the bound above four beacons."""
     count = round(seconds * rate)
     frames = [Frame(k / rate, (1, 2, 3, 4), sigma) for k in range(count)]
     corners = {1: (1.0, 1.0, 0.1), 2: (-1.0, 1.0, 0.1), 3: (-1.0, -1.0, 0.1), 4: (1.0, -1.0, 0.1)}
@@ -83,7 +83,7 @@ def test_the_bound_grows_with_sigma_and_falls_with_rate_and_memory() -> None:
     )
     assert fine.position < plain.position < rare.position
     assert fine.attitude < plain.attitude < rare.attitude
-    # One frame at this place: 5 cm and 2 deg. The filter remembers some dozens of them.
+    # One frame at this place has 5 cm and 2 deg. The filter remembers some dozens of them.
     assert 0.005 < plain.position < 0.02
     assert math.radians(0.05) < plain.attitude < math.radians(0.4)
 

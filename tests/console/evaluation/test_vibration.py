@@ -1,4 +1,4 @@
-"""The experiment `vibration`: densities, lines and walks from noise that is known."""
+"""Experiment `vibration`: densities, lines and walks from known noise."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PARAMETERS = FlownParameters({}, {})
 
 
 def noise(seed: int, density: Array, seconds: float = SECONDS) -> tuple[Array, Array]:
-    """White noise of a density (6,), one in five hundred samples lost."""
+    """Return white noise of a density (6,), with one in five hundred samples lost."""
     random = np.random.default_rng(seed)
     time = np.arange(0.0, seconds, 1.0 / FREQUENCY)
     values = density * np.sqrt(FREQUENCY) * random.standard_normal((len(time), 6))
@@ -82,7 +82,7 @@ def test_a_line_is_named_after_rotor_or_blades_and_else_unknown() -> None:
     assert [line.source for line in found] == list(lines.values())
     assert [line.frequency for line in found] == pytest.approx(list(lines), abs=0.5)
     level = lines_of(frequency, density[:, 0], np.full(4, 95.0), 15.0)
-    assert level[1].source == "blades"  # of rotors that turn alike it may be anyone's
+    assert level[1].source == "blades"  # if rotors turn at the same rate, it may be of any
 
 
 @pytest.mark.parametrize(("hertz", "amplitude"), [(30.0, 0.5), (86.0, 0.1)])

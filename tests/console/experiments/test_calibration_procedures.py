@@ -1,5 +1,4 @@
-"""Tests of what guided calibrations tell the person next to the vehicle, and when they end without
-one."""
+"""Instructions of guided calibrations to the person at the vehicle, and reasons to give up."""
 
 from __future__ import annotations
 
@@ -22,7 +21,7 @@ FACES = {"upright": (0, 0, 1), "nose up": (1, 0, 0), "left side up": (0, 1, 0)}
 
 
 class Person:
-    """A client whose vehicle is held as a list of (seconds, world z in body axes) says."""
+    """Client whose vehicle is held according to a list of (seconds, world z in body axes)."""
 
     simulated, finished, has_pilot = False, False, False
 
@@ -65,7 +64,7 @@ class Person:
         return BenchReadings(*np.zeros((4, 0)))
 
     def up(self, time: float) -> tuple[np.ndarray, bool]:
-        """World z in body axes, and whether it turns."""
+        """Return world z in body axes, and whether the vehicle turns."""
         since = time - 100.0
         for seconds, up in self.held:
             if since < seconds:
@@ -190,7 +189,7 @@ def test_a_silent_sensor_ends_the_bench() -> None:
 
 # ---------------------------------------------------------------- abort rule
 class Rule:
-    """An experiment that waits, with a rule about the time."""
+    """Experiment that waits, with a rule about the time."""
 
     name, parameters, planned = "rule", None, 1.0
 

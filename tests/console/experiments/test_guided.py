@@ -1,4 +1,4 @@
-"""Guided procedures at the station: told, confirmed, recorded on the ground, proposed, decided."""
+"""Guided procedures at the station: shown, confirmed, recorded on the ground, proposed, decided."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class LocalClient:
 
 
 class Vehicle:
-    """Its calibrations, its bench, and its simulator, when there is one."""
+    """A vehicle's calibrations, its bench, and its simulator, if any."""
 
     def __init__(self, node: LocalNode) -> None:
         self.node = node
@@ -145,7 +145,7 @@ class Parameters:
 
 
 class Lab:
-    """A runner with the station's own recorder, and what it needs beside."""
+    """A runner with the station's own recorder, and its other parts."""
 
     def __init__(self, data: Path) -> None:
         node = LocalNode()
@@ -204,7 +204,7 @@ class Lab:
         self.runs.status(bool(message.armed))
 
     def do(self, action: str, requester: str = "ada", **options: Any) -> str:
-        """The reason it was refused for; empty when it was accepted."""
+        """Return the reason of a refusal; empty if accepted."""
         request = new(
             f"{SERVICES['experiment']}_Request",
             request_id=f"{time.monotonic_ns()}",
@@ -248,7 +248,7 @@ def without_result(act: Callable[[Client], object]) -> Callable[[Client], None]:
 
 
 class Scripted:
-    """An experiment whose flight is a function of the test."""
+    """Experiment whose flight is a function of the test."""
 
     name, parameters, planned = "scripted", None, 5.0
 
@@ -266,7 +266,7 @@ class Scripted:
 
 @pytest.fixture
 def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lab]:
-    """Judged without a process: passed, proposing a law of the motors."""
+    """Yield a lab that judges without a process: passed, proposing a law of the motors."""
     result = Judgement(Result("passed", {}), (), "", PROPOSED.model_dump_json())
     monkeypatch.setattr(judging, "judge", lambda *_: result)
     made = Lab(tmp_path)
@@ -406,7 +406,7 @@ def test_without_a_run_nothing_is_begun(lab: Lab, monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_simulated_vehicle_is_turned_and_let_go_whatever_comes(lab: Lab) -> None:
-    lab.vehicle.simulate(held="hand")  # left by a station that died
+    lab.vehicle.simulate(held="hand")  # left by a station that crashed
 
     def script(client: Client) -> None:
         assert client.simulated
@@ -524,7 +524,7 @@ def test_an_answer_that_was_lost_is_not_stored_twice(lab: Lab) -> None:
     lab.vehicle.silent = True
     assert "it is not known whether the vehicle applied it" in lab.do("accept")
     lab.vehicle.silent = False
-    before = len(lab.vehicle.history)  # each of the two tries, which a vehicle tells apart by id
+    before = len(lab.vehicle.history)  # each of the two tries, which a vehicle distinguishes by id
     assert lab.do("accept") == ""
     assert len(lab.vehicle.history) == before
 
@@ -564,7 +564,7 @@ def test_they_are_read_anew_when_the_vehicle_has_started(lab: Lab) -> None:
 
 
 class Judged(Scripted):
-    """Judged without a log."""
+    """Experiment judged without a log."""
 
     def __init__(self, result: Result, record: CalibrationRecord | Exception = PROPOSED) -> None:
         super().__init__(lambda client: None)
@@ -621,7 +621,7 @@ def test_a_pass_by_no_limit_at_all_is_not_judged(tmp_path: Path) -> None:
 
 
 def test_what_no_other_process_can_have_is_not_judged(tmp_path: Path) -> None:
-    experiment = Judged(Result("passed", {}))  # keeps a function made in a method
+    experiment = Judged(Result("passed", {}))  # has a function made in a method
     with pytest.raises(JobError, match=r"scripted .*cannot be given to another process"):
         judge(Job(experiment, tmp_path / "run.mcap", 1.0), threading.Event())
 
@@ -669,7 +669,7 @@ def test_the_exception_of_a_file_of_ones_own_is_told_with_its_line(
 
 
 class Ruled(Scripted):
-    """A guided experiment with rules of its own."""
+    """Guided experiment with its own rules."""
 
     missing, why = "", ""
 
@@ -700,7 +700,7 @@ def test_the_rules_of_an_experiment_hold_at_the_station_too(
 
 @pytest.fixture
 def own(tmp_path: Path) -> Iterator[Lab]:
-    """Files of people's own, looked at and judged in their processes."""
+    """Yield a lab for files of users, checked and judged in their processes."""
     folder = tmp_path / "experiments"
     folder.mkdir()
     for name, text in {

@@ -1,4 +1,4 @@
-"""A motor on the bench is asked for again while its experiment lives, and never afterwards."""
+"""A motor on the bench is requested repeatedly during its experiment, and never afterwards."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BOUND = 10.0
 
 
 class Vehicle:
-    """A vehicle as far as the bench uses it; `answers` raises instead of accepting."""
+    """The part of a vehicle that the bench uses; `answers` raises instead of accepting."""
 
     def __init__(self) -> None:
         self.asked: list[tuple[int, int]] = []

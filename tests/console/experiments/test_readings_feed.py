@@ -1,4 +1,4 @@
-"""Tests of the readings that an experiment gets: in order, bounded, the missing counted."""
+"""Readings that an experiment gets: in order, bounded, missing ones counted."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_packets_that_are_lost_or_late_are_gaps_over_the_counters_end_too(
     feed: ReadingsFeed,
 ) -> None:
     first = 2**32 - 2
-    for sequence in (first, first + 1, 2, 1, 3):  # 0 is lost, 1 comes late
+    for sequence in (first, first + 1, 2, 1, 3):  # 0 is lost, 1 is late
         feed.telemetry(sequence % 2**32, packet(5 * (sequence % 1000)))
     assert len(feed.imu().time) == 4 * 5
     assert feed.end() == 2

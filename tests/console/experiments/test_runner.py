@@ -1,4 +1,4 @@
-"""Experiments at a real station, over real sessions, of a scripted stand-in for the vehicle."""
+"""Experiments at a real station, over real sessions, with a scripted vehicle."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ ENDED = ("passed", "failed", "stopped", "refused")
 
 
 class ScriptedVehicle:
-    """Answers and reports as a vehicle would, with flights that take a few ticks. Not the stack."""
+    """Scripted vehicle that answers and reports, with flights of a few ticks; not the stack."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
@@ -105,7 +105,7 @@ class ScriptedVehicle:
         self._out["status"].put(encode(status))
 
     def falls_back(self) -> None:
-        """The vehicle changes a parameter by itself."""
+        """Let the vehicle change a parameter by itself."""
         self._apply({"estimation.source": "poses"}, "vehicle")
 
     def _apply(self, values: dict[str, Any], requester: str) -> None:
@@ -172,7 +172,7 @@ class Options(Parameters):
 
 
 class Small:
-    """Takes off, waits, lands."""
+    """Experiment that takes off, waits and lands."""
 
     name = "small"
     planned = 3.0
@@ -244,14 +244,14 @@ class Bench(LinkedStation):
         return self.call("experiment", action=action, requester=requester)
 
     def flying(self, **options: Any) -> None:
-        """Start the experiment and return when it is in its manoeuvre."""
+        """Start the experiment, and return when its manoeuvre has begun."""
         answer = self.start(**options)
         assert answer.accepted, answer.reason
         step = {"sticks": "velocity", "manual": "waiting for it"}.get(options.get("kind", ""), "")
         assert until(lambda: self.told[-1].step == (step or "waiting for it")), self.told[-1]
 
     def ended(self) -> Any:
-        """The status at the end, not one still on its way of the experiment before."""
+        """Return the status at the end, and not a late one of the experiment before."""
 
         def told() -> bool:
             now = self.station.experiments._state
@@ -266,8 +266,10 @@ class Bench(LinkedStation):
         self.stick.put(topics.encode_joy(stamp_ns, (forward, 0.0, 0.0, 0.0), enabled), stamp_ns)
 
     def take_over(self) -> Any:
-        """The status after sticks were released and deflected; again, should they be dropped on
-        a computer too busy to send them in time."""
+        """Return the status after sticks were released and deflected.
+
+        It is done again if a computer too busy to send them in time drops them.
+        """
 
         def ended() -> bool:
             for forward, enabled in ((0.0, False), (0.5, True), (0.5, True)):
@@ -353,7 +355,7 @@ def test_a_flight_is_commanded_in_the_starters_name_and_its_run_kept_when_it_can
     phases = list(dict.fromkeys(m.phase for m in bench.told))
     assert phases[-3:] == ["flying", "evaluating", "failed"]
     assert (done.name, done.requester, done.planned) == ("small", "ada", 3.0)
-    # The process that judges cannot know an experiment of this file.
+    # The process that judges cannot load an experiment of this file.
     assert (
         "not judged: the evaluation of small failed: its process ended with status 1" in done.reason
     )
@@ -415,7 +417,7 @@ def test_a_persons_command_ends_it_and_nothing_more_is_sent(
     assert done.reason == f"grace took over with {service.replace('_', ' ')}"
     threading.Event().wait(0.3)
     assert bench.vehicle.requests[at + 1 :] == []
-    assert len(bench.vehicle.joys) <= joys + 1  # one may have been on its way
+    assert len(bench.vehicle.joys) <= joys + 1  # one may have been in transit
 
 
 def test_parameters_changed_by_a_person_do_not_end_it(bench: Bench) -> None:
@@ -444,7 +446,7 @@ def test_deflected_sticks_take_over_and_held_but_centred_ones_do_not(bench: Benc
 def test_sticks_that_took_over_ask_for_it_once_and_fly_from_then_on(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """However long the experiment takes to end, and centred ones as well."""
+    """However long the experiment takes to end; also for centred sticks."""
     runner, proceed = bench.station.experiments, threading.Event()
     leave = runner._leave
     monkeypatch.setattr(runner, "_leave", lambda *a: (proceed.wait(LIMIT), leave(*a)))
@@ -543,7 +545,7 @@ def test_by_hand_the_persons_sticks_fly_until_finish_and_held_ones_take_nothing_
             break
     assert any(joy.axes[0] == 0.75 for joy in bench.vehicle.joys[have:])
     assert bench.vehicle.requests[-1] == ("start_behavior", "land", "ada")
-    assert bench.ended().phase == "failed"  # flown to its end; not judged, being of this file
+    assert bench.ended().phase == "failed"  # flown to its end; not judged, as it is of this file
     assert "finishing" in {m.phase for m in bench.told}
 
 

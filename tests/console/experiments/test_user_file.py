@@ -135,7 +135,7 @@ def test_another_process_gets_the_source_that_was_flown(tmp_path: Path) -> None:
     experiment.fly(0.25)  # type: ignore[arg-type]
     parameters: Any = experiment.parameters
     parameters.count = 8
-    load(path)  # a page may list it again meanwhile
+    load(path)  # a page may list it again in the meantime
     sent = pickle.dumps(experiment)
     path.write_text("changed since")
     script = (

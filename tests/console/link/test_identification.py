@@ -1,5 +1,7 @@
-"""Tests of how the station identifies the vehicle at the other end, and of its report when nothing
-answers: real sessions, a real radio."""
+"""Identification of the vehicle at the other end, and the report when nothing answers.
+
+The sessions and the radio are real.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,7 @@ WAIT = 10.0  # s: a bound, not an expectation
 
 
 class Station:
-    """A station of one hub, one radio and the thread that asks."""
+    """Station with one hub, one radio and the thread that asks."""
 
     def __init__(self, port: int, tls: TlsFiles, silent: float = 0.0) -> None:
         loopback = free_port(socket.SOCK_STREAM)
@@ -65,7 +67,7 @@ class Station:
 
 @pytest.fixture
 def closed() -> Iterator[list[Any]]:
-    """Yield a list of what is to be closed, and close it, last first."""
+    """Yield a list of things to close, and close them, the last first."""
     things: list[Any] = []
     yield things
     while things:
@@ -80,7 +82,7 @@ def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def _vehicle(closed: list[Any], port: int, tls: TlsFiles, name: str = "quad1") -> Node:
     closed.append(vehicle_session(port, tls, "127.0.0.1"))
-    closed.append(Node(closed[-1], f"/{name}", "vehicle"))  # gone with the last who holds it
+    closed.append(Node(closed[-1], f"/{name}", "vehicle"))  # closed with the last one that holds it
     return closed[-1]  # type: ignore[no-any-return]
 
 
@@ -155,7 +157,7 @@ def test_a_vehicle_s_certificate_at_the_station_is_told_until_the_right_one_is_t
     tmp_path: Path, closed: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(radio, "SILENT", 0.3)
-    monkeypatch.setattr(introduction, "DOWN", 60.0)  # however slowly it is opened anew
+    monkeypatch.setattr(introduction, "DOWN", 60.0)  # however slowly it is opened again
     ours, port = ensure_certificates(tmp_path / "base"), free_port(socket.SOCK_DGRAM)
     serve_whoami(_vehicle(closed, port, ours), "quad1", 5, THE_ONE)
     wrong = TlsFiles(tmp_path / "wrong")
@@ -196,6 +198,6 @@ def test_a_certificate_of_another_authority_is_told_by_its_file_until_it_is_ours
 
 
 def _copy_pair(source: TlsFiles, role: Role, to: TlsFiles) -> None:
-    """Over the station's."""
+    """Copy a certificate and key over the station's."""
     shutil.copy(source.certificate(role), to.certificate("station"))
     shutil.copy(source.key(role), to.key("station"))

@@ -28,7 +28,7 @@ WAIT = 15.0  # s: a bound, not an expectation
 
 
 class Ends:
-    """A vehicle's radio and lane, a station's, and a node of somebody else on the base."""
+    """A vehicle's radio and lane, a station's, and a node of a third party on the base."""
 
     def __init__(self, folder: Path) -> None:
         files = ensure_certificates(folder)
@@ -77,7 +77,7 @@ class Ends:
         self.sent = 0
 
     def send(self) -> bytes:
-        """A heartbeat and a packet; returns what the packet says."""
+        """Send a heartbeat and a packet; return the packet's content."""
         self.sent += 1
         now_ns = time.time_ns()
         self.radio.put("vehicle_heartbeat", encode_heartbeat(self.sent, now_ns, 7), now_ns)
@@ -95,9 +95,9 @@ class Ends:
         return self.link.path == "datagram" and not self.zenoh.is_heard
 
     def heartbeats_by_lane(self) -> list[int]:
-        """Return the list that the numbers of the station's heartbeats by the lane go into.
+        """Return the list that collects the numbers of the station's heartbeats by the lane.
 
-        Before those that Zenoh was faster with are left out, as the vehicle does.
+        Those that arrived earlier over Zenoh are left out, as on the vehicle.
         """
         came: list[int] = []
         lane = self.vehicle._lane
@@ -112,7 +112,7 @@ class Ends:
         return came
 
     def block(self, is_blocked: bool) -> None:
-        """Let no datagrams through, as a firewall would, or let them through again."""
+        """Block all datagrams, as a firewall would, or let them through again."""
         lane = self.vehicle._lane._socket
         if is_blocked:
             lane.send = lambda datagram, address: True  # type: ignore[method-assign]
@@ -140,7 +140,7 @@ def test_telemetry_comes_by_datagrams_and_no_longer_over_zenoh(ends: Ends) -> No
     ends.send_until(ends.by_the_lane_alone)
     newest = ends.send()
     ends.send_until(lambda: newest in [received.payload for received in ends.telemetry])
-    assert ends.link.silent() < WAIT  # heartbeats come over Zenoh as well
+    assert ends.link.silent() < WAIT  # heartbeats also arrive over Zenoh
 
 
 def test_without_datagrams_it_comes_over_zenoh_and_with_them_back_again(ends: Ends) -> None:
@@ -152,7 +152,7 @@ def test_without_datagrams_it_comes_over_zenoh_and_with_them_back_again(ends: En
 
 
 def test_nothing_is_handed_on_twice_whatever_the_way(ends: Ends) -> None:
-    """Earlier tests make messages change between lane and link, too."""
+    """Earlier tests make messages alternate between lane and link, too."""
     ends.send_until(ends.by_the_lane_alone)
     payloads = [received.payload for received in ends.telemetry]
     assert len(set(payloads)) == len(payloads)
@@ -204,14 +204,14 @@ def test_poses_come_over_zenoh_only_while_the_station_is_not_heard_by_the_lane(e
 def test_a_vehicles_other_process_is_asked_for_keys_by_the_station(ends: Ends) -> None:
     ends.send_until(ends.by_the_lane_alone)
     before = set(ends.vehicle._lane._lanes)
-    ends.vehicle._lane._lanes = {}  # it knows of no keys, as after a start
+    ends.vehicle._lane._lanes = {}  # it has no keys, as after a start
     ends.send_until(lambda: ends.vehicle._lane._lanes and ends.by_the_lane_alone())
     assert len(ends.vehicle._lane._lanes) == 1
     assert before.isdisjoint(ends.vehicle._lane._lanes)
 
 
 def test_of_heartbeats_that_go_by_the_lane_one_in_so_many_goes_over_zenoh_too(ends: Ends) -> None:
-    """Only a publisher that is told so does this; without the lane all go over Zenoh."""
+    """Only a publisher with this setting does so; without the lane all are sent over Zenoh."""
     ends.send_until(ends.by_the_lane_alone)
     beats = ends.radio.publishers["vehicle_heartbeat"], ends.beats
     for publisher in beats:

@@ -1,4 +1,4 @@
-"""Tests of the state of the link that the station reports, on clocks that differ."""
+"""State of the link that the station reports, on clocks that differ."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MS = 1_000_000
 
 
 class Clock:
-    """ns, steady."""
+    """Steady clock, ns."""
 
     now = 0
 
@@ -91,7 +91,7 @@ def test_a_system_clock_set_by_an_hour_changes_neither_state_nor_outages(hour: i
     for k in range(300):
         clock.now = k * 10 * MS
         station_ns = NOW + clock.now + (hour if k >= 100 else 0)
-        if k == 150:  # asked once a second
+        if k == 150:  # requested once a second
             link.exchanged(Exchange(station_ns, *2 * (NOW + clock.now + MS,), station_ns + 2 * MS))
         if k % 5 == 0:
             link.alive()

@@ -1,4 +1,4 @@
-"""Tests of whether the station may command its vehicle, and of the reason when it may not."""
+"""Permission of the station to command its vehicle, and the reason for a refusal."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_another_stations_vehicle_gets_nothing_from_us_but_emergencies(standing:
     assert standing.problem(0) == "another station (000000) flies quad1"
     assert standing.refusal("arm", 0) == f"{standing.problem(0)}; nothing was sent"
     assert standing.refusal("emergency", 0) == ""
-    standing.heartbeat(beat(holder=0), 1)  # it has gone
+    standing.heartbeat(beat(holder=0), 1)  # the holder has left
     assert standing.beats
     assert standing.refusal("arm", 1) == ""
 

@@ -1,4 +1,4 @@
-"""The station serves the telemetry of the last seconds, and keeps none while nobody asks."""
+"""The station serves the telemetry of the last seconds, and stores none without requests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of what the station derives from telemetry: quality figures, and the standard topics."""
+"""Quality figures and standard topics that the station derives from telemetry."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MS = 1_000_000
 
 
 def ticks(count: int = 5) -> Record:
-    """Consecutive ticks of 500 Hz with different numbers in every field."""
+    """Return consecutive ticks at 500 Hz with different numbers in every field."""
     out = np.zeros(count, TICK)
     random = np.random.default_rng(1)
     out["imu"]["stamp_ns"] = 10**18 + 2 * MS * np.arange(count)
@@ -66,7 +66,7 @@ def test_the_numbers_of_a_tick_survive_the_radio_in_single_precision() -> None:
 
 
 def fed(window: TelemetryWindow, sequence: int, stamp_ns: int, received_ns: int) -> bool:
-    """Feed a packet on a system clock that is never set; return what `feed` does."""
+    """Feed a packet on a system clock that is never set; return the result of `feed`."""
     return window.feed(sequence, stamp_ns, received_ns, received_ns)
 
 

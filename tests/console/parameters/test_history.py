@@ -1,4 +1,4 @@
-"""Every change of a parameter is one row, in order, whoever made it and whoever was away."""
+"""Every change of a parameter is one row, in order, whatever its source and the outages."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Row = tuple[str, ParameterValue, ParameterValue, str, str]
 
 
 class Bench:
-    """A witness on a data folder; `again` is another process on the same one."""
+    """Witness on a data folder; `again` is another process on the same one."""
 
     def __init__(self, data: Path) -> None:
         self.data = data
@@ -58,7 +58,7 @@ class Bench:
         self.witness.look(self.replica.load(values, revision, instance))
 
     def rows(self, **wanted: Any) -> list[Row]:
-        """Oldest first."""
+        """Return the rows, oldest first."""
         assert self.witness.wait_idle(BOUND)
         found = reversed(self.history.changes(**wanted))
         return [(c.name, c.old, c.new, c.requester, c.flight) for c in found]
@@ -181,9 +181,9 @@ def test_a_change_whose_message_was_lost_is_a_row_as_well(start: Callable[[], Be
     bench = start()
     bench.look({KP: 4.0, KV: 3.0}, (1, 0))
     bench.tell(KP, 4.0, 5.0, 1)
-    bench.tell(KP, 6.0, 7.0, 3)  # the second one's message was lost
+    bench.tell(KP, 6.0, 7.0, 3)  # the second change's message was lost
     bench.tell(KP, 4.0, 5.0, 1)  # again, by another way: nothing is missing before it
-    bench.tell(KP, 4.0, 4.5, 9, instance=2)  # of another process
+    bench.tell(KP, 4.0, 4.5, 9, instance=2)  # from another process
     bench.tell(KP, 4.5, 4.6, 10, instance=2)
     assert bench.witness.wait_idle(BOUND)
     rows = [(c.revision, c.old, c.new, c.requester) for c in reversed(bench.history.changes())]

@@ -1,4 +1,4 @@
-"""Whoever changes a parameter, over the real link: the station's history has it, once, in order."""
+"""A change of a parameter by any client, over the real link, is in the history once, in order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables hold what the log holds, with units, in every format; a failure leaves no file."""
+"""Tables have the log's content, with units, in every format; a failure leaves no file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the plots of reports: every peak, every hole, and the steps of a bench are shown."""
+"""Plots of reports show every peak, every gap, and the steps of a bench."""
 
 from __future__ import annotations
 

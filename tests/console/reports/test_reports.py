@@ -1,4 +1,4 @@
-"""Reports of logs: what they say is what the log says, and bad logs get one line."""
+"""Reports of logs agree with the log, and bad logs get one line."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from vehicle_link.topics import decode_odometry, decode_reference
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A hover with the vehicle a little heavier than it believes, in simulated time."""
+    """Return the log of a hover in simulated time, by a vehicle heavier than its model."""
     folder = tmp_path_factory.mktemp("flights")
     main(["fly", "hover", "--set", "simulator.mass=1.35", "--out", str(folder)])
     [path] = folder.glob("*.mcap")
@@ -40,14 +40,14 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def page(log: Path) -> str:
-    """The report's HTML."""
+    """Return the report's HTML."""
     html, paper = write_report(log, log.parent / "report", defaults=new_defaults)
     assert paper.read_bytes().startswith(b"%PDF")
     return html.read_text()
 
 
 class Words(HTMLParser):
-    """Cells of all tables by row, and what is fetched or run."""
+    """Cells of all tables by row, and all that is fetched or run."""
 
     def __init__(self, page: str) -> None:
         super().__init__()
@@ -82,7 +82,7 @@ class Words(HTMLParser):
 
 
 def undrawn(path: Path) -> str:
-    """The page of a log without its pictures."""
+    """Return the page of a log without its pictures."""
     report = assemble(read_run(path), None, new_defaults)
     report.blocks = [one for one in report.blocks if not isinstance(one, Picture)]
     return "".join(render(report))
@@ -91,7 +91,7 @@ def undrawn(path: Path) -> str:
 def write_log(
     path: Path, messages: Sequence[tuple[str, str, Mapping[str, object]]], **more: bytes
 ) -> Path:
-    """A log of /quad1 with these messages, 20 ms apart."""
+    """Write a log of /quad1 with these messages, 20 ms apart."""
     attachments = {name.replace("_", "."): content for name, content in more.items()}
     writer = LogWriter(path, {"vehicle": "quad1"}, attachments)
     for k, (topic, kind, fields) in enumerate(messages):
@@ -299,7 +299,7 @@ def test_the_command_writes_what_was_asked_for_and_refuses_the_rest(
     assert main(["log", "report", path, "--out", str(out), "--no-pdf"]) == 0
     assert capsys.readouterr().out.split() == [str(out / "a.html")]
     assert [one.name for one in out.iterdir()] == ["a.html"]
-    assert main(["log", "report", path, "--out", str(out)]) == 0  # its own is replaced
+    assert main(["log", "report", path, "--out", str(out)]) == 0  # its own report is replaced
     assert {one.name for one in out.iterdir()} == {"a.html", "a.pdf"}
     capsys.readouterr()
     assert main(["log", "report", str(tmp_path / "none.mcap")]) == 1

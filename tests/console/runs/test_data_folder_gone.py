@@ -1,4 +1,4 @@
-"""A database whose file is gone keeps nothing, and says so instead of taking what is lost."""
+"""A database whose file is missing stores nothing, and reports it instead of losing data."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CHANGE = RecordedChange("control.k_p", 1.0, 2.0, "ada", 1, 1, "", 1)
 
 
 class Keepers:
-    """All that writes into the data folder's database."""
+    """All parts that write into the data folder's database."""
 
     def __init__(self, data: Path) -> None:
         self.catalogue = Catalogue(data)
@@ -76,7 +76,7 @@ def test_a_data_folder_that_comes_back_is_written_again(data: Path, keepers: Kee
     away = data.with_name("away")
     data.rename(away)
     keepers.refuse_with(f"the data folder is gone: {data}; nothing is recorded or saved; {REMEDY}")
-    data.mkdir()  # as the folder below a disk that is not mounted
+    data.mkdir()  # like the empty folder where a disk is not mounted
     missing = f"{DATABASE} is gone from the data folder {data}; only recordings are saved"
     keepers.refuse_with(f"{missing}; {REMEDY}")
     assert list(data.iterdir()) == []
@@ -124,7 +124,7 @@ def test_a_database_that_may_not_be_written_is_told_and_can_be_read(
 
 
 def as_others_may() -> list[str]:
-    """Before a command: root then has no more rights to a file than its permissions give."""
+    """Return words to put before a command: root then has only the rights of permissions."""
     if os.geteuid():
         return []
     if shutil.which("setpriv") is None:

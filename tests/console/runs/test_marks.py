@@ -1,5 +1,4 @@
-"""Event marks through a real station: in the log at the time of the key press, and in the
-catalogue."""
+"""Event marks through a real station: in the log at the time of the key press, and catalogued."""
 
 from __future__ import annotations
 
@@ -26,7 +25,7 @@ COUNT = iter(range(10_000))
 
 @pytest.fixture(autouse=True)
 def vehicle_clock(linked: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """40 s ahead of the station's."""
+    """Set the vehicle's clock 40 s ahead of the station's."""
     clock: Callable[[], int] = lambda: time.time_ns() + AHEAD_NS  # noqa: E731
     monkeypatch.setattr(linked.station.link, "vehicle_ns", clock)
 

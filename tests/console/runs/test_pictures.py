@@ -1,4 +1,4 @@
-"""The cameras' pictures are recorded with a run, at most so often, and made for no other time."""
+"""The cameras' pictures are recorded with a run, at a limited rate, and at no other time."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_a_run_has_its_pictures_at_the_rate_that_is_set_and_none_are_made_withou
     assert not camera.is_heard
     station.runs.by_hand(True, "ada")
     wait_for(lambda: camera.is_heard)
-    for k in range(20):  # 2 s of 10 Hz; one waits for the other, for the station keeps two
+    for k in range(20):  # 2 s at 10 Hz; wait for each, because the station holds only two
         stamp_ns = START_NS + k * PERIOD_NS
         before = station._pictures._last.get("camera_picture")
         camera.put(encode_picture(stamp_ns, JPEG + bytes([k]), "quad1"), stamp_ns)

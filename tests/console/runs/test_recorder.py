@@ -1,4 +1,4 @@
-"""The recorder never blocks who feeds it, and says what it could not keep."""
+"""The recorder never blocks its callers, and reports what it could not store."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_a_disk_that_fills_up_ends_the_run_properly_with_an_alarm(
     assert is_closed(tmp_path / "run1.mcap")
     assert any("MB are kept" in alarm for alarm in recorder.status().alarms)
     assert "MB are kept" in ends[0].problem
-    put(recorder, 10)  # nobody who feeds it sees an exception
+    put(recorder, 10)  # no caller sees an exception
 
 
 def test_a_vanished_folder_ends_the_run_with_an_alarm(tmp_path: Path, ends: list[RunEnd]) -> None:

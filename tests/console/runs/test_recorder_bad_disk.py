@@ -1,4 +1,4 @@
-"""Whatever the disk does, the recorder holds nobody up, says it, and the next run begins."""
+"""Whatever the disk does, the recorder blocks no caller, reports it, and the next run begins."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def recorder(folder: Path, ends: list[RunEnd]) -> Iterator[Recorder]:
 
 
 def records_again(recorder: Recorder, folder: Path) -> bool:
-    """Return whether the next run is whole and the alarm of the one before is gone."""
+    """Return whether the next run is complete, and the alarm of the one before is over."""
     recorder.start(run_in(folder, "next", keep_free=0))
     put(recorder, 5)
     recorder.stop()
@@ -187,7 +187,7 @@ def test_a_defect_costs_one_run_at_most_and_never_the_recorder(
 
 
 def test_a_source_without_a_sound_clock_is_recorded(folder: Path, recorder: Recorder) -> None:
-    """Whoever publishes chooses its stamps; a log has none before the epoch."""
+    """A publisher chooses its stamps; a log has none before the epoch."""
     recorder.start(run_in(folder, keep_free=0))
     recorder.put("/a", STRING, b"\0\1\0\0", 7, -5)
     recorder.stop()

@@ -1,4 +1,4 @@
-"""Tests of when a run begins and ends."""
+"""Conditions under which a run begins and ends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A flight whose recording the disk has ended is recorded again as soon as the disk allows it."""
+"""A recording that the disk has ended is started again as soon as the disk allows it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Usage = namedtuple("Usage", "total used free")
 
 
 class Disk:
-    """A disk that has as much free space as a test says."""
+    """Disk with the free space that a test sets."""
 
     def __init__(self) -> None:
         self.free = 10**12
@@ -69,14 +69,14 @@ def runs(disk: Disk, catalogue: Catalogue) -> Iterator[RunKeeper]:
 
 
 def begun(runs: RunKeeper, but: str = "") -> str:
-    """The run that is being recorded, not this one."""
+    """Return the run that is being recorded, other than this one."""
     run_id = until(lambda: runs.recorder.run_id != but and runs.recorder.run_id)
     assert run_id
     return str(run_id)
 
 
 def ended(runs: RunKeeper) -> str:
-    """The alarm of the end."""
+    """Return the alarm at the end."""
     wait_for(lambda: not runs.recorder.run_id)
     return until(lambda: "; ".join(runs.recorder.status().alarms))
 
@@ -91,7 +91,7 @@ def test_a_disk_full_in_flight_costs_what_was_flown_until_there_is_room_again(
     disk.free = KEPT - 1
     assert "only 9 MB are free" in ended(runs)
     assert "the next begins with 60 MB" in runs.recorder.status().alarms[0]
-    disk.free = KEPT + AGAIN_SPARE - 1  # so little more would be gone at once
+    disk.free = KEPT + AGAIN_SPARE - 1  # so little more would be used up at once
     disk.wait_asked(20)
     assert not runs.recorder.run_id
     assert "only 9 MB are free" in runs.recorder.status().alarms[0], "why it ended stays"

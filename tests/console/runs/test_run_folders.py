@@ -1,4 +1,4 @@
-"""A run is a folder: entered, mended, moved and told of as a whole; single files stay runs."""
+"""A run is a folder: entered, repaired, moved and reported as a whole; single files stay runs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def catalogue(tmp_path: Path) -> Iterator[Catalogue]:
 
 @pytest.fixture
 def run(catalogue: Catalogue) -> Path:
-    """A run with both logs, in no catalogue."""
+    """Return a run with both logs, in no catalogue."""
     folder = catalogue.folder / "r1"
     flight = Flight(flown(300), with_holes(300, 3))
     flight.record(folder / STATION)

@@ -1,4 +1,4 @@
-"""Tests of how many pieces are in the air, over links of known rate and distance."""
+"""Number of requested pieces in transit, over links of known rate and distance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PIECE = 2800 * 8  # bit
 
 
 class Link:
-    """Answers as a link of this rate and round trip would, `window.size` at a time."""
+    """Link of this rate and round trip, which answers `window.size` at a time."""
 
     def __init__(self, rate: float, trip: float, jitter: float = 0.0, seed: int = 3) -> None:
         print(f"seed {seed}")
@@ -25,7 +25,7 @@ class Link:
         until = self.now + seconds
         while self.now < until:
             size = self.window.size
-            # What is asked while the link is full waits until it is that one's turn.
+            # A request on a full link waits for its turn.
             seconds = max(self.trip, size * PIECE / self.rate)
             seconds += self._drawn.uniform(0.0, self.jitter)
             for _ in range(size):
@@ -35,7 +35,7 @@ class Link:
 
     @property
     def throughput(self) -> float:
-        """Share of the rate at the size found."""
+        """Return the share of the rate at the size found."""
         return min(1.0, self.window.size * PIECE / self.rate / self.trip)
 
 

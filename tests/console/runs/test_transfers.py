@@ -1,4 +1,4 @@
-"""Fetching from the vehicle's disk: what is cut off goes on, and what came is what was there."""
+"""Transfers from the vehicle's disk: interrupted ones continue, and the data is identical."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ PATIENCE = 60.0  # s, for a broken program only
 
 
 class Link:
-    """A node, as its clients see it; the other end is the vehicle's own code over a real folder.
+    """Node for its clients; the other end is the vehicle's own code over a real folder.
 
     Attributes:
-        asked: pieces so far.
-        cut_at: of a piece that is not answered any more, nor any after it.
+        asked: number of pieces so far.
+        cut_at: number of the first piece that is not answered, like all after it.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -111,7 +111,7 @@ def ticks_of(run: Path) -> list[list[int]]:
 
 # ---------------------------------------------------------------- a part file
 def random_file(folder: Path, size: int, seed: int = 1) -> bytes:
-    """Return the bytes of a file that is a log to the vehicle: closed, with an index."""
+    """Write a file that the vehicle regards as a closed log with an index; return its bytes."""
     Flight(flown(size // 400, seed), np.ones(size // 400, np.bool_)).log_onboard(
         folder / "flight.mcap"
     )
@@ -135,7 +135,7 @@ def test_a_fetch_that_is_cut_off_anywhere_goes_on_with_what_is_lacking(
             fetcher.fetch(part)
         kept = part.size
         part.close()
-        # Killed in the middle of a piece, or before the machine had put it on the disk.
+        # Killed in the middle of a piece, or before it was written to the disk.
         data_here = part.path.read_bytes()
         part.path.write_bytes(data_here[: max(0, kept - int(random.integers(0, 4000)))])
         assert PartFile(tmp_path / "here", file).size >= kept - 4000
@@ -299,7 +299,7 @@ def test_what_was_lost_after_disarming_is_no_flaw_of_a_flight(
     tmp_path: Path, link: Link, onboard: Path
 ) -> None:
     heard = np.ones(2000, np.bool_)
-    heard[800:1800] = False  # the vehicle disarmed meanwhile, and logged no more
+    heard[800:1800] = False  # the vehicle disarmed in the meantime, and logged no more
     ticks = flown(2000)
     status = np.zeros(1, TICK)
     status["imu"]["stamp_ns"] = ticks["imu"]["stamp_ns"][1900]
@@ -454,7 +454,7 @@ def test_nothing_is_made_where_the_data_folder_is_away_and_it_goes_on_when_it_is
     def unmount(number: int) -> None:
         if number == 5:
             data.rename(away)
-            data.mkdir()  # the mount point below the disk
+            data.mkdir()  # the mount point without the disk
 
     link.before_piece = unmount
     bench.desk.start()
@@ -564,7 +564,7 @@ def test_runs_are_completed_by_a_real_process_also_those_of_before_the_start(
     flight.record(folder / STATION if kind == "folder" else run)
     bench.enter(run)
     entered = bench.catalogue.get("r1")
-    bench.desk.start()  # nobody asks
+    bench.desk.start()  # without a request
     assert ended(bench, "r1").phase == "done"
     assert bench.catalogue.resolve("r1") == folder.resolve()
     assert ticks_of(folder) == [flight.stamps.tolist()] * 4

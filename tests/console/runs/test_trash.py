@@ -1,4 +1,4 @@
-"""Deleting runs with undo: nothing is lost before its time, and nothing of a run stays after it."""
+"""Deletion of runs with undo: nothing is lost before its time, and nothing remains after it."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def test_without_any_run_nobody_knows_how_long_recording_lasts(tmp_path: Path) -
 
 
 class House:
-    """Housekeeping with what it said."""
+    """Housekeeping, and its messages."""
 
     def __init__(self, catalogue: Catalogue) -> None:
         self.said: list[str] = []

@@ -1,4 +1,4 @@
-"""A deletion seen half way, by a crash or by a scan beside it; a trash that cannot be emptied."""
+"""A deletion interrupted by a crash or a concurrent scan; a trash that cannot be emptied."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def in_trash(catalogue: Catalogue) -> set[str]:
 
 
 def cannot_remove(catalogue: Catalogue, name: str) -> None:
-    """A link in the report's place: nobody removes a folder through one."""
+    """Put a link in the report's place: a folder is not removed through one."""
     report = catalogue.folder / TRASH / f"{name}_report"
     elsewhere = catalogue.folder.parent / f"report of {name}"
     report.rename(elsewhere)
@@ -97,7 +97,7 @@ def test_a_trash_that_cannot_be_emptied_is_an_alarm_until_it_can(
 
 # ---------------------------------------------------------------------- half way
 class Paused:
-    """A thread that stands still before its line in the catalogue is written."""
+    """Thread that stops before its line in the catalogue is written."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, step: str, act: Callable[[], None]) -> None:
         self.reached, self.go_on = threading.Event(), threading.Event()
@@ -138,7 +138,7 @@ def test_a_scan_in_the_middle_of_a_deletion_changes_nothing_of_it(
 def test_a_deletion_after_the_scan_has_begun_is_no_missing_file(
     catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The scan has read the list; then the file goes."""
+    """The scan has read the list; then the file is moved."""
     real = catalogue.runs
     paused: list[Paused] = []
 

@@ -1,4 +1,4 @@
-"""`quadlab tracker camera` reads videos and devices, and says what is wrong with them."""
+"""`quadlab tracker camera` reads videos and devices, and reports what is wrong with them."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_who_reads_a_video_slower_than_it_plays_gets_the_newest_picture(tmp_path
     with pytest.raises(UsageError, match="has ended"):  # noqa: PT012  the end of the loop
         for stamp_ns, received_ns, _ in Pictures(path):
             read.append((stamp_ns or 0, received_ns))
-            threading.Event().wait(0.1)  # a detector that takes its time
+            threading.Event().wait(0.1)  # a slow detector
     (first_ns, began_ns), *_ = read
     lags = [(received - began_ns) - (stamp - first_ns) for stamp, received in read]
     # All hundred would have taken 10 s, the last one 8 s late.
@@ -95,7 +95,7 @@ def test_who_reads_a_video_slower_than_it_plays_gets_the_newest_picture(tmp_path
 
 
 class Unplugged:
-    """A device that gives one picture and is gone."""
+    """Device that delivers one picture and is then unplugged."""
 
     def __init__(self, number: int) -> None:
         self.left, self.is_there = 1, number == 0

@@ -1,4 +1,4 @@
-"""A camera makes pictures only while somebody looks, and figures always."""
+"""A camera makes pictures only while a page shows them, and figures always."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_pictures_are_made_only_while_somebody_looks_and_ten_times_a_second_at_m
     made = {view.newest}
     assert made == {None}
     view.is_watched = True
-    for k in range(60, 110):  # 1 s of 50 Hz
+    for k in range(60, 110):  # 1 s at 50 Hz
         view.take(k * 20 * MS, GREY, TAGS, {3}, 0.2)
         made.add(view.newest)
     assert 8 <= len(made - {None}) <= 11
@@ -31,7 +31,7 @@ def test_pictures_are_made_only_while_somebody_looks_and_ten_times_a_second_at_m
 
 def test_figures_are_of_the_last_second(monkeypatch: pytest.MonkeyPatch) -> None:
     view = CameraView()
-    for k in range(100):  # 2 s of 50 Hz, the first of which is black
+    for k in range(100):  # 2 s at 50 Hz, the first of which is black
         dark = k < 50
         view.take(
             k * 20 * MS, GREY * (not dark), {} if dark else TAGS, {3}, math.nan if k % 2 else 0.25

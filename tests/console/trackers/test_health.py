@@ -1,4 +1,4 @@
-"""Poses that must not be flown on are named; others are passed on."""
+"""Poses that must not be flown on are reported; others are passed on."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ def body(place: Array, turn: Array | None = LEVEL, name: str = "cf7") -> Body:
 
 
 def circle(t: float) -> Body:
-    """1 m around (0.5, 0, 1.2) at 3 m/s, tilted as a quadrotor is, turning at 2 rad/s."""
+    """Return a pose on a circle of 1 m around (0.5, 0, 1.2).
+
+    The body moves at 3 m/s, tilted as a quadrotor is, and turns at 2 rad/s.
+    """
     place = np.array([0.5 + math.cos(3 * t), math.sin(3 * t), 1.2])
     yawed = np.array(quaternion_of(0.0, 0.0, 2 * t))
     return body(place, turned(yawed, (0.4, 0.3, 0.0)))
@@ -48,7 +51,7 @@ def test_a_fast_flight_is_passed_on_whole() -> None:
 
 
 def times(turn: tuple[float, float, float]) -> Callable[[Body], Body]:
-    """The body's axes turned by this, as by a definition that flips."""
+    """Return a function that turns the body's axes, like a changed definition of the body."""
 
     def wrong(one: Body) -> Body:
         assert one.quaternion_wb is not None
@@ -125,7 +128,7 @@ def test_a_body_that_lies_on_its_side_is_told_with_the_axis() -> None:
 
 
 def test_millimetres_and_y_up_are_turned_into_the_world_where_they_are_named() -> None:
-    """A system that is y-up sees what is at (1, 2, 3), yawed to the left by 0.3 rad, so."""
+    """The body is at (1, 2, 3), yawed to the left by 0.3 rad, in a system that is y-up."""
     seen = body(np.array([1000.0, 3000.0, -2000.0]), np.array(quaternion_of(0.0, 0.3, 0.0)))
     found = to_world(seen, "mm", "y")
     np.testing.assert_allclose(found.position_w, (1.0, 2.0, 3.0))

@@ -56,7 +56,7 @@ class Told:
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with intrinsics, tags and a video of a vehicle that hovers."""
+    """Return a folder with intrinsics, tags and a video of a hovering vehicle."""
     folder = tmp_path_factory.mktemp("camera")
     CAMERA.lens.save(folder / "camera.yaml")
     (folder / "beacons.toml").write_text(TAGS)
@@ -165,11 +165,11 @@ def test_a_video_becomes_the_vehicles_bearings_and_its_silence_is_told(
     np.testing.assert_allclose(frame["bearing_b"][0, :4], true_bearings(), atol=2e-3)
     age = 1e-9 * (newest.received_ns + AHEAD_NS - int(frame["stamp_ns"][0]))
     assert -0.005 < age < 1.0
-    # The station's beacons stand on the floor, in its own layout.
+    # The station's beacons are on the floor, in its own layout.
     wait_for(lambda: bench.told("pixels from their places in the layout"))
     wait_for(lambda: len(statuses[-1].seen) == 4)
     assert sorted(statuses[-1].seen) == [f"beacon {number}" for number in (1, 2, 3, 4)]
-    assert not view.is_watched  # and nobody's picture was made
+    assert not view.is_watched  # and no picture was made
     assert view.newest is None
     watching = Node(session, "/quad1", "page")
     watching.subscribe(

@@ -18,7 +18,7 @@ from vehicle_link.transport.session import loopback_session
 
 
 def trackers(parent: int) -> list[int]:
-    """Process ids of its tracker processes."""
+    """Return the process ids of its tracker processes."""
     listed = Path(f"/proc/{parent}/task").glob("*/children")
     pids = [int(pid) for one in listed for pid in one.read_text().split()]
     return [pid for pid in pids if b"\0tracker\0" in Path(f"/proc/{pid}/cmdline").read_bytes()]

@@ -1,4 +1,4 @@
-"""A tracking system's stamps on the host's clock."""
+"""Conversion of a tracking system's stamps to the host's clock."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from console.trackers.system_clock import AGREE, SystemClock
 MS = 1_000_000
 PERIOD = 10 * MS
 LEAST = 3 * MS
-"""The delay that cannot be seen from here."""
+"""Smallest delay, ns, which cannot be observed on the host."""
 BEGIN = 777 * 10**9
 
 

@@ -1,4 +1,4 @@
-"""`quadlab tracker` as a process of its own, between a system's bytes and the vehicle."""
+"""`quadlab tracker` as a separate process, between a system's bytes and the vehicle."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 
 AHEAD_NS = 40_000_000_000
-"""Of the vehicle's clock before the station's."""
+"""Time, ns, by which the vehicle's clock is ahead of the station's."""
 PERIOD = 0.01
 PLACE = (0.5, -0.5, 1.0)
 
 
 class Laboratory:
-    """A system that sends lines over UDP at 100 Hz, with stamps of a clock of its own."""
+    """System that sends lines over UDP at 100 Hz, with the stamps of its own clock."""
 
     def __init__(self, port: int) -> None:
         self.lines = ["{stamp},cf7,0.5,-0.5,1.0,1,0,0,0"]
@@ -55,7 +55,7 @@ class Laboratory:
 
 
 class Bench(LinkedStation):
-    """A station that follows a tracker process, a vehicle that listens, and that process."""
+    """Station that follows a tracker process, a vehicle that receives, and that process."""
 
     def __init__(self, data: Path) -> None:
         super().__init__(data, {}, follows_process=True)
@@ -177,7 +177,7 @@ def test_poses_that_must_not_be_flown_on_are_kept_from_the_vehicle_and_told(
     wait_for(lambda: bench.told(told))
     kept = len(bench.poses)
     wait_for(lambda: len(bench.statuses) > 5)
-    assert len(bench.poses) <= kept + 1  # the last good one may still be on its way
+    assert len(bench.poses) <= kept + 1  # the last good one may be in transit
     laboratory.lines = good
     wait_for(lambda: len(bench.poses) > kept + 5 and not bench.statuses[-1].problem)
 

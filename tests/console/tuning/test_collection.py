@@ -1,4 +1,4 @@
-"""Answers about the vehicle's log put together, and passed on by a real station."""
+"""Answers of the vehicle's log are assembled, and passed on by a real station."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def test_damage_is_told() -> None:
 
 
 class FakeNode:
-    """Serves and calls in one process, as vehicle_link.transport.node.Node."""
+    """Node that serves and calls in one process, like vehicle_link.transport.node.Node."""
 
     def __init__(self) -> None:
         self.asked: list[Any] = []

@@ -1,4 +1,4 @@
-"""Figures of a step against what the second-order response is known to do."""
+"""Figures of a step against the known second-order response."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ RATE = 500.0
 
 
 def second_order(zeta: float, omega: float, time: np.ndarray) -> np.ndarray:
-    """Unit step response of omega^2 / (s^2 + 2 zeta omega s + omega^2)."""
+    """Return the unit step response of omega^2 / (s^2 + 2 zeta omega s + omega^2)."""
     if zeta == 1.0:
         return 1.0 - (1.0 + omega * time) * np.exp(-omega * time)
     if zeta > 1.0:
@@ -51,7 +51,7 @@ def test_figures_are_those_of_the_second_order_response(
     overshoot = 0.0
     if zeta < 1.0:
         overshoot = 100.0 * math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2))
-    # The peak falls between samples: off by 1/2 (omega h)^2 of it at most, 0.03 % here.
+    # The peak is between samples: off by at most 1/2 (omega h)^2 of it, 0.03 % here.
     assert found.overshoot == pytest.approx(overshoot, abs=0.05)
     assert found.delay == pytest.approx(exactly(zeta, omega, 0.5), abs=2e-4)
     rise = exactly(zeta, omega, 0.9) - exactly(zeta, omega, 0.1)

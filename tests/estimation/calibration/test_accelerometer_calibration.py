@@ -1,4 +1,4 @@
-"""Sec. 5.2: T and b from poses held still, and what poses are missing."""
+"""Sec. 5.2: T and b from poses held still, and which poses are missing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COUNT = 0.0039 * GRAVITY  # m/s^2 of a count
 
 
 def reading(up_b: np.ndarray) -> np.ndarray:
-    """Return what a sensor of T and B reads at rest."""
+    """Return the reading at rest of a sensor with T and B."""
     return np.asarray(np.linalg.solve(T, GRAVITY * up_b) + B)
 
 
@@ -28,7 +28,7 @@ def pose(up_b: np.ndarray, told: np.ndarray | None) -> StillPose:
 def tracked_poses(
     rng: np.random.Generator, count: int = 12, tilt: float = 70.0, noise: float = 0.2
 ) -> list[StillPose]:
-    """Tilted by up to `tilt` deg about both axes, told with `noise` deg."""
+    """Return poses tilted by up to `tilt` deg about both axes, reported with `noise` deg."""
     poses = []
     for _ in range(count):
         roll, pitch = rng.uniform(-tilt, tilt, 2)

@@ -1,4 +1,4 @@
-"""Sec. 5.1: the mean of still samples, or the reason why not."""
+"""Sec. 5.1: the mean of still samples, or the reason for a refusal."""
 
 from __future__ import annotations
 

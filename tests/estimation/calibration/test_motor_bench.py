@@ -14,7 +14,7 @@ PERIOD = 0.01
 
 
 class Bench:
-    """A motor on a force/torque sensor, recorded at 100 Hz."""
+    """Motor on a force/torque sensor, recorded at 100 Hz."""
 
     def __init__(self, rng: np.random.Generator, schedule: BenchSchedule | None = None) -> None:
         self.schedule = schedule or BenchSchedule()

@@ -1,4 +1,4 @@
-"""The lag of a motor beside a dead time, and steps of a bench without a known schedule."""
+"""Lag of a motor in addition to a dead time, and steps of a bench without a known schedule."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LAG = 0.047
 
 
 def response(time: np.ndarray, begins: np.ndarray, held: np.ndarray, delay: float) -> np.ndarray:
-    """The lagged reference by small steps."""
+    """Return the lagged reference, computed in small steps."""
     fine, value, course = 1e-4, held[0], []
     grid = np.arange(time[0] - 0.2, time[-1] + fine, fine)
     wanted = held[np.maximum(np.searchsorted(begins, grid - delay, side="right") - 1, 0)]
@@ -25,7 +25,7 @@ def response(time: np.ndarray, begins: np.ndarray, held: np.ndarray, delay: floa
 
 @pytest.fixture
 def steps(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """References and when they begin, at odd instants."""
+    """Return references and their begins, at irregular instants."""
     held = np.array([25.0, 60, 25, 90, 25, 120, 40, 150])
     return np.concatenate([[0.0], 0.5 + np.cumsum(0.5 + 0.3 * rng.random(7))]), held
 
@@ -41,7 +41,7 @@ def test_lag_and_dead_time_are_found_at_any_rate(
     changed = ticks[np.concatenate([[0], np.flatnonzero(np.diff(reference)) + 1])]
     time = np.sort(rng.random(round(7.0 * rate))) * 7.0
     speed = 3.0 * response(time, changed, held, delay) + 8.0 + 0.5 * rng.standard_normal(len(time))
-    epoch = 1.8e9  # s: as a vehicle's stamps are
+    epoch = 1.8e9  # s, like a vehicle's stamps
     found, dead_time = lag_and_dead_time(ticks + epoch, reference, time + epoch, speed)
     assert found.seconds == pytest.approx(LAG, rel=0.01)
     assert dead_time == pytest.approx(delay, abs=3e-4)

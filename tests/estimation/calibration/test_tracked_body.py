@@ -1,4 +1,4 @@
-"""Delay, axes and lever arm of a tracked body, from a motion that is known."""
+"""Delay, axes and lever arm of a tracked body, from a known motion."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MOUNT = Rotation.from_euler("ZYX", [100.0, 10.0, -20.0], degrees=True)
 def motion(
     seed: int = 1, delay: float = 0.0, turning: float = 1.0, seconds: float = 30.0
 ) -> Motion:
-    """A vehicle held at one place and turned about all axes, noise as of a simulated one."""
+    """Return a vehicle held at one place and turned about all axes, with simulated noise."""
     random = np.random.default_rng(seed)
     frequency, phase = random.uniform(0.1, 0.4, (2, 3)), random.uniform(0.0, 6.0, (2, 3))
 

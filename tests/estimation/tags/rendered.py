@@ -1,4 +1,4 @@
-"""Pictures of tags with known places, for the tests of what is found in them."""
+"""Pictures of tags at known places, for the tests of their detection."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ LENS = Intrinsics(640, 480, MATRIX, DISTORTION)
 CAMERA = RenderedCamera(640, 480, MATRIX, DISTORTION)
 CORNERS = 0.5 * SIZE * np.array([[-1.0, 1.0, 0.0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]])
 FACING = np.diag([1.0, -1.0, -1.0])
-"""Of a tag that looks at the camera, upright."""
+"""Rotation of a tag that faces the camera, upright."""
 
 
 def a_pose(random: np.random.Generator, distance: float) -> tuple[Array, Array]:
-    """Return position_c and R_ct of a tag turned anyhow and tilted by 20 to 50 degrees."""
+    """Return position_c and R_ct of a randomly turned tag, tilted by 20 to 50 degrees."""
     around, tilt = random.uniform(-np.pi, np.pi, 2), random.uniform(0.35, 0.87)
     axis = np.array([np.cos(around[0]), np.sin(around[0]), 0.0])
     R_ct = FACING @ rotation_exp(np.array([0.0, 0.0, around[1]])) @ rotation_exp(tilt * axis)
@@ -61,7 +61,7 @@ LAYOUT = TagLayout(
 def a_scene(
     position_w: Array, R_wb: Array, layout: TagLayout = LAYOUT, stand: CameraPlace = STAND
 ) -> list[Pattern]:
-    """Return all tags as a camera at `stand` sees them, the body at a pose in the world."""
+    """Return all tags as a camera at `stand` sees them; the body has a pose in the world."""
     to_camera = stand.axes_w.T
     patterns = []
     for places, place, R in (

@@ -1,4 +1,4 @@
-"""Intrinsics come from rendered pictures of a ChArUco board."""
+"""Intrinsics from rendered pictures of a ChArUco board."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ def shown(jpeg: bytes) -> npt.NDArray[np.uint8]:
 
 
 def colours_at(picture: npt.NDArray[np.uint8], corners: npt.NDArray[np.float64]) -> list[str]:
-    """Return for each edge of a tag whose colour its middle has."""
+    """Return the name of the colour at the middle of each edge of a tag."""
     found = []
     for middle in np.round(0.5 * (corners + np.roll(corners, 1, axis=0))).astype(int):
         here = picture[middle[1], middle[0]].astype(int)

@@ -1,4 +1,4 @@
-"""Bearings from a camera on board: right in body axes, from the body's origin, and only then."""
+"""Bearings from a camera on board: correct in body axes, from the body's origin, or refused."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = npt.NDArray[np.float64]
 
 SIZE = 0.15
 PLACES = {1: (-0.3, 0.2, 0.0), 2: (0.3, 0.2, 0.0), 3: (0.3, -0.2, 0.0), 7: (-0.3, -0.2, 0.1)}
-"""On the floor, m."""
+"""Tags on the floor, m."""
 TAGS = BeaconTags(
     size=SIZE, sigma=0.01, camera=Mount(position=(0.1, -0.05, -0.04), turn=(4.0, -3.0, 15.0))
 )
@@ -31,7 +31,7 @@ PLACE, R_WB = np.array([0.1, 0.05, 1.9]), rotation_exp(np.array([0.05, 0.06, -0.
 def picture(
     at: Mapping[int, Sequence[tuple[float, ...]]], R_wb: Array = R_WB, place: Array = PLACE
 ) -> npt.NDArray[np.uint8]:
-    """Return what the camera sees of tags at these places, by number."""
+    """Return the camera's picture of tags at these places, by number."""
     to_camera, lens_b = TAGS.camera.axes_b.T, np.array(TAGS.camera.position)
     patterns = []
     for number, places in at.items():
@@ -50,7 +50,7 @@ def test_bearings_are_those_from_the_bodys_origin_whatever_the_cameras_place_and
     to_beacons = (np.array(list(PLACES.values())) - PLACE) @ R_WB
     true = to_beacons / np.linalg.norm(to_beacons, axis=1)[:, None]
     off = np.linalg.norm(seen.bearings_b - true, axis=1)
-    # A lens taken for the origin would be off by 60 mrad.
+    # Without the offset of the lens they would be off by 60 mrad.
     assert off.max() < 1e-3
     assert math.radians(0.01) < seen.sigma < 1e-3
     assert np.sqrt(np.mean(off**2) / 2) < 2.0 * seen.sigma
@@ -80,7 +80,7 @@ def test_a_tag_seen_twice_is_told() -> None:
 
 
 def test_beacons_leave_their_places_with_the_intrinsics_of_another_camera() -> None:
-    # Seen from the side: straight from above, a wrong focal length is only a wrong height.
+    # Seen from the side, because straight from above a wrong focal length is only a wrong height.
     tilted = rotation_exp(np.array([0.5, 0.3, 0.0]))
     grey = picture(ALL, tilted, 1.7 * tilted[:, 2])
     good = TagBearings(TAGS, LENS)
@@ -88,12 +88,12 @@ def test_beacons_leave_their_places_with_the_intrinsics_of_another_camera() -> N
     off = [_of_another(scale).misfit(_of_another(scale).take(grey), PLACES) for scale in (0.9, 0.8)]
     assert 1.0 < off[0] < off[1]
     with pytest.raises(MeasurementError, match=r"corners of tag \d do not fit .* another camera"):
-        _of_another(0.5).take(grey)  # each tag by itself says so
-    assert math.isnan(good.misfit(good.take(grey), {1: PLACES[1]}))  # too few to say
+        _of_another(0.5).take(grey)  # each tag alone shows it
+    assert math.isnan(good.misfit(good.take(grey), {1: PLACES[1]}))  # too few to judge
 
 
 def _of_another(scale: float) -> TagBearings:
-    """Return a reader with focal lengths so many times those of the camera."""
+    """Return a reader with focal lengths scaled from those of the camera."""
     matrix = MATRIX @ np.diag([scale, scale, 1.0])
     return TagBearings(TAGS, replace(LENS, matrix=matrix, distortion=np.zeros(5)))
 

@@ -1,4 +1,4 @@
-"""Tags are found in rendered pictures, and their poses are as good as their corners allow."""
+"""Tags are found in rendered pictures, with poses as accurate as their corners allow."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_poses_in_pictures_are_within_the_bound_of_the_stated_corner_noise(dista
         position_c, R_ct = a_pose(random, distance)
         seen = detector.detect(CAMERA.take([tag(3, position_c, R_ct)], random))
         if not seen:
-            continue  # tilted far and small: not read, and nothing is claimed of it
+            continue  # strongly tilted and small: not read, and no claim
         ((number, pixels),) = seen
         pose = likeliest(poses_of(CORNERS, pixels, LENS), R_ct)
         turn = rotation_log(R_ct.T @ pose.R_cb)
@@ -98,7 +98,7 @@ def test_in_a_black_or_white_picture_there_are_no_tags(light: float) -> None:
 
 
 def test_a_moving_tag_is_where_it_is_half_way_through_the_exposure_of_its_rows() -> None:
-    """Rolling shutter: rows further down see it later."""
+    """With a rolling shutter, lower rows are exposed later."""
     velocity = np.array([1.0, 0.0, 0.0])
     camera = replace(CAMERA, exposure=0.004, readout=0.02, noise=0.0)
     place = np.array([0.0, 0.5, 2.0])

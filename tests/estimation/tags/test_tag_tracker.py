@@ -1,4 +1,4 @@
-"""A camera that stands still gives poses in the world, and says what is wrong."""
+"""A fixed camera gives poses in the world, and reports what is wrong."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page's survey proposes a layout from a run, and nothing from runs that do not tell."""
+"""The page's survey proposes a layout from a run, and none from runs without the measurements."""
 
 from __future__ import annotations
 

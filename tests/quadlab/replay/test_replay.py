@@ -1,4 +1,4 @@
-"""`quadlab replay`: the flight again byte for byte, other estimators over it, and bad words."""
+"""`quadlab replay`: the flight again byte for byte, other estimators on it, and wrong arguments."""
 
 from __future__ import annotations
 
@@ -36,13 +36,14 @@ from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link import topics
 
 ON_BEARINGS = 9.0
-"""s"""
+"""Duration of the flight on bearings, s."""
 TIMED = {"processor_s_per_s"}
 
 
 def flown(path: Path, handed_over: bool, marker: bool = False) -> Path:
-    """A short flight on the tracker, or on a marker, late measurements, gains changed in it; or on
-    bearings.
+    """Fly shortly on the tracker, on a marker, or on bearings; write the log.
+
+    Measurements are late, and gains are changed in flight.
     """
     parameters = FlightParameters().model_copy(deep=True)
     parameters.seed(7)
@@ -57,7 +58,7 @@ def flown(path: Path, handed_over: bool, marker: bool = False) -> Path:
     flight = SimulatedFlight(parameters, simulated, log)
     flight.wait_until(lambda v: v.mode == "ready", what="ready", timeout=20)
     flight.wait(0.5)
-    if handed_over:  # compiled for on the ground only
+    if handed_over:  # compiled only on the ground
         flight.change({"estimation.shadow": "error_state", "estimation.shadow_source": "bearings"})
     flight.arm()
     flight.wait(1.0)
@@ -96,7 +97,7 @@ def recording(log: Path) -> Recording:
 
 @pytest.fixture(autouse=True)
 def _read_once(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The common log is read once, by the first test that wants it: replays leave it as it is."""
+    """Read the common log once, in the first test that needs it; replays do not change it."""
     if "log" in request.fixturenames:
         log, recording = request.getfixturevalue("log"), request.getfixturevalue("recording")
         monkeypatch.setattr(
@@ -111,7 +112,7 @@ def truth(recording: Recording) -> Truth:
 
 
 def without(log: Path, to: Path, left_out: Collection[str]) -> Path:
-    """The log without some topics."""
+    """Write the log without some topics."""
     writer = LogWriter(to, {"run_id": to.stem}, read_attachments(log))
     for message in read_log(log):
         if message.topic.rpartition("/")[2] not in left_out:
@@ -129,7 +130,7 @@ def without(log: Path, to: Path, left_out: Collection[str]) -> Path:
 def table(
     capsys: pytest.CaptureFixture[str], log: Path, *words: str
 ) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
-    """Rows by label, and the whole report."""
+    """Return rows by label, and the whole report."""
     assert main(["replay", str(log), *words, "--json"]) == 0
     report = json.loads(capsys.readouterr().out.splitlines()[-1])
     return {row["run"]: row for row in report["runs"]}, report
@@ -245,7 +246,7 @@ def test_runs_tell_good_gains_from_bad_and_noise_from_little_noise(
     found, fixed = rows["error_state"], rows["complementary estimation.preset=paper"]
     assert found["nis_low"] < found["nis"] < found["nis_high"]
     assert found["nis_high"] - found["nis_low"] < 0.5
-    assert found["nees_low"] == pytest.approx(0.300, abs=1e-3)  # chi-square of nine, a number
+    assert found["nees_low"] == pytest.approx(0.300, abs=1e-3)  # chi-square of nine, over nine
     assert found["nees_high"] == pytest.approx(2.114, abs=1e-3)
     assert found["nees_inside_share"] > 0.8
     assert 0.3 < found["nees"] < 2.0
@@ -261,7 +262,7 @@ def test_a_filter_told_of_less_noise_than_there_is_shows_as_too_sure_and_correct
     rows, _ = table(capsys, log, "--run", sure, "--run", honest)
     assert rows[sure]["nis"] > 1.2 * rows[sure]["nis_high"] > rows[honest]["nis"]
     assert rows[sure]["nees"] > rows[sure]["nees_high"]
-    # As good as the honest one, by the noise that it raised.
+    # It is as good as the honest one, because it raised its noise.
     assert rows[sure]["nees_inside_share"] > 0.6
     assert rows[honest]["nees_inside_share"] > 0.6
     assert rows[sure]["position_rms_m"] < 1.1 * rows[honest]["position_rms_m"]
@@ -300,7 +301,7 @@ def test_a_survey_finds_where_the_beacons_are(
     [line] = [line for line in told.splitlines() if "in use from here on" in line]
     found = parse_layout(line.partition("beacons.layout=")[2].rstrip("'"))
     off = found.positions_w - parse_layout("paper").positions_w
-    assert np.abs(off).max() < 0.045  # 10 s of flight; they were believed up to 0.13 m off
+    assert np.abs(off).max() < 0.045  # 10 s of flight; the assumed places were up to 0.13 m off
     assert np.linalg.norm(off) < 0.4 * np.linalg.norm(
         parse_layout(believed.partition("=")[2]).positions_w - parse_layout("paper").positions_w
     )
@@ -334,7 +335,7 @@ def test_late_and_lost_poses_are_made_anew(capsys: pytest.CaptureFixture[str], l
 
 
 class Refusing(ComplementaryEstimator):
-    """Refuses every second pose, once it flies."""
+    """Estimator that refuses every second pose in flight."""
 
     count = 0
 
@@ -355,7 +356,7 @@ def test_an_estimator_of_ones_own_is_replayed_and_its_refusals_counted(
 
 
 class Diverging(ComplementaryEstimator):
-    """An estimator that is not finite after 3 s."""
+    """Estimator that is not finite after 3 s."""
 
     def predict(self, imu: Any, dt: float, state: Any) -> None:
         super().predict(imu, dt, state)
@@ -435,7 +436,7 @@ def test_a_plot_is_drawn(capsys: pytest.CaptureFixture[str], log: Path, tmp_path
 
 # ---------------------------------------------------------------------- errors against the truth
 def moving(stamps: np.ndarray) -> np.ndarray:
-    """STATE of a motion of third order that turns evenly about a fixed axis."""
+    """Return STATE records of a motion of third order that turns evenly about a fixed axis."""
     t = stamps * 1e-9
     states = np.zeros(len(t), STATE)
     for axis, (a, b, c) in enumerate(((0.3, -0.2, 0.1), (1.0, 0.5, -0.4), (-0.7, 0.2, 0.3))):

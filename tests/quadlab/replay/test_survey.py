@@ -23,13 +23,14 @@ from quadrotor.records import IMU_SAMPLE, STATE
 from tests.support.sweeps import sweeps_of
 
 MOVED = np.array([0.06, -0.03, 0.04])
-"""m: how far from its place station 1 is believed to be."""
+"""Displacement of station 1 from its assumed place, m."""
 RATE = 100
 
 
 def circling(seconds: float) -> tuple[Recording, npt.NDArray[np.float64]]:
-    """Return a level flight on a slanted 8 below two stations, one of them believed elsewhere, and
-    its path.
+    """Return a level flight on a slanted 8 below two stations, and its path.
+
+    One of the stations is assumed at another place.
     """
     rng, arrivals = np.random.default_rng(8), []
     t = np.arange(1, round(RATE * seconds)) / RATE
@@ -65,7 +66,7 @@ def circling(seconds: float) -> tuple[Recording, npt.NDArray[np.float64]]:
 
 
 def error(recording: Recording, run: Run, path: npt.NDArray[np.float64]) -> float:
-    """Return the rms error of the path flown, brought over the true one as a whole; m."""
+    """Return the rms error of the path, after aligning it with the true one, m."""
     flown = replay(recording, run, recording.sweeps).states["position_w"][2 * RATE :]
     true = path[2 * RATE :]
     _, rest = Rotation.align_vectors(true - true.mean(axis=0), flown - flown.mean(axis=0))

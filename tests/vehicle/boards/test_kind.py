@@ -1,4 +1,4 @@
-"""Boards are found by name: ours, and those that installed packages bring."""
+"""Boards are found by name: built-in ones, and those of installed packages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whole motor references whose mean is the wanted one."""
+"""Rounded motor references whose mean is the requested value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of which stored calibrations a vehicle starts with, and what it reports of the others."""
+"""Calibrations with which a vehicle starts, and its reports on the other stored ones."""
 
 from __future__ import annotations
 

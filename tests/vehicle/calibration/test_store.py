@@ -1,4 +1,4 @@
-"""The vehicle's calibrations on disk: kept whole, in order, and never lost to a bad line."""
+"""The vehicle's calibrations on disk: complete, in order, and not lost to a damaged line."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ MOTOR = record("motor", 2, {"model.motor_offset": 14.5})
 
 
 class Disk:
-    """A data folder, and what a store says of it."""
+    """Data folder, and the events of a store."""
 
     def __init__(self, data: Path) -> None:
         self.data = data

@@ -30,7 +30,7 @@ QUIET = {
 
 
 def mixed() -> list[Scenario]:
-    """Vehicles that differ in everything that may differ."""
+    """Return vehicles that differ in everything that may differ."""
     soft = ControlParameters(position=PositionGains(kp_xy=3.0, kv_xy=3.0))
     return [
         Scenario(seed=1),
@@ -55,7 +55,7 @@ def same(a: BatchResult, b: BatchResult) -> bool:
 def test_the_8_on_the_true_state_is_flown_to_a_millimetre() -> None:
     flight = fly_batch([Scenario(true_state=True)], 27.0)
     one = flight.outcome[0]
-    assert one["position_rms"] == pytest.approx(1.1e-3, abs=0.15e-3)  # what remains is motor lag
+    assert one["position_rms"] == pytest.approx(1.1e-3, abs=0.15e-3)  # motor lag remains
     assert one["yaw_rms"] < math.radians(0.3)
     assert one["estimate_rms"] == 0.0
     assert one["saturated_share"] == 0.0

@@ -1,4 +1,4 @@
-"""The disturbance observer in the vehicle's own tick: wind and a weak motor, switched in flight."""
+"""Disturbance observer in the vehicle's own tick: wind and a weak motor, switched in flight."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FORCE, TORQUE = "control.disturbance.force", "control.disturbance.torque"
 
 
 class Flight(WatchedFlight):
-    """Keeps what the law takes off in each tick."""
+    """Flight that stores what the law compensates in each tick."""
 
     def __init__(self) -> None:
         self.taken: list[np.ndarray] = []
@@ -30,7 +30,7 @@ class Flight(WatchedFlight):
         return found
 
     def away(self, seconds: float) -> float:
-        """Largest distance from the reference, m, over the next seconds."""
+        """Return the largest distance from the reference, m, over the next seconds."""
         self.forget()
         self.run(seconds)
         _, true, wanted = self.trace()
@@ -52,15 +52,15 @@ def test_switched_on_in_flight_it_finds_wind_and_weak_motor_without_a_jump() -> 
     roll = float(flight.off["torque_b"][0, 0])
     assert roll == pytest.approx(-0.1 * 0.25 * 0.25 * 1.308 * 9.81, rel=0.3)
     assert np.abs(np.diff(flight.taken, axis=0)).max() < 0.1
-    # Off again it fades, and nothing is left of it; wind and motor are the integrals' again, of
-    # which that of the attitude is too small for such a motor.
+    # Switched off, it fades to nothing; the integrals compensate wind and motor again, and that of
+    # the attitude is too small for such a motor.
     flight.change({FORCE: False, TORQUE: False})
     assert flight.away(3.0) < 0.03
     flight.run(3.0)
     assert not flight.off["force_w"].any()
     assert not flight.off["torque_b"].any()
     assert np.abs(np.diff(flight.taken, axis=0)).max() < 0.1
-    # Landed with it on: softly, upright, and forgotten on the ground.
+    # Landing with it on: softly, upright, and cleared on the ground.
     flight.change({FORCE: True, TORQUE: True})
     flight.run(5.0)
     flight.start("land")

@@ -21,7 +21,7 @@ def drawn(seed: int, count: int) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def stats() -> Any:
-    """Return scipy.stats, imported by the process that needs it and not by all that collect."""
+    """Return scipy.stats, imported only by the process that needs it, not by all that collect."""
     from scipy import stats
 
     return stats
@@ -47,7 +47,7 @@ def test_words_are_those_of_xoshiro256pp() -> None:
 
 
 def test_seed_0_gives_the_published_splitmix64() -> None:
-    # First outputs of Vigna's reference splitmix64.c for the state 0.
+    # The first outputs of Vigna's reference splitmix64.c for the state 0.
     assert [hex(int(x)) for x in seeded([0])[0][:3]] == [
         "0xe220a8397b1dcdaf",
         "0x6e789e6aa1b965f4",
@@ -96,4 +96,4 @@ def test_uniform_numbers_fill_0_to_1(stats: Any) -> None:
 def test_the_same_seed_gives_the_same_numbers_and_another_seed_others() -> None:
     assert (drawn(5, 1000) == drawn(5, 1000)).all()
     assert (drawn(5, 1000) != drawn(6, 1000)).all()
-    assert (drawn(-1, 10) == drawn((1 << 64) - 1, 10)).all()  # any whole number is a seed
+    assert (drawn(-1, 10) == drawn((1 << 64) - 1, 10)).all()  # any integer is a seed

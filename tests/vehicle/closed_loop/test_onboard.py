@@ -1,4 +1,4 @@
-"""The compiled onboard step is the Python composition of the same parts."""
+"""The compiled onboard step equals the Python composition of the same parts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PERIOD, TICKS = 0.002, 2000
 
 
 def samples() -> Record:
-    """Four seconds of a shaky hover: every law is at work, nothing saturates for long."""
+    """Return four seconds of a shaky hover: every law works, nothing saturates for long."""
     print("seed 2013")
     rng = np.random.default_rng(2013)
     imu = np.zeros(TICKS, IMU_SAMPLE)

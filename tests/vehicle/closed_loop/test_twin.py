@@ -1,4 +1,4 @@
-"""The C++ twin does the same on the same records: two implementations check each other."""
+"""The C++ twin computes the same from the same records: two implementations check each other."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_a_recorded_flight_gives_both_the_same_thrusts(twin: CppTwin) -> None:
         EstimationParameters(),
     )
     ours, theirs = started(imu), started(imu)
-    for one in (ours, theirs):  # what an observer had found
+    for one in (ours, theirs):  # the state of an observer
         found = one["controller"]["disturbance"]
         found["force_w"], found["torque_b"] = (0.5, -0.3, 0.2), (0.01, -0.02, 0.005)
         found["force_rate_w"] = (0.1, 0.2, -0.3)

@@ -21,7 +21,7 @@ PLACE = np.array([0.2, -0.3, 1.1])
 
 
 def solved(known: KnownBeacons, layout: str) -> Any:
-    """The position found from exact bearings to the beacons of `layout`, level at PLACE."""
+    """Return the position found from exact bearings to the beacons of `layout`, level at PLACE."""
     beacons = PRESETS[layout]
     away = beacons.positions_w - PLACE
     away /= np.linalg.norm(away, axis=1)[:, None]

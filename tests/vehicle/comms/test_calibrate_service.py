@@ -1,4 +1,4 @@
-"""The service `calibrate`: taken over and kept, both or neither."""
+"""Service `calibrate`: applied and stored, both or neither."""
 
 from __future__ import annotations
 

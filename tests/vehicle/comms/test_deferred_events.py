@@ -1,4 +1,4 @@
-"""Tests that events without a station on the link are published once there is one."""
+"""Events without a station on the link are published once there is one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The gyroscope's drift found anew by the service `calibrate`, and what a log carries of all."""
+"""The service `calibrate` measures the gyroscope's drift again; a log stores all calibrations."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_a_vehicle_that_is_moved_meanwhile_keeps_its_drift(
 ) -> None:
     lab, before = wired.lab, drift(wired.lab)
     lab._simulate({"simulator.held": "hand", "simulator.hand_yaw": 0.0})
-    lab.wait(2.5)  # lifted
+    lab.wait(2.5)  # the vehicle is lifted
     lab._simulate({"simulator.hand_yaw": to})
     lab.wait(0.01)
     refusal = wired.refused("gyroscope", error=RefusedError)
@@ -99,7 +99,7 @@ def test_motors_that_still_turn_refuse_it(wired: Any) -> None:
     lab.wait(0.2)
     assert lab.ask(mailbox.Disarm("d", "anna")).accepted
     assert lab.ask(mailbox.CalibrateGyroscope("g", "anna")).accepted
-    lab.wait(0.1)  # the microcontroller's first word after it is still: on
+    lab.wait(0.1)  # the microcontroller's first report after it is still: on
     (outcome,) = lab.found
     assert "motors are on" in outcome.reason
     assert lab.mode is Mode.READY

@@ -1,4 +1,4 @@
-"""Tests that a message that comes by the lane and over Zenoh is passed on once, and in order."""
+"""A message that arrives by the lane and over Zenoh is passed on once, and in order."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from vehicle_link.transport.publisher import Received
 
 BOUND = 20.0  # s
 HELD_BACK = 0.3
-"""s, unless what must not happen meanwhile happens before."""
+"""Longest delay, in s; it ends earlier only if an event happens that must not."""
 POSE, BEAT = "tracker_pose", "station_heartbeat"
 FIRST = Received(b"", 1, 0, 0, b"of the station")
 
 
 class Ways:
-    """A lane without datagrams, and a node without a network.
+    """Lane without datagrams, and node without a network.
 
     Attributes:
-        by_zenoh: takes a message that came over Zenoh, by topic.
-        by_lane: takes (topic, message).
-        order: topics that were handed on, and those told of by the lane with a "told " before.
-        handing_on: called before each is handed on.
+        by_zenoh: called with a message received over Zenoh, by topic.
+        by_lane: called with (topic, message).
+        order: topics that were passed on; those reported by the lane have the prefix "told ".
+        handing_on: called before each is passed on.
     """
 
     def __init__(self) -> None:
@@ -58,7 +58,7 @@ def ways() -> Iterator[Ways]:
 
 
 def test_a_heartbeat_is_told_of_when_the_pose_before_it_is_handed_on(ways: Ways) -> None:
-    """Zenoh was first with the pose, and its thread is held back before it has handed it on."""
+    """Zenoh received the pose first, and its thread is delayed before it has passed it on."""
     has_begun, is_told = threading.Event(), threading.Event()
 
     def held_back() -> None:

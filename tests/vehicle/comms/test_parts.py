@@ -1,4 +1,4 @@
-"""The parts of comms, without Zenoh: clock, commands and replies, what leaves, what comes in."""
+"""Parts of comms, without Zenoh: clock, commands and replies, sending, receiving."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_the_clock_follows_drift(fake_time: FakeTime) -> None:
 
 # -------------------------------------------------------------------------------- commands
 class Flight:
-    """The flight process's end of the rings, as a test."""
+    """The flight process's end of the rings, driven by a test."""
 
     def __init__(self) -> None:
         self.rings = open_rings(create_rings())
@@ -94,7 +94,7 @@ class Flight:
 
 
 def answer(flight: Flight, accepted: bool, reason: str = "", **fields: object) -> threading.Thread:
-    """Replies to the next command, as comms' draining thread would deliver it."""
+    """Reply to the next command, as comms' draining thread would deliver it."""
 
     def run() -> None:
         waited = threading.Event()
@@ -124,7 +124,7 @@ def test_no_reply_is_one_clear_error() -> None:
     with pytest.raises(LinkError, match=r"has not answered within 0\.01 s"):
         flight.mailbox.ask(lambda i: mailbox.Arm(i, "anna"), timeout_s=0.01)
     (command,) = flight.commands()
-    flight.mailbox.deliver(mailbox.Reply(command.request_id, True))  # too late: nobody waits
+    flight.mailbox.deliver(mailbox.Reply(command.request_id, True))  # too late: no caller waits
 
 
 def test_a_command_too_long_for_its_slot_is_refused() -> None:
@@ -200,7 +200,7 @@ def test_a_new_replica_learns_what_changed_before_it_lived() -> None:
 
 # -------------------------------------------------------------------------------- what leaves
 class FakeLog:
-    """Takes what the onboard log would."""
+    """Fake onboard log, which stores its messages."""
 
     def __init__(self) -> None:
         self.kept: Counter[str] = Counter()
@@ -214,7 +214,7 @@ class FakeLog:
 
 
 class FakeRadio:
-    """Takes what the link would."""
+    """Fake link, which stores its messages."""
 
     def __init__(self) -> None:
         self.sent: list[tuple[str, bytes, int]] = []

@@ -1,5 +1,7 @@
-"""The vehicle as processes, against the simulator, over the real link: a whole flight, with a
-comms process that is killed in it, and every way in which a process may end.
+"""The vehicle as processes, against the simulator, over the real link.
+
+A whole flight, with a comms process that is killed during it, and all ways in which a process may
+end.
 """
 
 from __future__ import annotations
@@ -56,7 +58,7 @@ sys.exit(run_vehicle([f"{sys.argv[1]}/mcu0", f"{sys.argv[1]}/mcu1"], Path(sys.ar
 
 
 class VehicleProcesses:
-    """A simulator and `run_vehicle`, each a process of its own."""
+    """A simulator and `run_vehicle`, each a separate process."""
 
     def __init__(self, folder: Path, loopback_port: int = 0) -> None:
         self.data = folder / "data"
@@ -72,7 +74,7 @@ class VehicleProcesses:
         """Return the process id of the flight or comms process, 0 when there is none."""
         path = Path(f"/proc/{self.vehicle.pid}/task/{self.vehicle.pid}/children")
         for pid in path.read_text().split():
-            with suppress(OSError):  # it may end while it is looked at
+            with suppress(OSError):  # it may end while it is read
                 if module.encode() in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0"):
                     return int(pid)
         return 0
@@ -101,7 +103,7 @@ class VehicleProcesses:
 
 
 class FakeStation:
-    """Feeds truth back as tracker poses, beats, calls, and notes what comes."""
+    """Fake station, which sends truth as tracker poses, heartbeats and calls; stores messages."""
 
     def __init__(self, vehicle: VehicleProcesses) -> None:
         files = ensure_certificates(vehicle.data / "certificates")
@@ -198,7 +200,7 @@ def alive(pid: int) -> bool:
 
 
 def stamps_of(paths: list[Path], topic: str) -> np.ndarray:
-    """Source stamps of all messages of the topic, ns, over several files."""
+    """Return the source stamps of all messages of the topic, ns, over several files."""
     return np.array([m.publish_ns for path in paths for m in read_log(path, [f"/quad1/{topic}"])])
 
 
@@ -207,12 +209,12 @@ def check_link(station: FakeStation) -> None:
     assert (whoami.name, whoami.role) == ("quad1", "vehicle")
     sent = time.time_ns()
     sync = station.call("time_sync", client_sent_ns=sent)
-    # The simulated vehicle's clock is this host's.
+    # The simulated vehicle uses this host's clock.
     assert sent - 50e6 < sync.server_received_ns <= sync.server_sent_ns < time.time_ns() + 50e6
     expected = {t.name for t in topics.TOPICS.values() if t.sender == "vehicle" and t.rate > 0}
 
     def complete() -> bool:
-        station.send_bearings(time.time_ns())  # a stream: what comes before the solver has no pose
+        station.send_bearings(time.time_ns())  # a stream: the first ones have no pose
         return expected <= set(station.counts)
 
     wait_for(complete, what=f"every topic of {expected}")
@@ -232,7 +234,7 @@ def check_parameters(station: FakeStation) -> None:
 
 
 def check_calibrations(station: FakeStation) -> None:
-    """One is stored, found and refused; what was stored before the start is in force."""
+    """Check that a calibration is stored, found and refused; one stored before is in force."""
     assert ParameterClient(station.node, "/quad1/vehicle").values()["model.motor_offset"] == 14.5
     wait_for(
         lambda: any("is not in force: --set model.mass=1.3" in text for text in station.events),
@@ -300,9 +302,9 @@ def check_logs(processes: VehicleProcesses) -> None:
         assert carried["gyroscope"]["requester"] == "anna"
     for topic in ("state", "reference", "imu", "actuators"):
         gaps = np.diff(np.unique(stamps_of(paths, topic)))
-        # More than a few ticks at once are missing only where the machine stood still.
+        # More than a few consecutive ticks are missing only if the machine stalled.
         assert gaps[gaps > 10_000_000].sum() <= 300_000_000, topic
-        # What the killed process had not written is in the file of the next.
+        # Ticks that the killed process had not written are in the next file.
         killed, following = (stamps_of([path], topic) for path in paths)
         assert following[0] - killed[-1] <= 10_000_000, topic
     kept = {m.topic for path in paths for m in read_log(path)}
@@ -310,7 +312,7 @@ def check_logs(processes: VehicleProcesses) -> None:
 
 
 def check_files(station: FakeStation, processes: VehicleProcesses) -> None:
-    """The vehicle's logs over the link: their list and a part."""
+    """Check the list of the vehicle's logs and a part of one, over the link."""
     files = station.call("onboard_files").files
     assert [file.recovered for file in files] == [False, True]
     path = processes.data / "onboard" / files[0].name

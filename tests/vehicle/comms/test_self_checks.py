@@ -1,4 +1,4 @@
-"""The vehicle's own checks, as the station asks for them; never beside a flight."""
+"""The vehicle's own checks, as the station requests them; never during a flight."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_while_the_flight_loop_is_silent_the_disk_is_left_alone_and_said_so(
 
 
 class FullLog:
-    """The log of a vehicle whose disk is full."""
+    """Log of a vehicle whose disk is full."""
 
     problem = ""
     stop_bytes = 10**15

@@ -1,4 +1,4 @@
-"""Height and climb rate by the barometer alone."""
+"""Height and climb rate from the barometer alone."""
 
 from __future__ import annotations
 

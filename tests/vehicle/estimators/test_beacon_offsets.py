@@ -1,4 +1,4 @@
-"""A beacon whose bearings are off on average: noticed, named where that is possible, told once."""
+"""A beacon whose bearings are biased is noticed, named if possible, and reported once."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Flight:
         self.biases: dict[
             int, tuple[float, float, float]
         ] = {}  # deg, rotation vectors in body axes
-        self.error = np.zeros(6)  # m, rad: of the pose that residuals are taken at
+        self.error = np.zeros(6)  # m, rad: of the pose at which residuals are computed
         self.offsets = BeaconOffsets()
         self.time = 0.0
 
@@ -81,7 +81,7 @@ def test_with_the_tracker_one_of_four_beacons_is_named_with_its_offset(
     id: int, turn: tuple[float, float, float]
 ) -> None:
     flight = Flight(f"tracked {id} {turn}")
-    flight.error[:] = 0.004, -0.003, 0.005, 0.004, -0.003, 0.006  # the tracker's
+    flight.error[:] = 0.004, -0.003, 0.005, 0.004, -0.003, 0.006  # the error of the tracker
     assert flight.fly(4.0, True) is None
     flight.biases[id] = turn
     found = flight.fly(5.0, True)
@@ -95,7 +95,7 @@ def test_with_the_tracker_one_of_four_beacons_is_named_with_its_offset(
 def test_without_the_tracker_four_beacons_tell_that_one_is_off_and_not_which() -> None:
     flight = Flight("untracked four")
     flight.biases[2] = (5.0, 0.0, 0.0)
-    flight.error[:] = 0.05, -0.06, 0.02, 0.03, 0.02, -0.02  # what the biased one makes of the pose
+    flight.error[:] = 0.05, -0.06, 0.02, 0.03, 0.02, -0.02  # the bias's effect on the pose
     found = flight.fly(8.0, False)
     assert found is not None
     assert found.beacon is None

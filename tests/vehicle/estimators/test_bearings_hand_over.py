@@ -1,6 +1,7 @@
-"""Flying on bearings alone: from where, within which walls, and back to the tracker by itself.
+"""Flight on bearings alone: where it may start, its limits, and the return to the tracker.
 
-What vehicle.estimators.bearings_guard decides, seen from outside: commands in, mode and events out.
+The decisions of vehicle.estimators.bearings_guard, tested from outside: commands in, mode and
+events out.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from vehicle.parameters import check_pairs, new_parameters
 
 
 class BearingsLab(Lab):
-    """A vehicle that hovers with the error-state filter beside it on bearings."""
+    """Vehicle that hovers with the error-state filter on bearings as its shadow."""
 
     def __init__(self, height: float = 1.0, shadow: bool = True) -> None:
         parameters = flight_parameters()
@@ -66,7 +67,7 @@ def test_hand_over_and_back_jump_by_no_more_than_the_estimates_differ() -> None:
     lab.advance()
     assert Flag.ON_BEARINGS in lab.flags
     lab.wait(3.0)
-    assert 0.001 < lab.error() < 0.06  # no pose helps
+    assert 0.001 < lab.error() < 0.06  # without the help of poses
     lab.change({"estimation.source": "poses"})
     assert stack.estimator.name == "complementary"  # type: ignore[attr-defined]
     assert stack.store.get("estimation.shadow") == "error_state"
@@ -75,7 +76,7 @@ def test_hand_over_and_back_jump_by_no_more_than_the_estimates_differ() -> None:
     assert Flag.ON_BEARINGS not in lab.flags
     lab.wait(1.0)
     assert lab.error() < 0.005
-    lab.hand_over()  # again, at once: what was flown on went on beside
+    lab.hand_over()  # again, at once: the estimator flown before continued as shadow
     assert lab.source == "bearings"
 
 
@@ -134,7 +135,7 @@ def test_the_walls_close_in_on_bearings_and_open_again() -> None:
         lab.wait(0.02)
     assert 1.2 < lab.stack.reference["position_w"][0, 0] <= 1.5
     assert "outside the flight volume" in refusal(lambda: lab.start("fly_to", x=1.8))
-    lab.change({"behavior.volume_x_max": 1.4})  # the user's own walls still count
+    lab.change({"behavior.volume_x_max": 1.4})  # the user's own limits still apply
     assert lab.stack.behaviors.parameters.volume_x_max == 1.4
     lab.change({"behavior.volume_x_max": 3.0, "estimation.source": "poses"})
     assert lab.stack.behaviors.parameters.volume_x_max == 3.0
@@ -168,7 +169,7 @@ def test_with_the_tracker_there_bad_bearings_end_on_the_tracker(
     assert (change.new, change.requester) == ("poses", "vehicle")
     lab.wait(1.0)
     assert lab.error() < 0.01
-    for name in fault:  # well again: and yet it stays on the tracker until it is asked
+    for name in fault:  # correct again: but it stays on the tracker until a command
         setattr(lab.parameters.bearings, name, getattr(BearingParameters(), name))
     lab.wait(5.0)
     assert lab.source == "poses"
@@ -241,11 +242,11 @@ def test_the_layout_is_checked_and_stays_while_bearings_are_flown_on() -> None:
     lab.parameters.bearings.layout = moved
     shadow = lab.stack.navigation.shadow
     assert shadow is not None
-    assert not shadow.converged  # begun anew
+    assert not shadow.converged  # started again
     lab.wait(2.0)
     lab.hand_over()
     lab.wait(2.0)
-    assert lab.error() < 0.06  # the places were taken over
+    assert lab.error() < 0.06  # the positions were taken over
     assert "press Back to tracker first" in refused_unchanged(lab, {"beacons.layout": "paper"})
     lab.change({"estimation.source": "poses"})
     lab.change({"beacons.layout": "paper"})

@@ -1,4 +1,4 @@
-"""Tests of what the watch computes and when it gives its verdict."""
+"""Figures of the watch, and the time of its verdict."""
 
 from __future__ import annotations
 
@@ -89,7 +89,10 @@ def test_deviations_of_the_estimate_explain_more(random: Random) -> None:
 
 
 def watched(random: Random, state: Record, frames: int, spoil: int = 0) -> BearingsWatch:
-    """`frames` frames at 30 Hz; the first two bearings of `spoil` of them are exchanged."""
+    """Return a watch after `frames` frames at 30 Hz.
+
+    The first two bearings of `spoil` of them are exchanged.
+    """
     watch = BearingsWatch(FallBackParameters())
     watch.begin()
     for k in range(frames):
@@ -148,7 +151,7 @@ def test_disagreement_counts_when_it_lasts() -> None:
     for _ in range(IN_A_ROW - 1):
         watch.pose(far)
     assert watch.verdict is None
-    watch.pose(Difference(math.nan, 0.0, 0.0))  # not a number is no agreement
+    watch.pose(Difference(math.nan, 0.0, 0.0))  # NaN is no agreement
     assert "allowed 0.3 m" in (now(watch).verdict or "")
 
 

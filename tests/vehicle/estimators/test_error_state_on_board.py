@@ -1,4 +1,4 @@
-"""The error-state filter in the whole stack: starts, a tracker that jumps, what is told of both."""
+"""Error-state filter in the whole stack: starts, a tracker that jumps, and their reports."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ from vehicle.flight.modes import Flag
 from vehicle.processes import mailbox
 
 HOUSE = "1 1 1 0.1; 2 -1 1 0.6; 3 -1 -1 0.1; 4 1 -1 1.1; 5 0 1.4 1.5"
-"""Beacons of five heights."""
+"""Beacons at five heights."""
 
 
 class MovedLab(Lab):
-    """A vehicle whose tracker can be moved and whose bearings can be held back; settings are
-    `estimation`'s."""
+    """Vehicle whose tracker can be moved and whose bearings can be held back.
+
+    Settings are those of `estimation`.
+    """
 
     def __init__(self, layout: str = "paper", lost: str = "", **settings: ParameterValue) -> None:
         parameters = flight_parameters()
@@ -41,14 +43,14 @@ class MovedLab(Lab):
         self._take(measurement)
 
     def events_with(self, *words: str) -> list[str]:
-        """Return the events with all these words."""
+        """Return the events that contain all these words."""
         return [text for text in self.texts() if all(word in text for word in words)]
 
 
 # ---------------------------------------------------------------------- starts
 @pytest.mark.parametrize(("layout", "lost"), [("paper", "4"), (HOUSE, "")])
 def test_beside_a_known_pose_it_starts_on_bearings_that_give_none(layout: str, lost: str) -> None:
-    """Three beacons, or some in no plane; then it is handed over to."""
+    """With three beacons, or some in no common plane; then it is flown on."""
     lab = MovedLab(
         layout=layout, lost=lost, shadow="error_state", shadow_source="bearings"
     ).hovering()

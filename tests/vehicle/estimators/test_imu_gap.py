@@ -1,4 +1,4 @@
-"""Samples of the IMU that are missing: the estimate goes on by the time that has really passed."""
+"""Missing IMU samples: the estimate advances by the time that has really passed."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from vehicle.estimators.barometric_height import PASCALS_PER_METRE, BarometricHe
 from vehicle.processes.mailbox import Measurement
 
 GAP = 0.2
-"""s, four times what the laws are stepped by at most."""
+"""Length of the gap, s: four times the longest step of the laws."""
 
 
 class DeafLab(Lab):
-    """A flight whose samples and poses can be withheld from the stack."""
+    """Flight whose samples and poses can be withheld from the stack."""
 
     def __init__(self, estimator: str) -> None:
         parameters = flight_parameters()

@@ -1,4 +1,4 @@
-"""A vehicle flown on the position of a single marker and its IMU."""
+"""Flight on the position of a single marker and the IMU."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FILTER = "estimation.error_state"
 
 
 class MarkerLab(Lab):
-    """A vehicle on a marker, the positions of which can be displaced or held back."""
+    """Vehicle with a marker whose positions can be displaced or held back."""
 
     def __init__(self, settings: dict[str, ParameterValue] | None = None) -> None:
         parameters = flight_parameters()
@@ -38,7 +38,7 @@ class MarkerLab(Lab):
         self._take(measurement)
 
     def heading_error(self) -> float:
-        """Return how far the estimated heading is from the true one, rad."""
+        """Return the difference between the estimated and the true heading, rad."""
         told, true = self.stack.state["quaternion_wb"][0], self.robot.truth["quaternion_wb"][0]
         return abs(math.remainder(yaw_of(told) - yaw_of(true), 2.0 * math.pi))
 
@@ -51,12 +51,12 @@ class MarkerLab(Lab):
             self.wait_until(lambda v: v.behavior == "hover", what="arrival", timeout=10)
 
     def forget_heading(self) -> None:
-        """Leave the heading as open as after minutes of hover."""
+        """Make the heading as uncertain as after minutes of hover."""
         self.stack.estimator.memory["covariance"][0, 5, 5] = math.radians(20.0) ** 2  # type: ignore[attr-defined]
 
 
 def test_hover_is_held_and_motion_tells_the_heading() -> None:
-    """The vehicle stands 20 deg from where it is said to."""
+    """The vehicle is turned 20 deg from the heading that it was given."""
     lab = MarkerLab({f"{FILTER}.heading": 20.0}).hovering()
     errors = []
     for _ in range(100):

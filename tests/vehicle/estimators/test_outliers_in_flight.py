@@ -1,4 +1,4 @@
-"""A tracker that errs in flight: the vehicle stays, and says so."""
+"""A tracker with errors in flight: the vehicle stays in place and reports them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OF_AGREEMENT = Flag.MEASUREMENTS_REFUSED | Flag.TRACKER_JUMPED | Flag.ESTIMATE_D
 
 
 class MovedLab(Lab):
-    """A hover over which the tracker's positions can be displaced."""
+    """Hover during which the tracker's positions can be displaced."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -40,11 +40,11 @@ class MovedLab(Lab):
 
     @property
     def flags(self) -> Flag:
-        """Return those that tell of the tracker."""
+        """Return the flags that concern the tracker."""
         return super().flags & OF_AGREEMENT
 
     def watch(self, seconds: float) -> tuple[Array, Flag]:
-        """True positions (N, 3) and all flags seen meanwhile."""
+        """Return true positions (N, 3), and all flags seen in the meantime."""
         places, flags = [], Flag.NONE
         end_ns = self.stack.stamp_ns + round(seconds * 1e9)
         while self.stack.stamp_ns < end_ns:
@@ -80,7 +80,7 @@ def test_one_pose_a_metre_off_moves_nothing_and_is_flagged_for_a_second(lab: Mov
 
 
 def test_bodies_swapped_for_a_fifth_of_a_second_move_nothing(lab: MovedLab) -> None:
-    """Ungated the estimate was off by 1.15 m and 3.2 m/s and said to be converged."""
+    """Without a gate the estimate was off by 1.15 m and 3.2 m/s and reported to be converged."""
     lab.displace = lambda _: (1.5, -0.5, 0.7)
     places, flags = lab.watch(0.2)
     assert flags == Flag.MEASUREMENTS_REFUSED | Flag.TRACKER_JUMPED
@@ -91,7 +91,7 @@ def test_bodies_swapped_for_a_fifth_of_a_second_move_nothing(lab: MovedLab) -> N
     assert lab.view().behavior == "hover"
     assert lab.flags == Flag.NONE
     assert now(lab).stack.estimator.converged
-    assert len(lab.warnings()) == 2  # that it jumped, that it is back
+    assert len(lab.warnings()) == 2  # that it jumped, that it is correct again
 
 
 def test_a_tracker_shifted_for_good_is_followed_without_a_lunge(lab: MovedLab) -> None:
@@ -119,7 +119,7 @@ def test_a_metre_for_good_is_a_matter_of_the_supervisor_which_names_the_tracker(
 
 @pytest.mark.parametrize("estimator", ["complementary", "error_state"])
 def test_poses_that_are_all_too_old_are_flown_on_for_a_second_at_most(estimator: str) -> None:
-    """Their stamps are 190 ms early. They come all the time, and the tilt swung more and more."""
+    """The stamps are 190 ms early. Poses arrive all the time, and the tilt swung more and more."""
     lab = Lab(settings={"estimation.estimator": estimator}).hovering(START[2])
     lab.start("fly_to", x=0.5, y=0.3, z=1.0, yaw=0.0)
     lab.wait(0.2)
@@ -137,7 +137,7 @@ def test_poses_that_are_all_too_old_are_flown_on_for_a_second_at_most(estimator:
 
 # ---------------------------------------------------------------------- the watch alone
 class Told:
-    """A watch fed by hand."""
+    """A watch with measurements given by hand."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []

@@ -14,7 +14,7 @@ def flown(lab: EstimatorLab) -> str:
 
 
 def break_filter(lab: EstimatorLab, metres: float) -> None:
-    """Move the filter, which goes on believing in itself."""
+    """Move the filter, whose covariance stays small."""
     memory = lab.stack.estimator.memory  # type: ignore[attr-defined]
     for name in ("base", "now"):
         memory[name][0, 0] += metres

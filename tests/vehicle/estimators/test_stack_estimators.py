@@ -18,7 +18,7 @@ from vehicle.processes import mailbox
 
 
 class EstimatorLab(Lab):
-    """A flight whose station also sends the bearings themselves; settings are `estimation`'s."""
+    """Flight whose station also sends the bearings; settings are those of `estimation`."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__()
@@ -103,11 +103,11 @@ def test_in_flight_what_is_not_compiled_is_refused(monkeypatch: pytest.MonkeyPat
     assert "not compiled" in refusal(lambda: lab.set(shadow="error_state"))
     assert lab.stack.navigation.shadow is None
     lab.set(shadow="none")
-    lab.change({"control.position.kp_xy": 3.9})  # nothing else is held up by it
+    lab.change({"control.position.kp_xy": 3.9})  # it delays nothing else
 
 
 def test_bearings_alone_fly_within_bounds() -> None:
-    """Handed over in flight: on the floor the beacons' own plane is too near."""
+    """The hand-over is in flight: on the floor the beacons' plane is too near."""
     lab = EstimatorLab(shadow="error_state", shadow_source="bearings").hovering()
     lab.wait(2.0)
     lab.set(source="bearings", estimator="error_state")
@@ -144,7 +144,7 @@ def test_a_gain_too_fast_for_the_measured_rate_is_said_once_and_anew_after_a_cha
 
 
 class Frozen(ComplementaryEstimator):
-    """A plugin in plain Python that breaks on demand."""
+    """Plugin in plain Python that fails when requested."""
 
     name = "frozen"
     broken = False

@@ -1,4 +1,4 @@
-"""The mass estimate in the law: one number for everything, chosen on the ground, never a jump."""
+"""Mass estimate in the law: one value for everything, chosen on the ground, without a jump."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TRUE_MASS = 1.308
 
 
 class Flight(Lab):
-    """Keeps the law's mass (kg), the thrust (N) and the height over the reference of each tick."""
+    """Flight that stores mass (kg), thrust (N) and height over the reference of each tick."""
 
     def __init__(self, settings: dict[str, Any]) -> None:
         parameters = flight_parameters()
@@ -44,7 +44,7 @@ class Flight(Lab):
 
 @pytest.fixture(scope="module")
 def flight() -> Flight:
-    """Hovers after a take-off from 1.0 kg; the tests below fly on in their order."""
+    """Return a hovering flight after a take-off from 1.0 kg; the tests continue it in order."""
     flight = Flight({USED_BY: "estimate", "mass.initial": 1.0})
     return flight.hovering(settling=3.0, speed=0.2)
 
@@ -55,7 +55,7 @@ def test_the_take_off_is_held_back_by_an_initial_mass_that_is_too_low(flight: Fl
     learns = int(np.flatnonzero(masses > 1.0)[0])
     assert (masses[:learns] == 1.0).all()
     climbing = np.flatnonzero(thrusts > 1.0 * GRAVITY)
-    assert climbing[0] < learns - 500  # more than a second of pulling before it leaves the ground
+    assert climbing[0] < learns - 500  # more than a second of thrust before it leaves the ground
     assert thrusts[:learns].max() == pytest.approx(TRUE_MASS * GRAVITY, rel=0.1)
 
 
@@ -141,7 +141,7 @@ def test_an_initial_mass_beyond_the_clamps_is_refused() -> None:
 
 
 class Plugin:
-    """A law that knows of no mass but what `configure` tells."""
+    """Law that knows the mass only from `configure`."""
 
     tilt_limited = False
 

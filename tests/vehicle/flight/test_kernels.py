@@ -1,4 +1,4 @@
-"""The tick's compiled functions are made once, said to be, and found again."""
+"""The tick's functions are compiled once, reported, and found again."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ later.wait()
 
 
 def prepare(cache: Path) -> tuple[set[str], list[str]]:
-    """Return which parts were not kept, and what was said."""
+    """Return the parts that were not cached, and the messages."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
         [sys.executable, "-c", PREPARE],
@@ -46,7 +46,7 @@ def prepare(cache: Path) -> tuple[set[str], list[str]]:
 
 def test_what_is_not_kept_is_compiled_and_told_and_then_it_is_kept(tmp_path: Path) -> None:
     cache = tmp_path / "kernels"
-    # What this checkout has, but for two parts: one is compiled by the second process.
+    # All of this checkout's functions, except two: one is compiled by the second process.
     shutil.copytree(_default_root(), cache)
     for part in (HELPED, "behaviors"):
         for folder in cache.glob(f"{PARTS[part][0]}-*"):
@@ -62,7 +62,7 @@ def test_what_is_not_kept_is_compiled_and_told_and_then_it_is_kept(tmp_path: Pat
 
 
 class Beside:
-    """A process that compiles until it is told that it has ended."""
+    """Other process that compiles until it is marked as ended."""
 
     def __init__(self) -> None:
         self.ended = self.stopped = False
@@ -92,7 +92,7 @@ def test_what_is_compiled_beside_is_loaded_once_it_is_there(
     later = kernels.Later()
     assert asked == [["b", "c"]]
     assert later.load() == ["a"]
-    present.add("b")  # half of what is asked: not before it has ended
+    present.add("b")  # half of the requested ones: not before it has ended
     assert not later.arrived
     assert later.load() == []
     beside.ended = True  # and failed at c

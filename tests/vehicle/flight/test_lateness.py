@@ -11,7 +11,7 @@ MS = 1_000_000
 
 
 def run(stamps_ms: list[float], late_us: dict[int, float] | None = None) -> list[LoopStatistics]:
-    """Ticks at their stamps plus a constant, some of them late by the given microseconds."""
+    """Run ticks at their stamps plus a constant, some of them late by the given microseconds."""
     lateness, finished, constant = Lateness(), [], 7_654_321
     for k, stamp in enumerate(stamps_ms):
         stamp_ns = round(stamp * MS)

@@ -1,4 +1,4 @@
-"""A board that does not hand over its motors is given rates, and what needs motors is refused."""
+"""A board without motor access is commanded by rates, and what needs motors is refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The flight loop with a fake stack and a fake microcontroller: order, rings, silence."""
+"""Flight loop with a fake stack and a fake microcontroller: order, rings, silence."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Root(Parameters):
 
 
 class FakeStack:
-    """Writes down what the loop did to it."""
+    """Fake stack, which records the loop's calls."""
 
     def __init__(self) -> None:
         self.record: Record = new_tick()
@@ -87,7 +87,7 @@ class FakeStack:
 
 
 class FakeMcu:
-    """Gives the samples it was told to give."""
+    """Fake microcontroller, which returns the given samples."""
 
     def __init__(self) -> None:
         self.failures: list[str] = []
@@ -127,7 +127,7 @@ class FakeMcu:
 
 
 class NoWaiting:
-    """A pacer for samples that are there already."""
+    """Pacer for samples that are available at once."""
 
     def __init__(self) -> None:
         self.deadlines = Deadlines(PERIOD_NS)
@@ -149,7 +149,7 @@ class Bench:
             assert self.rings.inbox.push(mailbox.encode(message))
 
     def samples(self, count: int) -> list[int]:
-        """Run the loop once on `count` samples; returns their stamps."""
+        """Run the loop once on `count` samples; return their stamps."""
         for _ in range(count):
             self._samples += 1
             stamp = self._samples * PERIOD_NS
@@ -181,7 +181,7 @@ BEARINGS = bearings_sample(8, (3, 1), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), 0.02)
 
 
 class Compiled:
-    """A part compiled in the background, loaded when it is there."""
+    """Part compiled in the background, loaded when it is ready."""
 
     arrived = False
     loads = 0
@@ -388,7 +388,7 @@ def test_bytes_that_are_no_frames_are_told_apart_from_silence(
 def test_samples_that_do_not_count_are_told_apart_from_silence(
     bench: Bench, capsys: pytest.CaptureFixture[str], what: str, said: str
 ) -> None:
-    setattr(bench.mcu, what, 5)  # before: not told
+    setattr(bench.mcu, what, 5)  # before: not reported
     bench.samples(1)
     setattr(bench.mcu, what, 17)
     bench.nothing(600_000_000)
@@ -498,7 +498,7 @@ def test_a_port_that_is_gone_does_not_wake_the_loop_any_more(bench: Bench) -> No
     pacer = PortPacer(bench.mcu, PERIOD_NS)
     gone = bench.mcu.filenos()
     bench.mcu.filenos = lambda: (reader,)  # type: ignore[method-assign]
-    os.close(bench.mcu._writer)  # hung up
+    os.close(bench.mcu._writer)  # disconnected
     assert pacer._poll.poll(0)
     bench.mcu.lost_ports = 1
     pacer.wait()

@@ -1,4 +1,4 @@
-"""One motor on the bench: what turns, what ends it, and who is refused meanwhile."""
+"""One motor on the bench: what turns, what ends it, and what is refused in the meantime."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_the_reference_follows_what_is_asked_for(lab: Any) -> None:
 
 def test_not_asked_for_again_it_stops_within_the_timeout(lab: Any) -> None:
     lab.keep_turning(1.0)
-    lab.wait(0.2)  # 0.4 s since it was asked for
+    lab.wait(0.2)  # 0.4 s since the request
     assert lab.mode is Mode.BENCH
     lab.wait(0.15)
     assert now(lab).mode is Mode.READY
@@ -166,7 +166,7 @@ def test_a_low_battery_refuses_it_and_a_spent_one_ends_it(lab: Any) -> None:
 
 def test_a_vehicle_that_turns_under_it_is_not_fixed(lab: Any) -> None:
     lab._simulate({"simulator.held": "hand", "simulator.hand_roll": 60.0})
-    lab.wait(0.2)  # lifted, not turned yet by much
+    lab.wait(0.2)  # lifted, but hardly turned
     lab._simulate({"simulator.hand_roll": -60.0})
     assert lab.turn_motor().accepted
     for _ in range(10):

@@ -1,5 +1,4 @@
-"""Tests of when the loop wakes, of which periods had no sample, and of stamps finer than
-milliseconds."""
+"""Wake-ups of the loop, periods without a sample, and stamps finer than a millisecond."""
 
 from __future__ import annotations
 
@@ -20,7 +19,7 @@ DELAY = 1_234_567
 
 
 class Line:
-    """Samples every 2 ms; some late, some lost. Looks at the deadlines every half millisecond."""
+    """Line with samples every 2 ms, some late, some lost; checks the deadlines every 0.5 ms."""
 
     def __init__(self, late: dict[int, int] | None = None, lost: tuple[int, ...] = ()) -> None:
         self.deadlines = Deadlines(PERIOD)
@@ -109,7 +108,7 @@ def test_a_clock_off_by_a_percent_is_followed() -> None:
 
 
 class Robot:
-    """Makes samples every 2 ms; the work takes as long as it is told."""
+    """Source of samples every 2 ms; the work takes a given time."""
 
     def __init__(self, clock: list[int]) -> None:
         self.stamp_ns, self.work_ns, self.skipped = -PERIOD, 100_000, 0

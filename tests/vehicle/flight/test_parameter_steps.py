@@ -1,5 +1,4 @@
-"""Tests that a gain moves by its step at most in flight, and anywhere within its bounds on the
-ground."""
+"""A gain changes by at most its step in flight, and freely within its bounds on the ground."""
 
 from __future__ import annotations
 

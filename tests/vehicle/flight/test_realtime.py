@@ -1,4 +1,4 @@
-"""Tests that the rights granted by the kernel are verified, not believed."""
+"""Rights granted by the kernel are verified, not assumed."""
 
 from __future__ import annotations
 

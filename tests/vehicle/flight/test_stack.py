@@ -1,4 +1,4 @@
-"""The whole tick, flown by the simulated robot in simulated time."""
+"""The whole tick, flown by the simulated vehicle in simulated time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vehicle.processes import mailbox
 
 
 class StationLab(Lab):
-    """A flight whose station and tracker can be silenced."""
+    """Flight whose station and tracker can be silenced."""
 
     station_alive = True
 

@@ -1,5 +1,4 @@
-"""Tests of what flies when something fails: the whole stack on the simulated robot, through real
-bytes."""
+"""Reactions to failures: the whole stack on the simulated vehicle, through real bytes."""
 
 from __future__ import annotations
 
@@ -21,7 +20,7 @@ from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 
 
 class FailingLab(Lab):
-    """A flight of which parts can be made to fail."""
+    """Flight in which parts can be made to fail."""
 
     frozen = False
     held: tuple[float, float, float, float] | None = None
@@ -40,7 +39,7 @@ class FailingLab(Lab):
 
     @property
     def tilt(self) -> float:
-        """Truth, degrees."""
+        """Return the true tilt, degrees."""
         _, x, y, _ = self.robot.truth["quaternion_wb"][0]
         return math.degrees(2 * math.asin(min(1.0, math.hypot(x, y))))
 
@@ -48,7 +47,7 @@ class FailingLab(Lab):
         return self.stack.handle(mailbox.Emergency("1", "anna", "land"))
 
     def landed(self) -> None:
-        """Until the motors are off; then it must stand upright, unharmed."""
+        """Wait until the motors are off; then the vehicle must be upright and undamaged."""
         self.wait_until(lambda v: not v.armed, what="disarmed", timeout=25)
         self.wait(0.5)
         assert self.height < 0.02
@@ -63,7 +62,10 @@ class FailingLab(Lab):
 
 
 def test_a_program_outside_flies_and_is_braked_when_it_falls_silent() -> None:
-    """A circle of references, 50 a second, each 30 ms old when it comes; its words are said."""
+    """Fly a circle of references, 50 a second, each 30 ms old on arrival.
+
+    The texts of the events are checked too.
+    """
     radius, omega, age = 0.5, 1.2, 0.03
     lab = FailingLab().hovering()
     start, begin = lab.stack.reference["position_w"][0].copy(), lab.stack.stamp_ns
@@ -285,7 +287,7 @@ def test_the_supervisor_lands_when_a_serial_port_is_gone() -> None:
 
 def test_the_gyroscope_is_not_calibrated_while_the_microcontroller_lands() -> None:
     lab = FailingLab().hovering(1.0)
-    for _ in range(200):  # the flight process is dead, and started again
+    for _ in range(200):  # the flight process has died and was restarted
         lab.robot.step()
     assert lab.robot.firmware.motor_state is MotorState.EMERGENCY
     again = FlightStack(FlightParameters().model_copy(deep=True))

@@ -1,4 +1,4 @@
-"""After the warm-up nothing is left to compile or to load from the compiler's cache."""
+"""After the warm-up nothing has to be compiled or loaded from the compiler's cache."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 
 from quadrotor.checkout import ROOT
 
-# In a process of its own: here other tests would have compiled everything already.
+# It runs in a separate process: in this one other tests would have compiled everything already.
 PROGRAM = """
 import gc
 from numba.core.dispatcher import Dispatcher

@@ -1,5 +1,5 @@
 # mypy: ignore-errors
-"""A law for pythonfmu3, which makes an FMU (FMI 3, arrays) of it: PD on position and attitude."""
+"""Law from which pythonfmu3 makes an FMU (FMI 3, arrays): PD on position and attitude."""
 
 import numpy as np
 from pythonfmu3 import Dimension, Float64, Fmi3Causality, Fmi3Slave, Fmi3Status, Fmi3Variability

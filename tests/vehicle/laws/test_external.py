@@ -44,7 +44,7 @@ class law:
         HARM
         return x.mass * (a @ R[:, 2]), torque
 """
-"""A law after Lee et al. 2010 without feed-forward of rates; harm begins at 6 s of its time."""
+"""Law after Lee et al. 2010 without feed-forward of rates; it fails from 6 s of its time on."""
 HARM = {
     "raises": ("if x.time > 6.0: 1 / 0", "ZeroDivisionError: division by zero"),
     "nan": ("if x.time > 6.0: torque[1] = np.nan", "not finite"),
@@ -193,7 +193,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, s
         (facts / "entry_points.txt").write_text(f"[quadlab.laws]\n{entries}\n")
         (place / "some_laws.py").write_text(textwrap.dedent(source))
         monkeypatch.syspath_prepend(place)
-        monkeypatch.setenv("PYTHONPATH", str(place))  # of the law's process
+        monkeypatch.setenv("PYTHONPATH", str(place))  # for the law's process
 
     return installed
 
@@ -243,7 +243,7 @@ def test_parameters_of_a_flight_may_name_a_law_before_it_begins(tmp_path: Path) 
 
 def test_nothing_is_compiled_in_the_first_tick_that_it_flies(fly: Callable[..., Lab]) -> None:
     lab = fly(good())
-    before = len(apply_wrench.signatures)  # type: ignore[attr-defined]  # of numba
+    before = len(apply_wrench.signatures)  # compiled by numba
     assert before >= 1
     lab.hovering()
     assert len(apply_wrench.signatures) == before  # type: ignore[attr-defined]

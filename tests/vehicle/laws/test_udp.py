@@ -28,7 +28,7 @@ DOCUMENT = Path(__file__).parents[3] / "docs" / "extending" / "plugins.md"
 
 @pytest.fixture
 def peer() -> Iterator[Callable[[int], str]]:
-    """Start a program that answers so many inputs; return its address."""
+    """Yield a function that starts a program with so many answers and returns its address."""
     started: list[subprocess.Popen[str]] = []
 
     def start(answers: int) -> str:
@@ -46,7 +46,7 @@ def peer() -> Iterator[Callable[[int], str]]:
 
 @pytest.fixture
 def lab() -> Iterator[Callable[[str], Lab]]:
-    """Make a lab that flies the law at an address."""
+    """Yield a function that makes a lab which flies the law at an address."""
     labs: list[Lab] = []
 
     def made(address: str) -> Lab:

@@ -1,5 +1,6 @@
-"""A law over UDP that knows nothing of this project: struct and socket alone, as Simulink's or
-Octave's blocks would do it. Argument: how many inputs it answers before it falls silent.
+"""Law over UDP that uses nothing of this project, like the blocks of Simulink or Octave.
+
+It needs only struct and socket. Argument: how many inputs it answers before it falls silent.
 """
 
 from __future__ import annotations

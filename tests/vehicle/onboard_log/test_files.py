@@ -26,25 +26,25 @@ from vehicle_link.transport.idempotent import answering
 
 BATCH = 5
 BOUND = 10.0
-"""s, after which a test that waits has failed."""
+"""Time, in s, after which a waiting test fails."""
 
 
 def ticks(first: int, count: int, *, armed: bool = True) -> Record:
-    """Return ticks whose numbers do not compress to nothing."""
+    """Return ticks whose numbers hardly compress."""
     made = level_ticks(first, count, armed=armed)
     made["state"]["position_w"] = np.random.default_rng(first).normal(size=(count, 3))
     return made
 
 
 class Vehicle:
-    """A log, written at once and not by its thread, and its files; over the wire's format."""
+    """Log that is written at once and not by its thread, and its files, in the wire format."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.start()
 
     def start(self) -> None:
-        """Anew, as after a crash: nothing is known of the files but what stands on the disk."""
+        """Start again, as after a crash: the files are known only from the disk."""
         self.log = OnboardLog(
             self.folder,
             "quad1",
@@ -60,7 +60,7 @@ class Vehicle:
         starts = range(first, first + count, BATCH)
         parts = [ticks(start, min(BATCH, first + count - start)) for start in starts]
         batches = [Batch(part, int(part["imu"]["stamp_ns"][-1]) + late_ns) for part in parts]
-        for number in range(0, len(batches), 3):  # as many as come until the next look
+        for number in range(0, len(batches), 3):  # as many as arrive until the next check
             self.log._store(batches[number : number + 3])
 
     def event(self, number: int) -> None:
@@ -71,7 +71,7 @@ class Vehicle:
         self.log._finish()
 
     def crash(self) -> None:
-        """The writer's file is left as it is; its lock goes with the process."""
+        """Leave the writer's file as it is; its lock is released with the process."""
         file = self.log._file
         assert file is not None
         file._sync.end()
@@ -162,7 +162,7 @@ def test_a_log_torn_in_this_process_is_told_to_be_so(vehicle: Vehicle) -> None:
     (torn,) = vehicle.ask("onboard_files").files
     assert (torn.closed, torn.start_ns) == (False, 0)
     told = f"{name} was torn, and is repaired once the vehicle is disarmed; ask again later"
-    answer = vehicle.ask("onboard_part", name=name)  # as a station asks for the reason
+    answer = vehicle.ask("onboard_part", name=name)  # as a station requests the reason
     assert (answer.accepted, answer.reason) == (False, told)
     assert vehicle.ask("onboard_part", name=name, length=100).accepted, "its bytes are there"
 

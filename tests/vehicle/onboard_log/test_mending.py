@@ -1,4 +1,4 @@
-"""Torn onboard logs are mended on the ground: when, by what, and what is said meanwhile."""
+"""Torn onboard logs are repaired on the ground: when, by what, and what is reported."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from vehicle.onboard_log.mending import (
 from vehicle.processes.mailbox import INFO, WARN
 
 BOUND = 30.0
-"""s, after which a test that waits has failed."""
+"""Time, in s, after which a waiting test fails."""
 KEEP = 500_000_000
 
 
 def torn_log(folder: Path, name: str = "quad1_a") -> Path:
-    """100 messages and no end."""
+    """Write a log of 100 messages without an end."""
     path = folder / "onboard" / f"{name}.mcap"
     writer = LogWriter(path, {"run_id": name}, {})
     for k in range(100):
@@ -39,7 +39,7 @@ def torn_log(folder: Path, name: str = "quad1_a") -> Path:
 
 
 class Process:
-    """One that ends when the test says so."""
+    """Process that ends when the test requests it."""
 
     def __init__(self, told: Callable[[str], None]) -> None:
         self.told = told

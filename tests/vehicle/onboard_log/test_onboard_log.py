@@ -1,4 +1,4 @@
-"""The onboard log: which ticks are in the file, in which words it stops, what it mends."""
+"""Onboard log: which ticks are in the file, how it reports that it stops, what it repairs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from vehicle_link.serial.identity import Identity
 FREE_BYTES_MIN = OnboardLogParameters().stop_bytes
 MS = 1_000_000
 BOUND = 10.0
-"""s, after which a test that waits has failed."""
+"""Time, in s, after which a waiting test fails."""
 
 
 def ticks(first: int, count: int, *, armed: bool) -> Record:
@@ -234,7 +234,7 @@ def test_what_the_buffer_cannot_hold_is_counted(
 ) -> None:
     monkeypatch.setattr(onboard_log, "BUFFER_BYTES", 100 * TICK.itemsize)
     harness = Harness(tmp_path)
-    harness.feed(ticks(0, 101, armed=True))  # at once more than it holds
+    harness.feed(ticks(0, 101, armed=True))  # more at once than it can hold
     harness.log.close()
     assert any("lost 101 ticks or messages" in text for _, text in harness.said)
 
@@ -265,7 +265,7 @@ def test_a_file_that_is_no_log_is_reported_and_left(tmp_path: Path) -> None:
 
 
 class Told:
-    """The events of the log, to be waited for."""
+    """Events of the log, which a test can wait for."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -283,7 +283,7 @@ class Told:
 
 
 def old_log(folder: Path, name: str) -> Path:
-    """A closed one of 1 GB (sparse), an hour old."""
+    """Write a closed log of 1 GB (sparse), an hour old."""
     path = folder / "onboard" / f"{name}.mcap"
     path.parent.mkdir(exist_ok=True)
     with path.open("wb") as stream:
@@ -304,7 +304,7 @@ def test_old_logs_are_removed_on_the_ground_and_not_in_flight(tmp_path: Path) ->
     def feed(batch: Record) -> None:
         log.ticks(batch, int(batch["imu"]["stamp_ns"][-1]))
 
-    feed(ticks(0, 10, armed=True))  # comms was started again in flight
+    feed(ticks(0, 10, armed=True))  # comms was restarted in flight
     told.wait_for("started")
     feed(ticks(10, 300, armed=False))
     told.wait_for("first.mcap (1.0 GB) removed: all are 1.0 GB, log.keep_size is 500.0 MB")
@@ -403,7 +403,7 @@ def test_it_tells_of_each_tick_once_that_nothing_is_left_to_do(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(onboard_log, "BUFFER_BYTES", 100 * TICK.itemsize)
-    done: list[tuple[int, int]] = []  # ticks, and bytes in the file when that was told
+    done: list[tuple[int, int]] = []  # ticks, and bytes in the file at that report
 
     def written(count: int) -> None:
         done.append((count, sum(path.stat().st_size for path in tmp_path.glob("onboard/*"))))
@@ -459,7 +459,7 @@ def test_a_folder_removed_in_flight_is_told_within_a_second_and_a_new_file_begin
     feed(ticks(0, 10, armed=True))
     told.wait_for("quad1_20260528T202640_000Z.mcap started")
     shutil.rmtree(log.folder)
-    feed(ticks(10, 480, armed=True))  # not looked at yet: 0.98 s
+    feed(ticks(10, 480, armed=True))  # not checked yet: 0.98 s
     feed(ticks(490, 20, armed=True))
     told.wait_for("quad1_20260528T202640_980Z.mcap started")
     gone = f"{log.folder}/quad1_20260528T202640_000Z.mcap was removed, moved or replaced"

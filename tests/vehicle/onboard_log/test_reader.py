@@ -1,4 +1,4 @@
-"""Questions about the onboard log: every tick of a stretch, in bounded answers, while it grows."""
+"""Queries of the onboard log: every tick of a span, in bounded answers, while it grows."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def ticks(first: int, count: int, *, armed: bool = True) -> Record:
 
 
 class Vehicle:
-    """A log, written at once and not by its thread, and its reader; over the wire's format."""
+    """Log that is written at once and not by its thread, and its reader, in the wire format."""
 
     def __init__(self, folder: Path) -> None:
         self.free = 2 * OnboardLogParameters().stop_bytes
@@ -52,7 +52,7 @@ class Vehicle:
     def feed(self, batch: Record) -> None:
         parts = [batch[start : start + 5] for start in range(0, len(batch), 5)]
         batches = [Batch(part, int(part["imu"]["stamp_ns"][-1]) + 1_000_000) for part in parts]
-        for first in range(0, len(batches), 3):  # as many as come until the next look
+        for first in range(0, len(batches), 3):  # as many as arrive until the next check
             self.log._store(batches[first : first + 3])
 
     def ask(self, first: int, last: int, *columns: str, rows: int = 0) -> Any:

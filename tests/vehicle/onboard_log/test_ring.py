@@ -1,4 +1,4 @@
-"""The ring of onboard logs: which go, in which order, and which never."""
+"""Ring of onboard logs: which are deleted, in which order, and which never."""
 
 from __future__ import annotations
 

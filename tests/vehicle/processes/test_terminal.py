@@ -1,4 +1,4 @@
-"""Lines of several vehicles on one terminal are told apart by name."""
+"""Lines of several vehicles on one terminal are marked with their names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the ground contact from take-off to the rest after touch-down."""
+"""Ground contact from take-off to rest after touch-down."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def test_a_flight_from_the_ground_it_stood_on_to_rest() -> None:
     assert ground.rested(5) < 0.0
     assert ground.touch_down(2_000_000_000)
     assert not ground.airborne
-    assert not ground.touch_down(2_500_000_000)  # told once
+    assert not ground.touch_down(2_500_000_000)  # reported once
     assert ground.rested(3_000_000_000) == pytest.approx(1.0)
 
 
@@ -36,7 +36,7 @@ STEP, SHARE, GRAVITY = 0.002, 0.1, 9.81
 
 
 def flown(lift_per_newton: float, seconds: float = 4.0) -> GroundContact:
-    """A vehicle that hovers with a thrust that is not what its model says."""
+    """Return the contact of a vehicle that hovers with another thrust than its model's."""
     ground = GroundContact()
     ground.arm(0.0)
     ground.rise(1.0)
@@ -52,7 +52,7 @@ def test_the_ground_shows_in_the_lift_whatever_the_model_says(lift_per_newton: f
     ground = flown(lift_per_newton)
     assert ground.carried == 0.0
     hover = GRAVITY / lift_per_newton
-    for _ in range(100):  # 8 % less thrust would be the ground's beginning: not enough yet
+    for _ in range(100):  # 8 % less thrust would be the beginning of contact: not enough yet
         ground.feel(GRAVITY, hover / 1.08, SHARE, STEP)
     assert ground.carried == 0.0
     for k in range(100):

@@ -26,7 +26,7 @@ WELL: dict[str, Any] = {"voltage": 15.0, "pose_age": 0.0, "tilt": 0.0}
 
 
 class Flight:
-    """Steps a supervisor at 500 Hz and remembers when it reacted."""
+    """Supervisor stepped at 500 Hz, with the times of its reactions."""
 
     def __init__(self, **thresholds: Any) -> None:
         self.supervisor = Supervisor(SafetyParameters(**thresholds))
@@ -148,7 +148,7 @@ def test_a_vehicle_that_turned_over_stops_its_motors() -> None:
     assert [v.reaction for _, v in reactions] == [Reaction.CUT]
 
 
-# What is measured, its delay (s), its parameter, the reaction by default, a word of the reason.
+# The measured quantity, its delay (s), its parameter, the default reaction, a word of the reason.
 TRIGGERS = [
     ({"tilt": math.radians(75.0)}, "tilt", 0.2, Reaction.EMERGENCY, "tilt 75 deg"),
     ({"innovation": 0.7}, "innovation", 0.3, Reaction.DESCEND, "0.70 m from their prediction"),

@@ -50,7 +50,7 @@ def test_a_vehicle_on_the_c_firmware_flies_as_one_on_the_python_firmware() -> No
         simulated = SimulatedVehicle(SimulatorParameters(firmware=firmware))
         for k in range(1000):
             command = (8, 252, 10, 125)  # pitch, roll, yaw rate, thrust
-            data = c.encode_command(command) if k < 600 else b""  # in silence it lands alone
+            data = c.encode_command(command) if k < 600 else b""  # in silence it lands by itself
             if k == 0:
                 data = c.encode_set(command, Id.MOTOR_STATE, MotorState.ON)
             simulated.ports[0].write(data)

@@ -1,4 +1,4 @@
-"""The microcontroller alone: what it estimates, how it flies, and how it lands by itself."""
+"""The microcontroller alone: its estimates, its flight, and its landing."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TOUCHING = 0.005  # m
 
 
 class Alone:
-    """A simulated vehicle whose microcontroller is talked to by bytes only."""
+    """Simulated vehicle whose microcontroller is reached only by bytes."""
 
     def __init__(self, **truth: Any) -> None:
         self.robot = SimulatedVehicle(SimulatorParameters(**truth))
@@ -40,7 +40,7 @@ class Alone:
 
     @property
     def angles(self) -> tuple[float, float]:
-        """True roll and pitch, rad."""
+        """Return the true roll and pitch, rad."""
         w, x, y, z = self.robot.truth["quaternion_wb"][0]
         roll = math.atan2(2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
         return roll, math.asin(2 * (w * y - x * z))
@@ -63,7 +63,7 @@ class Alone:
         self.step()
 
     def hover(self, height: float, duration: float, roll: float = 0, pitch: float = 0) -> None:
-        """Hover by the true height; nothing holds the position."""
+        """Hover by the true height; nothing controls the position."""
         p = self.robot.parameters
         share = p.mass / (1.308 * p.thrust_efficiency)
 
@@ -79,8 +79,7 @@ class Alone:
         self.hover(height, 2.0 + height)
 
     def land(self) -> float:
-        """Send nothing until the motors are off, and return the speed (m/s) down at the first
-        touch."""
+        """Send nothing until the motors are off; return the speed (m/s) down at the first touch."""
         impact = None
         for _ in range(500 * 30):
             speed = -float(self.velocity_w[2])

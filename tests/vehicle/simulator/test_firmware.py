@@ -1,4 +1,4 @@
-"""The simulated firmware: what it obeys, echoes, refuses, and when it takes over."""
+"""Simulated firmware: what it obeys, echoes, refuses, and when it takes over."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def frames(data: bytes) -> list[Frame]:
 
 
 def set_state(firmware: Firmware, state: int, references: tuple[int, ...] = STOPPED) -> int:
-    """Ask for a motor state; the state that is echoed."""
+    """Request a motor state; return the state that is echoed."""
     (echo,) = frames(firmware.receive(0, c.encode_set(references, Id.MOTOR_STATE, state)))
     reply = c.decode_value(echo)
     assert reply is not None
@@ -36,7 +36,7 @@ def set_state(firmware: Firmware, state: int, references: tuple[int, ...] = STOP
 
 
 def set_value(firmware: Firmware, id: Id, value: int, command: tuple[int, ...] = STOPPED) -> int:
-    """The value that is echoed."""
+    """Request a value; return the value that is echoed."""
     (echo,) = frames(firmware.receive(0, c.encode_set(command, id, value)))
     reply = c.decode_value(echo)
     assert reply is not None
@@ -185,7 +185,7 @@ def test_statistics_count_a_second() -> None:
         Id.CONTROL_STEPS_PER_SECOND,
         Id.SECOND_SERIAL_PACKETS_PER_SECOND,
     )
-    # One more command than 500: the set that switched the motors on.
+    # One more command than 500: the one that switched the motors on.
     assert [int(firmware.registers[id]) for id in names] == [501, 2, 500, 2, 1000, 250]
 
 

@@ -22,7 +22,7 @@ STEP = 0.002
 
 
 class Robot:
-    """A simulated vehicle that is stepped and configured; motors as commanded."""
+    """Simulated vehicle that is stepped and configured; motors as commanded."""
 
     def __init__(self, **parameters: object) -> None:
         self.parameters = SimulatorParameters.model_validate(parameters)
@@ -58,7 +58,7 @@ class Robot:
         return float(self.simulated.truth["position_w"][0, 2])
 
     def measured(self, seconds: float = 0.5) -> np.ndarray:
-        """Mean accelerometer (3,), m/s^2, as the converters show it."""
+        """Return the mean accelerometer (3,), m/s^2, as the converters report it."""
         sums = np.zeros(3)
         for _ in range(round(seconds / STEP)):
             self.run(STEP)

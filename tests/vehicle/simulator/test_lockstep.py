@@ -1,4 +1,4 @@
-"""Simulated time waits for those who answer, and goes on without those who do not."""
+"""Simulated time waits for processes that answer, and continues without those that do not."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ NAME = "quad1"
 
 
 def sample(milliseconds: int) -> bytes:
-    """The frame of one, taken at this time of the microcontroller."""
+    """Return the frame of a sample measured at this time of the microcontroller."""
     return encode_data(struct.pack("<10h", milliseconds, *range(9)))
 
 
 class Bench:
-    """A pace whose computer's clock only goes on by sleeping, and what happens meanwhile.
+    """Pace whose computer's clock only advances by sleeping.
 
     Attributes:
         meanwhile: called at each sleep.
@@ -61,7 +61,7 @@ class Bench:
         self.meanwhile()
 
     def step(self, period_ns: int = MS) -> int:
-        """One more; how long (ns of the computer) it took to be allowed."""
+        """Make a step; return the time (ns of the computer) until it was allowed."""
         began_ns = self.wall_ns
         self.now_ns += period_ns
         self.pace.reach(self.now_ns)
@@ -69,11 +69,11 @@ class Bench:
         return self.wall_ns - began_ns
 
     def deliver(self, milliseconds: int) -> None:
-        """A sample of this time can be read from the first port."""
+        """Make a sample of this time readable from the first port."""
         self.pace.lines[NAME][0].delivered(sample(milliseconds))
 
     def truth(self) -> None:
-        """The station has handled what is true now."""
+        """Report that the station has handled the present truth."""
         self.part.truth(self.now_ns + self.page[clock.EPOCH])
 
     @property
@@ -122,7 +122,7 @@ def test_it_waits_for_the_tick_on_a_sample(bench: Bench) -> None:
 
 def test_of_a_board_that_is_asked_it_waits_until_flight_has_looked(page: memoryview) -> None:
     bench = Bench(page, is_asked=True)
-    bench.deliver(7)  # which flight need not name
+    bench.deliver(7)  # which the flight process need not handle
     bench.part.served(bench.now_ns)
     assert [bench.step() for _ in range(2)] == [MS] * 2
     begun_ns = bench.wall_ns
@@ -242,7 +242,7 @@ def test_the_real_time_factor_is_that_of_the_last_seconds(bench: Bench) -> None:
     bench.meanwhile = slow
     for _ in range(3000):
         bench.step()
-        if bench.wall_ns - bench.offset_ns > MADE_UP_NS:  # else it would make up for it
+        if bench.wall_ns - bench.offset_ns > MADE_UP_NS:  # otherwise it would catch up
             bench.wall_ns += MS
     factor = clock.real_time_factor()
     assert 0.3 < factor < 0.9

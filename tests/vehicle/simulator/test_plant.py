@@ -1,4 +1,4 @@
-"""The plant: ground, flight, drag, rotors, battery, against closed forms."""
+"""Plant: ground, flight, drag, rotors, battery, against closed forms."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def run(plant: Record, references: tuple[int, int, int, int], seconds: float) ->
 
 
 def flying(parameters: SimulatorParameters) -> Record:
-    """High up, at rest, rotors at the speed that hovers the nominal vehicle."""
+    """Return a plant high up, at rest, with the rotor speeds that hover the nominal vehicle."""
     plant = new_plant(parameters)
     plant["x"][0, 2] = 100.0
     plant["rotor_speeds"] = 127.0
@@ -155,7 +155,7 @@ def test_which_motors_turn_it_which_way(
     run(plant, references, 0.1)
     omega = state(plant)["angular_velocity_b"][0]
     assert omega[axis] * sign > 0.05
-    # Thrust is not linear in the reference: a little yaw comes along.
+    # Thrust is not linear in the reference: it causes a little yaw.
     assert np.abs(np.delete(omega, axis)).max() < 0.02 * abs(omega[axis])
 
 

@@ -1,4 +1,4 @@
-"""The simulator in real time: serial devices anyone may open and leave, truth on the same clock."""
+"""Simulator in real time: serial devices that may be opened and closed, truth on the same clock."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 
 BOUND = 30.0
-"""s, after which a test that waits has failed."""
+"""Time, in s, after which a waiting test fails."""
 
 
 class Simulator(threading.Thread):
@@ -154,7 +154,7 @@ def test_when_the_machine_stopped_the_lost_samples_are_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(process, "GIVE_UP_NS", -(10**12))  # every sample is "too late" …
-    thread = Simulator(tmp_path)  # which hurries, and not the tests after this
+    thread = Simulator(tmp_path)  # this process hurries, not the tests after it
     said: list[str] = []
 
     def say(line: str) -> None:
@@ -176,7 +176,7 @@ def test_unread_bytes_are_bounded_thrown_away_and_counted(tmp_path: Path) -> Non
         terminal.write(b"%033d\r" % index)
     slave = os.open(tmp_path / "mcu0", os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
     waiting, index = b"", 3000
-    while not waiting.endswith(b"%033d\r" % (index - 1)):  # all that was on its way has come
+    while not waiting.endswith(b"%033d\r" % (index - 1)):  # all bytes sent have arrived
         terminal.write(b"%033d\r" % index)
         index += 1
         assert select.select([slave], [], [], BOUND)[0], "nothing came"
@@ -198,7 +198,7 @@ def test_a_pulled_adapter_is_gone_for_the_vehicle_and_comes_back_as_a_new_device
     terminal.write(b"#lost\r")
     assert terminal.read() == b""
     with pytest.raises(PortError, match="is gone"):
-        _ = [port.read() for _ in range(2)]  # what came before may still be there
+        _ = [port.read() for _ in range(2)]  # earlier bytes may still be there
     with pytest.raises(PortError, match="is gone"):
         port.write(b"x")
     port.close()
@@ -241,7 +241,7 @@ def test_sigterm_and_sigint_stop_it() -> None:
 
 # ---------------------------------------------------------------- truth
 class Receiver:
-    """The way out of a TruthPublisher, and what came through it."""
+    """Output of a TruthPublisher, and what it has sent."""
 
     def __init__(self, refusals: int = 0) -> None:
         self.payloads: list[tuple[bytes, int]] = []
@@ -265,7 +265,7 @@ def test_truth_is_sent_as_odometry_with_its_stamp() -> None:
     publisher = TruthPublisher(receiver.connect, "quad1")
     state = new_state()
     sent = False
-    while not sent:  # what is offered before the session is there is dropped as old
+    while not sent:  # what is offered before the session is open is dropped as old
         state["position_w"] = (1.0, 2.0, 3.0)
         publisher.offer(1_700_000_000_123_456_789, state)
         state["position_w"] = 0.0  # it was copied
@@ -382,8 +382,8 @@ def test_truth_and_vehicle_share_a_clock(tmp_path: Path, monkeypatch: pytest.Mon
         for port in ports:
             port.close()
     stamp_ns = receiver.payloads[-1][1]
-    # Same grid of 10 ms, shifted by the least delay of a sample on its way; a loaded test
-    # machine may stretch that.
+    # The same grid of 10 ms, shifted by the least delay of a sample on its way; a loaded test
+    # machine may lengthen that.
     shift = (sample.stamp_ns - stamp_ns) % 2_000_000
     assert min(shift, 2_000_000 - shift) < 1_000_000
     assert abs(sample.stamp_ns - stamp_ns) < 5_000_000_000

@@ -1,4 +1,4 @@
-"""Sensors: counts of the truth, with the noise and biases asked for."""
+"""Sensors: counts of the truth, with the configured noise and biases."""
 
 from __future__ import annotations
 

@@ -18,13 +18,13 @@ from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.ids import MotorState
 
 FULL = 16.8
-"""V without load, of four cells."""
+"""Voltage without load, of four cells, V."""
 EMPTY = 13.0
 START = (1.0, -2.0, 0.0)
 
 
 class Robot:
-    """A simulated vehicle away from its start with an empty battery; motors as commanded."""
+    """Simulated vehicle away from its start with an empty battery; motors as commanded."""
 
     def __init__(self, **parameters: object) -> None:
         empty = {"start_x": START[0], "start_y": START[1], "battery_charge": 0.02}

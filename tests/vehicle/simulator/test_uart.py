@@ -1,4 +1,4 @@
-"""The serial line at its pace, against a real pseudo-terminal."""
+"""Serial line at its rate, against a real pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_both_ways_carry_11520_bytes_a_second(line: tuple[Uart, SerialPort]) -> 
             uart.write(FRAME)
         host.write(bytes(waiting[:20]))  # 20 kB/s offered
         del waiting[:20]
-        assert select.select([uart], [], [], 10.0)[0]  # the kernel hands them over when it may
+        assert select.select([uart], [], [], 10.0)[0]  # the kernel delivers them when it can
         uart.advance(MS)
         out += host.read()
         back += uart.read()

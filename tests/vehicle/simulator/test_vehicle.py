@@ -1,4 +1,4 @@
-"""The simulated vehicle as a whole: only bytes go in and out, and the same bytes for a seed."""
+"""The simulated vehicle as a whole: only bytes in and out, and the same bytes for a seed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CLIMB = (135, 135, 135, 135)
 
 
 def fly(seed: int, steps: int) -> tuple[list[RawSample], bytes]:
-    """Motors on, constant references; what was sampled, and the truth at the end."""
+    """Fly with motors on and constant references; return the samples and the truth at the end."""
     simulated = SimulatedVehicle(SimulatorParameters(seed=seed))
     mcu = Microcontroller(simulated.ports, 0)
     mcu.set_motor_state(MotorState.ON)
@@ -160,7 +160,7 @@ def test_skipped_samples_are_a_gap_in_the_stamps() -> None:
     for _ in range(3):
         simulated.step()
         samples += mcu.receive()
-    # The first one after the gap is taken for damage until the next confirms it.
+    # The first one after the gap is regarded as damaged until the next confirms it.
     assert [sample.stamp_ns for sample in samples] == [0, 2_004_000_000, 2_006_000_000]
 
 

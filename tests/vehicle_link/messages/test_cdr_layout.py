@@ -1,4 +1,4 @@
-"""Fixed layouts hold the bytes rosbags would write."""
+"""Fixed layouts have the bytes that rosbags would write."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ CASES: dict[str, tuple[dict[str, str], dict[str, int]]] = {
 
 
 def _random(layout: FixedLayout, count: int, rng: np.random.Generator) -> Any:
-    """Records with every field of every message at random."""
+    """Return records with random values in every field of every message."""
     records = layout.new(count)
     for name in layout.dtype.names or ():
         shape, dtype = records[name].shape, layout.dtype[name].base
@@ -41,7 +41,7 @@ def _random(layout: FixedLayout, count: int, rng: np.random.Generator) -> Any:
 
 
 def _as_message(type_name: str, record: np.void, strings: dict[str, str]) -> Any:
-    """The same content as a rosbags message, built without knowing of offsets."""
+    """Return the same content as a rosbags message, built without offsets."""
     message = new(type_name)
     for path, text in strings.items():
         *owners, field = path.split(".")

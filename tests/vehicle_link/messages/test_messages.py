@@ -54,7 +54,7 @@ def test_type_hash_equals_the_one_of_ros(type_name: str) -> None:
 
 
 def test_every_quadlab_message_survives_the_wire_when_empty() -> None:
-    # Reading an old log adds what messages were then, as `ParameterChangeVersion0`.
+    # Reading an old log adds the types of that time, such as `ParameterChangeVersion0`.
     ours = [
         name
         for name in TYPESTORE.types

@@ -1,4 +1,4 @@
-"""Tests that 3D panels draw where the vehicle was and was to be, when it is due."""
+"""3D panels draw the vehicle's past and reference path, when they are due."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ TICK_NS = 2_000_000
 
 
 def flight(count: int, start_ns: int = START_NS) -> Record:
-    """A circle of 1 m around (1, 2), and a reference 0.1 m above it; (count,) ticks of 500 Hz."""
+    """Return a circle of 1 m around (1, 2), and a reference 0.1 m above it.
+
+    The shape is (count,), ticks at 500 Hz.
+    """
     ticks = np.zeros(count, TICK)
     time = np.arange(count) * TICK_NS * 1e-9
     ticks["imu"]["stamp_ns"] = start_ns + np.arange(count) * TICK_NS
@@ -31,7 +34,7 @@ def flight(count: int, start_ns: int = START_NS) -> Record:
 
 
 def drawn(scene: SceneMessages, ticks: Record) -> list[tuple[str, Any]]:
-    """Each message decoded, its bytes those that the general encoder makes of it."""
+    """Return each message decoded, after comparing its bytes with the general encoder's."""
     found = []
     for topic, payload, _ in scene.of(ticks):
         message = decode(payload, TOPICS[topic].type_name)

@@ -95,6 +95,6 @@ def test_bytes_that_are_no_telemetry_are_refused(payload: bytes) -> None:
 
 def test_counts_that_do_not_agree_are_refused() -> None:
     payload = bytearray(pack(_ticks(2), 0))
-    payload[20] = 3  # says three offsets in a packet as long as two
+    payload[20] = 3  # claims three offsets in a packet as long as two
     with pytest.raises(LinkError, match="layout of quadlab_msgs/Telemetry"):
         unpack(bytes(payload))

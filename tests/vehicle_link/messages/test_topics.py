@@ -49,7 +49,7 @@ STAMP = 1_700_000_000_123_456_789
 
 
 def _ticks(count: int = 4) -> Record:
-    """Ticks with every float at random, unit quaternions, stamps 2 ms apart."""
+    """Return ticks with random floats, unit quaternions, and stamps 2 ms apart."""
     print("seed", SEED)
     rng = np.random.default_rng(SEED)
     ticks = np.zeros(count, TICK)

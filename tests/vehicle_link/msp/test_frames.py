@@ -1,4 +1,4 @@
-"""MSP v2: what is sent is read back, and damage costs the damaged frame alone."""
+"""MSP v2: frames are read back as sent, and damage costs only the damaged frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parameters as ROS messages: values and descriptions come back exactly."""
+"""Parameters as ROS messages: values and descriptions are converted back exactly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A replica knows when changes alone do not make it true any more."""
+"""A replica detects when changes alone no longer keep it correct."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ KP, KV, LAYOUT = "control.kp", "control.kv", "station.bearings.layout"
 
 @pytest.fixture
 def later(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """The seconds that have passed, to be set."""
+    """Return a list whose number, set by the test, is the seconds that have passed."""
     now = [0.0]
     monkeypatch.setattr("vehicle_link.parameters.replica.monotonic", lambda: 100.0 + now[0])
     return now
@@ -19,7 +19,7 @@ def later(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 @pytest.fixture
 def replica() -> ParameterReplica:
-    """Process 1 of a vehicle, read at revision 3."""
+    """Return the replica of process 1 of a vehicle, read at revision 3."""
     made = ParameterReplica()
     made.show(1, 3)
     made.load({KP: 4.0, KV: 3.0, LAYOUT: "paper"}, 3, 1)

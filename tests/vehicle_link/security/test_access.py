@@ -1,4 +1,4 @@
-"""Pilots, observers and strangers at a vehicle's door: real sessions, real certificates."""
+"""Access of pilots, observers and strangers to a vehicle: real sessions, real certificates."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ UP = ("tracker_pose", "bearings", "joy", "station_heartbeat")
 
 @dataclass
 class Door:
-    """A vehicle of a base, and the stations that a test brings to it."""
+    """A vehicle of a base, and the stations that a test connects to it."""
 
     base: Path
     port: int
@@ -77,7 +77,7 @@ def door(tmp_path: Path) -> Iterator[Door]:
 
 
 def _hears_status(station: Node, vehicle: Node) -> bool:
-    """Sent until it is heard: datagrams may come up a little later than the link."""
+    """Send until received, because datagrams may start a little later than the link."""
     row, got = TOPICS["status"], threading.Event()
     station.subscribe(row.name, row.type_name, lambda received: got.set())
     publisher = vehicle.advertise(row)
@@ -118,12 +118,12 @@ def test_an_observer_hears_and_changes_nothing(door: Door, tmp_path: Path) -> No
     assert answer.protocol == protocol()
     for name in UP:
         station.advertise(TOPICS[name]).put(b"no")
-    # Past what shows each other the way, too: a key that is known need not be announced.
+    # Wait until both have found each other: a known key need not be announced.
     clients = [station.client(name, ARM) for name in ("arm", "disarm")]
     for client in clients:
         with pytest.raises(UnreachableError):
             client.call(new(f"{ARM}_Request"))
-    clock.call(new(f"{TIME_SYNC}_Request"))  # what was sent before has been there by now
+    clock.call(new(f"{TIME_SYNC}_Request"))  # earlier messages have arrived by then
     assert door.heard.empty()
 
 

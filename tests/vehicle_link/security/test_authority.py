@@ -1,4 +1,4 @@
-"""The private authority: files, names, and what is said when a certificate does not fit."""
+"""Private authority: files, names, and messages when a certificate does not fit."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ PAIRS = ("station.pem", "station.key", "vehicle.pem", "vehicle.key", "web.pem", 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A base's folder with every file."""
+    """Return a base's folder with every file."""
     return ensure_web_certificate(tmp_path_factory.mktemp("whole"), []).folder
 
 
@@ -120,7 +120,7 @@ def test_with_the_authority_whole_a_start_changes_no_file_that_is_there(
         tls = _copy(whole, tmp_path / str(k), ("ca.pem", "ca.key", *names))
         before = _contents(tls)
         lone = [role for role in ROLES if f"{role}.pem" in names and f"{role}.key" not in names]
-        if lone:  # a certificate of which the key is gone would have to be written over
+        if lone:  # a certificate whose key is missing would have to be overwritten
             with pytest.raises(LinkError, match=rf"{lone[0]}\.key is missing"):
                 ensure_certificates(tls.folder)
         else:
@@ -165,7 +165,7 @@ def test_a_first_start_that_was_cut_off_anywhere_is_gone_on_with(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class CutOff(BaseException):
-        """A kill, raised as an exception that nothing cleans up after."""
+        """Kill, raised as an exception that nothing cleans up after."""
 
     for kept in range(7):
         tls, writes = TlsFiles(tmp_path / str(kept)), iter(range(kept))
@@ -201,7 +201,7 @@ def test_an_authority_made_of_the_key_alone_is_no_stranger_to_what_it_has_signed
     ensure_certificates(tls.folder)
     enrolled.certificate("station").write_bytes(tls.certificate("station").read_bytes())
     enrolled.key("station").write_bytes(tls.key("station").read_bytes())
-    check_certificate(enrolled, "station")  # by the ca.pem of before
+    check_certificate(enrolled, "station")  # by the previous ca.pem
 
 
 def test_a_certificate_made_anew_keeps_its_key(tls: TlsFiles) -> None:
@@ -219,7 +219,7 @@ def test_a_vehicle_that_had_made_its_own_takes_the_files_of_a_base(tmp_path: Pat
     for path in issued.present():
         shutil.copy2(path, own.folder / path.name)
     before = _contents(own)
-    ensure_certificates(own.folder, ["new.local"])  # its ca.key can sign nothing of this ca.pem
+    ensure_certificates(own.folder, ["new.local"])  # its ca.key cannot sign for this ca.pem
     assert _contents(own) == before
     check_certificate(own, "vehicle", "quad1.local")
     with pytest.raises(LinkError, match=r"ca\.key does not belong to .*ca\.pem; on the base, copy"):

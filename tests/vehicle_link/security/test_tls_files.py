@@ -1,4 +1,4 @@
-"""Tests of the lines about certificates that cannot be used, and keys that others may read."""
+"""Messages about certificates that cannot be used, and keys that others may read."""
 
 from __future__ import annotations
 
@@ -166,4 +166,4 @@ def test_keys_that_others_may_use_are_told_with_mode_and_remedy(tmp_path: Path) 
         f"`chmod 600 '{folder}/vehicle.key'`",
     ]
     ensure_certificates(folder)
-    check_certificate(tls, "vehicle")  # told, not refused
+    check_certificate(tls, "vehicle")  # reported, not refused

@@ -1,5 +1,7 @@
-"""Two stations on one vehicle, each with its hub and radio: real sessions, the vehicle's own inbox
-and the stations' own outboxes."""
+"""Two stations on one vehicle, each with its hub and radio.
+
+The sessions, the vehicle's inbox and the stations' outboxes are real.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,7 @@ BEAT = 0.02
 
 
 class _Beating:
-    """Calls `beat` until it is closed."""
+    """Thread that calls `beat` until it is closed."""
 
     def __init__(self, session: Any, node: str) -> None:
         self.session, self.node = session, Node(session, "/quad1", node)
@@ -92,7 +94,7 @@ class Vehicle(_Beating):
 
 
 class Station(_Beating):
-    """Beats and sends poses all the time, as far as it may. `number`: x of its poses."""
+    """Station that sends heartbeats and poses, if allowed; `number` is the x of its poses."""
 
     def __init__(self, port: int, tls: TlsFiles, number: int) -> None:
         loopback = free_port(socket.SOCK_STREAM)
@@ -124,7 +126,7 @@ class Station(_Beating):
 
 @pytest.fixture
 def make(tmp_path: Path) -> Iterator[Callable[[int], Any]]:
-    """`make(0)` is the vehicle, which is first; other numbers are stations."""
+    """Yield `make`: `make(0)` is the vehicle, which is first; other numbers are stations."""
     tls, port = ensure_certificates(tmp_path), free_port(socket.SOCK_DGRAM)
     made: list[_Beating] = []
 
@@ -186,7 +188,7 @@ def test_the_first_that_comes_back_finds_the_second_flying(make: Callable[[int],
     wait_for(lambda: vehicle.inbound.holder == first.instance)
     second = make(2)
     wait_for(lambda: second.link.problem())
-    first.radio.close(WAIT)  # its process lives on
+    first.radio.close(WAIT)  # its process continues
     wait_for(lambda: vehicle.inbound.holder == second.instance)
     first.radio = first.dial()
     wait_for(lambda: first.link.problem())

@@ -1,4 +1,4 @@
-"""Tests of which loop rates the serial ports carry."""
+"""Loop rates that the serial ports can carry."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Tests of the search behind serial devices: real pseudo-terminals, with the simulated firmware or
-worse."""
+"""Search for devices: real pseudo-terminals, with the simulated firmware or a faulty one."""
 
 from __future__ import annotations
 
@@ -39,7 +38,7 @@ from vehicle_link.serial.port import SerialPort
 
 
 class Robot(threading.Thread):
-    """A microcontroller behind pseudo-terminals, in real time; subclasses spoil its lines."""
+    """Microcontroller behind pseudo-terminals, in real time; subclasses spoil its lines."""
 
     def __init__(self, ports: int = 2, robot_id: int = 1, revision: int = 1, age_ms: int = 0):
         super().__init__(daemon=True)
@@ -70,7 +69,7 @@ class Robot(threading.Thread):
             self.write(self.masters[index], data)
 
     def write(self, master: int, data: bytes) -> None:
-        with suppress(BlockingIOError):  # nobody reads
+        with suppress(BlockingIOError):  # no reader
             os.write(master, self.spoil(data))
 
     def spoil(self, data: bytes) -> bytes:
@@ -106,14 +105,14 @@ class Slow(Robot):
 
 
 class Deaf(Robot):
-    """Sends samples; what is said to it never arrives."""
+    """Sends samples, but receives nothing."""
 
     def spoil(self, data: bytes) -> bytes:
         return data if data.startswith(b"#bD") else b""
 
 
 class Forgetful(Robot):
-    """Says who it is and nothing more."""
+    """Reports its identity and nothing more."""
 
     def spoil(self, data: bytes) -> bytes:
         whose = [decode_value(frame) for frame in FrameDecoder().feed(data)]
@@ -130,7 +129,7 @@ class Echo(Robot):
 
 
 class Flood(Robot):
-    """Never stops, and ends no frame."""
+    """Sends without end, and ends no frame."""
 
     def run(self) -> None:
         while not self.stopping.is_set():
@@ -139,7 +138,7 @@ class Flood(Robot):
 
 
 class Liar(Robot):
-    """Well-formed frames that say anything."""
+    """Sends well-formed frames with random content."""
 
     def run(self) -> None:
         generator = random.Random(5)
@@ -153,7 +152,7 @@ class Liar(Robot):
 
 
 class Unplugged(Robot):
-    """Goes at the first word."""
+    """Is unplugged at the first message."""
 
     def spoil(self, data: bytes) -> bytes:
         if self.heard:
@@ -313,7 +312,7 @@ def test_a_clock_is_bounded_by_the_best_of_its_answers() -> None:
     clock = Clock().updated(5_000, 10.0, 10.1).updated(5_200, 10.2, 10.21)
     assert clock.low == pytest.approx(-5_010)
     assert clock.high == pytest.approx(-5_000 + STALE_MS)
-    stalled = clock.updated(5_200, 10.6, 10.61)  # 0.4 s old: it says nothing about the clock
+    stalled = clock.updated(5_200, 10.6, 10.61)  # 0.4 s old: no information about the clock
     assert stalled == clock
     assert clock.agrees(clock)
 

@@ -1,4 +1,4 @@
-"""Sets and requests are repeated until answered as expected, and told when they never are."""
+"""Sets and requests are repeated until answered as expected, and reported if they never are."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def one(data: bytes) -> Frame:
 
 
 def times_ms(exchange: Exchange, until_ms: int) -> list[int]:
-    """Return when something was sent, serviced each millisecond."""
+    """Return the times of sending, with a service every millisecond."""
     return [ms for ms in range(until_ms) if exchange.service(ms * 1e-3, COMMAND)]
 
 

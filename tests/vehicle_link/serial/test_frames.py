@@ -1,4 +1,4 @@
-"""The frame layer: bytes as the contract says, and no damage beyond what was hit."""
+"""Frame layer: bytes as in the contract, and damage that spoils only what it hits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FRAMES = tuple(
 
 
 def slow_frame(command: str, payload: bytes) -> bytes:
-    """The contract's text, bit by bit."""
+    """Return a frame made as the contract's text says, bit by bit."""
     payload += bytes(-len(payload) % 3)
     bits = "".join(f"{byte:08b}" for byte in payload)
     data = "".join(chr(61 + int(bits[i : i + 6], 2)) for i in range(0, len(bits), 6))

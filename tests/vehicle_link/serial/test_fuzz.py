@@ -1,4 +1,4 @@
-"""Random, truncated, interleaved and hostile bytes: nothing raises, piles up or costs more.
+"""Random, truncated, interleaved and hostile bytes: nothing raises, accumulates or costs more.
 
 Every random stream is made from a seed that is part of the test's name.
 """
@@ -46,7 +46,7 @@ def interleaved(generator: Random) -> bytes:
 
 
 def endless(generator: Random) -> bytes:
-    """Data characters without an end, now and then a start."""
+    """Return data characters without an end, and sometimes a start."""
     return generator.choice((b"#", b"#b", b"", b"\0")) + b"=?A" * generator.randrange(400)
 
 
@@ -55,7 +55,7 @@ def repeated(generator: Random) -> bytes:
 
 
 def forged(generator: Random) -> bytes:
-    """A right checksum around what is no data64, or too long."""
+    """Return a correct checksum around invalid or too long data64."""
     body = b"#b" + generator.choice((b"SAA", b"S" + b"=" * 80, b"S\0\0\0\0", b"S~~~~", b""))
     total = sum(body) % 4096
     return body + bytes((61 + total // 64, 61 + total % 64)) + b"\r"
@@ -136,7 +136,7 @@ def test_a_line_that_says_one_thing_for_ever_keeps_no_more_than_a_frame(byte: by
 
 # ---------------------------------------------------------------- both ends whole
 def nonsense(generator: Random) -> bytes:
-    """Well-formed frames from the microcontroller that say anything."""
+    """Return well-formed frames of the microcontroller with random content."""
     kind = generator.randrange(3)
     if kind == 0:
         return c.encode_value(generator.randrange(-32768, 32768), generator.randrange(-200, 200))
@@ -165,7 +165,7 @@ def test_the_microcontroller_interface_survives_any_bytes(seed: int, real_time: 
         mcu.service(step * 0.002)
     assert mcu.damaged > 1_000
     firmware = Firmware()
-    for step in range(1_000):  # and it gets along with a sound one afterwards
+    for step in range(1_000):  # a sound one works afterwards
         for index, (_, far) in enumerate(pairs):
             far.write(b"\r" + firmware.receive(index, far.read()))
         mcu.receive()

@@ -16,7 +16,7 @@ from vehicle_link.serial.port import PortError, PortProblem, SerialPort, memory_
 
 
 class Terminal:
-    """A pseudo-terminal whose master side the test holds."""
+    """Pseudo-terminal whose master side the test has."""
 
     def __init__(self) -> None:
         self.master, self._slave = os.openpty()

@@ -1,7 +1,8 @@
-"""A ROS 2 node of another make (zenoh-ros2-sdk) in a process of its own, asked line by line.
+"""ROS 2 node of another implementation (zenoh-ros2-sdk) in a separate process.
 
-`python ros2_node.py PORT FOLDER`: a router's TCP port on loopback, and message definitions as ROS 2
-packages have them, so that nothing is fetched. A line of JSON in, a line of JSON out.
+`python ros2_node.py PORT FOLDER`: a router's TCP port on loopback, and message definitions in the
+form of ROS 2 packages, so that nothing is downloaded. It answers each line of JSON by a line of
+JSON.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ WAIT = 10.0  # s: a bound
 class Peer:
     def __init__(self, port: int, definitions: Path) -> None:
         self._session = ZenohSession.get_instance("127.0.0.1", port)
-        message_registry.get_repository_for_package = lambda package: None  # fetches nothing
+        message_registry.get_repository_for_package = lambda package: None  # downloads nothing
         message_registry.get_registry(str(definitions))
         self._heard: dict[str, queue.SimpleQueue[Any]] = {}
         self._open: list[Any] = []
@@ -66,7 +67,7 @@ class Peer:
         return True
 
     def _value(self, value: Any) -> Any:
-        """Messages and arrays from dictionaries that say of what they are."""
+        """Return messages and arrays from dictionaries that name their types."""
         if isinstance(value, list):
             return [self._value(v) for v in value]
         if not isinstance(value, dict):
@@ -95,7 +96,7 @@ class Peer:
 
 
 def plain(value: Any) -> Any:
-    """Return the message as JSON can hold it."""
+    """Return the message in a form for JSON."""
     if hasattr(value, "__dataclass_fields__"):
         fields = {name: getattr(value, name) for name in value.__dataclass_fields__}
         return {name: plain(v) for name, v in fields.items() if not name.startswith("__")}

@@ -1,4 +1,4 @@
-"""The lane: what its datagrams let through, and its two ends over real sockets on loopback."""
+"""Lane: what its datagrams let through, and its two ends over real sockets on loopback."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def test_an_order_is_not_undone_by_an_older_one_that_comes_later() -> None:
 
 # --------------------------------------------------------------------- two ends
 class Wire:
-    """A UDP port that leads to another, may be cut, and may seem to have moved."""
+    """UDP port that leads to another, may be cut, and may seem to have moved."""
 
     def __init__(self, port: int) -> None:
         self.near = self._new()
@@ -226,7 +226,7 @@ class Ends:
         self._stack.callback(self.vehicle.close)
 
     def ask(self, station: int, wire: Callable[[int], int]) -> Message:
-        """Ask as over the link: bytes there and back."""
+        """Call as over the link: bytes there and back."""
         self.asked += 1
         answer = decode(encode(self.vehicle.grant(station)), RESPONSE)
         if self.answer_is_lost:
@@ -248,7 +248,7 @@ class Ends:
         return lane, wire, inbox
 
     def until(self, reached: Callable[[], bool], *lanes: StationLane) -> None:
-        """Meanwhile the vehicle beats, over the link and by the lane."""
+        """Wait while the vehicle sends heartbeats, over the link and by the lane."""
         tick, end = threading.Event(), time.monotonic() + WAIT
         while not reached():
             assert time.monotonic() < end
@@ -257,7 +257,7 @@ class Ends:
             tick.wait(0.01)
 
     def heard_by(self, inbox: Inbox, payload: bytes) -> None:
-        """The vehicle sends until it came."""
+        """Let the vehicle send until the payload has arrived."""
         got: list[tuple[str, int, bytes]] = []
 
         def came() -> bool:
@@ -292,8 +292,10 @@ def test_who_greets_otherwise_says_no_hello(ends: Ends) -> None:
     pause = threading.Event()
 
     def beats_alone() -> bool:
-        """Send heartbeats alone for some 0.4 s; a machine that stands still meanwhile lets a hello
-        in between."""
+        """Send only heartbeats for some 0.4 s.
+
+        A machine that stalls in the meantime lets a hello in between.
+        """
         before = len(wire.carried)
         for count in range(12):
             lane.put("station_heartbeat", message(count + 1, b"a beat"), greets=True)
@@ -330,7 +332,7 @@ def test_the_station_drops_what_is_not_of_its_vehicle(ends: Ends) -> None:
         for garbage in (b"", bytes(1500), own, os.urandom(100)):
             stranger.sendto(garbage, ("127.0.0.1", lane._socket.port))
         ends.until(lambda: lane.refused.total == 4)
-        assert lane.refused == Refused(foreign=3, forged=1)  # its own, thrown back at it
+        assert lane.refused == Refused(foreign=3, forged=1)  # its own, sent back to it
     ends.heard_by(inbox, b"still")
 
 
@@ -346,7 +348,7 @@ def test_a_break_needs_no_new_keys(ends: Ends) -> None:
     lane, wire, inbox = ends.station()
     ends.heard_by(inbox, b"before")
     wire.cut = True
-    ends.until(lambda: not lane.stands)  # the link is down as well: nobody can be asked
+    ends.until(lambda: not lane.stands)  # the link is down as well: no one can be asked
     wire.cut = False
     ends.heard_by(inbox, b"after")
     assert lane.stands
@@ -434,7 +436,7 @@ def test_what_stations_may_send_is_the_vehicles_choice(ends: Ends) -> None:
 def test_a_station_is_not_given_up_while_simulated_time_stands_still(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whoever reads its datagrams may have no processor for longer."""
+    """The process that reads the datagrams may have no processor for longer."""
     page = Page(["quad1"], tmp_path)
     clock.follow(page.path)
     vehicle = VehicleLane(0, lambda topic, received: None, "127.0.0.1")

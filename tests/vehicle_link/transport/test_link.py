@@ -1,4 +1,4 @@
-"""The real link: a vehicle, a station that routes, and a client on the station's loopback."""
+"""Real link: a vehicle, a station that routes, and a client on the station's loopback."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Link:
 def link(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Link]:
     tls = ensure_certificates(tmp_path_factory.mktemp("tls"))
     udp = free_port(socket.SOCK_DGRAM)
-    # The station first: it must not need the vehicle to start.
+    # The station starts first: it must not need the vehicle.
     station = StationLink(udp, tls)
     web = loopback_session(station.loopback_port)
     vehicle = vehicle_session(udp, tls)
@@ -91,7 +91,7 @@ def link(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Link]:
 
 
 class Inbox:
-    """Received messages, awaited with a bound."""
+    """Received messages, with a bounded wait."""
 
     def __init__(self) -> None:
         self._queue: queue.SimpleQueue[Received] = queue.SimpleQueue()
@@ -116,7 +116,7 @@ def test_telemetry_goes_from_vehicle_to_station_and_client(link: Link) -> None:
     assert publisher.wait(WAIT)
     ticks = np.zeros(5, TICK)
     ticks["state"]["position_w"] = 1.5
-    # Until both have heard it: best effort, and either subscription may arrive later.
+    # Until both have received it: best effort, and either subscription may arrive later.
     numbers: list[int] = []
     for inbox in inboxes:
         received = _put_until_heard(publisher, pack(ticks, 9), inbox)
@@ -295,7 +295,7 @@ def test_a_service_that_is_lost_while_it_works_may_have_carried_it_out(link: Lin
 
     def leave() -> None:
         entered.wait(WAIT)
-        threading.Event().wait(0.2)  # the link breaks later than an absent service is known of
+        threading.Event().wait(0.2)  # it breaks after an absent service is detected
         session.close()
 
     leaving = threading.Thread(target=leave)
@@ -338,7 +338,7 @@ def test_a_question_on_its_way_while_its_service_closes_is_a_link_error(
     leaving.serve("leaving", SERVICES["arm"], _ok, at_once=2)
     client = link.web.client("leaving", SERVICES["arm"])
     assert client.wait(WAIT)
-    leaving._pool.shutdown()  # closed, and the question not yet stopped
+    leaving._pool.shutdown()  # closed, with the request not yet stopped
     with caplog.at_level("DEBUG"), pytest.raises(LinkError, match="the vehicle is closing"):
         client.call(new(REQUEST), WAIT)
     assert "leaving was asked while it closes" in caplog.text
@@ -394,7 +394,7 @@ class _Root(Parameters):
 
 
 class Authority:
-    """A store behind the services, as on the vehicle."""
+    """Store behind the services, as on the vehicle."""
 
     def __init__(self) -> None:
         self.store = ParameterStore(_Root(position=_Gains(), model=VehicleModel()))
@@ -417,7 +417,7 @@ class Authority:
 def authority(link: Link) -> Authority:
     authority = Authority()
     serve_parameters(link.vehicle, authority)
-    # All six are there before a test counts on one of them.
+    # All six are available before a test depends on one of them.
     request = "rcl_interfaces/srv/SetParameters"
     assert link.web.client("vehicle/set_parameters", request).wait(WAIT)
     describe = "rcl_interfaces/srv/DescribeParameters"

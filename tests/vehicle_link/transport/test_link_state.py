@@ -20,7 +20,7 @@ RESPONSE = "quadlab_msgs/srv/Command_Response"
 
 
 def _exchange(at: int, offset: int, there: int, back: int) -> Exchange:
-    """One exchange started at client time `at`; the server takes 0.1 ms to answer."""
+    """Return one exchange started at client time `at`; the server takes 0.1 ms to answer."""
     received = at + there + offset
     sent = received + MS // 10
     return Exchange(at, received, sent, sent - offset + back)
@@ -56,7 +56,7 @@ def test_old_exchanges_leave_the_window() -> None:
     clock.add(_exchange(0, 0, MS, MS))
     for i in (1, 2):
         clock.add(_exchange(i * 1000 * MS, 0, 5 * MS, 3 * MS))
-    assert clock.offset_ns == MS  # the first, which said 0, is gone
+    assert clock.offset_ns == MS  # the first, with 0, is dropped
 
 
 def test_a_server_that_restarted_is_believed_at_once() -> None:

@@ -1,4 +1,4 @@
-"""A sample that Zenoh hands to another topic's subscription is not taken for that topic's."""
+"""A sample that Zenoh delivers to another topic's subscription is not accepted as that topic's."""
 
 from __future__ import annotations
 

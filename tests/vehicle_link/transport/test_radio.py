@@ -1,4 +1,4 @@
-"""A station of a hub and radios: real sessions on loopback."""
+"""Station with a hub and radios: real sessions on loopback."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ ARM = SERVICES["arm"]
 
 
 class Vehicle:
-    """A node that sends a status every 20 ms until it is muted."""
+    """Node that sends a status every 20 ms until it is muted."""
 
     def __init__(self, tls: TlsFiles, name: str) -> None:
         self.port = free_port(socket.SOCK_DGRAM)
@@ -56,7 +56,7 @@ class Vehicle:
 
 @dataclass
 class Lab:
-    """A hub, and whatever a test adds; closed in the end."""
+    """A hub, and what a test adds; closed in the end."""
 
     tls: TlsFiles
     port: int = field(default_factory=lambda: free_port(socket.SOCK_STREAM))
@@ -88,7 +88,7 @@ class Lab:
 
 
 class Heard:
-    """The statuses of a vehicle that a node of the hub receives."""
+    """Statuses of a vehicle that a node of the hub receives."""
 
     def __init__(self, session: Any, name: str) -> None:
         self.messages: queue.SimpleQueue[Received] = queue.SimpleQueue()
@@ -156,13 +156,13 @@ def test_a_link_that_stands_but_is_deaf_is_opened_anew_with_patience(
     heard.messages.get(timeout=WAIT)
     beside.messages.get(timeout=WAIT)
     assert dialled.reopened == 0
-    vehicle.talks.clear()  # its session goes on: only nothing comes over it
+    vehicle.talks.clear()  # its session continues, but nothing is sent over it
     wait_for(lambda: dialled.reopened == 2)
     assert lab.said == [
         f"the link to {dialled.address} is open but brought nothing for {patience} s: reopened"
         for patience in ("0.3", "0.6")
     ]
-    assert beside.silent() < 0.3  # nobody else noticed
+    assert beside.silent() < 0.3  # no other was affected
     vehicle.talks.set()
     wait_for(lambda: heard.silent() < 0.1)
     assert dialled.wait(WAIT)
@@ -184,7 +184,7 @@ def test_a_session_that_sleeps_on_after_an_outage_is_opened_anew_at_once(
     heard.messages.get(timeout=WAIT)
     wait_for(lambda: dialled.connected_for > 2.0 * radio.AWAY)
     assert not asked.is_set()
-    vehicle.talks.clear()  # the link stands meanwhile
+    vehicle.talks.clear()  # the link stays up in the meantime
     wait_for(lambda: heard.silent() > 1.5 * radio.AWAY)
     assert not asked.is_set()
     vehicle.talks.set()

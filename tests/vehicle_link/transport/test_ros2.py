@@ -1,4 +1,7 @@
-"""ROS 2 nodes of another make hear, send, call and set parameters through the station's session."""
+"""ROS 2 nodes of another implementation receive, send, call and set parameters.
+
+They do so through the station's session.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +56,7 @@ STANDARD = (
 HASHES = {
     "DescribeParameters": "RIHS01_845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff"
 }
-"""As a live rmw_zenoh announces it; the other make takes bounded sequences for unbounded ones."""
+"""Type as a live rmw_zenoh announces it; the other one takes bounded sequences for unbounded."""
 START = 1_769_851_842_000_000_000
 
 
@@ -78,7 +81,7 @@ class Backend:
 
 
 class Peer:
-    """The other side's process."""
+    """Process of the other side."""
 
     def __init__(self, port: int, definitions: Path) -> None:
         script = Path(__file__).with_name("ros2_node.py")
@@ -115,14 +118,14 @@ class Peer:
 
 @pytest.fixture(scope="module")
 def definitions(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return ROS 2's definitions and ours, by `<package>/msg/<Name>.msg`."""
+    """Return ROS 2's definitions and this project's, by `<package>/msg/<Name>.msg`."""
     folder = tmp_path_factory.mktemp("ros2")
     store = get_typestore(Stores.ROS2_JAZZY)
     for name in STANDARD:
         text, _ = store.generate_msgdef(name, ros_version=2)
         path = folder / f"{name}.msg"
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Types of the same package stand without it, as in ROS 2's own files.
+        # Types of the same package are written without it, as in ROS 2's own files.
         path.write_text(text.split("=" * 80)[0].replace(f"\n{name.split('/')[0]}/", "\n"))
     ours = Path(messages.__file__).parent
     for source in [*ours.glob("*/srv/*.srv"), *ours.glob("*/msg/*.msg")]:
@@ -134,7 +137,7 @@ def definitions(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def vehicle_and_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Node, int]]:
-    """A vehicle's node, and the loopback port of the station that routes to it."""
+    """Yield a vehicle's node, and the loopback port of the station that routes to it."""
     tls = ensure_certificates(tmp_path_factory.mktemp("tls"))
     udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
     hub, vehicle = hub_session(tcp), vehicle_session(udp, tls)
@@ -236,7 +239,7 @@ def numbers(kind: str, *values: float) -> dict[str, Any]:
 def _sent_until_heard(
     peer: Peer, heard: queue.SimpleQueue[Received], topic: str, fields: dict[str, Any]
 ) -> Received:
-    """Best effort: what is sent before the two have found each other is lost."""
+    """Send until received, because messages sent before the two have found each other are lost."""
     for _ in range(100):
         peer("publish", topic, fields)
         try:

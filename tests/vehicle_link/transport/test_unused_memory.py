@@ -1,4 +1,4 @@
-"""Tests that freed memory goes back to the machine, in processes of their own."""
+"""Freed memory is returned to the machine, tested in separate processes."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def printed(program: str, *arguments: str) -> list[float]:
 
 @pytest.mark.parametrize(("setting", "kept"), [("apart", 1.0), ("plain", 10.0)])
 def test_freed_buffers_leave_the_process(setting: str, kept: float) -> None:
-    """Nine of ten buffers are freed; the plain case shows what the setting is for."""
+    """Nine of ten buffers are freed; the plain case shows the purpose of the setting."""
     assert printed(LARGE, setting) == pytest.approx([kept], abs=0.5)
 
 

@@ -1,6 +1,6 @@
-"""Every route and websocket against everyone who may ask: the table of who may what.
+"""Every route and websocket against every kind of caller: the table of permissions.
 
-The routes are taken from the application: a new one without a line in `LEAST` fails.
+The routes are read from the application: a new one without a line in `LEAST` fails.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from web.access.sessions import SESSION_AGE, Sessions
 VIEWER, OPERATOR, ADMIN = Role
 RUN = "20260131T093042Z_quad1"
 LEAST: dict[str, tuple[Role, Any]] = {
-    # The least role, and a body that is understood.
+    # The least role, and a valid body.
     "GET /api/openapi.json": (VIEWER, None),
     "GET /": (VIEWER, None),
     "GET /kill": (VIEWER, None),
@@ -153,7 +153,7 @@ Cookie = Callable[[str], str | None]
 
 
 def routes_of(app: Any) -> set[str]:
-    """`METHOD /path` of all routes; HEAD beside a GET of the same route is left out."""
+    """Return `METHOD /path` of all routes, without the HEAD of a route that has a GET."""
     found = set()
     for route in app.routes:
         methods = getattr(route, "methods", None)
@@ -177,7 +177,10 @@ def test_every_route_of_the_application_is_in_the_table(site: Any) -> None:
 
 @pytest.fixture(scope="module")
 def cookie(site: Any) -> Cookie:
-    """The Cookie header of a caller, whose session is opened once and again after its end."""
+    """Return a function that gives a caller's Cookie header.
+
+    The session is opened once, and again after it has ended.
+    """
     door, sessions = site.gate._people.door, site.gate._people.sessions
     name = site.gate._people.cookie.name
     made: dict[str, str] = {}
@@ -210,7 +213,7 @@ def cookie(site: Any) -> Cookie:
 
 @pytest.fixture(scope="module")
 def browser(site: Any) -> Iterator[httpx.Client]:
-    """Keeps its connection."""
+    """Yield a client that keeps its connection."""
     with site.browser() as client:
         yield client
 
@@ -225,7 +228,7 @@ def ask(browser: httpx.Client, route: str, cookie: str | None, **headers: str) -
     method, _ = route.split(" ", 1)
     if cookie is not None:
         headers["Cookie"] = cookie
-    browser.cookies.clear()  # of an answer before
+    browser.cookies.clear()  # from an earlier answer
     return browser.request(method, path_of(route), json=LEAST[route][1], headers=headers)
 
 
@@ -273,9 +276,7 @@ def test_no_other_site_may_change_anything(
 
 
 def test_no_other_site_may_read_an_answer(browser: httpx.Client, cookie: Cookie) -> None:
-    """The answer is sent, and without this header the browser keeps it from the other site's
-    scripts.
-    """
+    """Without this header, the browser withholds the answer from the other site's scripts."""
     for route in HTTP:
         if route.split()[0] in SAFE:
             answer = ask(browser, route, cookie("admin"), Origin="http://evil.example")
@@ -283,7 +284,7 @@ def test_no_other_site_may_read_an_answer(browser: httpx.Client, cookie: Cookie)
 
 
 def connect(site: Any, route: str, cookie: str | None, origin: str | None = None) -> int:
-    """101, or the status of the refusal."""
+    """Return 101, or the status of the refusal."""
     spoken = {"/viser": f"viser-v{site.view_server.version}", "/foxglove": "foxglove.sdk.v1"}
     try:
         with site.websocket(path_of(route), cookie, origin, spoken.get(route.split()[1])):

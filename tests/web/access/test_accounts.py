@@ -65,7 +65,7 @@ def test_an_unknown_name_is_nobody(accounts: Accounts, name: str) -> None:
 
 
 def test_an_unknown_name_costs_the_same_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Counted, not timed: the hash compared against has the costs of a real one."""
+    """The work is counted, not timed: the hash compared against has the costs of a real one."""
     import argon2
 
     compared: list[argon2.Parameters] = []

@@ -1,4 +1,4 @@
-"""Tests of how often a password may be tried, on a clock of the test's own."""
+"""Limits on attempts at a password, on a clock that the test controls."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_ones_own_success_does_not_forgive_guesses_at_another(attempts: Attempts
 
 
 def test_many_at_once_gain_nothing(attempts: Attempts) -> None:
-    """Counted at the beginning: none of these has failed yet."""
+    """They are counted at the beginning, when none has failed yet."""
     assert sum(attempts.begin(HERE, "anna") == 0.0 for _ in range(100)) == FREE
 
 

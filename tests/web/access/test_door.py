@@ -1,4 +1,4 @@
-"""Tokens work once, and what the door remembers survives a restart."""
+"""Tokens work once, and the door's state survives a restart."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests that nothing is served without a session, to a foreign origin or under a foreign name."""
+"""Nothing is served without a session, to a foreign origin or under a foreign name."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ WRITE = [
     ("POST", "/api/commands/arm", {}),
     ("POST", "/api/commands/disarm", {}),
     ("POST", "/api/commands/start_behavior", {"name": "land"}),
-    ("POST", "/api/commands/emergency", {"action": "cut"}),  # landing is everybody's
+    ("POST", "/api/commands/emergency", {"action": "cut"}),  # anyone may land
     ("POST", "/api/commands/record", {"start": True}),
     ("PUT", "/api/parameters", {"values": {"gains.kp": 5.0}}),
     ("POST", "/api/invitations", {}),
@@ -189,7 +189,7 @@ def test_a_restart_keeps_sessions_and_the_unused_link(tmp_path: Path, serve: Any
         unused = before.token
     with serve(tmp_path, catalogue) as after:
         assert after.token == unused
-        # Another port here, and with it another cookie name; a restart keeps its port.
+        # The port here is another, and with it the cookie's name; a real restart keeps its port.
         cookie = f"quadlab_{after.host.split(':')[1]}={value}"
         assert name != cookie.split("=", maxsplit=1)[0]
         answer = httpx.get(f"{after.base}/api/session", headers={"Cookie": cookie})

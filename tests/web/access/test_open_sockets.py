@@ -24,7 +24,7 @@ def sessions(tmp_path: Path) -> Iterator[Sessions]:
 
 
 class Peer:
-    """The other side of one socket."""
+    """Other side of one socket."""
 
     def __init__(self, *, stalled: bool = False) -> None:
         self.frames: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
@@ -81,7 +81,7 @@ def test_frames_pass_until_the_session_ends_and_not_after(sessions: Sessions) ->
 def test_an_application_that_does_not_notice_is_cancelled(
     sessions: Sessions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its peer has stopped reading, so not even the close frame leaves."""
+    """Its peer has stopped reading, so not even the close frame is sent."""
     monkeypatch.setattr(open_sockets, "GRACE", 0.0)
     released: list[str] = []
 
@@ -96,7 +96,7 @@ def test_an_application_that_does_not_notice_is_cancelled(
         await asyncio.sleep(0)
         sessions.end(session)
         sockets.check()
-        await task  # returns: the cancellation was ours and is over
+        await task  # returns: the cancellation came from the guard and is over
         assert not task.cancelled()
 
     asyncio.run(scenario())

@@ -1,4 +1,4 @@
-"""Signing in by name and password, signing out, and users managed over the API."""
+"""Sign-in by name and password, sign-out, and management of users over the API."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PAGE = {"Accept": "text/html,*/*"}
 
 @pytest.fixture
 def place(tmp_path: Path, serve: Any) -> Iterator[Any]:
-    """A site with anna (admin), oleg (operator) and vera (viewer)."""
+    """Yield a site with anna (admin), oleg (operator) and vera (viewer)."""
     catalogue = Catalogue(tmp_path)
     with serve(tmp_path, catalogue) as running:
         accounts = outside(tmp_path)
@@ -41,7 +41,7 @@ def place(tmp_path: Path, serve: Any) -> Iterator[Any]:
 
 
 def outside(data: Path) -> Accounts:
-    """Return the accounts as another process has them."""
+    """Return the accounts as another process sees them."""
     return Accounts(AccessDatabase(data / "web"), Passwords(1, 8))
 
 
@@ -61,7 +61,7 @@ def browser_of(place: Any, name: str) -> httpx.Client:
 
 
 def until_closed(socket: Any) -> int | None:
-    """The close code, once the other end has sent it."""
+    """Return the close code, once the other end has sent it."""
     with contextlib.suppress(websockets.exceptions.ConnectionClosed):
         while True:
             socket.recv(timeout=20.0)

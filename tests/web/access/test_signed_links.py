@@ -1,4 +1,4 @@
-"""A signed link opens one file, to be read, for ten minutes; anything else about it is refused."""
+"""A signed link opens one file, to be read, for ten minutes; any other use is refused."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FOXGLOVE, LICHTBLICK = "https://app.foxglove.dev", "https://lichtblick-suite.git
 
 @pytest.fixture
 def stranger(site: Any) -> Iterator[httpx.Client]:
-    """A browser without a session, whose cookies never come."""
+    """Yield a client without a session, and so without its cookie."""
     with site.browser() as client:
         yield client
 

@@ -66,9 +66,11 @@ def test_without_tls_the_cookie_is_not_secure_for_a_browser_would_drop_it() -> N
 
 
 def first_message(site: Any, client: httpx.Client, origin: str) -> dict[str, Any]:
-    """Return the first message of `/ws/events`, read with asyncio: a client with one thread that
-    reads and one that writes uses one OpenSSL connection from both, which Python before 3.13 does
-    not guard; it hangs."""
+    """Return the first message of `/ws/events`, read with asyncio.
+
+    A client that reads in one thread and writes in another uses one OpenSSL connection from both,
+    which Python before 3.13 does not guard; it hangs.
+    """
 
     async def listen() -> dict[str, Any]:
         async with websockets.asyncio.client.connect(
@@ -110,7 +112,7 @@ def test_invitations_are_links_of_https(tls_site: Any) -> None:
 
 
 def test_the_small_buffers_of_live_sockets_reach_below_tls() -> None:
-    """`plain_transport` uses private names of asyncio: they must still be there."""
+    """`plain_transport` uses private names of asyncio, which must still exist."""
     from asyncio import sslproto
 
     loop = asyncio.new_event_loop()

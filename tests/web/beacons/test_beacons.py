@@ -25,7 +25,7 @@ CSV = "id,x,y,z\n7,1.0,1.0,0.1\n2,-1.0,1.0,0.1\n3,-1.0,-1.0,0.1\n4,1.0,-1.0,0.1\
 
 @pytest.fixture
 def site(beacon_site: Any, until: Callable[..., None]) -> Any:
-    """Its parameters read, and the paper's beacons confirmed."""
+    """Return the site once its parameters are read and the paper's beacons confirmed."""
     beacon_site.station.fly()
     with beacon_site.sign_in() as client:
 
@@ -39,7 +39,7 @@ def site(beacon_site: Any, until: Callable[..., None]) -> Any:
 
 
 def changes(station: Any) -> list[tuple[str, str]]:
-    """(layout, requester) of every change of it that reached the station."""
+    """Return (layout, requester) of every change of it that reached the station."""
     return [
         (str(from_parameters(request.parameters)[LAYOUT]), request.requester)
         for service, request in station.requests
@@ -209,7 +209,7 @@ def test_a_view_that_cannot_be_shown_is_refused(
 
 # ---------------------------------------------------------------------- drags
 class Gains:
-    """A gain path that can be held and can refuse."""
+    """Gain path that can be delayed and can refuse."""
 
     def __init__(self, replica: Replica) -> None:
         self.replica = replica
@@ -234,7 +234,10 @@ class Replica:
 
 
 async def dragged(steps: list[tuple[int, tuple[float, float, float]]], refusal: str) -> Any:
-    """(replica, gain path, how often handles went back, event lines) after these steps."""
+    """Return the replica, gain path, number of resets of the handles, and event lines.
+
+    They are those after these steps.
+    """
     replica, hub = Replica(), EventHub()
     gains, back = Gains(replica), []
     gains.refusal = refusal

@@ -1,4 +1,4 @@
-"""The comparison of estimators as the page gets it: its feed, its cost, its signals."""
+"""Comparison of estimators on the page: its feed, its cost, its signals."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_the_feed_speaks_when_there_is_news(
     with site.websocket("/ws/comparison", site.cookie(operator)) as page:
         station.compare(("vehicle", "error_state"))
         while len(first := json.loads(page.recv(timeout=10.0))["estimators"]) != 2:
-            pass  # of a test before
+            pass  # of an earlier test
         assert [one["name"] for one in first] == ["vehicle", "error_state"]
         with pytest.raises(TimeoutError):
             page.recv(timeout=3.0 / RATE)

@@ -1,4 +1,4 @@
-"""Dragging beacons: who may, what a drag means, and that handles follow the confirmed layout."""
+"""Dragged beacons: permissions, meaning of a drag, and handles that follow the confirmed layout."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CAMERA = camera_message(EYE)
 def message(
     phase: str, pointer: tuple[float, float, float], name: str = HANDLE, **other: Any
 ) -> bytes:
-    """Return a message as viser's client sends it."""
+    """Return a message in the form that viser's client sends."""
     return encode(
         {
             "type": "SceneNodeDragMessage",
@@ -50,7 +50,7 @@ def message(
 
 
 def toward(place: tuple[float, float, float], share: float = 0.6) -> tuple[float, float, float]:
-    """A point of the line of sight to a place: where viser's own drag plane might meet it."""
+    """Return a point on the line of sight to a place, where viser's own drag plane might be."""
     x, y, z = (e + share * (p - e) for e, p in zip(EYE, place, strict=True))
     return (x, y, z)
 
@@ -63,7 +63,7 @@ def shared_server() -> Iterator[ViewServer]:
 
 
 class Table:
-    """A scene, its operator's page and what was moved; time runs by frames."""
+    """Scene, its operator's page and the moves; frames advance the time."""
 
     def __init__(self, server: ViewServer) -> None:
         server.viser.scene.reset()
@@ -92,7 +92,7 @@ def table(shared_server: ViewServer) -> Table:
 
 
 def test_an_operators_drag_moves_the_beacon_in_its_plane(table: Table) -> None:
-    table.drag("start", (1.02, 0.99, 0.1))  # taken hold of beside its middle
+    table.drag("start", (1.02, 0.99, 0.1))  # grabbed next to its middle
     table.drag("update", (1.22, 0.79, 0.1))
     table.frames(1)
     [(id, position, who)] = table.moved

@@ -16,7 +16,7 @@ from web.parameters.replica import PageParameters
 
 
 class Shown:
-    """A scene's beacons, as much as the follower asks of them."""
+    """The part of a scene's beacons that the follower uses."""
 
     def __init__(self) -> None:
         self.calls: list[tuple[Beacons, float, Sight, float]] = []

@@ -1,4 +1,4 @@
-"""Beacons in the 3D view: nodes, rays, cones, the estimate's ghost, the map; bytes a second."""
+"""Beacons in the 3D view: nodes, rays, cones, the estimate's ghost, the map; bandwidth."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def bearings(
     ids: tuple[int, ...] | None = None,
     sigma: float = SIGMA,
 ) -> bytes:
-    """Without noise, from a level vehicle."""
+    """Return bearings without noise, from a level vehicle."""
     seen = beacons.ids.tolist() if ids is None else list(ids)
     rays = np.array([beacons.place(id) for id in seen]) - place
     unit = rays / np.linalg.norm(rays, axis=1)[:, None]
@@ -148,7 +148,7 @@ def test_rays_reach_the_beacons_from_the_true_pose_of_their_stamp(
     scene: BeaconScene, live: Live, node: Any
 ) -> None:
     at, later = (0.2, -0.3, 1.1), (0.5, -0.3, 1.1)
-    live.put("state", odometry((9.0, 9.0, 9.0)))  # the estimate counts only without truth
+    live.put("state", odometry((9.0, 9.0, 9.0)))  # the estimate is used only without truth
     live.put("truth", odometry(at, yaw=0.7, stamp_ns=1_000_000_000))
     scene.update(0.0)
     live.put("truth", odometry(later, yaw=0.7, stamp_ns=1_030_000_000))
@@ -166,7 +166,7 @@ def test_a_ray_ends_beside_its_beacon_by_the_noise(
 ) -> None:
     at = (0.0, 0.0, 1.0)
     live.put("truth", odometry(at))
-    live.put("bearings", bearings(at, yaw=0.1))  # a sensor that believes to be turned
+    live.put("bearings", bearings(at, yaw=0.1))  # a sensor that reports a turned vehicle
     scene.update(0.0)
     ends = node("/rays").points[:, 1]
     off = np.linalg.norm(ends - PAPER_BEACONS.positions_w, axis=1)
@@ -364,7 +364,7 @@ def test_the_ghost_is_the_estimate_that_was_chosen(
         scene.update(0.0)
         assert ghost.visible
         assert ghost.position[0] == pytest.approx(x)
-    for name in ("none", "error_state", "unknown"):  # the second has no start yet
+    for name in ("none", "error_state", "unknown"):  # the second is not yet initialized
         scene.show(BeaconView(estimate=name))
         scene.update(0.0)
         assert not ghost.visible
@@ -381,7 +381,7 @@ def test_a_map_nowhere_is_refused(height: float) -> None:
 
 
 def settled(scene: BeaconScene, until: Any, wanted: Callable[[], bool]) -> None:
-    """Frames until a map is there, the time of frames running ahead."""
+    """Draw frames until a map is shown; their time runs fast."""
     frames = iter(range(1_000_000))
 
     def step() -> bool:
@@ -437,7 +437,7 @@ def test_where_nothing_is_determined_there_is_no_map(
 
 
 def test_a_flight_on_bearings_stays_within_its_bandwidth(server: ViewServer) -> None:
-    """Everything but the map, at 30 Hz: 8 beacons, noise, a ghost with an ellipsoid."""
+    """Fly with everything except the map, at 30 Hz: 8 beacons, noise, a ghost with an ellipsoid."""
     live = Live(decode)
     scene = Scene(server, live)
     scene.set_volume(VOLUME)

@@ -88,9 +88,9 @@ def test_a_line_of_sight_meets_the_plane() -> None:
 @pytest.mark.parametrize(
     "through",
     [
-        (0.5, 0.25, 3.0),  # upwards, away from it
-        (1.0, 0.0, 2.0),  # along it
-        (1.0, 0.0, 1.99),  # all but along it
+        (0.5, 0.25, 3.0),  # upwards, away from the plane
+        (1.0, 0.0, 2.0),  # parallel to it
+        (1.0, 0.0, 1.99),  # almost parallel to it
         (0.0, 0.0, 2.0),  # no direction
         (math.nan, 0.0, 0.0),
     ],

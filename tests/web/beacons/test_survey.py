@@ -1,4 +1,4 @@
-"""A survey proposes a layout; what is accepted goes the way of every layout."""
+"""A survey proposes a layout; an accepted one is set like any other."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Until = Callable[..., None]
 
 @pytest.fixture
 def site(beacon_site: Any, until: Until) -> Iterator[Any]:
-    """Its parameters read, the paper's beacons in use, and three runs."""
+    """Yield a site with its parameters read, the paper's beacons in use, and three runs."""
     catalogue = Catalogue(beacon_site.data)
     for name, content in ((GOOD, b"a log"), (WORSE, b""), (ELSE, OTHER)):
         path = Path(beacon_site.data) / "runs" / f"{name}.mcap"
@@ -44,7 +44,7 @@ def site(beacon_site: Any, until: Until) -> Iterator[Any]:
 
 
 def surveyed(client: httpx.Client, run: str, until: Until) -> dict[str, Any]:
-    """Survey a run and return how it ended."""
+    """Survey a run and return the result."""
     answer = client.post(PLACE, json={"run_id": run})
     assert answer.status_code == 200, answer.text
     until(lambda: client.get(PLACE).json()["state"] in ("ready", "failed"), 60.0)

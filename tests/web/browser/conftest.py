@@ -1,4 +1,4 @@
-"""Chromium through Playwright, for the tests of the page. The 3D view is blanked in most."""
+"""Chromium through Playwright, for the tests of the page. Most have a blank 3D view."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ import pytest
 from tests.support.chromium import FLAGS
 
 PLAIN = [*FLAGS, "--renderer-process-limit=1", "--disable-features=IsolateOrigins,site-per-process"]
-"""Pages whose 3D view is blanked: a graphics card emulated for them takes most of a core. They
-share a process: each would else start one of its own."""
+"""Flags for pages whose 3D view is blank: a graphics card emulated for them takes most of a core.
+
+The pages share a process; otherwise each would start one.
+"""
 WITH_WEBGL = [*PLAIN, "--enable-unsafe-swiftshader"]
-"""The card is emulated for the 3D view alone; the page around it is put together without."""
+"""Flags that emulate the card for the 3D view alone; the page is composed without it."""
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
 BY_COLOUR = ["color-contrast", "link-in-text-block"]
-"""What another theme can change: the rest is looked at in one."""
+"""Checks that depend on the theme; the others run in only one."""
 BOUND = 20_000  # ms, for a broken page only
 SCENE = (
     "<!doctype html><html lang=en><meta name=color-scheme content='light dark'>"
@@ -30,7 +32,7 @@ SCENE = (
 
 
 class Look:
-    """Looks for what a person would look for on the page; each method waits until it is so."""
+    """Checks of the page as a person sees it; each method waits until its condition holds."""
 
     def __init__(self, page: Any) -> None:
         from playwright.sync_api import expect
@@ -53,9 +55,9 @@ class Look:
         self._expect(self._page.locator(selector)).to_have_value(value, timeout=BOUND)
 
 
-@pytest.fixture(scope="module")  # its event loop must not outlive the module: others run theirs
+@pytest.fixture(scope="module")  # its event loop must not outlive the module: others run their own
 def chromium(request: pytest.FixtureRequest, chromium_path: str) -> Iterator[Any]:
-    """A module that sets `NEEDS_WEBGL` gets a browser with it."""
+    """Yield a browser, with WebGL for a module that sets `NEEDS_WEBGL`."""
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     flags = WITH_WEBGL if getattr(request.module, "NEEDS_WEBGL", False) else PLAIN
     with api.sync_playwright() as playwright:
@@ -66,7 +68,7 @@ def chromium(request: pytest.FixtureRequest, chromium_path: str) -> Iterator[Any
 
 @pytest.fixture(scope="module", autouse=True)
 def blank_view(request: pytest.FixtureRequest, serve: Any) -> Iterator[None]:
-    """An empty document in place of the 3D view."""
+    """Serve an empty document in place of the 3D view."""
     if not getattr(request.module, "NEEDS_WEBGL", False):
         serve.view = SCENE
     yield
@@ -75,7 +77,7 @@ def blank_view(request: pytest.FixtureRequest, serve: Any) -> Iterator[None]:
 
 @pytest.fixture
 def flying(site: Any, station: Any) -> Iterator[Callable[[bool], None]]:
-    """A vehicle that publishes at 10 Hz; call with False to silence it."""
+    """Yield a function that silences (False) or resumes a vehicle that publishes at 10 Hz."""
     going, talking = threading.Event(), threading.Event()
     going.set()
     talking.set()
@@ -95,7 +97,7 @@ def flying(site: Any, station: Any) -> Iterator[Callable[[bool], None]]:
 
 @pytest.fixture(scope="module")
 def profile(chromium: Any) -> Iterator[Any]:
-    """Keeps the page's files, as a browser that has been here does."""
+    """Yield a browser profile that caches the page's files, as that of a returning user."""
     made = chromium.new_context(viewport={"width": 1440, "height": 900})
     made.set_default_timeout(BOUND)
     yield made
@@ -104,8 +106,10 @@ def profile(chromium: Any) -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def forget(profile: Any) -> Callable[[], None]:
-    """`forget()` closes the profile's pages and clears what they kept, files apart. The blank page
-    that this needs stays: each new one costs a process."""
+    """Return `forget()`, which closes the profile's pages and clears all they stored except files.
+
+    The blank page that this needs stays, because each new one costs a process.
+    """
     blank = profile.new_page()
     devtools = profile.new_cdp_session(blank)
 
@@ -127,14 +131,14 @@ def forget(profile: Any) -> Callable[[], None]:
 
 @pytest.fixture
 def context(profile: Any, forget: Callable[[], None]) -> Iterator[Any]:
-    """Yield a context for a test's pages: signed in nowhere, with nothing kept but files."""
+    """Yield a context for a test's pages: signed out, with nothing stored except files."""
     yield profile
     forget()
 
 
 @pytest.fixture
 def open_page(context: Any) -> Iterator[Callable[[Any], Any]]:
-    """`open_page(site)` signs in; an error in a page's scripts fails the test."""
+    """Yield `open_page(site)`, which signs in; an error in a page's scripts fails the test."""
     problems: list[str] = []
 
     def open_at(site: Any) -> Any:
@@ -165,7 +169,7 @@ def look_at() -> type[Look]:
 
 @pytest.fixture(scope="module")
 def lab_of_pages(helper: Any) -> Any:
-    """The module page_lab.py beside this."""
+    """Return the module page_lab.py in this folder."""
     return helper("browser/page_lab")
 
 
@@ -173,7 +177,7 @@ def lab_of_pages(helper: Any) -> Any:
 def flying_lab(
     tmp_path_factory: pytest.TempPathFactory, serve: Any, helper: Any, lab_of_pages: Any
 ) -> Iterator[Any]:
-    """A site in flight, with runs, a history of gains and an account: what pages can show."""
+    """Yield a site in flight with runs, a history of gains and an account: all that pages show."""
     data = tmp_path_factory.mktemp("pages")
     vehicle, calibrating = helper("step_vehicle"), helper("calibrating")
     with lab_of_pages.flying_lab(data, serve, vehicle, calibrating) as site:
@@ -182,8 +186,10 @@ def flying_lab(
 
 @pytest.fixture(scope="module")
 def axe() -> Callable[..., list[str]]:
-    """`axe(page)`: the serious and critical violations axe-core finds, one line each. The 3D view
-    is viser's page, and left out."""
+    """Return `axe(page)`: the serious and critical violations that axe-core finds, one line each.
+
+    The 3D view is viser's page, and left out.
+    """
     package = pytest.importorskip("axe_playwright_python", reason="axe-core is not installed")
     script = (Path(package.__file__).parent / "axe.min.js").read_text()
 
@@ -208,14 +214,15 @@ def axe() -> Callable[..., list[str]]:
 
 @pytest.fixture(scope="module")
 def axe_in_both_themes(axe: Callable[..., list[str]]) -> Callable[[Any], list[str]]:
-    """`axe` in the light theme and, where colours count, in the dark one, in which the page is
-    left.
+    """Return `axe` in the light theme and, where colours matter, in the dark one.
+
+    The page stays in the dark theme.
     """
 
     def violations(page: Any) -> list[str]:
         found = []
         for scheme, rules in (("light", RULES), ("dark", BY_COLOUR)):
-            page.emulate_media(color_scheme=scheme, reduced_motion="reduce")  # no half way
+            page.emulate_media(color_scheme=scheme, reduced_motion="reduce")  # without transitions
             found += [f"{scheme}: {line}" for line in axe(page, rules)]
         return found
 
@@ -224,8 +231,10 @@ def axe_in_both_themes(axe: Callable[..., list[str]]) -> Callable[[Any], list[st
 
 @pytest.fixture(scope="session")
 def keep_picture() -> Callable[..., None]:
-    """`keep_picture(page, path, of)`: a PNG of at most 256 colours, the rare ones true; of the
-    whole page or of one element."""
+    """Return `keep_picture(page, path, of)`, which saves the page or one element.
+
+    The PNG has at most 256 colours; rare ones are exact.
+    """
 
     def keep(page: Any, path: Path, of: str = "") -> None:
         from PIL import Image
@@ -240,6 +249,6 @@ def keep_picture() -> Callable[..., None]:
 
 @pytest.fixture(scope="session")
 def crooked() -> Callable[[Any], list[str]]:
-    """`crooked(page)`: what does not fit its window, one line each."""
+    """Return `crooked(page)`: the elements that do not fit their window, one line each."""
     script = Path(__file__).with_name("crooked.js").read_text()
     return lambda page: list(page.evaluate(script))

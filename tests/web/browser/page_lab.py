@@ -1,5 +1,6 @@
-"""The laboratory whose pages are looked at: two runs, a history of gains, an account, and a
-vehicle that flies a circle without end. `flying_lab` is used through conftest's fixture `helper`.
+"""Laboratory for tests of pages: two runs, a history of gains, an account, a flying vehicle.
+
+The vehicle flies a circle without end. `flying_lab` is used through conftest's fixture `helper`.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ class _Root(Parameters):
 
 
 def circle(station: Any, t: float, *, stands: bool = False) -> None:
-    """One sample of a vehicle that flies a circle under anna's control, or stands; t in s."""
+    """Publish a sample of a vehicle that flies a circle under anna's control, or rests; t in s."""
     stamp, angle, lag = header(time.time_ns()), 0.0 if stands else 0.8 * t, 0.06
     wobble = 0.0 if stands else 0.012 * math.sin(3.1 * t)
     speed = 0.0 if stands else 0.96
@@ -152,9 +153,9 @@ def _furnish(data: Path, catalogue: Catalogue) -> None:
 
 @contextmanager
 def flying_lab(data: Path, serve: Any, step_vehicle: Any, calibrating: Any) -> Iterator[Any]:
-    """A site; `site.vehicle` flies its step tests. Estimators are compared five times a second.
+    """Yield a site; `site.vehicle` flies its step tests. Estimators are compared at 5 Hz.
 
-    `site.experiment`: fields of an ExperimentStatus; with them the vehicle stands on the ground.
+    `site.experiment`: fields of an ExperimentStatus; with them the vehicle is on the ground.
     """
     catalogue = Catalogue(data)
     _furnish(data, catalogue)

@@ -1,4 +1,4 @@
-"""The states in which a page is looked at: `Room`, used through conftest's fixture `helper`."""
+"""States in which a page is checked: `Room`, used through conftest's fixture `helper`."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Room:
     """One browser page that goes from state to state; each method leaves it in one.
 
     Attributes:
-        lab: of page_lab.flying_lab.
-        runs: ids of its two, for the replay.
+        lab: the laboratory of page_lab.flying_lab.
+        runs: ids of its two runs, for the replay.
     """
 
     page: Any
@@ -70,7 +70,7 @@ class Room:
         self.page.wait_for_selector(".timeline li .values")
 
     def tune(self) -> None:
-        """Two step tests, the second better damped."""
+        """Show two step tests, the second better damped."""
         self._console("tune")
         boxes = self.page.locator(".tests input[type=checkbox]")
         for count in (1, 2):
@@ -83,14 +83,14 @@ class Room:
             box.check()
 
     def calibrate(self) -> None:
-        """An accelerometer's result, to be accepted."""
+        """Show an accelerometer's result, to be accepted."""
         self._console("calibrate")
         found = self.lab.calibrating
         self.lab.experiment = found.ended("accelerometer", found.accelerometer())
         self.page.wait_for_selector(".outcome .found")
 
     def calibrating(self) -> None:
-        """The accelerometer, with five poses held."""
+        """Show the calibration of the accelerometer, with five poses held."""
         self._console("calibrate")
         found = self.lab.calibrating
         live = {**found.pose_figures(5), "poses": (5.0, ""), "condition number": (14.2, "")}

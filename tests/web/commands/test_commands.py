@@ -77,7 +77,7 @@ def test_no_answer_in_time_is_another_status_than_nobody_there(
 def test_an_emergency_gets_through_while_other_commands_hang(
     operator: httpx.Client, station: Any
 ) -> None:
-    """All threads for calls are taken by a station that does not answer."""
+    """All threads for calls are blocked by a station that does not answer."""
     import threading
 
     station.answering.clear()

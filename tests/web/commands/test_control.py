@@ -1,4 +1,4 @@
-"""The control lease at the page's end: what is asked of the station, and who is here."""
+"""Control lease on the page's side: requests to the station, and who is present."""
 
 from __future__ import annotations
 

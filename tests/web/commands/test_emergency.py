@@ -1,4 +1,4 @@
-"""An emergency is tried again, done once, and not called done before the vehicle shows it."""
+"""An emergency is retried, done once, and not reported as done before the vehicle shows it."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ SILENT = LinkError("the vehicle did not answer within 1 s")
 
 
 class Bench:
-    """A desk with its clock in hand, a vehicle that says what it is told to, and the pages."""
+    """Desk with a controlled clock, a vehicle with a scripted status, and the pages."""
 
     def __init__(self) -> None:
         self.now = 100.0
-        self.chosen: str | None = None  # safety.emergency_land, as far as known
+        self.chosen: str | None = None  # safety.emergency_land, if known
         self.answers: list[Exception | None] = []
         self.calls: list[tuple[str, str, str]] = []
         self.published: list[dict[str, Any]] = []
@@ -56,13 +56,13 @@ class Bench:
         return [(m["press"]["phase"], m["press"]["try"]) for m in self.published]
 
     async def called(self, count: int) -> None:
-        """Once the station has been called so often."""
+        """Wait until the station has been called so often."""
         async with asyncio.timeout(20):
             while len(self.calls) < count:
                 await asyncio.sleep(0)
 
     async def until(self, phase: str) -> dict[str, Any]:
-        """The state, once it is in this phase; a bound for a broken desk only."""
+        """Return the state once it is in this phase; the bound is only for a broken desk."""
         async with asyncio.timeout(20):
             while self.desk.state is None or self.desk.state["phase"] != phase:
                 await asyncio.sleep(0)
@@ -70,7 +70,7 @@ class Bench:
 
 
 def benched(test: Callable[[Bench], Awaitable[None]]) -> Callable[[], None]:
-    """The test on an event loop of its own, with a bench made there."""
+    """Run the test on a separate event loop, with a bench made there."""
 
     async def run() -> None:
         await test(Bench())
@@ -84,7 +84,7 @@ def benched(test: Callable[[Bench], Awaitable[None]]) -> Callable[[], None]:
 
 @benched
 async def test_acknowledged_only_when_a_status_after_the_press_shows_it(bench: Bench) -> None:
-    bench.show("emergency_land")  # of an earlier one
+    bench.show("emergency_land")  # the status of an earlier landing
     bench.now += 5.0
     await bench.desk.press("land", "ada", "once")
     assert (await bench.until("accepted"))["after"] is None
@@ -106,7 +106,7 @@ LANDINGS = (
     {"control_mode": "near_hovering", "behavior": "emergency_landing"},
     {"control_mode": "emergency", "behavior": "hover"},
 )
-"""From the mildest to the microcontroller's own."""
+"""Choices from the mildest to the microcontroller's own."""
 
 
 @pytest.mark.parametrize(("chosen", "mildest"), [("land", 0), ("descend", 1), ("emergency", 2)])

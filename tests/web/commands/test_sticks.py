@@ -109,7 +109,7 @@ def test_what_is_no_frame_is_refused(raw: bytes) -> None:
 
 
 class Desk:
-    """An output with a clock in hand, what it published and what was answered."""
+    """Output with a controlled clock, its published sticks and its answers."""
 
     def __init__(self) -> None:
         self.now = 0.0

@@ -1,4 +1,4 @@
-"""Calibrations over HTTP: what the vehicle keeps, what is asked, proposed and decided."""
+"""Calibrations over HTTP: the vehicle's, and requests, proposals and decisions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def calibrating(helper: Any) -> Any:
 @pytest.fixture
 def bench(station: Any, calibrating: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     for name in ("fly", "_call_blocking"):
-        monkeypatch.setattr(station, name, getattr(station, name))  # put back afterwards
+        monkeypatch.setattr(station, name, getattr(station, name))  # restored afterwards
     yield calibrating.Bench(station)
     station._live._newest.pop("experiment_status", None)
 

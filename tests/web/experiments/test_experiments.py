@@ -29,7 +29,7 @@ RESULT = {
 
 
 class NoFiles:
-    """Nobody has experiments of their own."""
+    """No experiments of users."""
 
     def described(self) -> list[Any]:
         return []
@@ -40,7 +40,7 @@ class NoFiles:
 
 @pytest.fixture
 def describing(station: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The station's own description of its experiments."""
+    """Return a station with the real description of its experiments."""
     plain = station._call_blocking
 
     def call(service: str, request: Any) -> Any:

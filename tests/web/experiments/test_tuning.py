@@ -1,4 +1,4 @@
-"""Step tests over the page's API: flown, fetched, judged, kept, deleted and their gains set."""
+"""Step tests over the page's API: flown, fetched, judged, stored, deleted, and their gains set."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Bench:
         return found
 
     def run(self, **body: Any) -> dict[str, Any]:
-        """One test to its end; what came of it."""
+        """Run one test to its end; return its result."""
         before = self.status["id"]
         answer = self.admin.post("/api/tuning/run", json=body)
         assert answer.status_code == 200, answer.text

@@ -19,7 +19,7 @@ PATIENCE = 20.0  # s: a bound, not an expectation
 
 
 class Client:
-    """One client; its events come in order."""
+    """One client; its events arrive in order."""
 
     def __init__(self, node: str, url: str, subprotocol: str) -> None:
         self._process = subprocess.Popen(
@@ -39,7 +39,7 @@ class Client:
         self._process.stdin.flush()
 
     def event(self, name: str) -> Any:
-        """The content of the next event of this name; others before it are left out."""
+        """Return the content of the next event of this name, skipping others."""
         while True:
             came, content = self._events.get(timeout=PATIENCE)
             if came == name:
@@ -62,7 +62,7 @@ class Client:
 
 @pytest.fixture
 def connect(node: str) -> Iterator[Callable[..., Client]]:
-    """`connect(person)`: a client that signed in by a link which that browser made."""
+    """Yield `connect(person)`: a client that signed in by a link which that browser made."""
     made: list[Client] = []
 
     def connected(person: httpx.Client, subprotocol: str = "foxglove.websocket.v1") -> Client:

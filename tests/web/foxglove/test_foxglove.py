@@ -1,4 +1,4 @@
-"""Foxglove's own client sees what the hub carries, and may do what its person may on the page."""
+"""Foxglove's own client gets what the hub carries, with its person's permissions on the page."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_a_client_is_told_what_there_is(
     for topic, one in channels.items():
         row = TOPICS.get(topic.removeprefix("/quad1/")) or TOPICS[topic]
         assert one["schemaName"] == ros_name(row.type_name)
-    assert "/quad1/telemetry" not in channels  # it would come over the radio a second time
+    assert "/quad1/telemetry" not in channels  # it would arrive over the radio a second time
     services = {one["name"]: one["type"] for one in client.event("advertiseServices")}
     assert services["/quad1/arm"] == "quadlab_msgs/srv/Command"
 
@@ -176,7 +176,7 @@ def test_a_viewer_commands_nothing_but_an_emergency_landing(
 
 
 def link(person: httpx.Client) -> str:
-    """Path and query of the live connection."""
+    """Return path and query of the live connection."""
     parts = urlsplit(person.post("/api/foxglove/link").json()["url"])
     return f"{parts.path}?{parts.query}"
 
@@ -228,7 +228,7 @@ def test_nothing_is_opened_without_a_session_or_with_a_wrong_token(
     cookie = next(iter(viewer.cookies.values()))  # a session's cookie is no token
     assert refusal(site, f"/foxglove?token={cookie}", cookie=None, **protocol)[0] == 401
     good = link(viewer)
-    # It opens nothing else, and a foreign page with our cookie alone opens nothing.
+    # It opens nothing else, and a foreign page with only the session's cookie opens nothing.
     assert refusal(site, good.replace("foxglove?", "ws/events?"), cookie=None)[0] == 401
     own = site.cookie(viewer)
     assert refusal(site, "/foxglove", cookie=own, origin=FOXGLOVE, **protocol)[0] == 403
@@ -311,7 +311,7 @@ def test_a_client_that_reads_nothing_loses_messages_and_holds_up_nobody(
     everything = [{"id": n, "channelId": n} for n in range(len(CHANNELS))]
     with site.websocket(link(viewer), cookie=None, subprotocol="foxglove.sdk.v1") as deaf:
         deaf.recv()
-        # Nothing is read from here on but by the library's thread, up to its own bound.
+        # From now on only the library's thread reads, up to its own bound.
         deaf.send(json.dumps({"op": "subscribe", "subscriptions": everything}))
         until(lambda: len(station.forwarded) == len(CHANNELS))
         for count in range(3000):
@@ -320,7 +320,7 @@ def test_a_client_that_reads_nothing_loses_messages_and_holds_up_nobody(
                 came = good.event("message")
         while came["content"]["pose"]["pose"]["position"]["x"] < 2999:
             came = good.event("message")
-        # What it reads at last is a part of it, and the newest.
+        # It reads at last a part of the messages, and the newest.
         dropped, newest = 0, 0.0
         while not dropped:
             answer = deaf.recv(timeout=20.0)

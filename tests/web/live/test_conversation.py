@@ -1,4 +1,4 @@
-"""Conversations end quietly when the page leaves, whichever side of them notices it."""
+"""Conversations end without an error when the page leaves, whichever side notices it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def socket_that_breaks() -> WebSocket:
 
     async def receive() -> Any:
         if not arrived:
-            await asyncio.Event().wait()  # nothing more comes
+            await asyncio.Event().wait()  # nothing more arrives
         return {"type": arrived.pop()}
 
     async def send(message: Any) -> None:

@@ -1,4 +1,4 @@
-"""`/ws/picture`: pictures as they come, for who looks, and over the base's own network alone."""
+"""`/ws/picture`: pictures as they arrive, only while shown, and only over the base's network."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_a_page_gets_jpegs_while_it_looks_and_none_are_taken_for_nobody(
         until(lambda: station.forwarded == {TOPIC})
         station.deliver(TOPIC, picture(b"\xff\xd8 one"))
         assert page.recv(PATIENCE) == b"\xff\xd8 one"
-        station.deliver(TOPIC, picture(b"\x89PNG"))  # of another node
+        station.deliver(TOPIC, picture(b"\x89PNG"))  # from another node
         assert page.recv(PATIENCE) == "a picture of 4 bytes that is no JPEG; send JPEG"
         station.deliver(TOPIC, picture(b"\xff\xd8 two"))
         assert page.recv(PATIENCE) == b"\xff\xd8 two"

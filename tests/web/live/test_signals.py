@@ -1,4 +1,4 @@
-"""Every number that is logged can be charted, once, and is what its message holds."""
+"""Every number that is logged can be charted, once, with the value in its message."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from web.signals import COMPARED, INDEX, NAMED, SIGNALS, described, snapshot
 from web.signals.plain import MEMBERS
 
 TEXT = {"events", "parameter_changes"}
-"""Lines, not values over time."""
+"""Topics with lines, not values over time."""
 LOGGED = ({*AS_IT_COMES, *RECORDED, *ENCODERS}) - TEXT
 
 
@@ -33,7 +33,7 @@ def live_with(topic: str, message: Any) -> Live:
 
 
 def filled(type_name: str) -> Any:
-    """A message whose numbers are all different and not zero."""
+    """Return a message whose numbers are all different and not zero."""
     message = new(type_name)
     for i, (path, _) in enumerate(numbers(type_name, 0)):
         *outer, last = path

@@ -1,8 +1,7 @@
-"""Tests of the routes while the base station is away or silent: they answer with a kind, and no
-word of a machine.
+"""Routes while the base station is away or silent: answers with a kind, without machine words.
 
-A command that was not answered in time is told apart (504) from one that reached nobody (503) and
-from a refused one (409): the page decides by it whether to look further for what became of it.
+A command that was not answered in time (504) is distinguished from one that reached no station
+(503) and from a refused one (409): the page decides by it whether to check what became of it.
 """
 
 from __future__ import annotations
@@ -23,13 +22,13 @@ from web.live.sockets import listen
 from web.live.station import Station
 
 TOLD = ("error", "problem", "reason")
-NOT_ASKED = ("/api/session/sign_out",)  # ends the session the others are asked with
+NOT_ASKED = ("/api/session/sign_out",)  # ends the session with which the others are called
 NAMES = "|".join(name for name in SERVICES if "_" in name)
 OF_MACHINES = re.compile(rf"/quad1|\bstation/|\b({NAMES})\b|/\w+/(station|vehicle|simulator)\b")
 
 
 def sample(schema: dict[str, Any], schemas: dict[str, Any]) -> Any:
-    """Return the least value that a schema of /api/openapi.json allows, more or less."""
+    """Return about the smallest value that a schema of /api/openapi.json allows."""
     if "$ref" in schema:
         return sample(schemas[schema["$ref"].rpartition("/")[2]], schemas)
     if "anyOf" in schema:
@@ -64,7 +63,7 @@ def all_requests(browser: httpx.Client) -> Iterator[tuple[str, str, Any]]:
 
 
 def texts(content: Any) -> Iterator[str]:
-    """Yield what an answer tells a person of a failure."""
+    """Yield the texts with which an answer reports a failure to a person."""
     if isinstance(content, dict):
         for key, value in content.items():
             if key in TOLD and isinstance(value, str):
@@ -77,7 +76,7 @@ def texts(content: Any) -> Iterator[str]:
 
 @pytest.fixture
 def router() -> Iterator[tuple[int, Any]]:
-    """The station's router with no service behind it: (port, its session)."""
+    """Yield port and session of the station's router, with no service behind it."""
     with listen("127.0.0.1", 0) as free:
         port = free.getsockname()[1]
     session = hub_session(port)
@@ -106,7 +105,7 @@ def admin(
 
 
 def ask_all(admin: httpx.Client) -> dict[str, int]:
-    """Return the status of each route; no text of any names a service."""
+    """Return the status of each route; no text in them names a service."""
     statuses = {}
     for method, path, body in all_requests(admin):
         answer = admin.request(method, path, json=body)
@@ -129,7 +128,7 @@ def test_an_absent_station_is_one_that_nothing_reached(admin: httpx.Client) -> N
 def test_a_silent_station_leaves_it_open_what_became_of_a_command(
     admin: httpx.Client, router: tuple[int, Any]
 ) -> None:
-    held: list[Any] = []  # a query that somebody keeps is not answered
+    held: list[Any] = []  # a query that is held is not answered
     queryable = router[1].declare_queryable("**", held.append, complete=True)
     try:
         statuses = ask_all(admin)

@@ -1,4 +1,4 @@
-"""A websocket that has ended is a page that has gone, not an error of the server."""
+"""A websocket that has ended is a page that has left, not an error of the server."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Live spectra are made of every tick of the last seconds, as telemetry brings them."""
+"""Live spectra use every tick of the last seconds, as received by telemetry."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RATE, TURNS, DENSITY = 500.0, 76.0, 0.03
 
 
 def flown(seconds: float) -> Record:
-    """Noise of a known density on the gyroscope's x, a rotor's line on its y, rolling slowly."""
+    """Return ticks with known noise on the gyroscope's x, a rotor's line on its y, slow roll."""
     count = int(RATE * seconds)
     ticks, random = np.zeros(count, TICK), np.random.default_rng(4)
     time = np.arange(count) / RATE

@@ -1,4 +1,4 @@
-"""The web process's node against a real Zenoh router: messages, services, coming and going."""
+"""Node of the web process against a real Zenoh router: messages, services, reconnection."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _Root(Parameters):
 
 
 class Backend:
-    """The vehicle's parameters behind its six services."""
+    """Parameters of the vehicle behind their six services."""
 
     def __init__(self) -> None:
         self.store = ParameterStore(_Root().model_copy(deep=True))
@@ -46,7 +46,7 @@ class Backend:
 
 
 class Router:
-    """A station's session with the services of a station and the parameters of a vehicle."""
+    """Station's session with the services of a station and the parameters of a vehicle."""
 
     def __init__(self) -> None:
         with listen("127.0.0.1", 0) as free:
@@ -98,7 +98,7 @@ def router() -> Iterator[Router]:
 
 
 class Client:
-    """A Station with an event loop in a thread, as uvicorn's."""
+    """A Station with an event loop in a thread, like uvicorn's."""
 
     def __init__(self, port: int) -> None:
         self.live, self.hub = Live(decode), EventHub()

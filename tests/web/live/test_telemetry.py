@@ -1,4 +1,4 @@
-"""Signals mean what they say, gaps are gaps, and a page costs at most 5 kB/s."""
+"""Signals have their defined values, gaps are gaps, and a page costs at most 5 kB/s."""
 
 from __future__ import annotations
 
@@ -211,5 +211,5 @@ def test_a_summary_asked_for_does_not_wait_for_the_next(
         assert json.loads(page.recv(timeout=10.0))["type"] == "summary"
         site.station._hub.publish_from_thread(events.SUMMARY_NOW)
         kind = ""
-        while kind != "summary":  # parameters may be told in between; the next is 1000 s away
+        while kind != "summary":  # parameters may arrive in between; the next is 1000 s away
             kind = json.loads(page.recv(timeout=10.0))["type"]

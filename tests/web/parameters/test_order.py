@@ -1,4 +1,4 @@
-"""Whatever overtakes what on the way, the replica ends on the newest; long ways go in steps."""
+"""The replica ends on the newest value whatever the order of arrival; long ways need steps."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_a_station_that_restarts_unseen_is_known_by_its_own_news() -> None:
 
 
 class Vehicle:
-    """Applies at once what is within the steps of flight; refuses the rest, and what it is told."""
+    """Vehicle that applies at once changes within the step limits, and refuses others."""
 
     def __init__(self, replica: PageParameters) -> None:
         self.values = replica.values()

@@ -1,4 +1,4 @@
-"""The gain path: clamped, coalesced, the last value always sent, confirmed values only."""
+"""Gain path: checked, coalesced, the last value always sent, confirmed values only."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_one_sided_bounds_whole_numbers_and_choices() -> None:
 
 
 class SlowVehicle:
-    """Applies what it is told after being let go; counts calls under way."""
+    """Vehicle that applies a change only when released; it counts the calls in progress."""
 
     def __init__(self) -> None:
         self.calls: list[dict[str, ParameterValue]] = []
@@ -195,7 +195,7 @@ def test_pages_hear_only_news_as_of_the_flights_clock(monkeypatch: pytest.Monkey
 
 @pytest.fixture
 def known(site: Any, station: Any, operator: httpx.Client, until: Any) -> httpx.Client:
-    """A browser of a site whose vehicle's parameters have been read."""
+    """Return a browser of a site whose vehicle's parameters have been read."""
     station.fly()
 
     def read() -> bool:

@@ -1,4 +1,4 @@
-"""History, presets and files of parameters, asked over HTTP."""
+"""History, presets and files of parameters, over HTTP."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DEFAULTS = {"gains.kp": 4.0, "gains.laps": 3, "gains.exact": False, "gains.rate"
 
 @pytest.fixture
 def known(site: Any, station: Any, operator: httpx.Client, until: Any) -> Iterator[httpx.Client]:
-    """A browser of a site whose vehicle's parameters have been read and are the defaults."""
+    """Yield a browser of a site whose vehicle's parameters have been read and are the defaults."""
 
     def read() -> bool:
         station.fly()

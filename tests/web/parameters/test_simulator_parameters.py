@@ -1,4 +1,4 @@
-"""The simulated world's parameters: there while it is there, changed apart from the vehicle's."""
+"""Parameters of the simulated world: listed while it runs, changed apart from the vehicle's."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WORLD = ParameterStore(SimulatorTree())
 
 
 class Nodes:
-    """Stands for web.live.station.Station: which nodes answer."""
+    """Fake of web.live.station.Station, in which only some nodes answer."""
 
     def __init__(self) -> None:
         self.is_there = True
@@ -47,7 +47,7 @@ def test_a_simulator_that_comes_is_news_at_once_and_one_that_goes_at_the_second_
 
 
 class Vehicle:
-    """Applies everything but what it refuses."""
+    """Vehicle that applies everything except what it refuses."""
 
     def __init__(self, refused: str = "") -> None:
         self.calls: list[set[str]] = []
@@ -78,7 +78,7 @@ def test_the_world_alone_is_one_call() -> None:
 
 
 class Mixed(PageParameters):
-    """Knows a station's parameter beside the world's."""
+    """Replica with a station's parameter and one of the world."""
 
     def check(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
         return dict(values)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Tests that a replay shows what was recorded: each sample near by, extremes from afar."""
+"""A replay shows the recorded data: each sample when zoomed in, extremes when zoomed out."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def shown(log: Path) -> Replay:
 
 @pytest.fixture(scope="module")
 def samples(log: Path) -> tuple[Any, Any]:
-    """Times (s) and heights (m) of the state, by the message decoder."""
+    """Return times (s) and heights (m) of the state, read by the message decoder."""
     found = []
     for message in read_log(log, topics=["/quad1/state"]):
         height = decode(message.payload, message.type_name).pose.pose.position.z
@@ -72,7 +72,7 @@ def samples(log: Path) -> tuple[Any, Any]:
 
 
 def unpacked(data: bytes) -> list[tuple[list[str], Any, list[Any]]]:
-    """Groups of a window: signals, times, a column each."""
+    """Return the groups of a window: signals, times, a column each."""
     (length,) = struct.unpack_from("<I", data)
     head, at, found = json.loads(data[4 : 4 + length]), 8 * math.ceil((4 + length) / 8), []
     for group in head["groups"]:
@@ -206,7 +206,7 @@ def test_rotations_give_their_angles_and_world_velocities() -> None:
 
 @pytest.mark.parametrize("source", [one for one in NAMED_SOURCES if one.function])
 def test_a_signal_of_a_log_is_what_it_is_live_sample_by_sample(source: Source) -> None:
-    """Many samples at once and each alone, a missing value among them."""
+    """Compute many samples at once and each alone, a missing value among them."""
     assert source.function is not None
     count = len(source.columns) + len(source.inputs)
     columns = np.random.default_rng(4).standard_normal((count, 50))
@@ -264,7 +264,7 @@ def test_the_time_line_says_what_happened_and_when(replay: Replay) -> None:
 
 
 def test_of_each_mark_the_newest_text_counts_at_the_marks_own_time(tmp_path: Path) -> None:
-    """A text that follows has the stamp of its mark, and may be empty."""
+    """A later text has the stamp of its mark, and may be empty."""
     log = tmp_path / "a.mcap"
     told = [
         ("a", 2.0, 2.0, "gust"),
@@ -297,7 +297,7 @@ def test_a_picture_is_the_newest_one_at_an_instant_to_the_byte(tmp_path: Path) -
     with LogWriter(log, {"vehicle": "quad1"}, {}) as writer:
         note = encode(new("std_msgs/String", data="x"))
         writer.write("/quad1/note", "std_msgs/String", note, *(2 * [SECOND]))
-        for t, data in taken.items():  # one comes late
+        for t, data in taken.items():  # one arrives late
             stamp_ns = SECOND + _ns(t)
             payload = encode_picture(stamp_ns, data, "quad1")
             writer.write("/quad1/tracker_picture", PICTURE, payload, SECOND + _ns(t), stamp_ns)
@@ -322,7 +322,7 @@ def _ns(seconds: float) -> int:
 def test_a_vehicle_with_a_clock_of_its_own_lies_on_the_stations(tmp_path: Path, clock: int) -> None:
     made = MadeRun(8.0, marks=[(5.0, "here")], clock_ns=clock)
     index = shown(write_run(tmp_path / "a.mcap", made)).described()
-    # The shortest delay seen is what stays unknown.
+    # The shortest delay seen remains unknown.
     assert index["marks"][0]["t"] == pytest.approx(5.0, abs=0.011)
     assert index["duration"] == pytest.approx(8.0, abs=0.03)
 
@@ -346,7 +346,7 @@ def test_gaps_are_longer_than_what_is_usual_of_the_topic() -> None:
 def test_a_whole_flight_is_drawn_from_the_least_and_greatest_of_its_samples(
     replay: Replay, name: str
 ) -> None:
-    """A signal that is a column, one made of columns, and one made of other signals."""
+    """The signals are a column, one made of columns, and one made of other signals."""
     [(_, _, [every])] = unpacked(replay.window([name], 0.0, 30.0, 12_000))
     [(_, _, [few])] = unpacked(replay.window([name], 0.0, 30.0, 200))
     assert np.count_nonzero(~np.isnan(every)) > BIN * 200

@@ -1,4 +1,4 @@
-"""Tests of the routes of the replay page: all may replay, and nothing leads out of the folders."""
+"""Routes of the replay page: all roles may replay, and no path leads out of the folders."""
 
 from __future__ import annotations
 
@@ -207,7 +207,7 @@ def test_others_are_answered_while_a_log_is_read(
     until: Until,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The builder waits until somebody else was answered."""
+    """The build waits until another request has been answered."""
     heard = threading.Event()
     real = ReplayStore._run
 

@@ -1,4 +1,4 @@
-"""Caches are built once, and again when the log has changed; together they stay small."""
+"""Replays are prepared once, and again when the log has changed; in total they stay small."""
 
 from __future__ import annotations
 

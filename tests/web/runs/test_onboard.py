@@ -1,5 +1,4 @@
-"""The vehicle's own logs on the page: listed, fetched through the station, replayed; and how a run
-compares with them."""
+"""The vehicle's own logs on the page: listed, fetched through the station, replayed, compared."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reports made on request: one process at a time, its progress, and its reason when it fails."""
+"""Reports made on request: one process at a time, its progress, and the reason of a failure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Logs can be listed and fetched, whole or in ranges, and nothing else of the disk can."""
+"""Logs can be listed and fetched, whole or in ranges, and nothing else on the disk can."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_a_log_comes_whole(operator: httpx.Client) -> None:
 
 
 def test_a_run_that_is_a_folder_comes_as_one_file(site: Any, operator: httpx.Client) -> None:
-    """The file is the station's log, or both logs in one once that was made."""
+    """The file is the station's log, or both logs merged once that was made."""
     catalogue, run_id = Catalogue(Path(site.data)), "20260130T093042Z_quad1"
     folder = catalogue.folder / run_id
     folder.mkdir()

@@ -1,4 +1,4 @@
-"""The recording for viser: made of a log in a process of its own, kept, made again when old."""
+"""Recording for viser: made from a log in a separate process, stored, made again when old."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PARAMETERS = {
 
 
 def write_flight(path: Path, seconds: float = SECONDS) -> None:
-    """A straight line along x at 1 m/s, 100 Hz."""
+    """Write a straight line along x at 1 m/s, 100 Hz."""
     attachments = {"parameters.json": msgspec.json.encode(PARAMETERS)}
     with LogWriter(path, {"vehicle": "quad1"}, attachments) as log:
         for i in range(round(seconds * 100)):
@@ -41,7 +41,7 @@ def write_flight(path: Path, seconds: float = SECONDS) -> None:
 
 
 def play(file: Path) -> dict[str, Any]:
-    """Return what viser's client reads of a recording."""
+    """Return what viser's client reads from a recording."""
     content = file.read_bytes()
     size = int.from_bytes(content[:8], "little")
     inner = zstandard.ZstdDecompressor().decompress(content[8:], max_output_size=size)

@@ -1,4 +1,4 @@
-"""Pages that keep up get one frame, packed once; one that lags gets its own."""
+"""Pages that keep up get one frame, packed once; a page that lags gets a separate one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PAGES = 5
 
 
 class Page:
-    """The far end of one client of viser: keeps its frames, and can be slow."""
+    """Other end of one client of viser, which stores its frames and can be slow."""
 
     def __init__(self) -> None:
         self.frames: list[bytes] = []
@@ -38,19 +38,19 @@ class Page:
             self._came.notify_all()
 
     async def has(self, position: float) -> None:
-        """Waits for this place of `/vehicle`."""
+        """Wait for this position of `/vehicle`."""
         async with self._came, asyncio.timeout(10.0):
             await self._came.wait_for(lambda: position in self.seen)
 
     @property
     def seen(self) -> list[float]:
-        """The places of `/vehicle` in order."""
+        """Return the positions of `/vehicle` in order."""
         messages = [m for frame in self.frames for m in unpacked(frame)["messages"]]
         return [m["position"][0] for m in messages if m["type"] == "SetPositionMessage"]
 
 
 class Room:
-    """Pages on one buffer, served as viser serves them."""
+    """Pages on one buffer, served as by viser."""
 
     def __init__(self) -> None:
         self.buffer = AsyncMessageBuffer(asyncio.get_running_loop(), persistent_messages=True)
@@ -86,7 +86,7 @@ def shared(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def unpacked(frame: bytes) -> dict[str, Any]:
-    """The msgpack of one of viser's frames: two lengths of 8 bytes, then zstd."""
+    """Return the msgpack of one of viser's frames: two lengths of 8 bytes, then zstd."""
     size, packed = struct.unpack_from("<QQ", frame)
     inner = zstandard.ZstdDecompressor().decompress(frame[16 : 16 + packed], size)
     found: dict[str, Any] = msgspec.msgpack.decode(inner)
@@ -160,7 +160,7 @@ def test_arrays_arrive_as_viser_packs_them() -> None:
 
 
 def test_the_producer_we_replace_is_called_as_ours_is() -> None:
-    """A newer viser may change it: then the version range in pyproject.toml must stop it."""
+    """A newer viser may change it: then the version range in pyproject.toml must exclude it."""
     ours, theirs = (
         list(inspect.signature(producer).parameters)
         for producer in (view_frames._produce, view_frames._viser_producer)

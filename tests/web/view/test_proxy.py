@@ -1,4 +1,4 @@
-"""Tests of what may pass to viser, and that only our pump reaches it."""
+"""Messages that may pass to viser; only the proxy reaches it."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ encode = msgspec.msgpack.encode
 
 @pytest.fixture
 def upstream() -> Callable[[Role], pump.Upstream]:
-    """One browser of this role, to a server that would take its drags."""
+    """Return a function that makes a browser of a role, to a server that accepts its drags."""
     return lambda role: pump.Upstream(_NoServer(), Session("somebody", role), lambda: 0.0)
 
 
@@ -149,7 +149,7 @@ def test_the_share_tunnel_is_refused(server: ViewServer) -> None:
 
 
 def test_the_private_names_we_use_exist_in_this_viser(server: ViewServer) -> None:
-    """A newer viser may rename them: then the version range in pyproject.toml must stop it."""
+    """A newer viser may rename them: then the version range in pyproject.toml must exclude it."""
     inner = server.viser._websock_server
     assert isinstance(inner._live_connections, dict)
     assert isinstance(inner._incoming_handlers, dict)
@@ -191,7 +191,7 @@ def test_another_version_of_the_client_is_sent_away(site: Any, operator: httpx.C
 
 @pytest.fixture
 def reached(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The types of the messages that viser got."""
+    """Return the types of the messages that viser received."""
     came: list[str] = []
     original = _messages.Message.deserialize.__func__  # type: ignore[attr-defined]
 
@@ -209,14 +209,14 @@ def test_only_the_camera_reaches_viser(
 ) -> None:
     with view(site, site.cookie(viewer)) as socket:
         socket.recv(timeout=10.0)
-        for message in (*POINTED, CAMERA):  # in order: the others were dropped when it arrives
+        for message in (*POINTED, CAMERA):  # in order: the others have been dropped when it arrives
             socket.send(encode(message))
         until(lambda: reached)
     assert reached == ["ViewerCameraMessage"]
 
 
 def unpacked(frame: bytes) -> bytes:
-    """The msgpack of one of viser's frames: two lengths of 8 bytes, then zstd."""
+    """Return the msgpack of one of viser's frames: two lengths of 8 bytes, then zstd."""
     size, packed = struct.unpack_from("<QQ", frame)
     return zstandard.ZstdDecompressor().decompress(frame[16 : 16 + packed], size)
 
@@ -243,9 +243,10 @@ def test_a_hostile_client_is_closed_and_the_others_see_on(
             with contextlib.suppress(websockets.exceptions.ConnectionClosed):
                 HOSTILE[attack](socket)
             with contextlib.suppress(websockets.exceptions.ConnectionClosed):
-                for _ in socket:  # what was under way
+                for _ in socket:  # frames already sent
                     pass
-            # Who is still sending 64 MiB may meet the closed line before the reason: 1006.
+            # A client that still sends 64 MiB may see the closed connection before the reason:
+            # 1006.
             lost = (1006,) if attack == "64 MiB" else ()
             assert socket.close_code in (1008, 1009, *lost)
         site.view_server.viser.scene.add_frame("/probe")
@@ -256,7 +257,7 @@ def test_a_hostile_client_is_closed_and_the_others_see_on(
 
 
 class _Browser:
-    """Takes a few frames, then no more, and leaves: a stand-in for a page that is closed."""
+    """Page that reads a few frames, then no more, and closes."""
 
     scope: ClassVar = {"subprotocols": ["viser-vtest"]}
     query_params: ClassVar[dict[str, str]] = {}
@@ -283,7 +284,7 @@ class _Browser:
 
 
 def test_a_page_that_leaves_in_the_midst_of_frames_is_let_go() -> None:
-    """Viser's farewell waits behind what nobody reads: longer than the server has at its end."""
+    """viser's close frame waits behind unread frames: longer than the server has at its end."""
 
     async def flood(connection: websockets.asyncio.server.ServerConnection) -> None:
         with contextlib.suppress(websockets.exceptions.ConnectionClosed):

@@ -1,4 +1,4 @@
-"""The scene moves with the vehicle, follows it when asked, and stays within its bandwidth."""
+"""The scene moves with the vehicle, follows it when requested, and stays within its bandwidth."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def odometry(x: float, y: float, z: float) -> bytes:
 
 
 def fly(live: Live, t: float) -> tuple[float, float, float]:
-    """A figure eight of 8 s, everything changing at every frame."""
+    """Fly a figure eight of 8 s, with changes of everything in every frame."""
     point = (math.sin(0.785 * t), 0.5 * math.sin(1.57 * t), 1.0 + 0.2 * math.sin(0.785 * t))
     live.put("state", odometry(*point))
     live.put("truth", odometry(point[0] + 0.01, point[1], point[2]))
@@ -129,7 +129,7 @@ def test_a_moving_scene_stays_within_its_bandwidth(server: ViewServer) -> None:
 
 
 def settle(quiet: threading.Event) -> None:
-    """Until nothing came for 0.2 s."""
+    """Wait until nothing has arrived for 0.2 s."""
     for _ in range(100):
         quiet.set()
         time.sleep(0.2)
@@ -193,7 +193,7 @@ def test_a_box_has_twelve_edges_along_the_axes() -> None:
 
 
 def test_a_tab_that_stood_still_gets_the_newest_and_no_history(server: ViewServer) -> None:
-    """A stalled page that wakes up finds a small part of what was sent meanwhile."""
+    """A stalled page that wakes up gets a small part of what was sent in the meantime."""
     import socket as sockets
 
     live = Live(decode)
@@ -231,7 +231,7 @@ def test_a_tab_that_stood_still_gets_the_newest_and_no_history(server: ViewServe
         threading.Thread(target=read, args=("stalled", stalled), daemon=True).start()
         settle(quiet)
     print(received)
-    # The stalled one still had the whole scene to get, about 30 kB.
+    # The stalled page still had to get the whole scene, about 30 kB.
     assert 0 < received["stalled"] < 0.5 * received["awake"]
 
 

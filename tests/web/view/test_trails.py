@@ -1,4 +1,4 @@
-"""Trails: bounded, gaps drawn as gaps, little re-sent."""
+"""Trails: bounded, gaps drawn as gaps, little sent again."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ RATE = 30.0
 
 
 def drawn(ring: TrailRing) -> np.ndarray:
-    """All segments that are shown, shape (N, 2, 3)."""
+    """Return all segments that are shown, shape (N, 2, 3)."""
     pieces = [*ring.chunks, ring.head]
     return np.concatenate([p.segments[: p.count] for p in pieces])
 

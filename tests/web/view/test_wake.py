@@ -1,4 +1,4 @@
-"""Writes to the 3D view from the web process's own thread leave viser's loop alone."""
+"""Writes to the 3D view from the web process's own thread do not touch viser's loop."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_only_visers_loop_touches_who_waits_for_a_write(server: ViewServer) -> N
     buffer.event_loop.call_soon_threadsafe(going.wait, WAIT)
     server.viser.scene.add_frame("/written")
     assert [one.done() for one in event._waiters] == [False]
-    assert event.is_set()  # as viser reads it at once
+    assert event.is_set()  # viser must see it at once
     going.set()
     assert waiting.result(WAIT)
 

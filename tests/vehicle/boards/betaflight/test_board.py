@@ -1,4 +1,4 @@
-"""The board with Betaflight, against a counterpart that answers MSP byte by byte."""
+"""The board with Betaflight, against a fake that answers MSP byte by byte."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STEP_S, HOVER = 0.004, BodyRates((0.0, 0.0, 0.0), 0.4)
 
 
 class Firmware:
-    """The firmware on the other end: it answers as MSP says, and keeps the newest sticks."""
+    """Fake firmware at the other end, which answers as MSP does and stores the newest sticks."""
 
     def __init__(self, port: MemoryPort) -> None:
         self.port, self.decoder = port, MessageDecoder()
@@ -105,7 +105,7 @@ def test_it_arms_when_nothing_blocks_and_reports_it() -> None:
     bench.firmware.boxes = 1 | 1 << 3
     bench.firmware.sticks = []
     assert bench.go(60)[-1].motor_state is MotorState.EMERGENCY
-    assert bench.firmware.sticks == []  # which makes it land by itself
+    assert bench.firmware.sticks == []  # without sticks, the firmware lands
     bench.board.set_motor_state(MotorState.OFF)
     bench.go(10)
     assert (bench.firmware.sticks[4], bench.firmware.sticks[6]) == (1000, 1000)
@@ -130,7 +130,7 @@ def test_until_it_is_armed_the_throttle_stays_at_its_lowest() -> None:
     bench.go(60)
     bench.board.command(HOVER)
     bench.firmware.step()
-    # 1010 + 990 (0.4 - 0.055) / 0.945 = 1371.4, and what is left of the one before
+    # 1010 + 990 (0.4 - 0.055) / 0.945 = 1371.4, plus the remainder of the rounding before
     assert bench.firmware.sticks[2] in (1371, 1372)
 
 
@@ -195,7 +195,7 @@ def test_a_command_after_the_hand_over_is_not_sent() -> None:
     bench.go(60)
     bench.board.set_motor_state(MotorState.EMERGENCY)
     bench.firmware.sticks = []
-    bench.board.command(BodyRates((1.0, -1.0, 0.5), 0.4))  # of the tick that decided it
+    bench.board.command(BodyRates((1.0, -1.0, 0.5), 0.4))  # from the tick that decided it
     bench.go(60)
     assert bench.firmware.sticks == []
 

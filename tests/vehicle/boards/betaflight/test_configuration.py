@@ -1,5 +1,4 @@
-"""Tests that each misfit of a board is one line for its command line, and that a board that fits
-gets none."""
+"""Each setting that does not fit is one line for the command line; a board that fits has none."""
 
 from __future__ import annotations
 

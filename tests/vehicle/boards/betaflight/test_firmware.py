@@ -1,6 +1,6 @@
-"""The real Betaflight as the judge: its messages, its command line and its settings.
+"""Real Betaflight as the judge: its messages, its command line and its settings.
 
-The firmware is a process of its own whose time is stepped, so that a busy machine changes nothing.
+The firmware is a separate process whose time is stepped, so that a busy machine changes nothing.
 `scripts/betaflight` builds it; without it the tests are skipped.
 """
 
@@ -25,7 +25,7 @@ STEP_NS = 1_000_000
 
 
 class SteppedPort:
-    """The board's port, on which its time goes on whenever nothing has come yet."""
+    """Port of the board, whose time advances whenever no bytes are available."""
 
     def __init__(self, board: BetaflightProcess) -> None:
         self._board = board
@@ -68,7 +68,7 @@ def test_the_lines_of_the_check_make_the_real_firmware_fit() -> None:
 
 
 class WithoutAltitudeHold(SteppedPort):
-    """A board whose firmware was built for less memory."""
+    """Board whose firmware was built for less memory."""
 
     def read(self) -> bytes:
         return super().read().replace(b"ap_hover_throttle", b"ap_hover_roll")
@@ -84,7 +84,7 @@ def test_a_board_that_lands_by_throttle_alone_is_told() -> None:
 
 
 class Lossy(SteppedPort):
-    """Loses 300 bytes of a long answer, `losses` times, each time elsewhere."""
+    """Port that loses 300 bytes of a long answer, `losses` times, each time at another place."""
 
     def __init__(self, board: BetaflightProcess, losses: int) -> None:
         super().__init__(board)
@@ -174,7 +174,7 @@ def test_the_same_states_and_bytes_give_the_same_answers_in_our_axes() -> None:
     assert newest.gyroscope[1] / 16.384 == pytest.approx(-11.46, abs=0.2)  # deg/s
     assert newest.gyroscope[2] / 16.384 == pytest.approx(17.19, abs=0.2)
     assert newest.accelerometer == pytest.approx((13, -26, 256), abs=1)  # 256 a g
-    assert len(first[0]) > 30  # at 100 Hz, its own setting until it is set up
+    assert len(first[0]) > 30  # at 100 Hz, its default until it is set up
 
 
 def test_a_board_that_has_ended_turns_no_motor() -> None:

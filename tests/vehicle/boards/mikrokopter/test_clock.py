@@ -61,7 +61,7 @@ def test_a_clock_set_by_late_samples_is_set_back_by_the_first_in_time() -> None:
         clock.settle(2 * MS * k, 1)
     assert clock.settled
     assert clock.correct(2 * MS * k) == 0.0
-    ahead = clock.correct(2 * MS * k + late)  # arrives in time at last
+    ahead = clock.correct(2 * MS * k + late)  # arrives in time again
     assert ahead == 0.380
     assert clock.stamp_ns(0) == 0
     assert clock.correct(2 * MS * k + late + 4 * MS) == 0.0, "4 ms may be the clocks' drift"
@@ -71,7 +71,7 @@ HOUR_NS = 3_600_000 * MS
 
 
 class Settled:
-    """A clock that is settled at 0, on a host whose two clocks are moved by hand, ns."""
+    """Clock settled at 0, on a host whose two clocks are moved by hand, ns."""
 
     def __init__(self, late_ns: int = 0) -> None:
         self.host_ns = self.steady_ns = 0
@@ -135,14 +135,14 @@ def test_a_given_epoch_needs_no_host_clock() -> None:
 
 
 class Host:
-    """A steady clock that is moved by hand, ms."""
+    """Steady clock that is moved by hand, ms."""
 
     def __init__(self) -> None:
         self.ms = 0
         self.clock = MicrocontrollerClock(steady_ns=lambda: self.ms * MS)
 
     def after(self, passed_ms: int, ms: int) -> float | None:
-        """A sample that arrives so much later; its elapsed time in ms."""
+        """Pass a sample that arrives so much later; return its elapsed time in ms."""
         self.ms += passed_ms
         elapsed = self.clock.elapsed_ns(ms)
         return None if elapsed is None else elapsed / MS
@@ -176,7 +176,7 @@ def test_a_microcontroller_that_began_anew_goes_on_from_where_the_host_is() -> N
 def test_a_time_that_only_one_sample_tells_is_not_believed() -> None:
     host = Host()
     assert host.after(0, 30_000) == 0.0
-    assert host.after(2, 30_302) is None  # 300 ms ahead: true ones would be late until then
+    assert host.after(2, 30_302) is None  # 300 ms ahead: correct ones would be late until then
     assert host.after(2, 30_004) == 4.0
     assert host.after(2, 30_006) == 6.0
 
@@ -187,7 +187,7 @@ def test_samples_read_long_after_they_came_are_in_their_order_and_a_hole_in_them
     assert [host.after(5_000 if k == 1 else 0, 2 * k) for k in range(1, 100)] == [
         2.0 * k for k in range(1, 100)
     ]
-    assert host.after(0, 3_198) is None  # what the port could not hold meanwhile
+    assert host.after(0, 3_198) is None  # what the port could not buffer in the meantime
     assert host.after(0, 3_200) == 3_200.0
     assert host.after(2, 3_202) == 3_202.0
 

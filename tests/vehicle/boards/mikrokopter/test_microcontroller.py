@@ -1,4 +1,4 @@
-"""The flight loop's side of the serial lines: handshake, samples in order, sets until echoed."""
+"""Flight side of the serial lines: handshake, samples in order, sets until echoed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def data(ms: int, counts: tuple[int, ...] = LEVEL, battery: int = 148, state: in
 
 
 class Lines:
-    """A Microcontroller whose far ends the test writes and reads."""
+    """A Microcontroller whose other ends the test writes and reads."""
 
     def __init__(self, epoch_ns: int | None = 0) -> None:
         pairs = [memory_port_pair(), memory_port_pair()]
@@ -37,13 +37,13 @@ class Lines:
         self.mcu = Microcontroller([pair[0] for pair in pairs], epoch_ns)
 
     def confirm(self) -> None:
-        """Answer the handshake as the right firmware does."""
+        """Answer the handshake as the correct firmware does."""
         firmware = Firmware(1)
         self.far[0].write(firmware.receive(0, self.far[0].read()))
         assert self.mcu.receive() == []
 
     def sent(self, line: int = 0) -> str:
-        """The kinds of the frames sent on this line since last asked."""
+        """Return the kinds of the frames sent on this line since the last call."""
         return "".join(chr(f.command) for f in FrameDecoder().feed(self.far[line].read()))
 
 

@@ -1,4 +1,4 @@
-"""Changes of the flight control mode, and ports that go in flight."""
+"""Changes of the flight control mode, and ports that fail in flight."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LEVEL = AttitudeCommand(0.0, 0.0, 0.0, 1.05)
 
 
 class Pulled(MemoryPort):
-    """A line that is pulled out when the test says so."""
+    """Line that is unplugged when the test requests it."""
 
     gone = False
 

@@ -1,4 +1,4 @@
-"""A motor's controller that does not answer: named by firmware, vehicle and refusal."""
+"""A motor controller that does not answer is named by firmware, vehicle and refusal."""
 
 from __future__ import annotations
 

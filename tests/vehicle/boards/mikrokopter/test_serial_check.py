@@ -1,4 +1,4 @@
-"""`--check` against the simulator's devices: figures of a good line, one line for what is not."""
+"""`--check` against the simulator's devices: figures for a good line, one message for a fault."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from vehicle.simulator.pseudo_terminal import PseudoTerminal
 from vehicle_link.serial.discovery import Clock, Device, Finding
 
 BOUND = 30.0
-"""s, after which a test that waits has failed."""
+"""Time, in s, after which a waiting test fails."""
 REFUSED = RealTime(False, False, "not real time: SCHED_FIFO 50 refused")
 
 

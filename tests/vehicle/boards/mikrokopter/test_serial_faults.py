@@ -1,4 +1,4 @@
-"""Serial lines that damage bytes or are pulled out, in flight and in simulated time."""
+"""Serial lines that damage bytes or are unplugged, in flight and in simulated time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vehicle_link.serial.port import memory_port_pair
 
 
 def damaged(seed: int, share: float, count: int = 20_000) -> np.ndarray:
-    """Return which of `count` bytes sent to the vehicle arrive as others."""
+    """Return which of `count` bytes sent to the vehicle arrive changed."""
     here, there = memory_port_pair()
     [wire] = new_wires([there], SimulatorParameters(seed=seed, corrupted_bytes=share))
     sent = bytes(range(200))

@@ -1,4 +1,4 @@
-"""The simulator's servers of poses, judged by clients that others wrote."""
+"""The simulator's pose servers, judged by third-party clients."""
 
 from __future__ import annotations
 
@@ -82,8 +82,10 @@ def laboratory(system: str) -> Iterator[Laboratory]:
 
 @contextmanager
 def frames_of(system: str, port: int) -> Iterator[Iterator[Frame]]:
-    """The library's frames; for QTM it waits until no other client here has the one UDP port that
-    the library can use.
+    """Yield the library's frames.
+
+    For QTM, wait until no other client on this computer has the one UDP port that the library can
+    use.
     """
     end = time.monotonic() + LIMIT
     while True:
@@ -104,7 +106,7 @@ def frames_of(system: str, port: int) -> Iterator[Iterator[Frame]]:
 
 
 def check(body: Body) -> int:
-    """Check a pose in every value; return which it is."""
+    """Check a pose in every value; return its number."""
     k = round(1000.0 * float(body.position_w[0]))
     np.testing.assert_allclose(body.position_w, place(body.name, k), atol=1e-5)
     assert body.quaternion_wb is not None

@@ -1,4 +1,4 @@
-"""A command is pending while its answer is late, then settled by the answer or the vehicle."""
+"""A command is pending until a late answer or the vehicle's status settles it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TAKE_OFF = "#behaviors button:text-is('Take off')"
 FLIES = {"behavior": "follow_trajectory"}
 LATER = """(milliseconds) => { const now = performance.now.bind(performance);
   performance.now = () => now() + milliseconds; }"""
-"""Makes it so much later on the page's clock."""
+"""Script that advances the page's clock by so much."""
 
 
 def is_gone(page: Any) -> None:
@@ -80,7 +80,7 @@ def test_a_refusal_goes_with_the_state_that_it_was_about(
     station.refusal = "the motors are off; arm the vehicle first"
     page.click(TAKE_OFF)
     look.text("#answer", "arm the vehicle first")
-    page.click("[data-tab=gains]")  # it is seen from all tabs, and takes nobody to another
+    page.click("[data-tab=gains]")  # visible on all tabs, without a change of tab
     page.wait_for_selector("#gains", state="visible")
     assert page.is_visible("#answer")
     station.said = {"behavior": "take_off"}
@@ -105,7 +105,7 @@ def test_a_refusal_to_arm_goes_when_the_vehicle_is_ready_again(
     prepare(False)
     look.text("#preflight", "Not ready")
     page.evaluate(LATER, 5000)
-    page.wait_for_timeout(300)  # the notice is drawn anew
+    page.wait_for_timeout(300)  # the notice is drawn again
     assert page.is_visible("#answer")
     prepare(True)
     is_gone(page)

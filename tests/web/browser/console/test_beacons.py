@@ -1,4 +1,4 @@
-"""The Beacons tab in Chromium: what it shows is what station and vehicle confirmed."""
+"""Beacons tab in Chromium: it shows what station and vehicle confirmed."""
 
 from __future__ import annotations
 
@@ -317,7 +317,7 @@ def test_a_hidden_tab_has_no_socket_and_no_signals(
         return [one for one in sockets if "/ws/comparison" in one.url]
 
     def compared() -> list[str]:
-        page.wait_for_timeout(20)  # lets its events in
+        page.wait_for_timeout(20)  # processes its events
         return [name for name in wanted[-1] if name.startswith("comparison.")]
 
     until(lambda: bool(compared()))
@@ -357,7 +357,7 @@ def test_the_cameras_picture_is_shown_while_the_tab_is_open_and_its_silence_is_t
     assert colour[1] > colour[0] + 50, "the tag's outline is green"
     look.text("#beacons-camera figcaption", r"^30 pictures/s, .* 0\.20 pixels from their places$")
     look.text("#beacons-camera .reason", "^tag 3 is seen twice$")
-    # No more come, and then no more statuses.
+    # No more pictures arrive, and then no more statuses.
     look.text("#beacons-camera .quiet", r"^No picture for [3-9] s$")
     look.text("#beacons-camera figcaption", "process is silent")
     look.has_class("#beacons-camera", "stale")

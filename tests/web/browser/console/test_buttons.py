@@ -1,4 +1,4 @@
-"""Buttons that act when held, and buttons that make the vehicle fly, in Chromium."""
+"""Buttons that have to be held, and buttons that make the vehicle fly, in Chromium."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_a_short_press_says_to_keep_holding_and_does_nothing(
     assert hint["y"] >= button["y"] + button["height"]
     assert abs(hint["x"] + hint["width"] / 2 - button["x"] - button["width"] / 2) < 60.0
     assert asked(station) == []
-    look.text("#hold-hint", "^$")  # it goes by itself
+    look.text("#hold-hint", "^$")  # it disappears by itself
 
 
 def test_space_pauses_the_charts_and_does_not_start_the_focused_behaviour_again(
@@ -70,7 +70,7 @@ def test_space_pauses_the_charts_and_does_not_start_the_focused_behaviour_again(
     console.keyboard.press(" ")
     look.text("#charts .bar button >> nth=0", "^Pause$")
     assert asked(station) == ["hover"]
-    console.keyboard.press("Enter")  # who tabs to it presses so
+    console.keyboard.press("Enter")  # keyboard users press it so
     until(lambda: asked(station) == ["hover", "hover"])
 
 

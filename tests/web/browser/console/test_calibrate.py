@@ -1,4 +1,4 @@
-"""The Calibrate tab in Chromium: choose, be guided, judge, accept; and what may not be pressed."""
+"""Calibrate tab in Chromium: choose, be guided, judge, accept; and which buttons are disabled."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def bench_of_all(site: Any, calibrating: Any) -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def open_tab(bench_of_all: Any, chromium: Any, site: Any) -> Iterator[Callable[..., Any]]:
-    """`open_tab(cookies)`: the tab on a page of its own, signed in by a link if without."""
+    """Yield `open_tab(cookies)`, the tab on a separate page; a link signs it in without them."""
     problems: list[str] = []
     contexts = []
 
@@ -105,7 +105,7 @@ def test_a_calibration_is_chosen_and_started_by_a_hold(
 ) -> None:
     see.text(f"{ROWS} >> nth=0", r"^Gyroscope.*at its start✓within$")
     see.text(f"{ROWS} >> nth=2", "^Motor benchnever$")
-    see.text(f"{ROWS} >> nth=1", "anna!changed$")  # the vehicle has other values by now
+    see.text(f"{ROWS} >> nth=1", "anna!changed$")  # the vehicle has other values by then
     tab.check(".calibrations input[value=accelerometer]")
     see.text(f"{TAB} .needs", "^Needs: the vehicle in your hands")
     tab.fill(f"{TAB} input[aria-label=poses]", "3")
@@ -144,7 +144,7 @@ def test_while_it_runs_it_guides_asks_and_shows_what_it_measures(
     assert tab.get_attribute(".run [role=progressbar]", "aria-valuenow") == "46"
     assert tab.locator(".sphere .held").count() == 5
     assert "Next: 20° nose" in tab.get_attribute(".sphere", "aria-label")
-    see.text(".run .live", "^condition number14.25$")  # poses stand on the sphere
+    see.text(".run .live", "^condition number14.25$")  # poses are drawn on the sphere
     assert tab.is_hidden(".calibrations")
     bench.station.requests.clear()
     hold(tab, ".run .question button", until, lambda: len(asked(bench, "confirm")) == 1)

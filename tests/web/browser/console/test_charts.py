@@ -1,4 +1,4 @@
-"""Charts as a person uses them: choose, pause, zoom, save; an hour of frames in a fixed size."""
+"""Charts as a person uses them: choose, pause, zoom, save; an hour of frames in constant memory."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from web.signals import SIGNALS
 
 @pytest.fixture(scope="module")
 def modules(chromium: Any, site: Any) -> Iterator[Any]:
-    """A page with none of ours on it, from which our modules can be loaded."""
+    """Yield an empty page of the site, from which its modules can be loaded."""
     context = chromium.new_context()
     page = context.new_page()
     page.goto(f"{site.base}/?token={site.token}")
-    page.wait_for_url(f"{site.base}/")  # it goes on there by itself
+    page.wait_for_url(f"{site.base}/")  # it continues there by itself
     page.goto(f"{site.base}/kill")
     page.add_script_tag(url="/vendor/uPlot.iife.js")
     yield page
@@ -74,7 +74,7 @@ HOUR = """async ([names, minutes, rate]) => {
 
 
 def test_an_hour_of_frames_leaves_nodes_and_memory_as_they_were(modules: Any) -> None:
-    """An hour of frames through decoding, history and a chart of ten minutes, at full speed."""
+    """Send an hour of frames through decoding, history and a chart of ten minutes."""
     cdp = modules.context.new_cdp_session(modules)
     cdp.send("Performance.enable")
     names = [signal.name for signal in SIGNALS[:6]]
@@ -84,7 +84,7 @@ def test_an_hour_of_frames_leaves_nodes_and_memory_as_they_were(modules: Any) ->
         found = cdp.send("Performance.getMetrics")["metrics"]
         return {one["name"]: one["value"] for one in found}
 
-    modules.evaluate(HOUR, [names, 21, RATE])  # past the first turn of the ring
+    modules.evaluate(HOUR, [names, 21, RATE])  # after the ring has wrapped
     before = figures()
     held, room, drawn = modules.evaluate(HOUR, [names, 60, RATE])
     after = figures()
@@ -128,7 +128,7 @@ CHOICES = """async ([first, second, third]) => {
 
 
 def test_a_chart_keeps_what_it_had_when_its_signals_change(modules: Any) -> None:
-    """A signal that was taken away and comes back has a gap only where it was not asked for."""
+    """A signal that is removed and added again has a gap only while it was not requested."""
     names = [signal.name for signal in SIGNALS[:3]]
     changed, after = modules.evaluate(CHOICES, names)
     steps = list(range(100))
@@ -166,7 +166,7 @@ def test_a_chart_shows_the_spectrum_of_the_last_seconds_and_says_why_it_cannot(
     at = box["x"] + 40.0 / 250.0 * box["width"], box["y"] + 0.5 * box["height"]
 
     def reads_the_line() -> bool:
-        page.mouse.move(at[0] - 30.0, at[1])  # the cursor is where the axis was at that moment
+        page.mouse.move(at[0] - 30.0, at[1])  # the axis was under the cursor at that moment
         page.mouse.move(*at)
         shown = page.locator("#chart-0 .legend output").all_inner_texts()
         return any(float(text or 0.0) > 0.3 for text in shown)

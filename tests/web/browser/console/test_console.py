@@ -1,4 +1,4 @@
-"""The page in Chromium, its 3D view blanked: what a person sees and does."""
+"""The page in Chromium with a blank 3D view: what a person sees and does."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from console.catalogue.catalogue import Catalogue
 
 TAKE_OFF = "#behaviors button:text-is('Take off')"
 STANDS = {"airborne": False, "behavior": "ground"}
-"""Armed, on the ground."""
+"""Status of a vehicle that is armed on the ground."""
 
 
 def test_a_link_signs_in_once(context: Any, site: Any, page: Any) -> None:

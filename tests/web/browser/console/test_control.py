@@ -1,4 +1,4 @@
-"""The strip that says who commands, and the help, in Chromium."""
+"""The strip that shows who commands, and the help, in Chromium."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_who_has_control_answers_who_asks(page: Any, look: Any, station: Any) ->
 def test_control_that_is_not_known_is_not_shown_as_free(page: Any, look: Any, station: Any) -> None:
     station.control("anna")
     look.text("#control", "anna")
-    look.text("#control", "not known")  # after 2 s in which the station says nothing
+    look.text("#control", "not known")  # after 2 s without a report of the station
 
 
 def test_a_first_visit_explains_itself_and_the_help_is_one_key_away(page: Any, look: Any) -> None:

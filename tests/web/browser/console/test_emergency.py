@@ -1,4 +1,4 @@
-"""The emergency controls in Chromium: two gestures, and no word of success before the vehicle's."""
+"""Emergency controls in Chromium: two gestures, and no success shown before the vehicle's."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def actions(station: Any) -> list[str]:
 
 @pytest.fixture
 def still(open_page: Any, site: Any, station: Any) -> Any:
-    """A page whose vehicle says only what the test lets it say."""
+    """Return a page whose vehicle publishes only what the test requests."""
     show(station, "armed")
     page = open_page(site)
     page.keyboard.press("Escape")  # the help of a first visit
@@ -75,7 +75,7 @@ def test_cut_is_held_and_its_key_too(still: Any, station: Any, until: Any) -> No
     still.keyboard.press("x")
     still.keyboard.press("e")
     until(lambda: actions(station) == ["land"])
-    still.keyboard.down("Shift")  # as while flying by keyboard
+    still.keyboard.down("Shift")  # as when flying by keyboard
     still.keyboard.down("x")
     until(lambda: (still.wait_for_timeout(20), actions(station) == ["land", "cut"])[1])
     still.keyboard.up("x")

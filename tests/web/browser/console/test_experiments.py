@@ -1,4 +1,4 @@
-"""The Fly tab's experiments in Chromium: options, the hold that starts one, verdict, report."""
+"""Experiments of the Fly tab in Chromium: options, the hold that starts one, verdict, report."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ START, FINISH, STOP = (f"#experiment .act button >> nth={n}" for n in range(3))
 
 
 class NoFiles:
-    """Nobody has experiments of their own."""
+    """No experiments of users."""
 
     def described(self) -> list[Any]:
         return []
@@ -31,7 +31,7 @@ class NoFiles:
 def section(
     page: Any, station: Any, until: Callable[..., None], monkeypatch: pytest.MonkeyPatch
 ) -> Any:
-    """The page with its section open, on a station that knows its experiments."""
+    """Return the page with its section open, on a station that lists its experiments."""
     plain = station._call_blocking
 
     def call(service: str, request: Any) -> Any:
@@ -50,10 +50,10 @@ def section(
     monkeypatch.setattr(station, "_call_blocking", call)
     monkeypatch.setattr(station, "told", {"phase": "idle"})
     monkeypatch.setattr(station, "fly", fly_and_tell)
-    # Not by a click, which would close what a flight told by the test before has opened.
+    # A click would close what the flight of the test before has opened.
     page.evaluate("document.getElementById('experiment').open = true")
     page.wait_for_selector("#experiment .options input")
-    until(lambda: page.is_enabled(START))  # a press on it before it is does nothing
+    until(lambda: page.is_enabled(START))  # earlier, a press has no effect
     return page
 
 
@@ -81,7 +81,7 @@ def report(site: Any) -> Iterator[Path]:
 
 
 def tell(station: Any, **fields: Any) -> None:
-    """Let the station say this from now on, again and again."""
+    """Let the station publish these fields repeatedly from now on."""
     station.told = fields
 
 

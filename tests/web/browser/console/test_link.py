@@ -1,4 +1,4 @@
-"""Ages and the Link tab: what is old says so, and which of two links is the slow one."""
+"""Ages and the Link tab: what is old is marked, and which of two links is slow."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MARK = "getComputedStyle(document.querySelector('{}'), '::before').content"
 
 
 def marked(page: Any, selector: str) -> bool:
-    """Return whether it carries the sign of what is old, next to its colour."""
+    """Return whether an element carries the mark of old values, in addition to its colour."""
     return bool(page.evaluate(MARK.format(selector)) == '"○"')
 
 
@@ -70,7 +70,7 @@ def test_silence_of_the_vehicle_shows_before_the_station_says_so(
     put = station.put
     station.put = lambda topic, message: topic == "state" or put(topic, message)
     try:
-        look.has_class("#link", "warn")  # the station's own status still comes and says good
+        look.has_class("#link", "warn")  # the station's own status still arrives and is good
         look.text("#flags", "^no telemetry for")
     finally:
         station.put = put
@@ -95,7 +95,7 @@ PIXEL = """(name) => { const probe = document.body.appendChild(document.createEl
   pen.fillRect(0, 0, 1, 1);
   const parts = [...pen.getImageData(0, 0, 1, 1).data].slice(0, 3);
   return '#' + parts.map((part) => part.toString(16).padStart(2, '0')).join(''); }"""
-"""A colour of the design as #rrggbb."""
+"""Script that returns a colour of the design as #rrggbb."""
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
@@ -110,7 +110,7 @@ def test_old_numbers_are_legible_and_clearly_greyer_than_live_ones(page: Any, th
 # ---------------------------------------------------------------------- link
 @pytest.fixture
 def link(station: Any) -> Any:
-    """`link(state="lost", …)` from now on in what the station says."""
+    """Return `link(state="lost", …)`, which changes the link in the station's reports."""
     said: dict[str, Any] = {"state": "good", "round_trip": 0.0031, "loss": 0.015, "age": 0.012}
     put = station.put
 
@@ -183,7 +183,7 @@ def test_a_link_is_plotted_while_the_tab_was_closed(
     page: Any, look: Any, link: Any, until: Callable[..., None]
 ) -> None:
     look.text("#link", "ms")
-    page.wait_for_timeout(600)  # samples come five times a second
+    page.wait_for_timeout(600)  # samples arrive five times a second
     page.click("[data-tab=link]")
     drawn = """() => { const c = document.querySelector('#tab-link canvas');
       return c.width > 0 && c.getContext('2d').getImageData(0, 0, c.width, c.height).data

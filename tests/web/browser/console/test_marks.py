@@ -1,4 +1,4 @@
-"""Event marks on the console page: a key press marks at once, its text may follow."""
+"""Event marks on the console page: a key press sets a mark at once, its text may follow."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vehicle_link.messages import new
 
 @pytest.fixture
 def marked(page: Any, station: Any, look: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The page while run r1 is recorded; the station answers and tells everybody."""
+    """Return the page while run r1 is recorded; the station answers and publishes."""
     plain = station._call_blocking
 
     def call(service: str, request: Any) -> Any:
@@ -55,7 +55,7 @@ def test_the_key_marks_on_any_tab_at_the_time_of_the_press_and_once(
     marked.click("[data-tab=gains]")
     marked.evaluate("document.activeElement.blur()")
     marked.keyboard.down("m")
-    marked.keyboard.down("m")  # the repetition of a key that is held
+    marked.keyboard.down("m")  # the repetition of a held key
     marked.keyboard.up("m")
     look.text("#mark-note", r"^Marked 00:42\.3$")
     [request] = marks(station)

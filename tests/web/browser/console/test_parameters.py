@@ -1,4 +1,4 @@
-"""The Gains tab in Chromium: a hand and a second operator, presets, files, what was before."""
+"""Gains tab in Chromium: one and a second operator, presets, files, earlier values."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SLIDER, CELL, TICK = f"{KP} input[type=range]", f"{KP} input.value", f"{KP} .con
 
 @pytest.fixture(scope="module")
 def console(chromium: Any, site: Any) -> Iterator[Any]:
-    """One page for all tests here, of a vehicle that publishes; its scripts may not fail."""
+    """Yield one page for all tests here, of a vehicle that publishes; its scripts may not fail."""
     going, problems = threading.Event(), []
     going.set()
 
@@ -47,7 +47,7 @@ def console(chromium: Any, site: Any) -> Iterator[Any]:
 
 @pytest.fixture
 def gains(console: Any, station: Any) -> Iterator[Any]:
-    """The Gains tab with its tree open and all values at their defaults."""
+    """Yield the Gains tab with its tree open and all values at their defaults."""
     console.click("[data-tab=gains]")
     if console.locator("#parameter-views [aria-pressed=true]").count():
         console.click("#parameter-views [aria-pressed=true]")
@@ -131,7 +131,7 @@ def test_a_row_never_goes_back_to_an_older_revision(gains: Any) -> None:
 def test_a_change_stands_among_the_events_at_the_flights_time(
     gains: Any, look: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    noon = datetime(2026, 1, 31, 12, 34, 56).timestamp()  # of no other event
+    noon = datetime(2026, 1, 31, 12, 34, 56).timestamp()  # a time of no other event
     monkeypatch.setattr("web.parameters.replica.wall_time", lambda: noon)
     change(gains, {"gains.kp": 9.5})
     look.text("#events li:first-child", r"12:34:56\s*gains\.kp = 9\.5")
@@ -237,7 +237,7 @@ def test_the_history_restores_and_a_flight_is_marked_and_taken_back(
     look.value(CELL, "4")
 
     change(gains, {"gains.kp": 9.0})
-    open_again(gains)  # what changed in this flight is known to every page
+    open_again(gains)  # every page knows what changed in this flight
     look.has_class(KP, "flown")
     gains.click("#parameter-views >> text=Before flight")
     look.text(".diff h2", "Back to before this flight")
@@ -249,7 +249,7 @@ def test_the_history_restores_and_a_flight_is_marked_and_taken_back(
 
 
 def test_a_refused_step_in_flight_can_be_walked(gains: Any, look: Any, station: Any) -> None:
-    # The scripted station has no steps: the page's own part is the offer to walk.
+    # The scripted station has no steps: the page only has to offer them.
     offered = gains.evaluate(
         """async () => {
           const { GainRow } = await import("/static/gains/row.js");

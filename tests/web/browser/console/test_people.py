@@ -1,4 +1,4 @@
-"""Signing in with a password, the menu of who is signed in, and signing out, in Chromium."""
+"""Sign-in with a password, the menu of the signed-in person, and sign-out, in Chromium."""
 
 from __future__ import annotations
 

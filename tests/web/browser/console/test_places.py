@@ -1,4 +1,4 @@
-"""Places of the flight controls: from arming to a lost contact none moves under the pointer."""
+"""Flight controls do not move under the pointer, from arming to a lost contact."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PLACES = """() => { scrollTo(0, 0); document.querySelector('#tab-fly').scrollTop
     const { x, y, width, height } = one.getBoundingClientRect();
     return [`${one.closest('[id]').id} ${one.id || one.textContent}`,
             { x, y, width, height }]; })); }"""
-"""Boxes (px) of everything that commands the vehicle, by name."""
+"""Script for the boxes (px) of everything that commands the vehicle, by name."""
 MOST = 0.5  # px
 LONG = "take off refused: " + "the battery is at 13.2 V and arming needs 13.8 V; " * 4
 STANDS = {"mode": "ready", "armed": False, "airborne": False, "behavior": "ground"}
@@ -37,7 +37,7 @@ ALONE = {
     "flags": ["not_real_time", "battery_low", "no_pose", "link_degraded", "tilt_limited"],
 }
 PICTURES = os.environ.get("QUADLAB_PICTURES", "")
-"""A folder for a picture of each step, to be looked at."""
+"""Folder for a picture of each step, to be inspected."""
 
 
 class _Root(Parameters):
@@ -45,12 +45,12 @@ class _Root(Parameters):
 
 
 class Cockpit:
-    """A site of its own that flies: what the vehicle says, whether anything is heard."""
+    """Separate flying site, with the vehicle's status and whether anything arrives."""
 
     def __init__(self, site: Any) -> None:
         self.site, self.station = site, site.station
         self.reasons = 0
-        self.silent: frozenset[str] = frozenset()  # topics that do not come
+        self.silent: frozenset[str] = frozenset()  # topics that do not arrive
         self._ended = threading.Event()
         self.link = "good"
         self.station.store = ParameterStore(_Root().model_copy(deep=True))
@@ -88,7 +88,7 @@ class Cockpit:
 
 @pytest.fixture
 def cockpit(serve: Any, tmp_path: Path) -> Iterator[Callable[[], Any]]:
-    """`with cockpit() as flown`: a Cockpit, away when the block ends."""
+    """Yield a context manager for a Cockpit, which is closed when the block ends."""
     catalogue = Catalogue(tmp_path)
 
     @contextmanager
@@ -188,7 +188,7 @@ def test_no_flight_control_moves_from_arming_to_a_lost_contact(
         wait("#contact", state="hidden")
         record("heard again")
     wait("#contact[data-cause=page]")
-    text("#contact .ago", r"[2-9]\.\d s")  # it ticks
+    text("#contact .ago", r"[2-9]\.\d s")  # it counts up
     record("offline")
     for page in pages:
         page.close()

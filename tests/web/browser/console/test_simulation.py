@@ -1,4 +1,4 @@
-"""A simulated vehicle says so, and takes a full battery and a new start; a real one has neither."""
+"""A simulated vehicle is marked, and accepts a full battery and a restart; a real one does not."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class _Root(Parameters):
 
 @pytest.fixture
 def simulated(station: Any) -> Iterator[Any]:
-    """The site's station, its vehicle simulated and on the ground."""
+    """Yield the site's station, with its vehicle simulated and on the ground."""
     before = station.store
     station.store = ParameterStore(_Root().model_copy(deep=True))
     station.said = STANDS
@@ -39,7 +39,7 @@ def test_a_battery_is_swapped_by_a_press_and_the_vehicle_reset_by_a_hold(
     page.click("#simulation summary")
     page.click("#swap-battery")
     look.text("#answer", "^swap battery: accepted")
-    page.click("#reset-vehicle")  # not held: nothing
+    page.click("#reset-vehicle")  # not held: no effect
     page.hover("#reset-vehicle")
     page.mouse.down()
     until(lambda: (page.wait_for_timeout(20), len(asked(simulated)) == 2)[1])
@@ -55,5 +55,5 @@ def test_a_battery_is_swapped_by_a_press_and_the_vehicle_reset_by_a_hold(
 def test_a_real_vehicle_has_no_such_buttons(page: Any, look: Any) -> None:
     look.text("#doing", "^FLYING")
     page.wait_for_selector("#gains details", state="attached")
-    # The page learns of another vehicle only after it has been looked for twice.
+    # The page recognises another vehicle only after two checks.
     page.wait_for_selector("#simulation", state="hidden")

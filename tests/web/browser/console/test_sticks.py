@@ -1,7 +1,7 @@
-"""Sticks in Chromium, with a real station: what turns them on, what drops them, and pads set up.
+"""Sticks in Chromium, with a real station: what turns them on, what drops them, set-up of pads.
 
 Playwright cannot press a pad or really take the focus away: the Gamepad API is replaced by an
-object the tests move, and events are dispatched.
+object that the tests move, and events are dispatched.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ DROPS = {
 
 
 class Pad:
-    """A pad in the page's hands."""
+    """Pad that the page sees."""
 
     def __init__(self, page: Any, id: str = XBOX, mapping: str = "standard") -> None:
         self._page = page
@@ -81,7 +81,7 @@ class Pad:
         self._page.evaluate("([i, v]) => { window.pad.axes[i] = v; }", [index, value])
 
     def seen(self) -> None:
-        """The page's clock has looked at the pad since."""
+        """Wait until the page has read the pad again."""
         self._page.evaluate(
             """() => new Promise((done) => { let ticks = 0;
             const clock = new Worker('/static/sticks/clock.js');
@@ -90,7 +90,7 @@ class Pad:
 
 
 class Cockpit:
-    """A station in a process of its own, a web process on it, and a node that listens."""
+    """Station in a separate process, a web process on it, and a node that receives."""
 
     def __init__(self, data: Path, serve: Any) -> None:
         with socket.create_server(("127.0.0.1", 0)) as free:
@@ -122,7 +122,7 @@ class Cockpit:
         self._node.subscribe("stick_status", TOPICS["stick_status"].type_name, self._on_answer)
         heartbeat = self._node.advertise(TOPICS["vehicle_heartbeat"])
         assert heartbeat.wait(10.0)
-        heartbeat.put(encode_heartbeat(1, 0))  # of a vehicle that takes sticks from anybody
+        heartbeat.put(encode_heartbeat(1, 0))  # from a vehicle that accepts sticks from anyone
         self._catalogue = Catalogue(data)
         self._serving = serve(
             data, self._catalogue, kind=Station, open_session=lambda: loopback_session(port)
@@ -138,7 +138,7 @@ class Cockpit:
 
     @property
     def flies(self) -> bool:
-        """Return whether the last order to the vehicle is to obey the sticks."""
+        """Return whether the last command to the vehicle is to follow the sticks."""
         return bool(self.joys) and self.joys[-1].enabled
 
     def close(self) -> None:
@@ -159,7 +159,7 @@ def cockpit(tmp_path_factory: pytest.TempPathFactory, serve: Any) -> Iterator[Co
 
 @pytest.fixture(scope="module")
 def browser(chromium: Any, cockpit: Cockpit) -> Iterator[Any]:
-    """One browser, signed in: who flies stays the same person."""
+    """Yield one signed-in browser: the person who flies stays the same."""
     made = chromium.new_context(viewport={"width": 1440, "height": 900})
     made.set_default_timeout(BOUND)
     first = made.new_page()
@@ -172,7 +172,7 @@ def browser(chromium: Any, cockpit: Cockpit) -> Iterator[Any]:
 
 @pytest.fixture
 def flown(browser: Any, cockpit: Cockpit) -> Iterator[Any]:
-    """A page on the real station, the same for all tests until one closes it."""
+    """Yield a page on the real station, the same for all tests until one closes it."""
     if not browser.pages:
         made = browser.new_page()
         made.goto(cockpit.site.base)
@@ -188,8 +188,10 @@ def flown(browser: Any, cockpit: Cockpit) -> Iterator[Any]:
 
 @pytest.fixture
 def fly(flown: Any, cockpit: Cockpit, until: Any) -> Callable[..., None]:
-    """Presses the pad's button, then pushes its axes; again should a busy machine have dropped the
-    sticks, until what the vehicle would get is as asked."""
+    """Return a function that presses the pad's button, then pushes its axes.
+
+    It retries, in case a busy machine drops the sticks, until the vehicle would get what was asked.
+    """
 
     def press(
         pad: Pad, pushed: dict[int, float] | None = None, arrives: Any = lambda joy: True
@@ -227,7 +229,7 @@ def test_each_drop_stops_the_vehicle_says_why_and_needs_a_release(
     before = said()
 
     def dropped() -> bool:
-        """Once more should a busy machine have dropped them just before."""
+        """Check the drop; press again if a busy machine has dropped them before."""
         flown.evaluate("window.plugged = true")
         fly(pad, {3: -1.0}, lambda joy: joy.axes[0] == 1.0)
         flown.evaluate(script)
@@ -320,7 +322,7 @@ def test_keys_move_their_axis_smoothly_and_only_with_shift(
     flown.keyboard.up("w")
 
     def pushed() -> bool:
-        """Full forward and left; pressed again should a busy machine have dropped it."""
+        """Push full forward and left; press again if a busy machine has dropped the sticks."""
         if not cockpit.flies:
             for key in ("w", "ArrowLeft", "Shift"):
                 flown.keyboard.up(key)
@@ -420,7 +422,7 @@ class _Root(Parameters):
 
 
 class Flight:
-    """A vehicle in the air that tells its behaviour, on a scripted station."""
+    """Flying vehicle that reports its behavior, on a scripted station."""
 
     def __init__(self, station: Any) -> None:
         self.station = station
@@ -479,7 +481,7 @@ def test_the_panel_says_what_the_sticks_do_and_starts_velocity(
         look.text("#sticks .note", r"^On: 0\.\d\d m/s forward, 57 °/s turning right\.$")
         look.text("#sticks .trip", "95 % below")
         if IMAGES:
-            page.wait_for_timeout(8000)  # the round trips of a page that starts are past
+            page.wait_for_timeout(8000)  # the late round trips of a starting page are over
         corner = {"x": 920.0, "y": 0.0, "width": 520.0, "height": 610.0}
         page.screenshot(path=Path(IMAGES or tmp_path) / "sticks.png", clip=corner)
         site.station.requests.clear()

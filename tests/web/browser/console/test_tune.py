@@ -1,4 +1,4 @@
-"""The Tune tab in Chromium: when a test may begin, its progress, chart, tables, delete and undo."""
+"""Tune tab in Chromium: when a test may begin, its progress, chart, tables, delete and undo."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ BOUND = 30_000  # ms, for a broken page only
 
 @pytest.fixture
 def tab(open_page: Any, tune_site: Any) -> Iterator[Any]:
-    """A page with the tab open, on a vehicle in hover."""
+    """Yield a page with the tab open, on a vehicle in hover."""
     page = open_page(tune_site)
     page.click("[data-tab=tune]")
-    page.wait_for_selector("#tab-tune .tests li")  # the kept tests have been read
+    page.wait_for_selector("#tab-tune .tests li")  # the stored tests have been read
     vehicle = tune_site.vehicle
     yield page
     vehicle.behavior, vehicle.airborne, vehicle.log_problem = "hover", True, ""
@@ -34,7 +34,7 @@ def seen(tab: Any, look_at: Any) -> Any:
 
 
 def fly(tab: Any, **fields: Any) -> None:
-    """One test to the end of it on the page."""
+    """Run one test on the page, to its end."""
     from playwright.sync_api import expect
 
     for label, value in fields.items():

@@ -1,4 +1,4 @@
-"""The 3D view in Chromium with software WebGL."""
+"""3D view in Chromium with software WebGL."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NEEDS_WEBGL = True
 
 @pytest.fixture(scope="module")
 def drawn(chromium: Any, site: Any) -> Iterator[Any]:
-    """A page with the 3D view, which both tests use: to draw the first picture takes longest."""
+    """Yield a page with the 3D view, shared because the first picture takes longest."""
     with site.sign_in() as admin:
         cookies = site.cookies_of(admin)
     context = chromium.new_context(viewport={"width": 640, "height": 400})
@@ -61,13 +61,13 @@ def test_emergency_keys_and_help_work_after_a_click_into_the_drawn_view(
     box = page.locator("#scene").bounding_box()
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     assert page.evaluate("document.activeElement.id") == "scene"
-    page.keyboard.press("x")  # not held: nothing
+    page.keyboard.press("x")  # not held: no effect
     page.keyboard.press("e")
     until(lambda: actions() == ["land"])
     page.keyboard.down("x")
     until(lambda: (page.wait_for_timeout(20), actions() == ["land", "cut"])[1])
     page.keyboard.up("x")
-    page.keyboard.press("w")  # the view's own
+    page.keyboard.press("w")  # handled by the view itself
     page.keyboard.press("?")
     page.wait_for_selector("#help-panel[open]")
     assert frame.evaluate("reached") == ["w"], "ours must not move the camera as well"

@@ -1,4 +1,4 @@
-"""The page with two vehicles: the line to switch between them, and the fleet view."""
+"""Page with two vehicles: the line to switch between them, and the fleet view."""
 
 from __future__ import annotations
 

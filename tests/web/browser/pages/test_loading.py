@@ -1,4 +1,4 @@
-"""A page loads with few requests, and the emergency page without any script."""
+"""A page loads with few requests, and the emergency page works without scripts."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from web.joined_files import join_modules
 from web.static_files import STATIC
 
 MOST = 20
-"""Requests of the main page until it is ready, websockets and the 3D view's frame included."""
+"""Most requests of the main page until it is ready, with websockets and the 3D view's frame."""
 
 RETURNS = re.DOTALL | re.MULTILINE
 ALONE = {"console/app.js", "emergency/kill.js"}
-"""They start a page when they are loaded."""
+"""Modules that start a page when they are loaded."""
 
 
 def actions(station: Any) -> list[str]:
@@ -26,7 +26,7 @@ def actions(station: Any) -> list[str]:
 
 @pytest.fixture
 def counted(context: Any) -> Callable[[str], tuple[Any, list[str]]]:
-    """`counted(address)`: a page, and the addresses that it asks the network for."""
+    """Return `counted(address)`: a page, and the addresses that it requests from the network."""
 
     def open_at(address: str) -> tuple[Any, list[str]]:
         page, asked = context.new_page(), list[str]()
@@ -52,7 +52,7 @@ def test_the_main_page_is_ready_after_few_requests(
     files = [one for one in asked if "/static/" in one]
     assert sum(one.endswith("console/app.js") for one in files) == 1
     assert sum(one.endswith(".css") for one in files) == 1
-    # The 3D view is blanked here: in its place one websocket more.
+    # The 3D view is blank here; it would be one more websocket.
     assert len(asked) + 1 <= MOST, "\n".join(asked)
 
 
@@ -94,7 +94,7 @@ def test_emergencies_work_without_scripts(
     look.text("h1", "Emergency land by admin.*accepted, not yet shown by the vehicle")
     mode = "emergency_land"
     station.put("status", new("quadlab_msgs/VehicleStatus", header=header(1), mode=mode))
-    look.text("h1", "Landing, pressed by admin.*, acknowledged after")  # it asks again by itself
+    look.text("h1", "Landing, pressed by admin.*, acknowledged after")  # it reloads by itself
     page.click("text=Back to the page")
     page.click("text=Cut motors")
     look.text("h1", r"^Cut the motors of quad1\? It falls\.$")

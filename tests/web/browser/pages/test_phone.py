@@ -1,4 +1,5 @@
 """A viewer on a phone: every page is accessible and fits, and the charts are one of the tabs.
+
 With QUADLAB_IMAGES=folder the documentation's picture is taken too.
 """
 
@@ -18,7 +19,7 @@ OPEN = "[role=tab][aria-selected=true]"
 
 @pytest.fixture(scope="module")
 def phone(chromium: Any, flying_lab: Any) -> Iterator[Any]:
-    """A page of a viewer's; a script's error fails the module."""
+    """Yield a viewer's page; a script's error fails the module."""
     problems: list[str] = []
     with flying_lab.sign_in() as admin, flying_lab.invited(admin, "viewer") as viewer:
         cookies = flying_lab.cookies_of(viewer)

@@ -1,4 +1,4 @@
-"""The replay page in Chromium: every way to move, two runs over each other, nothing touched."""
+"""Replay page in Chromium: all ways to move, two runs compared, and nothing live touched."""
 
 from __future__ import annotations
 
@@ -50,7 +50,10 @@ def replay_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[
 
 @pytest.fixture
 def open_replay(replay_site: Any, serve: type, context: Any) -> Iterator[Callable[..., Any]]:
-    """Open replays as a viewer; errors in scripts and websockets to the live scene are failures."""
+    """Yield a function that opens replays as a viewer.
+
+    Errors in scripts and websockets to the live scene are failures.
+    """
     problems: list[str] = []
     sockets: list[str] = []
     site = replay_site(serve)
@@ -77,7 +80,7 @@ def replay(open_replay: Any) -> Any:
 
 
 def at(page: Any, t: float, within: float = 0.0) -> None:
-    """Waits until the page shows this instant everywhere."""
+    """Wait until the page shows this instant everywhere."""
     page.wait_for_function(
         "([t, d]) => Math.abs(Number(document.querySelector('main').dataset.shown) - t) <= d",
         arg=[t, within + 5e-4],
@@ -254,7 +257,7 @@ def test_two_runs_are_aligned_at_take_off_or_where_one_wants(
     values = "#table tr:has(td:first-child:text-is('position')) td >> nth=3"
     second = "#table tr:has(td:first-child:text-is('position')) + tr td >> nth=3"
     at(page, 4.6)
-    for cell in (values, second):  # 1.5 s after its own take-off each
+    for cell in (values, second):  # each 1.5 s after its own take-off
         look.text(cell, r"^0\.5\d\d$")
     first = "#runs-shown select[aria-label='moment of the first run']"
     page.select_option(first, "start of recording")
@@ -283,7 +286,7 @@ def test_a_run_that_is_not_there_is_said_in_one_line(open_replay: Any, replay: A
 
 
 def test_it_holds_no_more_after_many_seeks(replay: Any) -> None:
-    """Nodes and listeners of the page stay as many as they were."""
+    """The numbers of nodes and listeners of the page stay constant."""
     session = replay.context.new_cdp_session(replay)
     session.send("Performance.enable")
     box = replay.locator(BAR).bounding_box()
@@ -312,7 +315,7 @@ def test_it_holds_no_more_after_many_seeks(replay: Any) -> None:
 def test_a_finding_opens_its_moment_with_its_signals(
     open_replay: Any, context: Any, look_at: Any
 ) -> None:
-    """The run has none of its own: one is added to what the server says of it."""
+    """The run has none: one is added to the server's answer."""
     finding = {
         "kind": "motor_weak",
         "weight": 2.0,

@@ -1,5 +1,4 @@
-"""The page of runs in Chromium: found, chosen, labelled, deleted and brought back, by hand and by
-keyboard."""
+"""Page of runs in Chromium: find, choose, label, delete and restore, by mouse and keyboard."""
 
 from __future__ import annotations
 
@@ -29,7 +28,7 @@ HOUR_NS = 3_600_000_000_000
 
 
 def enter(catalogue: Catalogue, count: int) -> None:
-    """Newest first: run0000, run0001, …, an hour between two; the first three have files."""
+    """Add runs, the newest first: run0000, run0001, …, an hour apart; three have files."""
     for name in (FIRST, SECOND, THIRD):
         (catalogue.folder / f"{name}.mcap").write_bytes(bytes(1000))
     with catalogue.session() as session:
@@ -54,7 +53,7 @@ def enter(catalogue: Catalogue, count: int) -> None:
 
 @pytest.fixture
 def runs(tmp_path: Path) -> Iterator[Catalogue]:
-    """Return what is in the catalogue."""
+    """Yield the catalogue with its runs."""
     catalogue = Catalogue(tmp_path)
     enter(catalogue, MANY)
     yield catalogue
@@ -69,7 +68,7 @@ def lab(tmp_path: Path, runs: Catalogue, serve: Any) -> Iterator[Any]:
 
 @pytest.fixture
 def open_runs(context: Any, lab: Any) -> Iterator[Any]:
-    """`open_runs()` signs a browser in and opens the page; an error in its scripts fails."""
+    """Yield `open_runs()`, which signs a browser in and opens the page; script errors fail."""
     problems: list[str] = []
     contexts: list[Any] = []
 
@@ -104,7 +103,7 @@ def sees(runs_page: Any, look_at: Any) -> Any:
 
 
 def listed(page: Any) -> list[str]:
-    """Ids of the rows that are drawn."""
+    """Return the ids of the rows that are drawn."""
     ids: list[str] = page.eval_on_selector_all(
         "#list tr[data-index] td.start", "cells => cells.map((cell) => cell.title.split(',')[0])"
     )
@@ -205,7 +204,7 @@ def test_an_answer_under_way_does_not_take_the_cursor_back(
     until(lambda: (runs_page.wait_for_timeout(20), held)[1])
     runs_page.click("#run-2 .start")
     with runs_page.expect_response("**/api/runs/search*"):
-        runs_page.unroute("**/api/runs/search*")  # lets those held go on
+        runs_page.unroute("**/api/runs/search*")  # releases those that were delayed
     runs_page.evaluate("() => new Promise(requestAnimationFrame)")
     runs_page.click("#detail button:has-text('Delete')")
     sees.text("#notice", f"Deleted {THIRD};")
@@ -237,7 +236,7 @@ def test_notes_save_themselves_and_tell_when_two_wrote(
     runs_page.keyboard.press("Tab")
     sees.text("#detail .notes .said", "^Saved by admin")
     sees.text("#run-0 .notes", "^gusty near the door$")
-    write_notes(runs, FIRST, "calm", "anna")  # nobody tells the page
+    write_notes(runs, FIRST, "calm", "anna")  # the page is not notified
     runs_page.fill("#detail textarea", "gusty, new propellers")
     runs_page.keyboard.press("Tab")
     sees.text("#detail .notes .said", "It replaced what anna wrote at .*“calm”")
@@ -280,7 +279,7 @@ def test_a_draft_goes_to_its_own_run_though_another_is_chosen_while_it_is_saved(
     runs_page.fill("#detail textarea", "one")
     runs_page.keyboard.press("Escape")
     until(lambda: (runs_page.wait_for_timeout(20), len(held) == 1)[1])
-    runs_page.fill("#detail textarea", "one and more")  # while "one" is under way
+    runs_page.fill("#detail textarea", "one and more")  # while "one" is being sent
     runs_page.click("#run-1 .notes")
     runs_page.fill("#detail textarea", "two")
     runs_page.keyboard.press("Escape")
@@ -406,7 +405,7 @@ def transfer(kind: str, name: str, phase: str, came: int, problem: str = "") -> 
 
 @pytest.fixture
 def under_way(lab: Any) -> Iterator[Any]:
-    """`under_way(transfers…)`: what the station tells from now on, twice a second."""
+    """Yield `under_way(transfers…)`, which the station publishes from now on, twice a second."""
     told: list[Any] = []
     going = threading.Event()
 

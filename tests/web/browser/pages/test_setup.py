@@ -1,4 +1,4 @@
-"""The Set-up page and the pre-flight check list on the Fly tab, in Chromium."""
+"""Set-up page and pre-flight check list on the Fly tab, in Chromium."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class _Root(Parameters):
 
 
 class Ground:
-    """A vehicle on the ground, its station's list, and the site around them."""
+    """Vehicle on the ground, its station's list, and their site."""
 
     def __init__(self, site: Any) -> None:
         self.site, self.station = site, site.station
@@ -113,7 +113,7 @@ def ground(running: Ground) -> Ground:
 
 @pytest.fixture
 def open_tab(context: Any, ground: Ground) -> Iterator[Callable[[str], Any]]:
-    """Signed in by the link; an error in a page's scripts fails the test."""
+    """Yield a function that opens a page, signed in by the link; script errors fail the test."""
     problems: list[str] = []
     context.add_cookies(
         [{"name": n, "value": v, "url": ground.site.base} for n, v in ground.cookies.items()]
@@ -228,7 +228,7 @@ def test_vehicle_tracker_and_beacons_are_told_wherever_the_address_points(
           const strip = document.getElementById('offline');
           new MutationObserver(() => strips.push(strip.textContent)).observe(strip,
             { childList: true }); }, { once: true })"""
-    page = open_tab("/setup#1", before)  # the name of nothing, and no CSS identifier
+    page = open_tab("/setup#1", before)  # the name of nothing, and not a valid CSS identifier
     look = look_at(page)
     look.text("#vehicles tbody tr >> nth=0", "quad1 *good *ready")
     look.text("#vehicles dl >> nth=1", "Mass *1.308 kg")

@@ -1,5 +1,7 @@
-"""Every page in its main states: what axe-core says of it in both themes, and that it fits from
-1024 x 700 to 2560 x 1440. With QUADLAB_IMAGES=folder the documentation's pictures are taken too.
+"""Every page in its main states: axe-core in both themes, and its fit to the window.
+
+The windows are 1024 x 700 to 2560 x 1440. With QUADLAB_IMAGES=folder the documentation's pictures
+are taken too.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ STATES = (
     "kill",
     "sign_in",
 )
-"""Methods of page_states.Room, in the order in which they are cheapest; the last signs out."""
+"""Methods of page_states.Room, in the cheapest order; the last signs out."""
 SHOWN = {
     "fly",
     "gains",
@@ -49,9 +51,9 @@ SHOWN = {
     "kill",
     "sign_in",
 }
-"""Those whose pictures the documentation has."""
+"""States whose pictures are in the documentation."""
 PARTS = {"calibrating": "#side", "calibrate": "#side"}
-"""Pictures of one element alone."""
+"""States of which only one element is pictured."""
 
 
 @pytest.fixture(scope="module")
@@ -103,9 +105,9 @@ def test_tab_goes_through_everything_in_order_and_the_focus_is_seen(
     page.wait_for_selector("#behaviors button")
     page.wait_for_selector("#land:enabled")
     page.keyboard.press("Escape")  # the help of the first visit
-    page.reload()  # to begin at the beginning
+    page.reload()  # to start from the beginning
     page.wait_for_selector("#land:enabled")
-    page.wait_for_selector("#who:not(:empty)")  # the keys are there
+    page.wait_for_selector("#who:not(:empty)")  # the key handlers are active
     page.keyboard.press("2")  # the Gains tab
     page.wait_for_selector("#tab-gains", state="visible")
     wanted = ["land", "emergency-land", "cut", "who", "help", "follow", "open-gains", "search"]

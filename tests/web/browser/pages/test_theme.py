@@ -1,4 +1,4 @@
-"""The light and the dark theme: the system's, or the one chosen by hand, on every page."""
+"""Light and dark theme: the system's, or the one chosen by hand, on every page."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ CHOICE = "#help-panel .theme select"
 
 
 def shade(page: Any) -> str:
-    """Return light or dark: what the page's text is not."""
+    """Return light or dark: the opposite of the page's text."""
     red = int(page.evaluate("getComputedStyle(document.body).color").split("(")[1].split(",")[0])
     return "dark" if red > 128 else "light"
 
