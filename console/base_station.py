@@ -141,7 +141,7 @@ class BaseStation:
             parameters.comparison,
             self._outbox.put,
             partial(self._outbox.say, INFO),
-            lambda: is_alone or self._outbox.is_heard("comparison"),
+            lambda: is_alone or self._outbox.has_subscribers("comparison"),
         )
         self._tracker = TrackerFeed(
             parameters.tracker,

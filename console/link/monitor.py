@@ -38,8 +38,8 @@ class LinkMonitor:
         self.radio: Radio | None = None
         self.path = ""
         """Path of the newest telemetry: datagram or quic."""
-        self._carried: float | None = None
-        self._by_lane: float | None = None
+        self._session_message_at: float | None = None
+        self._lane_message_at: float | None = None
         self._heartbeats = HeartbeatMonitor()
         self._clock = ClockOffset()
         self._telemetry = TelemetryWindow()
@@ -51,21 +51,23 @@ class LinkMonitor:
         """Take the state of this radio from now on: it has been dialled."""
         self.radio = radio
 
-    def carried(self) -> None:
+    def note_session_message(self) -> None:
         """Note that something came from the vehicle over its Zenoh session."""
-        self._carried = monotonic()
+        self._session_message_at = monotonic()
 
-    def silent(self) -> float:
+    def session_silence(self) -> float:
         """Return the seconds since the last heartbeat; inf before the first."""
-        return math.inf if self._carried is None else monotonic() - self._carried
+        return (
+            math.inf if self._session_message_at is None else monotonic() - self._session_message_at
+        )
 
-    def came_beside(self) -> None:
+    def note_lane_message(self) -> None:
         """Note that something came from the vehicle by the lane."""
-        self._by_lane = monotonic()
+        self._lane_message_at = monotonic()
 
-    def beside(self) -> float:
+    def lane_silence(self) -> float:
         """Return the seconds since the last message by the other way; inf before the first."""
-        return math.inf if self._by_lane is None else monotonic() - self._by_lane
+        return math.inf if self._lane_message_at is None else monotonic() - self._lane_message_at
 
     def beat(self, payload: bytes) -> None:
         """Take the vehicle's heartbeat, by whichever way it came. Raises LinkError."""
@@ -75,8 +77,8 @@ class LinkMonitor:
     def alive(self) -> None:
         """Note that the vehicle was received just now."""
         now_ns = self._steady_ns()
-        self._heartbeats.heard(now_ns)
-        self._outages.heard(now_ns)
+        self._heartbeats.note_received(now_ns)
+        self._outages.note_received(now_ns)
 
     def exchanged(self, exchange: Exchange) -> None:
         """Take an answered time synchronisation."""
@@ -99,7 +101,7 @@ class LinkMonitor:
         return newest and (fresh or not self._clock.known)
 
     @property
-    def stands(self) -> bool:
+    def is_up(self) -> bool:
         """Return whether there is a link, heartbeats or not."""
         if self.radio is not None:
             return self.radio.connected

@@ -67,7 +67,7 @@ class Outbox:
         self._look_due = 0.0
         self._publishers = {name: node.advertise(TOPICS[name]) for name in names}
         self.beats = self._publishers["station_heartbeat"]
-        self.beats.every = beats_over_link
+        self.beats.send_one_in = beats_over_link
 
     def put(self, name: str, payload: bytes, source_ns: int) -> None:
         """Publish, and record what is recorded as it is sent. Raises LinkError when closed.
@@ -88,12 +88,12 @@ class Outbox:
         now = time.monotonic()
         if now >= self._look_due:
             self._look_due = now + LOOK
-            self._heard = frozenset(filter(self.is_heard, FROM_TELEMETRY))
+            self._heard = frozenset(filter(self.has_subscribers, FROM_TELEMETRY))
         return self._heard
 
-    def is_heard(self, name: str) -> bool:
+    def has_subscribers(self, name: str) -> bool:
         """Return whether any node subscribes to it."""
-        return self._publishers[name].is_heard
+        return self._publishers[name].has_subscribers
 
     def message(self, name: str, message: Any, stamp_ns: int) -> None:
         """Publish a message that is not worth an encoder of its own."""

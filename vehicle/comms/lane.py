@@ -66,8 +66,8 @@ class CommsLane:
             beats_every: of the heartbeats sent by it, one in so many goes over Zenoh too.
         """
         for name in TO_STATION:
-            publishers[name].beside = partial(self._lane.put, name)
-        publishers["vehicle_heartbeat"].every = beats_every
+            publishers[name].also_send = partial(self._lane.send, name)
+        publishers["vehicle_heartbeat"].send_one_in = beats_every
 
     def take(self, topic: str, callback: Callable[[Received], None]) -> None:
         """Deliver each message of a topic once and in order, whichever way it comes first."""

@@ -45,7 +45,7 @@ from vehicle_link.lockstep import COMMS_PROCESS, Part
 from vehicle_link.security.authority import ensure_certificates, readable_keys
 from vehicle_link.security.whoami import serve_whoami
 from vehicle_link.termination_signal import Ending, EndSignal
-from vehicle_link.transport.heartbeat import HEARTBEAT_RATE, SELDOM
+from vehicle_link.transport.heartbeat import HEARTBEAT_RATE, LINK_HEARTBEAT_EVERY
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import vehicle_session
@@ -123,7 +123,7 @@ class Comms:
             self._log.folder, self._log.files, fetched, mending=lambda: self._log.mending
         ).serve(node)
         self._lane = CommsLane(node, config.link_port + 1, self._came_by_lane)
-        beats_every = SELDOM if config.packets < HEARTBEAT_RATE else 1
+        beats_every = LINK_HEARTBEAT_EVERY if config.packets < HEARTBEAT_RATE else 1
         self._lane.send(self._radio.publishers, beats_every)
         for topic in self._inbound.handlers:
             self._lane.take(topic, self._receiver(topic))

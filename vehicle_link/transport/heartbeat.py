@@ -7,7 +7,7 @@ from enum import StrEnum
 HEARTBEAT_RATE = 20.0  # Hz
 DEGRADED_AFTER = 0.2  # s
 LOST_AFTER = 1.0  # s
-SELDOM = 2
+LINK_HEARTBEAT_EVERY = 2
 """Where several vehicles share a computer, the number of heartbeats carried by a connected lane of
 which one is also sent over the link: enough to know that it works."""
 
@@ -32,7 +32,7 @@ class HeartbeatMonitor:
         self._lost_ns = round(lost_after * 1e9)
         self._heard_ns: int | None = None
 
-    def heard(self, now_ns: int) -> None:
+    def note_received(self, now_ns: int) -> None:
         """Note a sign of life at this time of any steady clock."""
         if self._heard_ns is None or now_ns > self._heard_ns:
             self._heard_ns = now_ns

@@ -27,9 +27,9 @@ from quadrotor.errors import LinkError, QuadlabError
 from vehicle_link import clock
 from vehicle_link.messages import Message, decode, encode
 from vehicle_link.transport.client import ServiceClient, encoding_of, peer_of
+from vehicle_link.transport.executor_queue import ExecutorQueue
 from vehicle_link.transport.idempotent import answering
-from vehicle_link.transport.in_turn import InTurn
-from vehicle_link.transport.misrouted import Topics
+from vehicle_link.transport.misrouted import PublisherTopics
 from vehicle_link.transport.publisher import Publisher, Received
 from vehicle_link.transport.rmw_keys import (
     RELIABLE,
@@ -52,7 +52,7 @@ log = logging.getLogger(__name__)
 # One counter for each session numbers nodes and endpoints (rmw_zenoh).
 _counters: dict[str, itertools.count[int]] = {}
 _counters_lock = threading.Lock()
-_published = Topics()
+_published = PublisherTopics()
 PUT_LONGEST = 2.0  # s
 MOST_THREADS = 64
 """Limit of a node's threads: more than subscriptions and services are active at one time."""
@@ -158,7 +158,7 @@ class Node:
             heard = self.session.declare_subscriber(key, RingChannel(newest))
             threading.Thread(target=_each, args=(heard, deliver), name=topic, daemon=True).start()
         else:
-            samples = InTurn(self._pool, deliver)
+            samples = ExecutorQueue(self._pool, deliver)
 
             def arrived(sample: zenoh.Sample) -> None:
                 if direct:
@@ -206,7 +206,7 @@ class Node:
                     told = f"a defect of {peer_of(name)}, see its log: {error!r}"
                     query.reply_err(told.encode())
 
-        queries = InTurn(self._pool, answer, at_once)
+        queries = ExecutorQueue(self._pool, answer, at_once)
 
         def hand_over(query: zenoh.Query) -> None:
             try:
