@@ -20,7 +20,7 @@ from vehicle_link.lane.replay_window import ReplayWindow
 from vehicle_link.lane.station_lane import StationLane
 from vehicle_link.messages import Message, new
 from vehicle_link.security.access import LANE, PILOT_LANE
-from vehicle_link.security.whoami import SHOWN_WITHIN
+from vehicle_link.security.whoami import DISCOVERY_TIMEOUT
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Publisher, Received
@@ -39,7 +39,7 @@ class LaneDoor:
 
     def ask(self) -> Message:
         """Ask the vehicle for keys of a lane. Raises LinkError."""
-        door = self._pilot if self._pilot.wait(SHOWN_WITHIN) else self._observer
+        door = self._pilot if self._pilot.wait(DISCOVERY_TIMEOUT) else self._observer
         return door.call(self._request)
 
 

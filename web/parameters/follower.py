@@ -62,7 +62,7 @@ class ParameterFollower:
             due = loop.time() + PERIOD
             status = self._live.current("status")
             if status is None:
-                self._replica.lost()  # another vehicle may come back
+                self._replica.mark_incomplete()  # another vehicle may come back
             elif self._is_due(status):
                 await self._read(status)
             elif loop.time() >= round_due:
@@ -92,7 +92,7 @@ class ParameterFollower:
             )
 
     def _is_due(self, status: Any) -> bool:
-        self._replica.show(int(status.instance), int(status.parameter_revision))
+        self._replica.note_status(int(status.instance), int(status.parameter_revision))
         return self._replica.is_due
 
     async def is_simulator_news(self) -> bool:
