@@ -32,7 +32,7 @@ FIRST_NS = 100_000_000_000_000_000
 """Stamps above it are epoch time (1973 and later), others are of another clock."""
 
 
-def settle(raw: RawFlight, vehicle: str, source: str, modified_ns: int) -> ImportedFlight:
+def checked_flight(raw: RawFlight, vehicle: str, source: str, modified_ns: int) -> ImportedFlight:
     """Return the flight in our frames and units, on one clock.
 
     Args:
@@ -45,8 +45,8 @@ def settle(raw: RawFlight, vehicle: str, source: str, modified_ns: int) -> Impor
     force = imu.specific_force * _force_unit(imu, notes)
     up = _body(imu, force, notes)
     force, turning = force @ up.T, imu.angular_velocity @ up.T
-    beside = next((one for one in raw.tracks if one.name == "estimate"), None)
-    found = [_checked(imu.seconds, force, turning, one, beside, notes) for one in raw.tracks]
+    estimate = next((one for one in raw.tracks if one.name == "estimate"), None)
+    found = [_checked(imu.seconds, force, turning, one, estimate, notes) for one in raw.tracks]
     scales = [one.rate_scale for one in found if one.rate_scale is not None]
     rate = turning * _rate_unit(imu, turning, scales, notes)
     if not raw.tracks:
@@ -79,7 +79,7 @@ def _checked(
     force: Array,
     turning: Array,
     raw: RawTrack,
-    beside: RawTrack | None,
+    estimate: RawTrack | None,
     notes: list[str],
 ) -> Checked:
     """Return a checked track. An estimate may be wrong, which may be why its log is studied: if all
@@ -87,8 +87,8 @@ def _checked(
     """
     kept = len(notes)
     try:
-        other = None if raw is beside else beside
-        return Checked(seconds, force, turning, raw, notes, beside=other)
+        other = None if raw is estimate else estimate
+        return Checked(seconds, force, turning, raw, notes, estimate=other)
     except LogFormatError as error:
         rows = raw.rows
         stated = (rows.body, rows.world, rows.position_unit, rows.quaternion_order)

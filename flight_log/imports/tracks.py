@@ -54,7 +54,7 @@ class Checked:
         seconds, force, turning: of the IMU, FLU; (N,), (N, 3) m/s², (N, 3) in its own unit.
         notes: gets lines about what is found.
         check: whether it is compared with the IMU, or accepted as stated.
-        beside: the vehicle's estimate, by whose speed positions without attitude get their clock.
+        estimate: the vehicle's estimate, by whose speed positions without attitude get their clock.
 
     Attributes:
         rate_scale: gyroscope reading per rad/s of this attitude; None if unknown.
@@ -71,7 +71,7 @@ class Checked:
         notes: list[str],
         *,
         check: bool = True,
-        beside: RawTrack | None = None,
+        estimate: RawTrack | None = None,
     ) -> None:
         self.raw = raw
         self.rate_scale: float | None = None
@@ -91,8 +91,8 @@ class Checked:
         if raw.quaternion is not None:
             self._fit_attitude()
             self._fit_position()
-        elif beside is not None:
-            self._fit_speed(beside)
+        elif estimate is not None:
+            self._fit_speed(estimate)
         else:
             self._fit_position_alone()
 
@@ -251,10 +251,10 @@ class Checked:
             )
         self._settle_unit(turn.scale)
 
-    def _fit_speed(self, beside: RawTrack) -> None:
+    def _fit_speed(self, estimate: RawTrack) -> None:
         """Determine the clock from the speed of the vehicle's estimate. Raises LogFormatError."""
         mine, theirs = self._grids()
-        one = speed(on_grid(mine, beside.seconds, beside.position))
+        one = speed(on_grid(mine, estimate.seconds, estimate.position))
         own = speed(on_grid(theirs, self.raw.seconds + self._offset, self.raw.position))
         lag = self._lag(one, own, mine, theirs)
         mine_too, theirs_too = joined(mine, one, theirs + lag, own)
