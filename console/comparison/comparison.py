@@ -126,7 +126,7 @@ class EstimatorComparison:
         """Take a frame, early or late, with the beacons as they were when it was taken."""
         stamp_ns, ids, bearings_b, sigma, _ = measurement
         seen = bearings_sample(stamp_ns, ids, bearings_b, sigma)
-        frame = KnownBeacons(beacons).place(seen)
+        frame = KnownBeacons(beacons).with_positions(seen)
         self._frames.append((stamp_ns, frame))
         if frame["count"][0]:
             self._samples.frame(stamp_ns, frame)

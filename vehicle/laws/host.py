@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from quadrotor.errors import QuadlabError, RefusedError, UsageError
-from quadrotor.python_file import run_file, told
+from quadrotor.python_file import call_user_code, run_file
 from quadrotor.records import Record
 from vehicle.laws.contract import INPUT_TYPE, OUTPUT_TYPE, Input, Law, as_input
 
@@ -55,8 +55,8 @@ def _answer(connection: socket.socket, source: str) -> None:
     while data := connection.recv(INPUT_TYPE.itemsize + 1):
         x = as_input(np.frombuffer(data, INPUT_TYPE))
         if x.reset:
-            told(file, law.reset, RefusedError)
-        told(file, partial(_step, law, x, out), RefusedError)
+            call_user_code(file, law.reset, RefusedError)
+        call_user_code(file, partial(_step, law, x, out), RefusedError)
         connection.send(out.tobytes())
 
 
@@ -81,7 +81,7 @@ def load(source: str | Path) -> Law:
 
         return FmuLaw(path)
     if (point := _entry_point(source)) is not None:
-        made = told(path, point.load, UsageError)
+        made = call_user_code(path, point.load, UsageError)
     else:
         made = vars(run_file(path, NAME, UsageError)).get(NAME)
     if not callable(made):
@@ -89,7 +89,7 @@ def load(source: str | Path) -> Law:
             f"{path.name}: it defines no {NAME!r}; give a class or function of this name whose "
             "object has reset() and step(x); docs/extending/plugins.md shows one"
         )
-    law = told(path, made, UsageError)
+    law = call_user_code(path, made, UsageError)
     for method in ("reset", "step"):
         if not callable(getattr(law, method, None)):
             raise UsageError(f"{path.name}: {type(law).__name__} has no method {method}")

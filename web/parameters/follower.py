@@ -12,7 +12,7 @@ from typing import Any
 
 from bearing_sim.beacons import parse_layout
 from bearing_sim.bearing_parameters import BearingParameters
-from bearing_sim.observability import Sight
+from bearing_sim.observability import FieldOfView
 from quadrotor.errors import QuadlabError
 from vehicle_link.parameters.authority import SIMULATOR, STATION, VEHICLE, authority_of
 from vehicle_link.parameters.change import ParameterChange
@@ -87,7 +87,7 @@ class ParameterFollower:
             self._scene.beacons.set_beacons(
                 parse_layout(sensor.layout),
                 math.radians(sensor.sigma),
-                Sight.of(sensor),
+                FieldOfView.of(sensor),
                 sensor.rate,
             )
 
