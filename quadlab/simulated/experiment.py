@@ -109,7 +109,7 @@ def fly(
     plugins = plugins or open_data_folder(None) / PLUGINS
     flight = SimulatedFlight(parameters, simulated, log, estimator, plugins, kind)
     if tell:
-        flight.on_tell = Teller(flight)
+        flight.on_progress = InstructionPrinter(flight)
     began, processor = time.perf_counter(), time.process_time()
     aborted = ""
     try:
@@ -173,7 +173,7 @@ def kept(error: QuadlabError, log: Path) -> QuadlabError:
     return type(error)(f"{error}; the log is kept: {log}")
 
 
-class Teller:
+class InstructionPrinter:
     """Printer of the instructions of a guided procedure, each once."""
 
     def __init__(self, flight: SimulatedFlight) -> None:
