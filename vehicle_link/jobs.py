@@ -222,17 +222,17 @@ def main(parent: int, niceness: int) -> None:
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # the function's own output must not mix with the answers
 
-    def tell(kind: str, value: Any) -> None:
+    def send(kind: str, value: Any) -> None:
         print(json.dumps({kind: value}, default=dataclasses.asdict), file=answers, flush=True)
 
     function, arguments, reports = pickle.load(sys.stdin.buffer)
     if reports:
-        arguments = (*arguments, lambda value: tell("report", value))
+        arguments = (*arguments, lambda value: send("report", value))
     try:
-        tell("result", function(*arguments))
+        send("result", function(*arguments))
     except errors.QuadlabError as error:
         known = next(one for one in type(error).__mro__ if one.__module__ == errors.__name__)
-        tell("error", (known.__name__, " ".join(str(error).split())))
+        send("error", (known.__name__, " ".join(str(error).split())))
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(0)  # do not wait for threads that a user's file may have started

@@ -51,15 +51,14 @@ def fly(
     plugins: Path | None = None,
     board: str = "mikrokopter",
     true_state: bool = False,
-    tell: bool = False,
+    print_instructions: bool = False,
 ) -> Flown:
     """Fly an experiment on the simulated vehicle and judge its log.
 
     Args:
             seed: of all noise. words: NAME=VALUE of parameters. out: folder of the log; None:
                 flights in the data folder. plugins: folder of control laws. true_state: whether the
-                controller gets the true state. tell: whether instructions of a guided procedure are
-                printed.
+                controller gets the true state. print_instructions: of a guided procedure.
 
         Raises QuadlabError; after the start, its message includes the path of the log.
     """
@@ -108,7 +107,7 @@ def fly(
     typestore()
     plugins = plugins or open_data_folder(None) / PLUGINS
     flight = SimulatedFlight(parameters, simulated, log, estimator, plugins, kind)
-    if tell:
+    if print_instructions:
         flight.on_progress = InstructionPrinter(flight)
     began, processor = time.perf_counter(), time.process_time()
     aborted = ""

@@ -67,8 +67,8 @@ class StationLane:
         self._socket: LaneSocket | None = None
         self._keys: _Keys | None = None
         self.refused = Refused()
-        self._heard: float | None = None
-        self._vehicle, self._vehicle_heard = 0, -math.inf
+        self._received_at: float | None = None
+        self._vehicle, self._vehicle_received_at = 0, -math.inf
         self._asking = False
         self._asked, self._pause = -math.inf, ASK_AGAIN
         self._greeted = -math.inf
@@ -79,12 +79,12 @@ class StationLane:
     @property
     def is_up(self) -> bool:
         """Return whether data arrive from the vehicle by this lane."""
-        heard = self._heard
-        return heard is not None and clock.monotonic() - heard < SILENT_AFTER
+        received_at = self._received_at
+        return received_at is not None and clock.monotonic() - received_at < SILENT_AFTER
 
     def note_vehicle(self, instance: int) -> None:
         """Note the vehicle's instance, received over the link, hence that it can be asked."""
-        self._vehicle, self._vehicle_heard = instance, clock.monotonic()
+        self._vehicle, self._vehicle_received_at = instance, clock.monotonic()
 
     def send(self, topic: str, message: Received, *, greets: bool = False) -> bool:
         """Send without waiting; return whether it was sent, whether or not the lane is up.
@@ -122,7 +122,7 @@ class StationLane:
 
     def _should_ask(self, is_up: bool) -> bool:
         now, keys = clock.monotonic(), self._keys
-        if self._asking or now - self._vehicle_heard > SILENT_AFTER:
+        if self._asking or now - self._vehicle_received_at > SILENT_AFTER:
             return False
         if keys is not None and keys.vehicle != self._vehicle:  # another process: ask at once
             return now - self._asked >= HELLO_PERIOD
@@ -165,7 +165,7 @@ class StationLane:
             return
         opened = keys.opener.open(datagram)
         if opened is not None:
-            self._heard = clock.monotonic()
+            self._received_at = clock.monotonic()
             self._deliver(*opened)
 
     def _report_change(self, is_up: bool) -> None:

@@ -30,20 +30,20 @@ class HeartbeatMonitor:
     ) -> None:
         self._degraded_ns = round(degraded_after * 1e9)
         self._lost_ns = round(lost_after * 1e9)
-        self._heard_ns: int | None = None
+        self._received_ns: int | None = None
 
     def note_received(self, now_ns: int) -> None:
         """Note a sign of life at this time of any steady clock."""
-        if self._heard_ns is None or now_ns > self._heard_ns:
-            self._heard_ns = now_ns
+        if self._received_ns is None or now_ns > self._received_ns:
+            self._received_ns = now_ns
 
     def age(self, now_ns: int) -> float:
         """Return the seconds since the last heartbeat; inf before the first."""
-        return float("inf") if self._heard_ns is None else (now_ns - self._heard_ns) * 1e-9
+        return float("inf") if self._received_ns is None else (now_ns - self._received_ns) * 1e-9
 
     def state(self, now_ns: int) -> LinkState:
-        if self._heard_ns is None or now_ns - self._heard_ns >= self._lost_ns:
+        if self._received_ns is None or now_ns - self._received_ns >= self._lost_ns:
             return LinkState.LOST
-        if now_ns - self._heard_ns >= self._degraded_ns:
+        if now_ns - self._received_ns >= self._degraded_ns:
             return LinkState.DEGRADED
         return LinkState.GOOD

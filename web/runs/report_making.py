@@ -36,7 +36,7 @@ def make_report(log: Path, report: Callable[[float], None]) -> None:
     """Write a run's report next to its result: the job."""
     from console.reports.report import write_report  # with matplotlib, which the page does not need
 
-    write_report(log, report_folder(log), tell=report)
+    write_report(log, report_folder(log), progress=report)
 
 
 class ReportMaking:
