@@ -45,6 +45,7 @@ FOLDERS = {
         "explanations",
         "rough_world",
         "hostile_flights",
+        "hostile_plugins",
         "tracking_faults",
         "starved",
         "real_flights",
@@ -66,12 +67,12 @@ NAMES = {name: f"benchmarks.{folder}.{name}" for folder, names in FOLDERS.items(
 """The module of each benchmark, by its name."""
 OWN_OPTIONS = {
     "count": ("fuzz_logs",),
-    "seed": ("fuzz_logs", "hostile_flights"),
+    "seed": ("fuzz_logs", "hostile_flights", "hostile_plugins"),
     "data": ("real_flights",),
     "against": ("up_cost", "late_ticks"),
-    "flights": ("hostile_flights", "tracking_faults"),
+    "flights": ("hostile_flights", "hostile_plugins", "tracking_faults"),
 }
-"""Options of some benchmarks only."""
+"""Options that only some benchmarks have, with the names of these."""
 
 
 def main() -> int:
@@ -80,7 +81,9 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="fewer samples: a look, not a result")
     parser.add_argument("--count", type=int, help="of fuzz_logs: how many logs")
     parser.add_argument("--seed", type=int, help="number of the first mutated log or flight")
-    parser.add_argument("--flights", type=int, help="of hostile_flights: how many")
+    parser.add_argument(
+        "--flights", type=int, help="of hostile_flights, or a kind of hostile_plugins"
+    )
     parser.add_argument("--data", type=Path, help="of real_flights: folder of recorded flights")
     parser.add_argument(
         "--against", help="of up_cost, late_ticks: another checkout, measured in turns"
@@ -103,17 +106,17 @@ def main() -> int:
         print(f"{name} …", file=sys.stderr, flush=True)
         began = time.perf_counter()
         made = importlib.import_module(NAMES[name]).run(quick=options.quick, **more)
-        for report in [made] if isinstance(made, Report) else made:  # a long one tells its parts
+        for report in [made] if isinstance(made, Report) else made:  # a long one reports in parts
             print(f"{report.name}: {time.perf_counter() - began:.0f} s", file=sys.stderr)
             print(report.as_markdown(), flush=True)
             reports.append(report)
-            if options.out:  # so far: an error in the next must not lose it
+            if options.out:  # written after each one, so that an error in the next does not lose it
                 write(options.out, asked, reports, conditions, options.quick)
     return 0 if all(t.met for report in reports for t in report.targets) else 1
 
 
 def machine() -> dict[str, str]:
-    """Return what the figures depend on: processor, packages and the like."""
+    """Return the conditions on which the figures depend: processor, packages and the like."""
     model = next(
         (line.split(":")[1].strip() for line in _cpu_lines() if line.startswith("model name")),
         platform.processor(),
@@ -135,9 +138,7 @@ def _cpu_lines() -> list[str]:
 def write(
     out: Path, asked: Sequence[str], reports: list[Report], conditions: dict[str, str], quick: bool
 ) -> None:
-    """Write `out`/performance.md, and next to it the folder performance with the JSON and the
-    plots.
-    """
+    """Write `out`/performance.md, and the folder performance with the JSON and the plots."""
     beside = out / "performance"
     beside.mkdir(parents=True, exist_ok=True)
     lines = [
@@ -162,7 +163,9 @@ def write(
 
 
 def draw(plot: dict[str, Any], path: Path) -> bool:
-    """Return one scatter of accuracy over time, or one figure a method; False without matplotlib.
+    """Draw one scatter plot of accuracy over time, or one figure per method.
+
+    Returns False without matplotlib.
 
     Args:
         plot: kind "scatter" (x, y, labels), or "figures" (values, labels); x_label, y_label, and
@@ -182,7 +185,7 @@ def draw(plot: dict[str, Any], path: Path) -> bool:
         return True
     figure, axes = pyplot.subplots(figsize=(9.0, 4.5), layout="constrained")
     if plot["kind"] == "scatter":
-        # Numbers at the points and names next to the axes: names at the points lie on each other.
+        # Numbers at the points and names next to the axes, as names at the points would overlap.
         points = sorted(zip(plot["y"], plot["x"], plot["labels"], strict=True), reverse=True)
         for number, (y, x, label) in enumerate(points, start=1):
             axes.plot(x, y, "o", color="#1f6f8b", label=f"{number}  {label}")
@@ -191,7 +194,7 @@ def draw(plot: dict[str, Any], path: Path) -> bool:
         axes.loglog()
         axes.margins(x=0.12, y=0.12)
     else:
-        # Dots, not bars: a logarithmic axis has no zero for a bar to start from.
+        # Dots rather than bars: a logarithmic axis has no zero from which a bar could start.
         axes.plot(plot["values"], plot["labels"], "o", color="#1f6f8b")
         for value, label in zip(plot["values"], plot["labels"], strict=True):
             axes.annotate(

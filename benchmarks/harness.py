@@ -1,7 +1,7 @@
-"""The common part of all benchmarks: fair timing, rows, targets, and the tables they become.
+"""The common part of all benchmarks: fair timing, rows, targets, and their tables.
 
-Methods are timed in turns, round by round, so that whatever else the machine does meets all of
-them; a ratio is the median of the rounds' ratios. Accuracy stands next to time in each row.
+Methods are timed in turns, round by round, so that other load on the machine affects all of them; a
+ratio is the median of the rounds' ratios. Each row has accuracy next to time.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-headless-shell") or "chromium"
-"""Of Debian's packages of these names; the second needs no screen."""
+"""Chromium of Debian's packages of these names; the second needs no screen."""
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Seconds a call in each round."""
+    """Seconds per call in each round."""
 
     rounds: tuple[float, ...]
 
@@ -29,19 +29,21 @@ class Timing:
 
     @property
     def spread(self) -> tuple[float, float]:
-        """Return fastest and slowest round, s."""
+        """Return the fastest and slowest round, s."""
         return min(self.rounds), max(self.rounds)
 
     def over(self, other: Timing) -> float:
-        """Return how many times as long as `other` this took: the median of the rounds' ratios."""
+        """Return the ratio of this time to `other`: the median of the rounds' ratios."""
         return statistics.median(a / b for a, b in zip(self.rounds, other.rounds, strict=True))
 
 
 def time_in_turns(
     methods: Mapping[str, tuple[Callable[[], object], int]], rounds: int = 9
 ) -> dict[str, Timing]:
-    """Time each `(function, calls a round)`; a function that does the work of many is given as
-    (function, 1) and its figure divided by the caller.
+    """Time each `(function, calls per round)`.
+
+    A function that does the work of many calls is passed as (function, 1), and the caller divides
+    its figure.
     """
     for function, _ in methods.values():
         function()  # compile, fill caches
@@ -57,7 +59,7 @@ def time_in_turns(
 
 @dataclass
 class Row:
-    """One method in one table; a figure that does not apply is left out."""
+    """One method in one table; a figure that does not apply is omitted."""
 
     method: str
     figures: dict[str, float | str]
@@ -65,7 +67,7 @@ class Row:
 
 @dataclass
 class Target:
-    """A target, and what was reached of it."""
+    """A target, and the value reached."""
 
     what: str
     reached: float

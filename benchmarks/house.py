@@ -1,4 +1,4 @@
-"""Count how large the source tree is and how tidy: `python -m benchmarks.house`.
+"""Count the size and tidiness of the source tree: `python -m benchmarks.house`.
 
 Code lines are lines that hold a token of code: no blank lines, comments or docstrings.
 """
@@ -22,7 +22,7 @@ LARGEST_MODULE = 300
 FRAGMENT = re.compile(
     "(Of|Whether|As|Where|From|By|In|With|For|What|Who|How|When|If|That|To|At|On|Why|Which|It)\\b"
 )
-"""The first word of a docstring that an IDE's hover cannot show alone."""
+"""First words of a docstring that cannot stand alone in an IDE's hover."""
 NO_CODE = {
     tokenize.COMMENT,
     tokenize.NL,
@@ -77,7 +77,7 @@ def python_by_package() -> Counter[str]:
 
 
 def files_by_folder(paths: Iterable[Path]) -> Counter[Path]:
-    """Return how many files lie in each folder itself."""
+    """Return the number of files directly in each folder."""
     return Counter(path.parent for path in paths)
 
 
@@ -114,7 +114,7 @@ def figures() -> list[tuple[str, str]]:
 
 
 def main() -> None:
-    """Print all figures, one a line."""
+    """Print all figures, one per line."""
     for name, value in figures():
         print(f"{name:42} {value}")
 

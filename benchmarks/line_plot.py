@@ -1,4 +1,4 @@
-"""Curves next to each other in one picture, two panels a row."""
+"""Several curves in one picture, two panels per row."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The base station between one vehicle and everything on the base.
 
-Zenoh's threads bring messages, each topic on its own; one thread beats, one asks the vehicle slow
-questions, the recorder and the tracker have theirs. Nothing here waits for the disk
-or the radio except the thread whose job it is.
+Zenoh's threads deliver messages, each topic in its own; one thread sends the heartbeat, one polls
+the vehicle for slow data, and the recorder and the tracker have their own. Nothing here waits for
+the disk or the radio except the thread whose job it is.
 """
 
 from __future__ import annotations
@@ -64,20 +64,21 @@ CLOSE_PATIENCE = 3.0
 
 
 class BaseStation:
-    """The base station of one vehicle: everything of this process, wired to one Zenoh session.
+    """Base station of one vehicle: all parts of this process, wired to one Zenoh session.
 
     Args:
-        session: of vehicle_link.transport.session.hub_session.
-        vehicle: name, the namespace of the topics.
-        operator: written into runs no one asked for by name.
+        session: from vehicle_link.transport.session.hub_session.
+        vehicle: its name, which is the namespace of the topics.
+        operator: written into runs that were started without a requester.
         settings: `station.*` parameters to start with.
-        keeps_house: of the runs' folder, which several vehicles' stations share.
-        vehicles: of this process. For a single one estimators are compared without anyone
-            looking, so that each run has it, and lines for the terminal need no name.
-        host: of the vehicle, for datagrams next to the link; empty for none.
-        instance: of this process, a number of its own (vehicle_link.process_instance).
+        keeps_house: whether this station tidies the runs' folder, which several stations share.
+        vehicles: number of vehicles of this process. With a single one, estimators are compared
+            even when no page shows it, so that each run has the comparison, and lines for the
+            terminal need no name.
+        host: host of the vehicle, for datagrams next to the link; empty for none.
+        instance: random number of this process (vehicle_link.process_instance).
         endpoints: where the station listens and what it dials, in words.
-        follows_process: poses are to come from a tracker process, not from the simulated tracker.
+        follows_process: poses come from a tracker process, not from the simulated tracker.
     """
 
     def __init__(
@@ -128,7 +129,7 @@ class BaseStation:
             self.link.vehicle_ns,
             self.link.standing,
             speaker="station" if is_alone else f"station {vehicle}",
-            # In lockstep many more beats go by the lane: the link needs none of them.
+            # In lockstep many more heartbeats go over the lane, and the link needs none of them.
             beats_over_link=self._pace.beats_over_link * (5 if self._progress.in_lockstep else 1),
         )
         self._store.subscribe(self._outbox.parameter_changed)
@@ -291,8 +292,8 @@ class BaseStation:
             thread.start()
 
     def _taken_up(self, kept: Mapping[str, ParameterValue]) -> str:
-        """Take up values of before the start, which another version may have written; return why
-        not, or "".
+        """Set values from before the start, which another version may have written; return the
+        reason for refusing them, or "".
         """
         try:
             self._store.preset(kept)
@@ -301,7 +302,7 @@ class BaseStation:
         return ""
 
     def close(self) -> None:
-        """Close the run's file first: nothing else matters as much."""
+        """Close the station, the run's file first: nothing else matters as much."""
         self._closing.set()
         self.runs.close()
         self._transfers.close()
@@ -323,13 +324,13 @@ class BaseStation:
 
     # ------------------------------------------------------------------ commands, measurements
     def _permit(self, command: str, requester: str) -> None:
-        """Raise RefusedError when an experiment's command is not permitted now."""
+        """Raise RefusedError when a command of an experiment is not permitted now."""
         if reason := self.link.refusal(command):
             raise RefusedError(reason)
         self.control.permit(command, requester)
 
     def _asked(self, command: str, requester: str) -> None:
-        """Prepare for a command of a person or an experiment before it is passed on. Raises
+        """Prepare for a command of a person or an experiment before it is forwarded. Raises
         RefusedError.
         """
         if command == "arm":
@@ -348,14 +349,14 @@ class BaseStation:
 
     # ------------------------------------------------------------------ threads
     def _beat(self) -> None:
-        """Send at 20 Hz, of many vehicles 10: heartbeat, end of runs; every fourth time, and at
-        once when the link's state changes, the status topics.
+        """Send the heartbeat and end runs, at 20 Hz or, with many vehicles, 10 Hz; send the status
+        topics every fourth time, and at once when the link's state changes.
         """
         due, count = time.monotonic(), 0
         while not self._closing.is_set():
             count += 1
             self._guard(self._beat_once, count)
-            due = max(due + self._pace.beat, time.monotonic())  # never a burst to catch up
+            due = max(due + self._pace.beat, time.monotonic())  # never catch up in a burst
             self._closing.wait(due - time.monotonic())
 
     def _beat_once(self, count: int) -> None:
@@ -367,7 +368,7 @@ class BaseStation:
         eyes = ("tracker", self._tracker.alarm), ("camera", self._tracker.camera_alarm)
         for key, line in eyes:
             if line != self._alarms.keyed().get(key):
-                self._alarms.set(key, None)  # another problem is told as well
+                self._alarms.set(key, None)  # so that a different problem is reported as well
             self._alarms.set(key, line)
         self.runs.tick()
         self._pictures.tick()
@@ -384,13 +385,13 @@ class BaseStation:
             self._guard(self._house.look)
 
     def _guard(self, act: Callable[..., None], *arguments: Any) -> None:
-        """Survive a defect in one beat, which must not stop the heartbeat of a flight; it is an
-        alarm.
+        """Call `act` and turn a defect in it into an alarm: it must not stop the heartbeat of a
+        flight.
         """
         try:
             act(*arguments)
         except Exception as error:
             if self._closing.is_set() and isinstance(error, LinkError):
-                return  # the session went first
+                return  # the session was closed first
             log.exception("station")
             self._alarms.set("defect", f"station: defect, see its log: {error!r}")

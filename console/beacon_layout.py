@@ -1,8 +1,8 @@
-"""One layout of beacons for station and vehicle: bearings mean nothing at any other.
+"""One layout of beacons for station and vehicle: bearings are meaningless with any other.
 
-The station's `station.bearings.layout` is the authority. A change is made on the vehicle first
-and refused when the vehicle refuses it; a vehicle that connects with another layout is told.
-A station that is started again goes on with the layout that was in force.
+The station's `station.bearings.layout` is the authority. A change is made on the vehicle first and
+refused when the vehicle refuses it; a vehicle that connects with another layout is sent this one. A
+station that is restarted continues with the layout that was in force.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ THEIRS = "beacons.layout"
 SERVICE = "change_parameters"
 TIMEOUT = 1.0
 AGAIN = 5.0
-"""s before a vehicle that has refused is asked anew."""
+"""Seconds before a vehicle that has refused is asked again."""
 
 
 class Known(Protocol):
-    """console.parameters.vehicle.VehicleParameters, as much of it as is needed."""
+    """The part of console.parameters.vehicle.VehicleParameters that is needed here."""
 
     def known(self, name: str) -> ParameterValue | None: ...
 
@@ -37,17 +37,17 @@ class Known(Protocol):
 def in_force(
     given: Mapping[str, ParameterValue], before: Mapping[str, ParameterValue]
 ) -> dict[str, ParameterValue]:
-    """Return what to start with: the layout last known (`before`), unless one is `given`."""
+    """Return the values to start with: the layout known last (`before`), unless one is `given`."""
     return {OURS: before[OURS]} if OURS in before and OURS not in given else {}
 
 
 Tell = Callable[[str, str], None]
-"""Sets the layout (text, requester) on the vehicle. Raises ParameterError or LinkError."""
+"""Set the layout (text, requester) on the vehicle. Raises ParameterError or LinkError."""
 
 
 def vehicle_teller(node: Node) -> Tell:
-    """Return a function that sets a layout through the vehicle's command service, which logs who
-    asked.
+    """Return a function that sets a layout through the vehicle's command service, which logs the
+    requester.
     """
     client = node.client(SERVICE, SERVICES[SERVICE])
 
@@ -66,13 +66,14 @@ def vehicle_teller(node: Node) -> Tell:
 
 
 class BeaconLayout:
-    """Keeps the vehicle's layout the station's; thread-safe.
+    """Keeps the vehicle's layout equal to the station's; thread-safe.
 
     Args:
-        ours: the station's text, now.
+        ours: returns the station's layout as text.
         vehicle: the copy of the vehicle's parameters.
-        connected: whether there is a vehicle to ask.
-        tell, clock: see `vehicle_teller`; s.
+        connected: returns whether the vehicle can be asked.
+        tell: sets a layout on the vehicle, see `vehicle_teller`.
+        clock: a steady clock, s.
     """
 
     def __init__(
@@ -90,10 +91,10 @@ class BeaconLayout:
         self._reason = ""
 
     def before_change(self, values: Mapping[str, ParameterValue], requester: str) -> None:
-        """Ask the vehicle about a new layout of the station. Raises ParameterError."""
+        """Set a new layout of the station on the vehicle first. Raises ParameterError."""
         text = str(values.get(OURS, self._ours()))
         if text == self._ours() or not self._connected():
-            return  # told when it connects
+            return  # sent when the vehicle connects
         with self._telling:
             try:
                 self._tell(text, requester)
@@ -103,8 +104,7 @@ class BeaconLayout:
                 raise ParameterError(f"{OURS} not changed: {error}; try again") from None
 
     def agree(self) -> str:
-        """Tell a vehicle that has another layout; why it still has one, empty when it has not.
-
+        """Send the layout to a vehicle that has another one; return why it still differs, or "".
         Raises LinkError.
         """
         with self._telling:

@@ -1,7 +1,8 @@
-"""The calibrations that the vehicle keeps, as the station read them last.
+"""The calibrations that are stored on the vehicle, as last read by the station.
 
-Read when the vehicle connects, starts again, or has taken one over; each run's file carries those
-in force. Serves `/<vehicle>/station/calibrate` with the actions `history` and `in_force`.
+They are read when the vehicle connects, restarts, or has accepted a calibration; each run's file
+carries those in force. Serves `/<vehicle>/station/calibrate` with the actions `history` and
+`in_force`.
 """
 
 from __future__ import annotations
@@ -20,11 +21,12 @@ from vehicle_link.transport.node import Node
 
 SERVICE = SERVICES["calibrate"]
 TIMEOUT = 2.0
-"""s; a long history is some tens of kB."""
+"""Timeout in s; a long history is some tens of kB."""
 AGAIN = 5.0
-"""s between two questions to a vehicle that does not answer."""
+"""Seconds between two requests to a vehicle that does not answer."""
 START_PATIENCE = 10.0
-"""s for which the gyroscope found at the vehicle's start is waited for: it is on its disk first."""
+"""Seconds to wait for the gyroscope calibration of the vehicle's start: it is written to the
+vehicle's disk first."""
 GYROSCOPE = "gyroscope"
 TOLD = HISTORY, IN_FORCE = ("history", "in_force")
 NOT_READ = "not received from the vehicle yet"
@@ -32,26 +34,26 @@ LOST = "the link to the vehicle is lost"
 
 
 class Calibrations:
-    """Thread-safe."""
+    """The station's copy of the vehicle's calibrations; thread-safe."""
 
     def __init__(self, node: Node) -> None:
         self._client = node.client("calibrate", SERVICE, priority="background")
         self._lock = threading.Lock()
         self._records: dict[str, tuple[CalibrationRecord, ...]] | None = None
         self._problem = NOT_READ
-        self._due = 0.0  # s of the monotonic clock; inf: read
-        self._instance: int | None = None  # of the vehicle asked last
+        self._due = 0.0  # s of the monotonic clock; inf: already read
+        self._instance: int | None = None  # of the vehicle that was asked last
         self._is_starting = False
         self._awaited_until = -math.inf
         node.serve("station/calibrate", SERVICE, self._answer)
 
-    # ------------------------------------------------------------------ the station tells
+    # ------------------------------------------------------------------ events of the station
     def look(self, instance: int) -> None:
-        """Read the calibrations when due; called once a second while the vehicle is connected, and
-        may wait for its answer.
+        """Read the calibrations when due. Called once a second while the vehicle is connected; may
+        wait for its answer.
 
         Args:
-            instance: of the vehicle's process; another one has started again.
+            instance: of the vehicle's process; a new number means that it has restarted.
         """
         with self._lock:
             if instance != self._instance:
@@ -66,9 +68,7 @@ class Calibrations:
                     self._problem, self._due = str(error), time.monotonic() + AGAIN
 
     def status(self, mode: str) -> None:
-        """Take over each status of the vehicle; one that has started has its gyroscope
-        calibrated.
-        """
+        """Handle a status of the vehicle: once it has started, its gyroscope is calibrated."""
         was, self._is_starting = self._is_starting, mode == "starting"
         if was and not self._is_starting:
             with self._lock:
@@ -77,27 +77,27 @@ class Calibrations:
 
     @property
     def is_due(self) -> bool:
-        """Return whether what the vehicle keeps is to be read again."""
+        """Return whether the vehicle's calibrations are to be read again."""
         with self._lock:
             return time.monotonic() >= self._due
 
     def lost(self) -> None:
-        """Forget everything when the vehicle is lost: another one may come."""
+        """Forget everything when the vehicle is lost: the next one may be another vehicle."""
         with self._lock:
             self._records, self._problem, self._due = None, LOST, 0.0
 
     def changed(self) -> None:
-        """Mark what was read as old."""
+        """Mark what was read as outdated."""
         with self._lock:
             self._due = 0.0
 
-    # ------------------------------------------------------------------ read
+    # ------------------------------------------------------------------ reading
     def read(self) -> tuple[CalibrationRecord, ...]:
-        """Return the vehicle's history, newest first. Raises LinkError; what was known is
-        forgotten.
+        """Return the vehicle's history, newest first. Raises LinkError, and then forgets what was
+        known.
         """
         with self._lock:
-            self._due = float("inf")  # a change from now on is not in the answer
+            self._due = float("inf")  # a later change is not in the answer
         try:
             records = {action: self._asked(action) for action in TOLD}
         except LinkError:
@@ -112,7 +112,7 @@ class Calibrations:
         return records[HISTORY]
 
     def in_force(self) -> dict[str, CalibrationRecord] | None:
-        """Return the vehicle's calibrations in force by name; None when they are not known. Never
+        """Return the vehicle's calibrations in force by name, or None when they are unknown. Never
         waits.
         """
         with self._lock:
@@ -120,7 +120,7 @@ class Calibrations:
         return None if records is None else {record.name: record for record in records[IN_FORCE]}
 
     def attachment(self) -> bytes:
-        """Return calibrations.json of a run. Never waits."""
+        """Return the content of a run's calibrations.json. Never waits."""
         known = self.in_force()
         with self._lock:
             problem = "" if known is not None else f"unknown: {self._problem}"
@@ -141,7 +141,7 @@ class Calibrations:
             raise LinkError(f"the vehicle's calibrations cannot be read: {error}") from error
 
     def _answer(self, request: Any) -> Any:
-        """Answer with the calibrations as they were read last."""
+        """Answer with the calibrations as last read."""
         if request.action not in TOLD:
             raise RefusedError(
                 f"the station serves only {' and '.join(TOLD)} here, not {request.action!r:.40}; "

@@ -26,18 +26,19 @@ from vehicle_link.topics import TOPICS
 from vehicle_link.transport.publisher import Received
 
 BEAT_NS = 18_000_000
-"""Simulated time in lockstep between two heartbeats that follow a truth: well within what the
-simulator waits for (vehicle.simulator.lockstep)."""
+"""Simulated time in ns, in lockstep, between two heartbeats that follow a truth: well within what
+the simulator waits for (vehicle.simulator.lockstep)."""
 
 
 class Reception:
     """The handlers of one vehicle's messages.
 
     Args:
-        progress: of the simulation, which waits for what the station received.
+        progress: the station's part in the simulation, which waits until the station has received
+            its messages.
 
     Attributes:
-        handlers: by topic; each may raise LinkError or MeasurementError for what makes no sense.
+        handlers: by topic; each may raise LinkError or MeasurementError for invalid content.
     """
 
     def __init__(
@@ -63,7 +64,7 @@ class Reception:
         self._experiments, self._comparison = experiments, comparison
         self._calibrations, self._sticks = calibrations, sticks
         self._tracker, self._progress = tracker, progress
-        self._beaten_ns = 0  # stamp of the truth that a heartbeat followed
+        self._beaten_ns = 0  # stamp of the truth after which a heartbeat was sent
         self.handlers: Mapping[str, Callable[[Received], None]] = {
             "telemetry": telemetry.received,
             "vehicle_heartbeat": self._heartbeat,
@@ -148,4 +149,4 @@ class Reception:
             and not 0 <= stamp_ns - self._beaten_ns < BEAT_NS
         ):
             self._beaten_ns = stamp_ns
-            self._outbox.heartbeat(0)  # what came before it has come, too, when comms receives it
+            self._outbox.heartbeat(0)  # comms then has what was sent before it

@@ -1,7 +1,7 @@
-"""`quadlab station`: the process around the base stations of its vehicles.
+"""`quadlab station`: the process that runs the base stations of its vehicles.
 
-One hub on loopback carries all of them; each vehicle has a radio and a `BaseStation` of its own,
-in its own namespace. They share the catalogue and nothing else.
+One hub on loopback carries all of them; each vehicle has its own radio and its own `BaseStation` in
+its own namespace. They share the catalogue and nothing else.
 """
 
 from __future__ import annotations
@@ -36,28 +36,30 @@ def run_station(
     *,
     follows_process: bool = False,
 ) -> int:
-    """Run until SIGINT or SIGTERM, then closes the runs' files and returns 0.
+    """Run until SIGINT or SIGTERM, then close the runs' files and return 0.
 
     Args:
         data: data folder: `runs/`, the catalogue, `certificates/`.
-        vehicles: name → `host:port` of its radio link, the main one first; none need be there yet.
+        vehicles: name → `host:port` of its radio link, the main one first; none need be reachable
+            yet.
         loopback_port: TCP port for web, simulator and ROS 2 nodes on this machine.
-        operator: written into runs no one asked for by name.
-        settings: `station.*` parameters to start with, of every vehicle.
-        follows_process: poses are to come from a tracker process.
+        operator: written into runs that were started without a requester.
+        settings: `station.*` parameters of every vehicle to start with.
+        follows_process: poses come from a tracker process.
 
     Raises LinkError (port in use, certificate), StorageError, ParameterError or UsageError.
     """
     # Recovering an old log computes for seconds next to the link's threads, which need the
-    # interpreter for some 10 µs at a time and must not wait 5 ms for each turn. Every thread that
-    # waits wakes that often; with the threads of eight vehicles that alone would take a processor.
+    # interpreter for some 10 µs at a time and must not wait 5 ms for each turn. Every waiting
+    # thread wakes at this interval; with the threads of eight vehicles that alone would use a whole
+    # processor.
     sys.setswitchinterval(SWITCH_INTERVAL * len(vehicles))
     stopping = EndSignal()
     hosts = list(dict.fromkeys(parse_endpoint(endpoint)[0] for endpoint in vehicles.values()))
     catalogue = Catalogue(data, database_url)
     files = ensure_certificates(data / "certificates", hosts)
     for endpoint in vehicles.values():
-        check_station(endpoint, files)  # what cannot be used is told before anything runs
+        check_station(endpoint, files)  # refuse unusable endpoints before anything runs
     for line in readable_keys(files):
         sys.stderr.write(f"station: {line}\n")
     hub, instance = hub_session(loopback_port), new_instance()
@@ -99,7 +101,8 @@ def run_station(
     _at_once([radio.close for radio in radios])
     _at_once([station.close for station in stations])  # several files may wait for the disk
     catalogue.close()
-    # Closing a session whose peer is gone can take 10 s, and nothing depends on it any more.
+    # Closing a session whose peer has disappeared can take 10 s, and nothing depends on it any
+    # more.
     closer = threading.Thread(target=hub.close, name="session close", daemon=True)
     closer.start()
     closer.join(CLOSE_PATIENCE)

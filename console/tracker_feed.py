@@ -1,10 +1,10 @@
 """The poses and bearings that the station sends, from one tracker at a time.
 
-That is the simulated tracking system, fed with the truth, unless there is a tracker process
-(console.trackers). Bearings are emulated, unless a process reads a camera on board. Measurements
-without delay leave in the callback of what they are made of; delayed ones from a thread. Poses have
-stamps of the vehicle's clock, as the truth has; emulated frames of bearings are taken at instants
-of their own on that clock, seen from the tracker's poses.
+The tracker is the simulated tracking system, fed with the truth, unless a tracker process
+(console.trackers) is running. Bearings are emulated, unless a process reads a camera on board.
+Measurements without delay are sent in the callback of their input; delayed ones from a thread.
+Poses have stamps of the vehicle's clock, as the truth has; emulated frames of bearings are taken at
+their own instants on that clock, as seen from the tracker's poses.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from vehicle_link.clock import monotonic
 
 RATE_WINDOW = 1.0
 SILENT, PROCESS_SILENT, STARTING = 1.0, 0.4, 10.0
-"""s without a truth, or without the tracker process's status, until it is told; s for it to start.
-"""
+"""Seconds without a truth, or without the tracker process's status, until it is reported; seconds
+that the process has to start."""
 SHORTEST_WAIT = 0.0005
-"""s; simulated time may stand still just before something is due."""
+"""Shortest wait in s; simulated time may stop just before something is due."""
 
 
 class TrackerFeed:
-    """Thread-safe.
+    """Sends poses and bearings when they are due; thread-safe.
 
     Args:
         publish_pose, publish_bearings: called with each measurement when it is due, never two at
@@ -45,7 +45,8 @@ class TrackerFeed:
         follows_process: whether poses are to come from a tracker process.
 
     Attributes:
-        follows_process: they are, or have: from then on the simulated tracker is off.
+        follows_process: poses come, or have come, from a tracker process; the simulated tracker is
+            then off for good.
     """
 
     def __init__(
@@ -65,7 +66,7 @@ class TrackerFeed:
         self._publish_pose, self._publish_bearings = publish_pose, publish_bearings
         self._clock = clock
         self._changed = threading.Condition()
-        self._ahead_ns = 0  # truth's clock minus ours
+        self._ahead_ns = 0  # vehicle's clock minus ours
         self._heard: float | None = None
         self._sent: deque[float] = deque(maxlen=1000)
         self._frames: deque[float] = deque(maxlen=1000)
@@ -78,7 +79,7 @@ class TrackerFeed:
         self._thread.start()
 
     def truth(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
-        """Take one true pose: (3,) m, (4,) unit quaternion (w, x, y, z) body to world."""
+        """Handle one true pose: (3,) m, (4,) unit quaternion (w, x, y, z) body to world."""
         with self._changed:
             if self.follows_process:
                 return
@@ -87,28 +88,30 @@ class TrackerFeed:
             self._catch_up(stamp_ns)
 
     def tracked(self, pose: PoseMeasurement, now_ns: int) -> None:
-        """Take a pose of a tracker process. Args: `now_ns` of the pose's clock, the vehicle's."""
+        """Handle a pose of a tracker process. `now_ns` is the present time of its clock, the
+        vehicle's.
+        """
         with self._changed:
             self._send(pose)
             self._catch_up(now_ns)
 
     def process_told(self, status: Any) -> None:
-        """Take a TrackerStatus of the tracker process."""
+        """Handle a TrackerStatus of the tracker process."""
         self.follows_process, self._process, self._told = True, status, self._clock()
 
     def seen(self, frame: BearingMeasurement) -> None:
-        """Take a frame of a camera on board, stamped with the vehicle's clock."""
+        """Handle a frame of a camera on board, stamped with the vehicle's clock."""
         with self._changed:
             self._frames.append(self._clock())
             self._publish_bearings(frame._replace(beacons=self._emulator.beacons))
 
     def camera_told(self, status: Any) -> None:
-        """Take a TrackerStatus of the camera on board: from then on no bearings are emulated."""
+        """Handle a TrackerStatus of the camera on board: from then on no bearings are emulated."""
         self._camera, self._camera_told = status, self._clock()
 
     @property
     def camera_alarm(self) -> str | None:
-        """Return what is wrong with the camera on board, None when nothing is."""
+        """Return what is wrong with the camera on board, or None."""
         if self._camera is None:
             return None
         if self._clock() - self._camera_told > PROCESS_SILENT:
@@ -117,19 +120,19 @@ class TrackerFeed:
 
     @property
     def alarm(self) -> str | None:
-        """Return what is wrong with the tracker, None when nothing is."""
+        """Return what is wrong with the tracker, or None."""
         if self.follows_process:
             if self._clock() - self._told > PROCESS_SILENT:
                 return "tracker: its process is silent; start quadlab tracker, or read its lines"
             problem = "" if self._process is None else self._process.problem
             return f"tracker: {problem}" if problem else None
         if self._heard is None or self._clock() - self._heard <= SILENT:
-            return None  # before the first truth: no simulator, no tracking system
+            return None  # before the first truth: neither simulator nor tracking system
         return "tracker: the truth has stopped coming"
 
     @property
     def nominal(self) -> float:
-        """Return the poses a second to expect, Hz."""
+        """Return the expected rate of poses, Hz."""
         if self.follows_process:
             return 0.0 if self._process is None else float(self._process.frame_rate)
         return self._parameters.rate * (1.0 - self._parameters.drop_out)
@@ -141,13 +144,13 @@ class TrackerFeed:
 
     @property
     def bearings_nominal(self) -> float:
-        """Return the frames of bearings a second to expect, Hz."""
+        """Return the expected rate of bearings frames, Hz."""
         camera = self._camera
         return self._bearings.rate if camera is None else float(camera.frame_rate)
 
     @property
     def bearings_rate(self) -> float:
-        """Return the frames of bearings sent in the last second, Hz."""
+        """Return the rate of bearings frames sent in the last second, Hz."""
         return self._recent(self._frames)
 
     def close(self) -> None:
@@ -177,8 +180,8 @@ class TrackerFeed:
                 self._publish_bearings(frame)
 
     def _recent(self, times: deque[float]) -> float:
-        """Return the rate of times in order, Hz."""
-        listed = list(times)  # at once: another thread adds to it
+        """Return the rate of the newest of these ordered times, Hz."""
+        listed = list(times)  # copied in one step: another thread appends to it
         return (len(listed) - bisect_left(listed, self._clock() - RATE_WINDOW)) / RATE_WINDOW
 
     def _next_ns(self) -> int | None:

@@ -11,9 +11,7 @@ from quadrotor.vehicle_model import GRAVITY, Four, thrusts_of_wrench
 
 @compiled(inner=True)
 def _largest_share(rest: float, low: float, high: float) -> float:
-    """Return largest share, 0..1, of `rest` (N) within low <= 0 <= high; 0 for what is not
-    finite.
-    """
+    """Return the largest share, 0..1, of `rest` (N) within low <= 0 <= high; 0 if not finite."""
     if rest > high:
         return high / rest if rest < math.inf else 0.0
     if rest < low:
@@ -23,7 +21,7 @@ def _largest_share(rest: float, low: float, high: float) -> float:
 
 @compiled(inner=True)
 def _thrust(gravity: float, scaling: float, rest: float, low: float, high: float) -> float:
-    # The clamp only takes back the last bit of rounding.
+    # The clamp only removes the last bit of rounding.
     return min(high, max(low, gravity + scaling * rest)) if scaling > 0.0 else gravity
 
 
@@ -35,9 +33,9 @@ def allocate(wrench: Four, model: Item) -> tuple[Four, float]:
     lambda = min(1, (f_max - f_g) / f_r where f_r > 0, (f_min - f_g) / f_r where f_r < 0)
     with f_g = M^-1 u_g and f_r = M^-1 u_res.
 
-    Departs from print: A^-1 there is M^-1; and where gravity alone is infeasible the problem
-    is empty, so f_g is clipped to the limits first and the rest is what is left of u.
-    A wrench that is not finite gives f_g and lambda = 0: never a NaN to the motors.
+    Departs from print: A^-1 there is M^-1; and where gravity alone is infeasible, the problem has
+    no solution, so f_g is clipped to the limits first and the rest is the remainder of u. A wrench
+    that is not finite gives f_g and lambda = 0: the motors never get a NaN.
 
     Args:
         wrench: thrust (N) and torques (N m).

@@ -22,7 +22,8 @@ from quadrotor.vectors import (
 def attitude_error(axes: Axes, desired: Axes) -> Vector:
     """Return e_R = ½ (Rᵀ R_d - R_dᵀ R)^v, rad for small errors, about body axes.
 
-    Args: columns of R_wb and of R_d.
+    Args:
+        axes, desired: columns of R_wb and of R_d.
     """
     return (
         0.5 * (dot(axes[2], desired[1]) - dot(axes[1], desired[2])),
@@ -43,16 +44,17 @@ def attitude_torque(
     gains: Item,
     J: Vector,
 ) -> Vector:
-    """Return torque (N m, body axes) of eq. 5; signs as printed.
+    """Return the torque (N m, body axes) of eq. 5; signs as printed.
 
-    The feed-forward carries the desired rates from axes of R_d to body axes with E = Rᵀ R_d.
+    The feed-forward transforms the desired rates from axes of R_d to body axes with E = Rᵀ R_d.
     Gains are per unit inertia; K_f is the integral gain.
 
     Args:
         axes, desired: columns of R_wb and of R_d.
         omega_b: rad/s, body axes.
         omega_d, omega_dot_d: rad/s and rad/s^2, axes of R_d.
-        e_R: rad, see `attitude_error`. integral_b: rad s, its integral.
+        e_R: rad, see `attitude_error`.
+        integral_b: rad s, integral of e_R.
         gains: one CONTROL record.
         J: diagonal inertia, kg m^2.
     """

@@ -1,4 +1,4 @@
-"""The protocol of a controller, and compiled laws behind it."""
+"""The protocol of a controller, and its implementation by compiled laws."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from control.parameters import ControlParameters, control_record
 from quadrotor.records import ACTUATORS, Record, new_reference, new_state
 
 Law = Callable[[Record, Record, Record, Record, Record, bool, float, Record], None]
-"""The arguments of `control.geometric_law.step`."""
+"""Compiled law with the arguments of `control.geometric_law.step`."""
 
 
 class Controller(Protocol):
-    """The protocol of a controller, as the vehicle's tick needs it; plain Python is allowed."""
+    """Controller as the vehicle's tick needs it; plain Python is allowed."""
 
     @property
     def tilt_limited(self) -> bool:
-        """Return whether the last step cut the desired force."""
+        """Return whether the last step limited the desired force."""
         ...
 
     def configure(self, parameters: ControlParameters, model: Record) -> None: ...
@@ -35,10 +35,10 @@ class Controller(Protocol):
 
 
 class GeometricController:
-    """The paper's controller behind the `Controller` protocol; records of shape (1,).
+    """The paper's controller as a `Controller`; records of shape (1,).
 
     Args:
-        law: another compiled law of the same arguments.
+        law: another compiled law with the same arguments.
     """
 
     def __init__(self, law: Law = step) -> None:
@@ -50,7 +50,7 @@ class GeometricController:
         self._idle = np.zeros(1, ACTUATORS)
 
     def configure(self, parameters: ControlParameters, model: Record) -> None:
-        """Take gains and model (MODEL, shape (1,)); compiles at the first call."""
+        """Set gains and model (MODEL, shape (1,)); the first call compiles."""
         self._gains = control_record(parameters)
         compiled = self._model is not None
         self._model = model.copy()
@@ -62,25 +62,26 @@ class GeometricController:
             np.sqrt(model["thrust_min"]) / model["motor_slope"] - model["motor_offset"]
         )
         self._idle["scaling"] = 1.0
-        if not compiled:  # here and not in the first tick, which would be seconds late
+        if not compiled:  # compiled now rather than in the first tick, which would be seconds late
             out, memory = np.zeros(1, ACTUATORS), new_control_memory()
             state, reference = new_state(), new_reference()
             self._law(memory, state, reference, self._gains, self._model, False, 0.002, out)
 
     def weigh(self, mass: float) -> None:
-        """Fly on this mass (kg) from now on. Raises RuntimeError when not configured."""
+        """Use this mass (kg) from now on. Raises RuntimeError when not configured."""
         if self._model is None:
             raise RuntimeError(f"{type(self).__name__}.weigh before configure")
         self._model_mass[0] = mass
 
     def reset(self) -> None:
-        """Empty the integrals."""
+        """Reset the integrals."""
         self.memory[...] = new_control_memory()
 
     @property
     def disturbance(self) -> Record:
-        """Return DISTURBANCE (1,), to be written before a step: what it takes off force and
-        torque.
+        """Return DISTURBANCE (1,), to be written before a step.
+
+        The step subtracts it from force and torque.
         """
         found: Record = self.memory["disturbance"]
         return found
@@ -98,5 +99,5 @@ class GeometricController:
         self._law(self.memory, state, reference, self._gains, self._model, airborne, dt, actuators)
 
     def idle(self, actuators: Record) -> None:
-        """Set all motors to their smallest reference: armed, on the ground."""
+        """Set all motors to their smallest reference, for an armed vehicle on the ground."""
         actuators[...] = self._idle

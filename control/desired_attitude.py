@@ -48,8 +48,9 @@ def _cross_motion(a: Motion, b: Motion) -> Motion:
 
 @compiled(inner=True)
 def axes_of_force(force_w: Vector, yaw: float) -> Axes:
-    """Return columns of R_d (world axes) for a force (N, not zero, not parallel to y_C) and a
-    yaw.
+    """Return the columns of R_d (world axes) for a force and a yaw.
+
+    The force (N) is neither zero nor parallel to y_C.
     """
     z = _unit(force_w)
     x = _unit(cross((-math.sin(yaw), math.cos(yaw), 0.0), z))
@@ -65,14 +66,14 @@ def attitude_of_force(
     yaw_rate: float,
     yaw_acceleration: float,
 ) -> tuple[Axes, Vector, Vector]:
-    """Return columns of R_d, omega_d (rad/s) and omega_d' (rad/s^2), the rates in axes of R_d.
+    """Return the columns of R_d, omega_d (rad/s) and omega_d' (rad/s^2), the rates in axes of R_d.
 
     omega_d = (R_d^T R_d')^v and omega_d' = (R_d^T R_d'')^v: R'' = R (hat(w') + hat(w)^2), and
     hat(w)^2 is symmetric, so the skew part of R^T R'' is w'.
 
     Args:
-        force_w: N, world axes, not zero, not parallel to y_C; then N/s and N/s^2.
-        yaw: rad; then rad/s and rad/s^2.
+        force_w: N, world axes, not zero, not parallel to y_C; its derivatives are in N/s and N/s^2.
+        yaw: rad; its derivatives are in rad/s and rad/s^2.
     """
     s, c = math.sin(yaw), math.cos(yaw)
     square = yaw_rate * yaw_rate

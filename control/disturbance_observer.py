@@ -1,16 +1,16 @@
-"""A disturbance observer: the force and torque on the vehicle next to its motors'.
+"""A disturbance observer: the force and torque on the vehicle in addition to those of its motors.
 
-Motion as the model has it, driven by the thrusts commanded (through the rotors' lag) and by the
-disturbance found, is held against the motion measured: with w' = u_1 z_B / m - g z_W + d and
-d = a (v - w), the disturbance found is the true one behind a low pass a / (s + a). The same of the
+The model's motion, driven by the commanded thrusts (through the rotors' lag) and by the estimated
+disturbance, is compared with the measured motion: with w' = u_1 z_B / m - g z_W + d and d = a (v -
+w), the estimate is the true disturbance behind a low pass a / (s + a). The same applies to the
 rotation, with J omega' + omega x J omega = tau + J t. Velocity and angular velocity are the
-estimator's, so what its attitude or its accelerometer is wrong by counts as a disturbance too and
-is taken back in the same frame. No reference and no gain of the law appears: thrusts at their
-limits wind nothing up.
+estimator's, so errors of its attitude or its accelerometer also count as a disturbance and are
+subtracted in the same frame. The observer uses no reference and no gain of the law, so saturated
+thrusts cause no wind-up.
 
-The law takes the force off f_d (eq. 4) and the torque off tau (eq. 5), each faded in and out and
-within its bound; what the bound cuts is left to the law's integrals. A mass flown on
-(`mass.used_by`) changes the model: the observer takes what that mass leaves.
+The law subtracts the force from f_d (eq. 4) and the torque from tau (eq. 5), each faded in and out
+and within its bound; what exceeds the bound is left to the law's integrals. Flying on an estimated
+mass (`mass.used_by`) changes the model: the observer estimates what that mass leaves.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from quadrotor.vehicle_model import GRAVITY, Four, VehicleModel
 Array = npt.NDArray[np.float64]
 
 RATE_POLE = 20.0
-"""rad/s, low pass of the force's rate, which turns the vehicle before its tilt is wrong."""
+"""Low pass, in rad/s, of the force's rate, which turns the vehicle before its tilt is wrong."""
 SETTLED = 3.0
-"""Time constants of a low pass over which it is faded in at least: it must have found something
-before the law's integral is taken."""
+"""Shortest fade-in, in time constants of the low pass: the observer must have an estimate before it
+replaces the law's integral."""
 
 OBSERVER = np.dtype(
     [
-        ("force", "i8"),  # 1: taken off the desired force
-        ("torque", "i8"),  # 1: taken off the torque
+        ("force", "i8"),  # 1: subtracted from the desired force
+        ("torque", "i8"),  # 1: subtracted from the torque
         ("force_bandwidth", "f8"),  # rad/s
         ("torque_bandwidth", "f8"),  # rad/s
         ("force_max", "f8"),  # N, each axis
@@ -52,7 +52,7 @@ OBSERVER_MEMORY = np.dtype(
     [
         ("running", "i8"),  # 1 once the model's motion has begun at the measured one, 2 while it
         # is first faded in after take-off, -1 on the ground
-        ("rotor_speeds", "f8", 4),  # counts, as the model has them
+        ("rotor_speeds", "f8", 4),  # counts, of the model
         ("velocity_w", "f8", 3),  # m/s, the model's
         ("angular_velocity_b", "f8", 3),  # rad/s, the model's
         ("acceleration_w", "f8", 3),  # m/s^2, the disturbing force over the mass
@@ -69,14 +69,14 @@ DISTURBANCE = np.dtype(
         ("force_w", "f8", 3),  # N, world axes
         ("force_rate_w", "f8", 3),  # N/s
         ("torque_b", "f8", 3),  # N m, body axes
-        ("force_begun", "f8"),  # 0..1, share of the law's integral that it now takes over
+        ("force_begun", "f8"),  # 0..1, share of the law's integral that it now replaces
         ("torque_begun", "f8"),
-        ("force_ended_w", "f8", 3),  # N, that it no longer takes off: the integral's again
+        ("force_ended_w", "f8", 3),  # N, no longer subtracted: returned to the integral
         ("torque_ended_b", "f8", 3),  # N m
     ],
     align=True,
 )
-"""The force and torque a law takes off; the last four act once, on its integrals, so that
+"""Force and torque that a law subtracts; the last four fields act once, on its integrals, so that
 nothing jumps when the observer is faded in or out."""
 
 
@@ -100,12 +100,12 @@ def observe_one(
     dt: float,
     out: Item,
 ) -> None:
-    """Make one step of one vehicle, from records: what the law is to take off.
+    """Run one step for one vehicle: write what the law has to subtract into `out`.
 
     Args:
-        actuators: what was commanded over the last dt (s).
-        flying: airborne on this law's own thrusts. False forgets all at once.
-        carried: the ground bears part of it: what was found is held.
+        actuators: the commands over the last dt (s).
+        flying: whether it is airborne on this law's own thrusts; False resets the estimate.
+        carried: whether the ground carries part of the weight; the estimate is held.
     """
     m = memory
     n = m.rotor_speeds
@@ -114,7 +114,7 @@ def observe_one(
         _forget(m, target, out)
         return
     if not math.isfinite(_sum(state.velocity_w) + _sum(state.angular_velocity_b)):
-        return  # a NaN would stay
+        return  # a NaN would persist
     pole, spin = settings.force_bandwidth, settings.torque_bandwidth
     keep, keep_spin = -math.expm1(-pole * dt), -math.expm1(-spin * dt)
     if m.running <= 0 or carried:
@@ -122,7 +122,7 @@ def observe_one(
             m.running = 1 if m.running == 0 else 2
         for i in range(4):
             n[i] = target[i]
-        for i in range(3):  # the model's motion that goes on with what was found
+        for i in range(3):  # start the model's motion such that the estimate continues
             away = m.acceleration_w[i] * dt * (1.0 - keep) / keep
             m.velocity_w[i] = state.velocity_w[i] - away
             away = m.turn_b[i] * dt * (1.0 - keep_spin) / keep_spin
@@ -176,7 +176,7 @@ def _forget(m: Item, target: Four, out: Item) -> None:
 
 @compiled(inner=True)
 def _modelled(m: Item, state: Item, target: Four, model: Item, dt: float) -> tuple[Vector, Vector]:
-    """Return accelerations by the model: linear (m/s^2, world axes), angular (rad/s^2, body axes).
+    """Return the model's accelerations: linear (m/s^2, world axes), angular (rad/s^2, body axes).
 
     The rotors' speeds are those of the middle of the step.
     """
@@ -215,14 +215,14 @@ def _modelled(m: Item, state: Item, target: Four, model: Item, dt: float) -> tup
 
 @compiled(inner=True)
 def _take(m: Item, settings: Item, model: Item, dt: float, out: Item) -> None:
-    """Take the disturbance within the bounds, as far as it is faded in; a force at its bound has no
-    rate.
+    """Write the disturbance within its bounds, as far as it is faded in.
 
-    Fading in by d from a share s leaves the integral (1 - s - d) / (1 - s) of what it was: it has
-    held against the same disturbance. Fading out gives back what is no longer taken off.
+    A force at its bound has no rate. Fading in by d from a share s leaves the integral (1 - s - d)
+    / (1 - s) of its value, as it has compensated the same disturbance. Fading out returns what is
+    no longer subtracted.
     """
     force_before, torque_before = m.force_share, m.torque_share
-    # After take-off the integrals hold nothing yet that would have to be taken over slowly.
+    # After take-off the integrals do not yet hold anything to be replaced slowly.
     settled = SETTLED if m.running == 1 else 0.0
     slowness = max(settings.fade, settled / settings.force_bandwidth)
     m.force_share = _towards(force_before, settings.force, dt / slowness)
@@ -272,7 +272,7 @@ def observe(
 
 
 class DisturbanceObserver:
-    """Holds the memory of one vehicle; compiles when made, since it may be switched on in flight.
+    """The observer of one vehicle; compiles when created, since it may be switched on in flight.
 
     Attributes:
         memory: OBSERVER_MEMORY, shape (1,).
@@ -286,16 +286,16 @@ class DisturbanceObserver:
         self.step(state, actuators, model, False, False, 0.002, np.zeros(1, DISTURBANCE))
 
     def configure(self, parameters: DisturbanceParameters) -> None:
-        """Take new settings; what was found is kept."""
+        """Set new settings, keeping the estimate."""
         self._settings = observer_record(parameters)
         wanted = bool(parameters.force or parameters.torque)
-        if wanted and self.idle:  # what it knew is old
+        if wanted and self.idle:  # the estimate is out of date
             self.memory[...] = 0
         self._wanted = wanted
 
     @property
     def idle(self) -> bool:
-        """Return whether it is switched off and faded out: nothing need be done."""
+        """Return whether it is switched off and faded out, so that no step is needed."""
         if self._wanted:
             return False
         share = self.memory["force_share"].item() + self.memory["torque_share"].item()
@@ -311,7 +311,5 @@ class DisturbanceObserver:
         dt: float,
         out: Record,
     ) -> None:
-        """Compute one tick into the DISTURBANCE `out`; see `observe_one`. All records of shape
-        (1,).
-        """
+        """Compute one tick into the DISTURBANCE `out`, see `observe_one`; records of shape (1,)."""
         observe(self.memory, state, actuators, self._settings, model, flying, carried, dt, out)

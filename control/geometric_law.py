@@ -42,14 +42,14 @@ CONTROL_MEMORY = np.dtype(
         ("attitude_integral_b", "f8", 3),  # rad s
         ("desired_attitude", "f8", (3, 3)),  # R_d of the last tick that had one
         ("tilt_limited", "i8"),  # 1 while the force limits act
-        ("disturbance", DISTURBANCE),  # taken off force and torque
+        ("disturbance", DISTURBANCE),  # subtracted from force and torque
     ],
     align=True,
 )
 
 
 def new_control_memory(size: int = 1) -> Record:
-    """Return empty integrals and a level desired attitude, shape (size,)."""
+    """Return reset integrals and a level desired attitude, shape (size,)."""
     memory = np.zeros(size, CONTROL_MEMORY)
     memory["desired_attitude"] = np.eye(3)
     return memory
@@ -81,11 +81,11 @@ def _remember(memory: Item, axes: Axes) -> None:
 def fed_forward(
     disturbance: Item, reference: Item, model: Item, axes: Axes
 ) -> tuple[Vector, Vector, Vector, Vector]:
-    """Return what the motors are to do next to the feedback, and the torque (N m) to take off.
+    """Return the feed-forward accelerations, and the torque (N m) to subtract.
 
-    The acceleration (m/s^2) that force over mass has to give, with its two derivatives: that of
-    the reference, the drag of its velocity, less the disturbing force that was found. The torque
-    is the disturbing one and that of the drag.
+    The acceleration (m/s^2), with its two derivatives, is what force over mass has to give in
+    addition to the feedback: that of the reference plus the drag at its velocity, less the
+    estimated disturbing force. The torque is the disturbing torque and that of the drag.
     """
     by_mass = 1.0 / model.mass
     drag = model.drag * by_mass
@@ -103,7 +103,7 @@ def fed_forward(
 
 @compiled(inner=True)
 def hand_over(memory: Item, gains: Item, model: Item) -> None:
-    """Hand what the observer begins or ceases to take off from the integrals, or back to them."""
+    """Transfer what the observer starts or stops subtracting from or to the integrals."""
     d, mass, J = memory.disturbance, model.mass, model.inertia_b
     if d.force_begun > 0.0 or d.torque_begun > 0.0:
         for i in range(3):
@@ -135,7 +135,7 @@ def step_one(
     dt: float,
     actuators: Item,
 ) -> None:
-    """Compute one vehicle: records, not arrays. See `step`."""
+    """Compute one vehicle, with records in place of arrays; see `step`."""
     mass = model.mass
     weight = mass * GRAVITY
     axes = axes_of(quaternion(state.quaternion_wb))
@@ -174,8 +174,9 @@ def step_one(
     else:
         desired = _remembered(memory)
 
-    # u_1 = f_d . z_B. Departs from print: not below zero. Upside down it would be negative, no
-    # rotor can give that, and the common scaling would take the torques that turn it upright.
+    # u_1 = f_d . z_B. Departs from print: it is not below zero. Upside down it would be negative,
+    # which no rotor can give, and the common scaling would remove the torques that turn the vehicle
+    # upright.
     thrust = dot(force, axes[2])
     thrust = 0.0 if thrust < 0.0 else thrust  # keeps a NaN, which max() would hide
     e_R = attitude_error(axes, desired)
@@ -185,13 +186,13 @@ def step_one(
         axes, omega_b, desired, omega_d, omega_dot_d, e_R, integral_b, gains, J
     )
     x, y, z = x - off[0], y - off[1], z - off[2]
-    # Departs from print: yaw has a thirtieth of the others' authority, and through the common
-    # scaling an unbounded yaw torque would take theirs.
+    # Departs from print: yaw has a thirtieth of the others' authority, and by the common scaling an
+    # unbounded yaw torque would reduce theirs.
     bound = gains.yaw_torque_max
     z = min(bound, max(-bound, z))
     thrusts, scaling = allocate((thrust, x, y, z), model)
 
-    # Wind-up, unspecified in print: clamped, and frozen on the ground and while anything limits.
+    # Wind-up, unspecified in print: clamped, and frozen on the ground and while anything saturates.
     if airborne and scaling == 1.0 and not limited:
         wind(memory.position_integral_w, e_p, dt, gains.position_integral_max)
         wind(memory.attitude_integral_b, e_R, dt, gains.attitude_integral_max)
@@ -200,9 +201,7 @@ def step_one(
 
 @compiled(inner=True)
 def command(thrusts: Four, scaling: float, model: Item, actuators: Item) -> None:
-    """Write thrusts (N), the wrench they make and their motor references into one ACTUATORS
-    record.
-    """
+    """Write thrusts (N), their wrench and their motor references into one ACTUATORS record."""
     wrench = wrench_of_thrusts(thrusts, model.arm, model.torque_ratio)
     for i in range(4):
         actuators.thrusts[i] = thrusts[i]
@@ -226,8 +225,8 @@ def step(
 ) -> None:
     """Compute the actuators from state and reference, in place; all arrays of records, shape (N,).
 
-    `gains` and `model` may have shape (1,) for all. `actuators.wrench` is M f of the thrusts
-    commanded, so after the scaling. Integrals move last, by this tick's own verdict.
+    `gains` and `model` may have shape (1,) for all. `actuators.wrench` is M f of the commanded
+    thrusts, so after the scaling. Integrals are updated last, depending on this tick's saturation.
 
     Args:
         memory: CONTROL_MEMORY, see `new_control_memory`.
@@ -249,10 +248,11 @@ def step(
 
 @compiled
 def apply_wrench(wrench: Array, model: Record, actuators: Record) -> None:
-    """Write the actuators of a wrench (1, 4) (N, N m) that another law wants; in place.
+    """Write the actuators for a wrench (1, 4) (N, N m) of another law, in place.
 
     Args:
-        model: MODEL (1,). actuators: ACTUATORS (1,).
+        model: MODEL (1,).
+        actuators: ACTUATORS (1,).
     """
     u = wrench[0]
     thrusts, scaling = allocate((u[0], u[1], u[2], u[3]), model[0])

@@ -17,7 +17,7 @@ motors G = 1 / (tau s + 1) next to the true ones. Broken there, L becomes (L + Q
 torque's at the motors and in yaw, the force's in height. Sideways it holds the measured motion
 against the measured tilt, neither of which is behind the desired tilt or the motors: those two
 cuts do not see it. The loop `estimate` does, broken at the measured motion: with T the position
-loop's tilt over the desired one, and T_o that of what the observer takes off, whose rate is fed
+loop's tilt over the desired one, and T_o that of what the observer subtracts, whose rate is fed
 forward behind a low pass b / (s + b),
 
     L = (T P + T_o Q s^2) / (s^2 (1 - Q T_o))
@@ -42,9 +42,9 @@ Real = npt.NDArray[np.float64]
 Polynomial = np.polynomial.Polynomial
 
 FREQUENCIES = np.logspace(-2.0, 3.0, 400)
-"""rad/s, between which crossovers are sought."""
+"""Frequencies, in rad/s, between which crossovers are searched."""
 LOW_MARGIN = 20.0
-"""deg of phase margin below which a gain set is not fit to fly."""
+"""Phase margin, in deg, below which a gain set is not fit to fly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +52,9 @@ class Margin:
     """The stability margin of one loop.
 
     Attributes:
-        loop: its name.
+        loop: name of the loop.
         phase: deg, the smallest over all crossovers; negative when the loop is unstable.
-        crossover: rad/s, where the gain passes 1 with that phase.
+        crossover: rad/s, frequency of unit gain with that phase.
     """
 
     loop: str
@@ -63,12 +63,12 @@ class Margin:
 
     @property
     def delay(self) -> float:
-        """Return the further delay (s) the loop bears; 0 when it is unstable."""
+        """Return the additional delay (s) that the loop tolerates; 0 when it is unstable."""
         return max(0.0, math.radians(self.phase) / self.crossover)
 
 
 def margins(parameters: ControlParameters, motor_time_constant: float) -> tuple[Margin, ...]:
-    """Return margins of the position, motor, height, yaw and estimate loops of these gains.
+    """Return the margins of the position, motor, height, yaw and estimate loops of these gains.
 
     Args:
         motor_time_constant: s, > 0.
@@ -76,7 +76,7 @@ def margins(parameters: ControlParameters, motor_time_constant: float) -> tuple[
     p, a, d = parameters.position, parameters.attitude, parameters.disturbance
     lag = Polynomial([1.0, motor_time_constant])
     s = Polynomial([0.0, 1.0])
-    # All times s, so that integral gains are coefficients too.
+    # All multiplied by s, so that integral gains are coefficients too.
     position = Polynomial([p.ki_xy, p.kp_xy, p.kv_xy])
     attitude = Polynomial([a.ki_xy, a.kr_xy])
     damped = Polynomial([a.ki_xy, a.kr_xy, a.kw_xy])
@@ -87,7 +87,8 @@ def margins(parameters: ControlParameters, motor_time_constant: float) -> tuple[
     force = d.force_bandwidth if d.force else 0.0
     torque = d.torque_bandwidth if d.torque else 0.0
     motors = damped * s**3 + position * feed_forward
-    # Q T_o, a ratio; what is taken off has the nominal rates and its own, whatever the others have.
+    # Q T_o, a ratio; the subtracted force has the nominal rates and its own, whatever the others
+    # have.
     rate = Polynomial([RATE_POLE, 1.0])
     taken = force * (attitude * rate + RATE_POLE * a.kw_xy * s**2)
     left = tilt * rate * Polynomial([force, 1.0])
@@ -108,7 +109,7 @@ def margins(parameters: ControlParameters, motor_time_constant: float) -> tuple[
 def _observed(
     above: Polynomial, below: Polynomial, bandwidth: float, lag: Polynomial
 ) -> tuple[Polynomial, Polynomial]:
-    """Return the loop above / below with an observer of this bandwidth (rad/s); 0: as it is."""
+    """Return the loop above / below with an observer of this bandwidth (rad/s); 0 for none."""
     if bandwidth == 0.0:
         return above, below
     low_pass = Polynomial([bandwidth, 1.0]) * lag
@@ -116,13 +117,14 @@ def _observed(
 
 
 def smallest(found: tuple[Margin, ...]) -> Margin:
-    """Return the loop nearest to oscillating."""
+    """Return the loop that is nearest to oscillation."""
     return min(found, key=lambda one: one.phase)
 
 
 def _margin(loop: str, above: Polynomial, below: Polynomial) -> Margin:
-    """Return the margin of the loop above / below, which is stable when above + below has no root
-    with a positive real part.
+    """Return the margin of the loop above / below.
+
+    It is stable when above + below has no root with a positive real part.
     """
 
     def response(frequency: Real) -> Complex:

@@ -1,10 +1,10 @@
 """The near-hovering law: small angles, linear, as the microcontroller's own mode (Secs. 3.2, 4).
 
-The paper names it ("a standard linearized hovering controller") and prints nothing. Two halves,
-as on the vehicle: the outer one turns a desired force into thrust, roll, pitch and yaw rate, the
-four numbers of the near-hovering command; the inner one holds them with PID on the angles and P
-on the yaw rate. It shares gains and integrals with the geometric law, without its feed-forward
-and without the coupling of large angles: what that buys can be flown side by side.
+The paper names it ("a standard linearized hovering controller") and gives no equations. It has two
+halves, as on the vehicle: the outer one turns a desired force into thrust, roll, pitch and yaw
+rate, the four numbers of the near-hovering command; the inner one holds them with PID on the angles
+and P on the yaw rate. It shares gains and integrals with the geometric law, without its
+feed-forward and without the coupling of large angles, so that the two can be compared in flight.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from quadrotor.vectors import Vector, axes_of, quaternion, subtract, vector
 from quadrotor.vehicle_model import GRAVITY, Four
 
 ANGLE_MAX = math.radians(127 / 4)
-"""rad of roll and pitch, the largest the command's bytes carry."""
+"""Largest roll and pitch, in rad, that the command's bytes can represent."""
 YAW_RATE_MAX = math.radians(127)
-"""rad/s."""
+"""Largest yaw rate, in rad/s."""
 
 
 @compiled(inner=True)
@@ -35,7 +35,9 @@ def hovering_command(force_w: Vector, weight: float, yaw: float, yaw_rate: float
     Linear about hover: f_w = R_z(yaw) (weight pitch, -weight roll, thrust).
 
     Args:
-        force_w: N, world axes. yaw: rad, of the vehicle. yaw_rate: rad/s, wanted.
+        force_w: N, world axes.
+        yaw: rad, of the vehicle.
+        yaw_rate: rad/s, commanded.
     """
     c, s = math.cos(yaw), math.sin(yaw)
     pitch = (c * force_w[0] + s * force_w[1]) / weight
@@ -52,12 +54,14 @@ def hovering_command(force_w: Vector, weight: float, yaw: float, yaw_rate: float
 def hovering_torque(
     error: Vector, omega_b: Vector, integral: Vector, gains: Item, J: Vector
 ) -> Vector:
-    """Return torque (N m, body axes) that holds angles and yaw rate.
+    """Return the torque (N m, body axes) that holds angles and yaw rate.
 
     Args:
-        error: (roll, pitch) rad and yaw rate rad/s, wanted minus present.
-        omega_b: rad/s. integral: rad s, of the first two errors.
-        gains: one CONTROL record, per unit inertia. J: kg m^2.
+        error: (roll, pitch) rad and yaw rate rad/s, commanded minus present.
+        omega_b: rad/s.
+        integral: rad s, of the first two errors.
+        gains: one CONTROL record, per unit inertia.
+        J: kg m^2.
     """
     kr, kw, kf = vector(gains.kr), vector(gains.kw), vector(gains.kf)
     return (
@@ -78,8 +82,9 @@ def hover_one(
     dt: float,
     actuators: Item,
 ) -> None:
-    """Compute one vehicle, as control.geometric_law.step_one; position, velocity and yaw of the
-    reference.
+    """Compute one vehicle, like control.geometric_law.step_one.
+
+    It uses position, velocity and yaw of the reference.
     """
     weight = model.mass * GRAVITY
     axes = axes_of(quaternion(state.quaternion_wb))
@@ -124,13 +129,13 @@ def step(
     dt: float,
     actuators: Record,
 ) -> None:
-    """Compute N vehicles, as control.geometric_law.step; gains and model of shape (1,)."""
+    """Compute N vehicles, like control.geometric_law.step; gains and model have shape (1,)."""
     for k in range(state.shape[0]):
         hover_one(memory[k], state[k], reference[k], gains[0], model[0], airborne, dt, actuators[k])
 
 
 class NearHoveringController(GeometricController):
-    """The near-hovering law behind the `Controller` protocol; records of shape (1,)."""
+    """The near-hovering law as a `Controller`; records of shape (1,)."""
 
     def __init__(self) -> None:
         super().__init__(step)

@@ -1,7 +1,7 @@
-"""Gains and limits of the controller, and the record the compiled laws read.
+"""Gains and limits of the controller, and the record that the compiled laws read.
 
-Gains are per unit mass and per unit inertia, so that they keep their meaning when the mass
-estimate moves. The defaults fly the paper's vehicle at 60 to 1000 Hz.
+Gains are per unit mass and per unit inertia, so that they keep their meaning when the mass estimate
+changes. The defaults fly the paper's vehicle at 60 to 1000 Hz.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ GEOMETRIC, NEAR_HOVERING, NONE = "geometric", "near_hovering", "none"
 def _gain(
     default: float, largest: float, unit: str, description: str, flight_step: float | None = None
 ) -> float:
-    """Return a gain that moves in flight by `flight_step` at once, from any named set to any other.
+    """Return a gain parameter that may change in flight by `flight_step` at once.
 
-    Without one the step is a fifth of the range.
+    The step allows every change between two named sets; by default it is a fifth of the range.
     """
     value: float = parameter(
         default,

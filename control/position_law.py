@@ -1,4 +1,4 @@
-"""The desired force, eq. 4, and the limits that keep it pointable."""
+"""The desired force, eq. 4, and the limits that keep its direction feasible."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def desired_force(
 ) -> Vector:
     """Return f_d (N, world axes) of eq. 4.
 
-    Departs from print: eq. 4 writes K_v before the integral; it is K_i, a gain of its own.
+    Departs from print: eq. 4 writes K_v before the integral; it is K_i, a separate gain.
 
     Args:
         e_p, e_v: m and m/s, reference minus state, world axes.

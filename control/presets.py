@@ -1,4 +1,4 @@
-"""Named gain sets. What margin each has is computed (control.margins), not written here."""
+"""Named gain sets; their margins are computed (control.margins) rather than written here."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from quadrotor.parameters import ParameterStore, ParameterValue
 PRESETS: dict[str, dict[str, ParameterValue]] = {
     # The defaults: fly the paper's vehicle at any loop rate from 60 Hz.
     "standard": {},
-    # Holds a wind better and follows faster; wants 250 Hz and a clean estimate.
+    # Holds position better in wind and follows faster; needs 250 Hz and a clean estimate.
     "stiff": {
         "position.kp_xy": 6.0,
         "position.kv_xy": 4.5,
@@ -25,8 +25,9 @@ PRESETS: dict[str, dict[str, ParameterValue]] = {
         "position.kv_z": 4.0,
         "position.ki_z": 1.0,
     },
-    # Wind, payload, a weak motor: found by the disturbance observer and taken off. The attitude
-    # integral has nothing left to do, and what the observer costs at the motors comes from k_R.
+    # Wind, payload and a weak motor are estimated by the disturbance observer and subtracted. The
+    # attitude integral is not needed then, and the observer's cost at the motors is compensated by
+    # k_R.
     "observer": {
         "disturbance.force": True,
         "disturbance.torque": True,
@@ -35,7 +36,7 @@ PRESETS: dict[str, dict[str, ParameterValue]] = {
         "attitude.ki_z": 0.0,
     },
     # The observer on stiff gains: half of its error in gusts and turbulence, for 20 ms of the delay
-    # that the motors bear. Wants what `stiff` wants.
+    # that the motors tolerate. Needs what `stiff` needs.
     "stiff_observer": {
         "disturbance.force": True,
         "disturbance.torque": True,
@@ -51,12 +52,12 @@ PRESETS: dict[str, dict[str, ParameterValue]] = {
     # 1 + k_w k_v / k_R.
     "damped": {"attitude.rates": "exact"},
 }
-"""Name -> what differs from the defaults of `ControlParameters`."""
+"""Differences from the defaults of `ControlParameters`, by name."""
 DECIDED = ("position.", "attitude.", "disturbance.")
 
 
 def preset(name: str) -> ControlParameters:
-    """Return the whole gain set. Raises OutOfBoundsError for a name that is none."""
+    """Return the whole gain set. Raises OutOfBoundsError for an unknown name."""
     if name not in PRESETS:
         raise OutOfBoundsError(f"no gain set is called {name!r}: there are {', '.join(PRESETS)}")
     out = ControlParameters().model_copy(deep=True)
@@ -67,8 +68,9 @@ def preset(name: str) -> ControlParameters:
 
 
 def preset_values(name: str) -> dict[str, ParameterValue]:
-    """Return all that a gain set decides, by the vehicle's parameter names: gains and observer, not
-    law and limits. Raises OutOfBoundsError for a name that is none.
+    """Return all values that a gain set defines, by the vehicle's parameter names.
+
+    These are gains and observer, not law and limits. Raises OutOfBoundsError for an unknown name.
     """
     values = ParameterStore(preset(name)).values()
     return {f"control.{key}": value for key, value in values.items() if key.startswith(DECIDED)}

@@ -1,10 +1,10 @@
 """Passive complementary filter on unit quaternions (eq. 12) with the norm penalty.
 
-Between measurements the quaternion follows the gyroscope exactly (a constant rate turns it by
-its exponential). A measurement is applied once, when it arrives, with the share that the
-continuous law would have corrected since the one before: stable at any rate, while the printed
-gain times the measurement period diverges below gain / 2 poses a second. The gyroscope's bias is
-estimated as in reference [10] of the paper, which leaves it out; zero bandwidth holds it.
+Between measurements the quaternion follows the gyroscope exactly (a constant rate turns it by its
+exponential). A measurement is applied once, when it arrives, with the share that the continuous law
+would have corrected since the previous one. This is stable at any rate, while the printed gain
+times the measurement period diverges below gain / 2 poses a second. The gyroscope's bias, which the
+paper omits, is estimated as in its reference [10]; zero bandwidth holds it.
 
 `pose` is (7,): position_w, then quaternion_wb. Written in scalars: see quadrotor.rotations.
 """
@@ -27,8 +27,8 @@ def attitude_gains(bandwidth: float, bias_bandwidth: float, interval: float) -> 
     """Return gains (1, 1/s) on the innovation (rad) for the attitude and for minus the gyroscope
     bias.
 
-    The error's poles over one `interval` (s) are exp(-bandwidth interval) and
-    exp(-bias_bandwidth interval); without bias this is 1 - exp(-K_est,q interval).
+    The error's poles over one `interval` (s) are exp(-bandwidth interval) and exp(-bias_bandwidth
+    interval); without bias the first gain is 1 - exp(-K_est,q interval).
     """
     u = -math.expm1(-bandwidth * interval)
     w = -math.expm1(-bias_bandwidth * interval)
@@ -39,8 +39,8 @@ def attitude_gains(bandwidth: float, bias_bandwidth: float, interval: float) -> 
 def turn_pose(pose: Array, x: float, y: float, z: float, penalty: float, dt: float) -> None:
     """Turn the attitude of `pose` in place by the body rate (x, y, z) rad/s held for dt (s).
 
-    The scalar part 2 lambda (1 - |q|^2) printed below eq. 12 only scales q; its decay of
-    |q| - 1 is taken exactly, exp(-2 lambda dt), so that no penalty is too large for dt.
+    The scalar part 2 lambda (1 - |q|^2) printed below eq. 12 only scales q; the decay of |q| - 1 is
+    computed exactly, exp(-2 lambda dt), so that no penalty is too large for dt.
     """
     half = 0.5 * dt
     angle = half * math.sqrt(x * x + y * y + z * z)

@@ -1,4 +1,4 @@
-"""The common part of estimators whose state is one record that compiled functions step."""
+"""The common part of estimators whose state is one record that compiled functions advance."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from quadrotor.records import Record
 
 class CompiledEstimator:
     """An estimator with a memory of shape (1,), which has `stamp_ns`, of the newest IMU sample, and
-    `outcomes`, how many measurements had each Outcome.
+    `outcomes`, the number of measurements with each Outcome.
 
     Args:
-        memory: its record, which it keeps.
-        measured: the field that has the stamp of the newest measurement applied.
+        memory: its record, which it keeps and changes.
+        measured: the field with the stamp of the newest applied measurement.
     """
 
     def __init__(self, memory: Record, measured: str) -> None:
         self._memory = memory
-        # Views made once: looking a field up by name takes longer than the subtraction.
+        # Views made once: looking up a field by name takes longer than the subtraction.
         self._stamp_ns, self._measured_ns = memory["stamp_ns"], memory[measured]
         self._initialized = False
         self._timeout = math.inf
 
     @property
     def initialized(self) -> bool:
-        """Return whether a first measurement gave it a start."""
+        """Return whether a first measurement has initialized it."""
         return self._initialized
 
     @property
     def measurement_age(self) -> float:
-        """Return seconds from the newest measurement applied to the newest sample; inf before
+        """Return the seconds from the newest applied measurement to the newest sample; inf before
         both.
         """
         if not self._initialized:
@@ -44,12 +44,12 @@ class CompiledEstimator:
 
     @property
     def stale(self) -> bool:
-        """Return whether the newest measurement applied is older than `measurement_timeout`."""
+        """Return whether the newest applied measurement is older than `measurement_timeout`."""
         return self.measurement_age > self._timeout
 
     @property
     def ignored(self) -> Counter[Outcome]:
-        """Return how many measurements since the reset were not applied, by Outcome."""
+        """Return the number of measurements since the reset that were not applied, by Outcome."""
         counts = self._memory["outcomes"][0].tolist()
         counts[Outcome.APPLIED] = 0
         return +Counter(dict(zip(Outcome, counts, strict=True)))
@@ -74,5 +74,7 @@ class CompiledEstimator:
         return self.convergence.reached
 
     def _judge(self, m: Any) -> Convergence:
-        """Return the convergence by a memory with a start and fresh measurements."""
+        """Return the convergence from the memory of an initialized filter with fresh
+        measurements.
+        """
         raise NotImplementedError

@@ -24,9 +24,9 @@ from quadrotor.records import MAX_BEACONS, POSE_SAMPLE, Record, has_attitude
 __all__ = ["ComplementaryEstimator", "correct", "correct_one", "predict", "predict_one", "report"]
 
 SETTLED_AFTER = 3.0
-"""Time constants of its slower pole after which the filter has forgotten its start."""
+"""Time constants of the slower pole after which the filter has forgotten its start."""
 FIT_POSITION, FIT_ATTITUDE = 0.5, math.radians(15.0)
-"""Largest root mean square of the innovations (m, rad) to be flown on."""
+"""Largest root mean square of the innovations (m, rad) with which the estimate may be flown on."""
 
 
 class ComplementaryEstimator(CompiledEstimator):
@@ -41,7 +41,7 @@ class ComplementaryEstimator(CompiledEstimator):
         self.configure(parameters or EstimationParameters())
 
     def configure(self, parameters: EstimationParameters) -> None:
-        """Take new gains; state and biases are kept."""
+        """Set new gains; state and biases are kept."""
         self._parameters = parameters.model_copy()
         self._timeout = parameters.measurement_timeout
         self._gains = estimation_record(parameters)
@@ -53,7 +53,7 @@ class ComplementaryEstimator(CompiledEstimator):
         return None
 
     def _judge(self, m: Any) -> Convergence:
-        """Return the convergence by the time since the start in time constants and by the size of
+        """Return the convergence from the time since the start, in time constants, and the size of
         the innovations.
         """
         p = self._parameters
@@ -78,7 +78,7 @@ class ComplementaryEstimator(CompiledEstimator):
         self._initialized = False
 
     def initialize(self, pose: Record) -> None:
-        """Start again at a POSE_SAMPLE (1,), at rest, with the biases so far.
+        """Restart at a POSE_SAMPLE (1,), at rest, with the present biases.
 
         Raises MeasurementError when the pose is not finite or its quaternion not unit.
         """
@@ -101,7 +101,7 @@ class ComplementaryEstimator(CompiledEstimator):
         self._initialized = True
 
     def predict(self, imu: Record, dt: float, state: Record) -> None:
-        """Advance by an IMU_SAMPLE (1,) that came `dt` s after the last; write the STATE (1,).
+        """Advance by an IMU_SAMPLE (1,) that follows the last one by `dt` s; write the STATE (1,).
 
         Before the first pose only the angular velocity is estimated.
         """
@@ -110,9 +110,9 @@ class ComplementaryEstimator(CompiledEstimator):
     def correct(self, pose: Record, estimate: Record) -> None:
         """Apply a POSE_SAMPLE (1,); write its innovations into the ESTIMATE (1,).
 
-        The first pose of all initializes. A pose that is beyond the gate, not newer than the
-        last, older than the history or ahead of the IMU is counted in `ignored`. Raises
-        MeasurementError when it is not finite or its quaternion not unit.
+        The very first pose initializes. A pose that is beyond the gate, not newer than the last,
+        older than the history or ahead of the IMU is counted in `ignored`. Raises MeasurementError
+        when it is not finite or its quaternion not unit.
         """
         if not has_attitude(pose["quaternion_wb"]):
             raise MeasurementError(
@@ -130,12 +130,12 @@ class ComplementaryEstimator(CompiledEstimator):
             raise refuse_pose(pose)
 
     def correct_bearings(self, bearings: Record, estimate: Record) -> None:
-        """Apply a BEARINGS_SAMPLE (1,) through the one-frame pose it gives.
+        """Apply a BEARINGS_SAMPLE (1,) through the pose that the frame gives.
 
-        The pose is sought from the estimate at the frame's stamp; its position is then solved
+        The pose is searched from the estimate at the frame's stamp; its position is then solved
         again at the filter's attitude, which is far better than the frame's own. Raises
-        MeasurementError when the frame is malformed or gives no pose, DegenerateGeometryError
-        when its beacons, fewer than four or in no plane, determine none.
+        MeasurementError when the frame is malformed or gives no pose, DegenerateGeometryError when
+        its beacons, fewer than four or not in a plane, determine none.
         """
         frame = bearings[0]
         count, stamp_ns = int(frame["count"]), int(frame["stamp_ns"])
@@ -168,5 +168,7 @@ class ComplementaryEstimator(CompiledEstimator):
         report(self._memory, estimate)
 
     def warnings(self, rate: float) -> list[str]:
-        """Return what is wrong with the gains at this rate (Hz) of poses; empty when nothing is."""
+        """Return what is wrong with the gains at this rate (Hz) of poses; empty when
+        they are good.
+        """
         return gain_warnings(self._parameters, rate)

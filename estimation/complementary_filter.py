@@ -1,8 +1,8 @@
-"""The complementary filter in SE(3) of Sec. 6.1: prediction at the IMU's rate, late poses.
+"""The complementary filter in SE(3) of Sec. 6.1: prediction at the IMU's rate, delayed poses.
 
-A pose is compared with the estimate at the pose's own stamp and, if `estimation.pose_gate` lets it
-pass, applied at once. No measurement is ever held, so a lost tracker leaves a prediction with the
-last biases (dead reckoning).
+A pose is compared with the estimate at the pose's own stamp and, if it passes
+`estimation.pose_gate`, applied at once. No measurement is ever held, so a lost tracker leaves a
+prediction with the last biases (dead reckoning).
 """
 
 from __future__ import annotations
@@ -33,13 +33,15 @@ _APPLIED, _TOO_OLD, _NOT_NEWER, _AHEAD, _INVALID, _OUTLIER = (int(o) for o in Ou
 def predict_one(m: Any, sample: Any, g: Any, dt: float, out: Any) -> None:
     """Advance one filter by one IMU sample; eqs. 11 and 12 without their innovation terms.
 
+    Rate and acceleration are the mean of this sample and the last, each turned at its own attitude:
+    this is second order, whereas holding the newest sample leads by half a period.
+
     Args:
-        m: ESTIMATOR_MEMORY item. sample: IMU_SAMPLE item. g: ESTIMATION_GAINS item.
+        m: ESTIMATOR_MEMORY item.
+        sample: IMU_SAMPLE item.
+        g: ESTIMATION_GAINS item.
         dt: s since the last sample.
         out: STATE item, written.
-
-    Rate and acceleration are the mean of this sample and the last, turned at their own
-    attitudes: second order, where holding the newest sample leads by half a period.
     """
     pose, bias, last = m.pose, m.gyroscope_bias_b, m.rate_b
     rate, force = sample.angular_velocity_b, sample.specific_force_b
@@ -81,8 +83,10 @@ def correct_one(m: Any, z: Any, g: Any, out: Any) -> int:
     """Apply one pose to an initialized filter (eqs. 11 and 12, exact for the interval).
 
     Args:
-        m: ESTIMATOR_MEMORY item. z: POSE_SAMPLE item. g: ESTIMATION_GAINS item.
-        out: ESTIMATE item, innovations written when there are any, refused or not.
+        m: ESTIMATOR_MEMORY item.
+        z: POSE_SAMPLE item.
+        g: ESTIMATION_GAINS item.
+        out: ESTIMATE item; innovations are written when there are any, refused or not.
 
     Returns an Outcome, which is counted.
     """
@@ -126,7 +130,7 @@ def _apply(m: Any, z: Any, g: Any, out: Any) -> int:
     )
     l_q, l_g = attitude_gains(g.attitude_bandwidth, g.gyroscope_bias_bandwidth, interval)
     turn_w = to_world(past, 1.0, l_q * turn_b[0], l_q * turn_b[1], l_q * turn_b[2])
-    # b_dot = -R_wb^T Kb e: an acceleration that is missing is a bias that is too large.
+    # b_dot = -R_wb^T Kb e: a missing acceleration means a bias that is too large.
     e_b = to_world(past, -1.0, e_w[0], e_w[1], e_w[2])
     amend(m, back, stamp_ns, e_w, l, turn_w)
     a_max, w_max = g.accelerometer_bias_limit, g.gyroscope_bias_limit

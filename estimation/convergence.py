@@ -1,4 +1,4 @@
-"""The convergence of an estimate to one fit to be flown on, and the difference of two."""
+"""The convergence of an estimate that may be flown on, and the difference of two estimates."""
 
 from __future__ import annotations
 
@@ -15,9 +15,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Convergence:
-    """The convergence of an estimator: whether it may be flown on; `reason` says why, with numbers,
-    either way.
-    """
+    """The judgement whether an estimator may be flown on, and its `reason` with numbers."""
 
     reached: bool
     reason: str

@@ -1,6 +1,6 @@
-"""The protocol of an estimator for the flight stack; plain Python ones are welcome.
+"""The protocol of an estimator for the flight stack; estimators in plain Python are welcome.
 
-A new one is registered by name (`estimation.registry`) and then chosen by parameter.
+A new estimator is registered by name (`estimation.registry`) and then selected by parameter.
 """
 
 from __future__ import annotations
@@ -13,62 +13,66 @@ from quadrotor.records import Record
 
 
 class Estimator(Protocol):
-    """Fed by IMU samples, poses and bearings in the order they arrive; records have shape (1,)."""
+    """An estimator, which receives IMU samples, poses and bearings in the order of arrival; records
+    have shape (1,).
+    """
 
     @property
     def initialized(self) -> bool:
-        """Return whether a first measurement gave it a start."""
+        """Return whether a first measurement has initialized it."""
         ...
 
     @property
     def measurement_age(self) -> float:
-        """Return seconds from the newest measurement applied to the newest sample; inf before
+        """Return the seconds from the newest applied measurement to the newest sample; inf before
         both.
         """
         ...
 
     @property
     def stale(self) -> bool:
-        """Return whether the newest measurement is older than the time-out: it only predicts."""
+        """Return whether the newest measurement is older than the timeout, so that it only
+        predicts.
+        """
         ...
 
     @property
     def converged(self) -> bool:
-        """Return whether it is fit to be flown on."""
+        """Return whether it may be flown on."""
         ...
 
     @property
     def convergence(self) -> Convergence:
-        """Return whether it is fit to be flown on, with the reason."""
+        """Return whether it may be flown on, with the reason."""
         ...
 
     @property
     def deviations(self) -> Deviations | None:
-        """Return standard deviations by the estimator's own covariance; None when it has none."""
+        """Return standard deviations from the estimator's own covariance; None when it has none."""
         ...
 
     def configure(self, parameters: EstimationParameters) -> None:
-        """Take new gains; the state is kept."""
+        """Set new gains; the state is kept."""
         ...
 
     def reset(self) -> None:
-        """Forget everything, biases included: after the gyroscope was calibrated again."""
+        """Forget everything, biases included; called after the gyroscope was calibrated again."""
         ...
 
     def initialize(self, pose: Record) -> None:
-        """Start again at a POSE_SAMPLE, at rest. Raises MeasurementError."""
+        """Restart at a POSE_SAMPLE, at rest. Raises MeasurementError."""
         ...
 
     def predict(self, imu: Record, dt: float, state: Record) -> None:
-        """Advance by an IMU_SAMPLE that came `dt` s after the last, and write the STATE."""
+        """Advance by an IMU_SAMPLE that follows the last one by `dt` s, and write the STATE."""
         ...
 
     def correct(self, pose: Record, estimate: Record) -> None:
-        """Apply a POSE_SAMPLE, late ones too; write innovations. Raises MeasurementError."""
+        """Apply a POSE_SAMPLE, delayed or not; write innovations. Raises MeasurementError."""
         ...
 
     def correct_bearings(self, bearings: Record, estimate: Record) -> None:
-        """Apply a BEARINGS_SAMPLE, late ones too. Raises MeasurementError."""
+        """Apply a BEARINGS_SAMPLE, delayed or not. Raises MeasurementError."""
         ...
 
     def report(self, estimate: Record) -> None:
@@ -85,11 +89,14 @@ class TakesHeading(Protocol):
     """An estimator that can run on the positions of a marker."""
 
     def take_heading(self) -> None:
-        """Take the heading stated, on such positions: the vehicle is armed."""
+        """Set the heading to that of the parameters, when it runs on such positions: the vehicle is
+        armed.
+        """
         ...
 
 
 def fewest_beacons(estimator: Estimator) -> int:
-    """Return how many beacons in a frame an estimator can go on with: 4 unless it says otherwise
-    by an attribute of this name."""
+    """Return the number of beacons in a frame that an estimator needs to continue: 4 unless it has
+    an attribute of this name.
+    """
     return int(getattr(estimator, "fewest_beacons", 4))

@@ -1,11 +1,12 @@
-"""Three ways to state the gains of eqs. 11 and 12, and the way from each to each.
+"""Three forms of the gains of eqs. 11 and 12, and the conversions between them.
 
 - continuous, as printed: K_p (1/s), K_v (1/s^2), K_q (1/s) on the innovation;
-- poles (rad/s), what EstimationParameters hold: K_p = 2 omega, K_v = omega^2, K_q = omega_q;
+- poles (rad/s), as in EstimationParameters: K_p = 2 omega, K_v = omega^2, K_q = omega_q;
 - per measurement, at a rate of 1/T: L_p = 1 - p^2, L_v = (1 - p)^2 / T with p = exp(-omega T), and
   L_q = 1 - exp(-omega_q T). This is what the filter applies at each arrival, exactly.
 
-Bias poles are stated as poles in all three, for print has none; here they are zero unless given.
+Bias poles are given as poles in all three, because the paper has none; here they are zero by
+default.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class ContinuousGains:
 
 @dataclass(frozen=True, slots=True)
 class MeasurementGains:
-    """Shares of one innovation taken at its arrival."""
+    """Shares of one innovation that are applied at its arrival."""
 
     L_p: float
     L_v: float  # 1/s
@@ -45,7 +46,7 @@ PRINTED = ContinuousGains(K_p=126.3, K_v=3987.3, K_q=62.8)
 
 
 def continuous_gains(parameters: EstimationParameters) -> ContinuousGains:
-    """Return the continuous gains of the chosen poles, without the biases."""
+    """Return the continuous gains of these poles, without the biases."""
     omega = parameters.position_bandwidth
     return ContinuousGains(2.0 * omega, omega * omega, parameters.attitude_bandwidth)
 
@@ -61,13 +62,13 @@ def measurement_gains(parameters: EstimationParameters, rate: float) -> Measurem
 
 
 def from_continuous(gains: ContinuousGains, **others: float) -> EstimationParameters:
-    """Return parameters of gains as printed.
+    """Return the parameters for gains as printed.
 
     Args:
-        others: further fields, bias poles for instance.
+        others: further fields, for instance bias poles.
 
-    Raises OutOfBoundsError when K_p, K_v are not those of a double pole, the only one the filter
-    has, or a pole is out of its bounds.
+    Raises OutOfBoundsError when K_p, K_v are not those of a double pole, the only one that the
+    filter has, or a pole is out of its bounds.
     """
     omega = 0.5 * gains.K_p
     if not abs(gains.K_v - omega * omega) <= DAMPING_TOLERANCE * omega * omega:
@@ -79,7 +80,7 @@ def from_continuous(gains: ContinuousGains, **others: float) -> EstimationParame
 
 
 def from_measurement(gains: MeasurementGains, rate: float, **others: float) -> EstimationParameters:
-    """Return parameters of gains per measurement at `rate` (Hz).
+    """Return the parameters for gains per measurement at `rate` (Hz).
 
     Raises OutOfBoundsError when a share is not between 0 and 1, L_v does not belong to L_p, or a
     pole is out of its bounds.

@@ -1,9 +1,8 @@
-"""The last predicted poses, so that a late measurement meets the estimate of its own time.
+"""The last predicted poses, with which a delayed measurement is compared at its own time.
 
-A correction is also written into the poses since then: otherwise each measurement on its way
-would correct the same error again, and a delay near 1 / bandwidth would make the filter swing.
-
-The functions take one ESTIMATOR_MEMORY record.
+A correction is also applied to the poses since then: otherwise each measurement in transit would
+correct the same error again, and a delay near 1 / bandwidth would make the filter oscillate. The
+functions take one ESTIMATOR_MEMORY record.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ _MASK = HISTORY_LENGTH - 1  # the length is a power of two
 
 @compiled(inner=True)
 def remember(m: Any) -> None:
-    """Push the present pose."""
+    """Store the present pose."""
     i = m.ring_next
     m.ring_stamp_ns[i] = m.stamp_ns
     ring, pose = m.ring_pose, m.pose
@@ -35,9 +34,9 @@ def remember(m: Any) -> None:
 def recall(m: Any, stamp_ns: int) -> int:
     """Write the estimate at `stamp_ns` into `past`.
 
-    Linear between the two poses around the stamp; a stamp ahead of the newest pose is met at
-    the present velocity and rate. Returns how many poses are not older than the measurement,
-    plus the one before it, or -1 when the stamp is older than the ring.
+    It is linear between the two poses around the stamp; beyond the newest pose it is extrapolated
+    with the present velocity and rate. Returns the number of poses that are not older than the
+    measurement, plus the one before it, or -1 when the stamp is older than the ring.
     """
     stamps, ring, past = m.ring_stamp_ns, m.ring_pose, m.past
     back, i = 1, (m.ring_next - 1) & _MASK

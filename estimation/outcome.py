@@ -5,9 +5,11 @@ from __future__ import annotations
 from enum import IntEnum
 
 AHEAD_NS = 20_000_000
-"""A measurement may be this far ahead of the newest IMU sample: clock error, serial latency."""
+"""Time in ns by which a measurement may be ahead of the newest IMU sample: clock error, serial
+latency."""
 LATEST_NS = 600_000_000
-"""One may be this late, where the estimator goes back so far; what came since is applied again."""
+"""Largest delay in ns, where the estimator goes back so far; later measurements are
+applied again."""
 NORM_TOLERANCE = 0.02
 """Largest deviation of the squared length of a measured quaternion or bearing from 1."""
 
@@ -17,7 +19,7 @@ class Outcome(IntEnum):
 
     APPLIED = 0
     TOO_OLD = 1  # older than the history
-    NOT_NEWER = 2  # not newer than the last one applied, or a repetition
+    NOT_NEWER = 2  # not newer than the last applied one, or a repetition
     AHEAD = 3  # more than AHEAD_NS ahead of the IMU
     INVALID = 4  # not finite, or not of unit length
     OUTLIER = 5  # beyond the gate
@@ -27,7 +29,7 @@ class Agreement(IntEnum):
     """The agreement of the newest measurements with the estimate."""
 
     USED = 0  # the newest one was used
-    REFUSED = 1  # it was refused by the gate, as too far from its prediction
-    JUMPED = 2  # refused, too, but such agree with each other: the tracker jumped
-    DRIFTED = 3  # it is as far, but left the prediction little by little: the estimate drifted
-    MOVED = 4  # the estimate was moved to the measurements refused so far
+    REFUSED = 1  # the gate refused it as too far from its prediction
+    JUMPED = 2  # refused too, but refused ones agree with each other: the tracker jumped
+    DRIFTED = 3  # as far, but it left the prediction little by little: the estimate drifted
+    MOVED = 4  # the estimate was moved to the measurements refused before

@@ -1,8 +1,8 @@
 """Parameters of the complementary filter, its gate, their presets and their compiled record.
 
-Bandwidths (rad/s) are the filter's poles: eq. 11's gains K_p, K_v of a double pole are
-2 omega and omega^2, so the printed 126.3 and 3987.3 are a double pole at 63.15 rad/s. Gains as
-printed, or per measurement, become parameters by `estimation.gains`.
+Bandwidths (rad/s) are the filter's poles: eq. 11's gains K_p, K_v of a double pole are 2 omega and
+omega^2, so the printed 126.3 and 3987.3 are a double pole at 63.15 rad/s. `estimation.gains`
+converts gains as printed, or per measurement, to parameters.
 """
 
 from __future__ import annotations
@@ -43,23 +43,38 @@ class TrackerCalibration(TrackedBody):
     """by which the tracker's poses are stamped too late; taken off their stamps"""
 
     def measured(self, pose: Record) -> Record:
-        """Return the vehicle's POSE_SAMPLE (1,) of the tracked body's."""
+        """Return the vehicle's POSE_SAMPLE (1,) from that of the tracked body."""
         if self.delay == 0.0 and self.is_vehicle:
             return pose
         position_w, quaternion_wb = pose["position_w"][0], pose["quaternion_wb"][0]
-        if not math.isnan(quaternion_wb[0]):  # of a single marker the delay alone is taken off
+        if not math.isnan(quaternion_wb[0]):  # a single marker is only corrected for delay
             position_w, quaternion_wb = self.vehicle(position_w, quaternion_wb)
         stamp_ns = pose["stamp_ns"].item() - round(1e9 * self.delay)
         return pose_sample(stamp_ns, position_w, quaternion_wb)
 
 
+class PluginParameters(Parameters):
+    """The built-in estimator beneath one of the user's own, and how far from it that may be."""
+
+    built_in: str = parameter("complementary", choices=("complementary", "error_state"))
+    """estimator that runs beneath a plugin, is its start and takes over when it fails; on
+    bearings or positions of a single marker choose error_state"""
+    position_max: float = parameter(0.25, unit="m", ge=0.02, le=5.0, step=0.01)
+    """largest distance of a flown plugin's position from the built-in estimator's"""
+    velocity_max: float = parameter(0.5, unit="m/s", ge=0.05, le=10.0, step=0.05)
+    """largest difference of its velocity from the built-in estimator's"""
+    attitude_max: float = parameter(10.0, unit="deg", ge=1.0, le=90.0, step=0.5)
+    """largest angle between its attitude and the built-in estimator's"""
+
+
 class EstimationParameters(Parameters):
-    """The choice of estimator and source; gains of eqs. 11 and 12 as poles, for a 100 Hz
-    tracker.
+    """The choice of estimator and source; gains of eqs. 11 and 12 as poles, for a 100
+    Hz tracker.
     """
 
     estimator: str = parameter("complementary", choices=("complementary", "error_state"))
-    """what the vehicle flies on; in flight only the shadow may be chosen"""
+    """what the vehicle flies on: built in, or a plugin (docs/extending/plugins.md); in flight only
+    the shadow may be chosen"""
     shadow: str = parameter("none", choices=("none", "complementary", "error_state"))
     """second estimator, run in parallel, for comparison or to take over"""
     shadow_source: str = parameter("same", choices=("same", "poses", "bearings", "both"))
@@ -100,6 +115,7 @@ class EstimationParameters(Parameters):
     """least deviation the gate takes for an attitude on each axis"""
     tracker: TrackerCalibration = TrackerCalibration()
     error_state: ErrorStateParameters = ErrorStateParameters()
+    plugin: PluginParameters = PluginParameters()
 
 
 PRESETS: dict[str, dict[str, float]] = {
@@ -117,8 +133,9 @@ PRESETS: dict[str, dict[str, float]] = {
         "accelerometer_bias_bandwidth": 0.15,
         "gyroscope_bias_bandwidth": 0.08,
     },
-    # For bearings given to the filter itself, which solves the position again at its own attitude:
-    # found by search on flights of benchmarks/estimation/flights.py, of other seeds than reported.
+    # For bearings applied by the filter itself, which solves the position again at its own
+    # attitude: found by search on flights of benchmarks/estimation/flights.py, with other seeds
+    # than reported.
     "resolved": {
         "position_bandwidth": 1.8,
         "attitude_bandwidth": 0.2,

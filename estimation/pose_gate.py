@@ -1,19 +1,18 @@
-"""The gate for poses of the complementary filter, and its way back when it refuses those that are
-true.
+"""The gate for poses of the complementary filter, and its recovery after refusing true poses.
 
-A pose passes when its position and its attitude are within `pose_gate` deviations of what the
-filter predicted for its stamp. The variance is the filter's own: the running median of the squared
-innovations, at least the noise stated, and what a prediction without poses may have missed. The
-median counts refused poses too, so that noise that grows opens the gate, while fewer than half
-of them being outliers do not.
+A pose passes when its position and its attitude are within `pose_gate` deviations of the filter's
+prediction for its stamp. The variance is the filter's own: the running median of the squared
+innovations, at least the stated noise, and the possible error of a prediction without poses. The
+median counts refused poses too, so that growing noise opens the gate, while outliers do not if they
+are less than half of the poses.
 
-An outlier is there at once. Poses that leave the prediction little by little pass, however far they
-come: it is the estimate that drifts, as after a hard knock, and it needs them.
+An outlier appears at once. Poses that leave the prediction little by little pass, however far they
+get: the estimate drifts, as after a hard knock, and needs them.
 
-Refused poses are held against each other. A run of them that agree says that the tracker jumped
-or, when none came for a while before, that the estimate drifted. After `JUMP_WAIT` or `DRIFT_WAIT`
-the estimate is moved to the run, in position, velocity and attitude, without the kick that so large
-an innovation gives through the gains.
+Refused poses are compared with each other. A run of them that agree shows that the tracker jumped
+or, when none had arrived for a while before, that the estimate drifted. After `JUMP_WAIT` or
+`DRIFT_WAIT` the estimate is moved to the run, in position, velocity and attitude, without the kick
+that so large an innovation causes through the gains.
 
 The functions take one ESTIMATOR_MEMORY record m and one ESTIMATION_GAINS record g.
 """
@@ -30,37 +29,39 @@ from quadrotor.compiled import compiled
 from quadrotor.vectors import Quaternion, dot, length, multiply, quaternion, scale, subtract, vector
 
 JUMP_WAIT, DRIFT_WAIT = 0.5, 0.2
-"""s after which the estimate is moved to poses that agree with each other and not with it."""
+"""Seconds after which the estimate is moved to poses that agree with each other but not with it."""
 JUMP_INTERVAL = 0.25
-"""s; what was not seen for longer may have drifted."""
+"""Seconds without poses beyond which the estimate may have drifted."""
 GROWTH = 1.0
-"""Change of the innovation from one pose to the next by a drift, as a share of the last."""
+"""Largest change of the innovation from one pose to the next by a drift, as a share of the last."""
 RUN_LEAST = 3
-"""Poses that agree, fewer are chance."""
+"""Number of poses that must agree; fewer may be chance."""
 RUN_GAP = 0.5
-"""s between two poses of a run, at most."""
+"""Longest time, in s, between two poses of a run."""
 RUN_SPEED, RUN_RATE = 3.0, 1.0
-"""m/s, rad/s: how fast an estimate that drifts may leave the poses."""
+"""Fastest motion, m/s and rad/s, of a drifting estimate relative to the poses."""
 DRIFT_SPEED, DRIFT_ACCELERATION, DRIFT_RATE = 0.05, 0.1, 0.02
-"""m/s, m/s^2, rad/s: deviations of a prediction without poses."""
+"""Deviations of a prediction without poses, m/s, m/s^2, rad/s."""
 MEDIAN = 2.366
-"""The median of the sum of three squares of unit variance."""
+"""Median of the sum of three squares of unit variance."""
 PACE, PACE_RATE = 0.1, 10.0
-"""Largest change of a running median: share a pose, share a second."""
+"""Largest change of a running median, as a share per pose and per second."""
 LARGEST = 1.0
-"""m^2, rad^2: no variance is taken to be larger."""
+"""Largest variance, m^2 and rad^2."""
 
 _USED, _REFUSED, _JUMPED, _DRIFTED, _MOVED = (int(a) for a in Agreement)
 
 
 @compiled(inner=True)
 def distance(m: Any, stamp_ns: int, square: float, turn2: float, g: Any) -> float:
-    """Return squared distance of a pose from its prediction in variances; the worse of two.
+    """Return the squared distance of a pose from its prediction in variances, the larger of
+    position and attitude.
 
     Args:
-        square: m^2, of the position. turn2: rad^2, of the attitude.
+        square: m^2, of the position.
+        turn2: rad^2, of the attitude.
     """
-    # While a run stands, its poses do not get in by the time they were refused for.
+    # During a run, its poses must not pass because of the time for which they were refused.
     until_ns = m.run_start_ns if m.run_count > 0 else stamp_ns
     t = max(0.0, 1e-9 * (until_ns - m.pose_stamp_ns))
     missed = t * (DRIFT_SPEED + 0.5 * t * DRIFT_ACCELERATION)
@@ -90,7 +91,8 @@ def passes(m: Any, stamp_ns: int, offset_w: Triple, turn2: float, g: Any) -> boo
     """Return whether a pose may be used; if so, the gate adapts to it.
 
     Args:
-        offset_w: m, from the prediction. turn2: rad^2, of the attitude.
+        offset_w: m, from the prediction.
+        turn2: rad^2, of the attitude.
     """
     square = dot(offset_w, offset_w)
     far = distance(m, stamp_ns, square, turn2, g)
@@ -107,7 +109,7 @@ def passes(m: Any, stamp_ns: int, offset_w: Triple, turn2: float, g: Any) -> boo
 
 @compiled(inner=True)
 def _drifts(m: Any, stamp_ns: int, offset_w: Triple, turn2: float, g: Any) -> bool:
-    """Return whether a pose beyond the gate continues one that was used a moment ago."""
+    """Return whether a pose beyond the gate continues one that was just used."""
     if m.pose_stamp_ns != m.newest_ns or 1e-9 * (stamp_ns - m.pose_stamp_ns) > JUMP_INTERVAL:
         return False
     near, level = _reach(m, g)
@@ -119,7 +121,7 @@ def _drifts(m: Any, stamp_ns: int, offset_w: Triple, turn2: float, g: Any) -> bo
 
 @compiled(inner=True)
 def _reach(m: Any, g: Any) -> tuple[float, float]:
-    """Return how far (m, rad) the gate reaches a moment after a pose was used."""
+    """Return the width of the gate (m, rad) just after a pose was used."""
     position = max(m.position_scale, g.pose_position_noise**2)
     attitude = max(m.attitude_scale, g.pose_attitude_noise**2)
     return g.pose_gate * math.sqrt(position), g.pose_gate * math.sqrt(attitude)
@@ -127,12 +129,13 @@ def _reach(m: Any, g: Any) -> tuple[float, float]:
 
 @compiled(inner=True)
 def refuse(m: Any, stamp_ns: int, offset_w: Triple, turn: Quaternion, g: Any) -> bool:
-    """Hold a refused pose against the run; whether the estimate is to be moved to it.
+    """Compare a refused pose with the run; return whether the estimate is to be moved to it.
 
     Args:
-        offset_w: m, from the prediction. turn: from the predicted attitude, body axes.
+        offset_w: m, from the prediction.
+        turn: from the predicted attitude, body axes.
     """
-    if m.pose_stamp_ns == m.newest_ns:  # the one before was used
+    if m.pose_stamp_ns == m.newest_ns:  # the previous one was used
         recent = 1e-9 * (stamp_ns - m.pose_stamp_ns) <= JUMP_INTERVAL
         m.jumped = 1 if recent and m.distance < 0.25 * g.pose_gate**2 else 0
         m.agreement = _REFUSED
@@ -171,7 +174,9 @@ def move_to(m: Any, back: int, stamp_ns: int, offset_w: Triple, turn_w: Triple) 
     """Move the estimate to a run's newest pose: position, attitude, and velocity by the run.
 
     Args:
-        back: as `recall` gives it. offset_w: m. turn_w: rotation vector, rad, world axes.
+        back: as returned by `recall`.
+        offset_w: m.
+        turn_w: rotation vector, rad, world axes.
     """
     along = 1.0 / max(1e-9 * (stamp_ns - m.run_start_ns), DRIFT_WAIT)
     slope = scale(along, subtract(offset_w, vector(m.run_first_w)))
@@ -186,9 +191,7 @@ def move_to(m: Any, back: int, stamp_ns: int, offset_w: Triple, turn_w: Triple) 
 
 @compiled(inner=True)
 def chord2(q: Quaternion) -> float:
-    """Return (2 sin(angle / 2))^2 of a rotation: the squared angle of a small one, 4 of half a
-    turn.
-    """
+    """Return (2 sin(angle / 2))^2 of a rotation: the square of a small angle, 4 for half a turn."""
     return 4.0 * (q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
 
 

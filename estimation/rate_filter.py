@@ -1,10 +1,10 @@
 """Low-pass of the angular velocity (end of Sec. 6.1), and a notch before it.
 
-d/dt omega = 2 pi f (omega_m - omega), integrated exactly for a held input: explicit Euler, as
-the printed form invites, diverges below a rate of pi f (471 Hz at 150 Hz).
+d/dt omega = 2 pi f (omega_m - omega), integrated exactly for a held input: explicit Euler, which
+the printed form suggests, diverges below a rate of pi f (471 Hz at 150 Hz).
 
-The notch (s^2 + w^2) / (s^2 + B s + w^2) takes out the vibration of the rotors at one frequency; it
-delays what is far below by B / w^2. The paper has none.
+The notch (s^2 + w^2) / (s^2 + B s + w^2) removes the vibration of the rotors at one frequency; it
+delays much lower frequencies by B / w^2. The paper has none.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from quadrotor.vectors import Vector, vector
 Array = npt.NDArray[np.float64]
 
 HIGHEST = 0.45
-"""Share of the sampling rate above which a notch is left out: there is nothing left to take out."""
+"""Share of the sampling rate above which a notch is disabled: there is nothing left to remove."""
 
 
 @compiled(inner=True)
@@ -45,10 +45,10 @@ def filter_rate(m: Any, measured: Array, bias: Array, g: Any, dt: float) -> None
 
 @compiled(inner=True)
 def notch(m: Any, rate: Vector, hertz: float, width: float, dt: float) -> Vector:
-    """Return a body rate without what it has around a frequency (Hz); switched on or moved to
-    another one, it begins as if it had always measured this rate.
+    """Return a body rate without its components around a frequency (Hz). When switched on or moved
+    to another frequency, the notch starts as if it had always measured this rate.
     """
-    k = math.tan(math.pi * hertz * dt)  # bilinear transform that is exact at the frequency
+    k = math.tan(math.pi * hertz * dt)  # bilinear transform, exact at the frequency
     damping = k * width / hertz
     whole = 1.0 + k * k + damping
     through = (1.0 + k * k) / whole

@@ -1,4 +1,4 @@
-"""Estimators by name: the two that come along, and any that is registered.
+"""Estimators by name: the two built-in ones, and any that is registered.
 
     from estimation.registry import register
     register("mine", MyEstimator)
@@ -9,7 +9,7 @@ called with the EstimationParameters and returns an `estimation.estimator.Estima
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -47,21 +47,27 @@ _ready: set[tuple[str, bool]] = set()
 
 
 def names() -> tuple[str, ...]:
-    """Return all that can be chosen."""
+    """Return all names that can be chosen."""
     return tuple(_FACTORIES)
 
 
 def register(name: str, factory: Factory) -> None:
-    """Offer an estimator under `name`, before the parameter tree's store is made.
+    """Offer an estimator under `name`, before the parameter tree's store is created.
 
     Registering a name again replaces it.
     """
     _FACTORIES[name] = factory
     _ready.difference_update({(name, False), (name, True)})
-    for field in ("estimator", "shadow"):
+    offer(())
+
+
+def offer(plugins: Sequence[str]) -> None:
+    """Make these names, too, values of the parameters, in place of those offered before: of
+    estimators that whoever makes the parameter tree can start.
+    """
+    for field, none in (("estimator", ()), ("shadow", ("none",))):
         extra: Any = EstimationParameters.model_fields[field].json_schema_extra
-        if name not in extra["choices"]:
-            extra["choices"].append(name)
+        extra["choices"][:] = [*none, *names(), *plugins]
 
 
 def create(name: str, parameters: EstimationParameters) -> Estimator:
@@ -74,17 +80,17 @@ def create(name: str, parameters: EstimationParameters) -> Estimator:
 
 
 def ready(name: str, bearings: bool) -> bool:
-    """Return whether `prepare` was called for the estimator: then no call of it compiles
+    """Return whether `prepare` was called for the estimator, so that no call of it compiles
     anything.
     """
     return (name, bearings) in _ready
 
 
 def prepare(name: str, bearings: bool) -> None:
-    """Compile what estimator `name` may call, with bearings or with poses alone.
+    """Compile everything that estimator `name` may call, with bearings or with poses alone.
 
-    Seconds when nothing is kept of it, milliseconds otherwise, nothing the second time. Raises
-    UnknownParameterError.
+    This takes seconds when nothing is cached, milliseconds otherwise, and no time when repeated.
+    Raises UnknownParameterError.
     """
     if ready(name, bearings):
         return
@@ -93,7 +99,7 @@ def prepare(name: str, bearings: bool) -> None:
 
 
 def rehearse(estimator: Estimator, bearings: bool) -> None:
-    """Call all of an estimator once, on a vehicle at rest 1 m above four beacons."""
+    """Call every method of an estimator once, on a vehicle at rest 1 m above four beacons."""
     imu, pose = np.zeros(1, IMU_SAMPLE), np.zeros(1, POSE_SAMPLE)
     frame, estimate, state = np.zeros(1, BEARINGS_SAMPLE), np.zeros(1, ESTIMATE), new_state()
     imu["specific_force_b"], pose["quaternion_wb"] = (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0)
@@ -114,8 +120,8 @@ def rehearse(estimator: Estimator, bearings: bool) -> None:
         estimator.report(estimate)
     estimator.reset()
     pose["quaternion_wb"] = NO_ATTITUDE
-    with suppress(MeasurementError):  # of one that needs attitudes
+    with suppress(MeasurementError):  # some estimators need attitudes
         estimator.correct(pose, estimate)
     estimator.reset()
     if bearings:
-        estimator.correct_bearings(frame, estimate)  # the start of one that has no pose
+        estimator.correct_bearings(frame, estimate)  # starts an estimator without a pose

@@ -1,8 +1,8 @@
 """The stability of a set of gains at a given rate of poses.
 
-The filter's own discretisation is stable at any rate, but a pole that is fast for the rate makes
-it repeat the noise of each pose, and the gains as printed, taken times the period at arrival,
-diverge: both are said, before a flight and in it.
+The filter's own discretisation is stable at any rate, but a pole that is too fast for the rate
+makes it repeat the noise of each pose, and the gains as printed, multiplied by the period at
+arrival, diverge. Both are reported, before and during a flight.
 """
 
 from __future__ import annotations
@@ -15,14 +15,15 @@ from estimation.parameters import EstimationParameters
 from estimation.translation_observer import translation_gains
 
 FOLLOWS_NOISE = 0.9
-"""Share of an innovation taken at once above which the filter repeats the measurement."""
+"""Share of an innovation applied at once above which the filter repeats the measurement."""
 
 
 def printed_radius(gains: ContinuousGains, rate: float) -> float:
-    """Return spectral radius over one period when gains as printed are taken times the period T.
+    """Return the spectral radius over one period when gains as printed are multiplied by the period
+    T.
 
-    The error (position, velocity) goes with F = [[1, T], [0, 1]] between measurements and with
-    I - T [K_p; K_v] [1, 0] at each; the attitude's with 1 - K_q T. Above 1 the filter diverges.
+    The error (position, velocity) is multiplied by F = [[1, T], [0, 1]] between measurements and by
+    I - T [K_p; K_v] [1, 0] at each; the attitude's by 1 - K_q T. Above 1 the filter diverges.
     """
     return max(_translation_radius(gains, rate), abs(1.0 - gains.K_q / rate))
 
@@ -47,9 +48,9 @@ def _translation_radius(gains: ContinuousGains, rate: float) -> float:
 
 
 def gain_warnings(parameters: EstimationParameters, rate: float) -> list[str]:
-    """Return one line for each thing wrong at `rate` poses a second (Hz); empty when nothing is.
+    """Return one line for each problem at `rate` poses a second (Hz); empty when there is none.
 
-    A rate of 0 or less, or not finite, means that no pose comes.
+    A rate of 0 or less, or not finite, means that no poses arrive.
     """
     if not math.isfinite(rate) or rate <= 0.0:
         return ["no pose comes: position and velocity are only predicted"]

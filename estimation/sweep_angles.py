@@ -4,12 +4,12 @@ In the rotor's frame, whose z is its axis, a plane tilted by t meets a point (x,
 
     alpha = atan2(y, x) + asin(z tan t / r) - phase + m sin(atan2(y, x) + g) - c atan2(z, x)^2,
 
-r^2 = x^2 + y^2, with m, g and c the magnitude and phase of its "gibbous" error and the curve of
+r^2 = x^2 + y^2, with m and g the magnitude and phase of its "gibbous" error and c the curvature of
 its plane. The first two terms and their derivatives are derived in the documentation of
 github.com/bitcraze/crazyflie-firmware ("Lighthouse kalman measurement model"); the firmware's
-calibration of both makes of base stations is of this form. Lighthouse 1: no tilt but minus that
-of the calibration. Lighthouse 2: tilts of -30 and 30 deg minus that of the calibration, m cos for
-m sin, no curve; its "ogee" terms are not used.
+calibration of both types of base stations has this form. Lighthouse 1: no tilt but minus that of
+the calibration. Lighthouse 2: tilts of -30 and 30 deg minus that of the calibration, m cos instead
+of m sin, no curvature; its "ogee" terms are not used.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from quadrotor.records import Record
 from quadrotor.vectors import Vector, axes_of, quaternion, subtract, to_body, to_world, vector
 
 NARROW = 0.999
-"""Largest sine of the turn that the tilt makes: near the rotor's axis there is no angle."""
+"""Largest sine of the turn that the tilt causes: near the rotor's axis there is no angle."""
 Swept = tuple[float, Vector]
-"""Angle (rad) and its gradient by the sensor's place in the world (rad/m)."""
+"""Angle (rad) and its gradient with respect to the sensor's position in the world (rad/m)."""
 
 
 @compiled(inner=True)
@@ -34,7 +34,8 @@ def swept(plane: Any, sensor_w: Vector) -> Swept:
     """Return the angle at which a plane meets a sensor, with its gradient; NaN where it never does.
 
     Args:
-        plane: (12,), the numbers of a SWEEP_PLANE in their order. sensor_w: m.
+        plane: (12,), the numbers of a SWEEP_PLANE in their order.
+        sensor_w: m.
     """
     axes = axes_of(quaternion(plane[3:]))
     x, y, z = to_body(axes, subtract(sensor_w, vector(plane)))

@@ -1,9 +1,9 @@
 """Observer of position, velocity and accelerometer bias (eq. 11), discretised per measurement.
 
-The gain is stacked [Kp; Kv] (print shows one), and a bias gain is added which turns with the
-body: b_dot = -R_wb^T Kb (r - r_hat). With a constant gain the bias loop is positive feedback
-beyond 90 degrees of yaw. A measurement is applied once with gains that put the error's poles over
-the interval T since the last one at exp(-omega T): stable at any rate.
+The gain is stacked [Kp; Kv] (the paper shows one), and a bias gain is added which turns with the
+body: b_dot = -R_wb^T Kb (r - r_hat). With a constant gain the bias loop is positive feedback beyond
+90 degrees of yaw. A measurement is applied once with gains that put the error's poles over the
+interval T since the last one at exp(-omega T): stable at any rate.
 
 `pose` is (7,): position_w, then quaternion_wb.
 """

@@ -60,7 +60,7 @@ class BlockReader:
     end), `damaged_chunks` and `damaged_records` how many were skipped.
 
     Raises:
-            LogFormatError: this is not an MCAP file, or its compression is not supported.
+        LogFormatError: this is not an MCAP file, or its compression is not supported.
         StorageError: the file cannot be read.
     """
 

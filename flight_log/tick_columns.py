@@ -44,11 +44,11 @@ class Columns:
     """The columns that were read.
 
     Attributes:
-            stamps_ns: shape (N,), rising.
-            values: shape (N, columns).
-            written_ns: stamp of the newest tick seen, 0 if there was none.
-            ended: whether the file's end was reached, so that nothing will be added.
-            damaged: number of chunks that could not be read.
+        stamps_ns: shape (N,), rising.
+        values: shape (N, columns).
+        written_ns: stamp of the newest tick seen, 0 if there was none.
+        ended: whether the file's end was reached, so that nothing will be added.
+        damaged: number of chunks that could not be read.
     """
 
     stamps_ns: Stamps

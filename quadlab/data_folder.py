@@ -18,6 +18,12 @@ FREE_SPACE_FLOOR = 500_000_000
 """Bytes; with less free space the recorder stops, so nothing starts either."""
 
 
+def data_folder(chosen: Path | None) -> Path:
+    """Return the place of the data folder, made or not: `chosen`, else the platform's (XDG)."""
+    folder = chosen or Path(platformdirs.user_data_dir("quadlab", appauthor=False))
+    return folder.expanduser().absolute()
+
+
 def open_data_folder(chosen: Path | None, option: str = "--data") -> Path:
     """Return the data folder, made when missing: `chosen`, else the platform's (XDG).
 
@@ -26,8 +32,7 @@ def open_data_folder(chosen: Path | None, option: str = "--data") -> Path:
 
     Raises StorageError when it is not writable or almost full.
     """
-    folder = chosen or Path(platformdirs.user_data_dir("quadlab", appauthor=False))
-    folder = folder.expanduser().absolute()
+    folder = data_folder(chosen)
     hint = f"choose another with {option} DIR"
     try:
         folder.mkdir(parents=True, exist_ok=True)

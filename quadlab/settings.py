@@ -50,6 +50,14 @@ SETS = {
 """Options that set several parameters."""
 
 
+def offer_estimators(data: Path) -> None:
+    """Make the estimators in the plugins of the data folder values of the vehicle's parameters."""
+    from vehicle.estimators.estimators import Estimators
+    from vehicle.processes.parent import PLUGINS
+
+    Estimators(data / PLUGINS).offer()
+
+
 def check_laws(values: Mapping[str, ParameterValue], data: Path) -> None:
     """Check the control laws named in these parameters against those of the data folder.
 

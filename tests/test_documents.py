@@ -46,7 +46,7 @@ def test_every_relative_link_of_a_document_leads_somewhere() -> None:
 
 
 def test_the_parameters_page_is_what_the_models_say() -> None:
-    from quadlab.parameters_page import page
+    from documentation.parameters import page
 
     text = (ROOT / "docs/parameters.md").read_text()
     assert text == page(), "run scripts/parameters_page"

@@ -1,1 +1,1 @@
-"""The vehicle's side: flight and comms process, and the simulator that stands in for hardware."""
+"""The vehicle's side: flight and comms processes, and the simulator that replaces the hardware."""

@@ -91,14 +91,14 @@ ORDERED = (
     ("safety.battery_land", "safety.battery_warning"),
     ("safety.tilt_max", "safety.tilt_cut"),
 )
-"""Pairs whose first must stay below the second."""
+"""Pairs of parameters whose first must stay below the second."""
 
 
 def check_pairs(values: Mapping[str, ParameterValue]) -> None:
-    """Check what no single value shows: pairs out of order, a layout that is none.
+    """Check what no single value shows: pairs out of order, and an invalid layout.
 
     Args:
-        values: all of them.
+        values: the values of all parameters.
 
     Raises OutOfBoundsError that names the parameters.
     """
@@ -115,5 +115,5 @@ def check_pairs(values: Mapping[str, ParameterValue]) -> None:
 
 
 def new_parameters() -> VehicleParameters:
-    """Return a fresh tree of defaults, sharing nothing with any other."""
+    """Return a new tree of defaults that shares nothing with another."""
     return VehicleParameters().model_copy(deep=True)

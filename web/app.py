@@ -13,6 +13,7 @@ from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, Response
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
 from quadrotor.errors import (
+    JobError,
     LinkError,
     MeasurementError,
     NoAnswerError,
@@ -34,6 +35,7 @@ from web.commands.bodies import FollowBody, InvitationBody
 from web.commands.control import add_control
 from web.commands.plain_emergency import add_plain_emergency
 from web.commands.routes import add_commands
+from web.commands.trajectories import add_trajectories
 from web.experiments.calibrations import add_calibration
 from web.experiments.experiments import add_experiments
 from web.experiments.reports import add_reports
@@ -64,6 +66,7 @@ STATUS_OF: tuple[tuple[type[QuadlabError], int], ...] = (
     (LinkError, 503),
     (StorageError, 503),
     (BusyError, 503),
+    (JobError, 503),
 )
 
 
@@ -85,6 +88,7 @@ def create_app(
     app.mount("/static", FILES)  # the first to be looked at: most requests are these
     _add_reading(app, parts, fleet)
     add_commands(app, parts)
+    add_trajectories(app, parts.trajectories)
     _add_invitations(app, parts)
     add_plain_emergency(app, parts, fleet)
     _add_view(app, parts)

@@ -14,6 +14,7 @@ from web.beacons.survey import SurveyDesk
 from web.commands.control import Control
 from web.commands.emergency import EmergencyDesk
 from web.commands.sticks import StickOutput
+from web.commands.trajectories import TrajectoryDesk
 from web.live.events import EventHub
 from web.live.forwarding import Forwarding
 from web.live.latest import Live
@@ -55,5 +56,6 @@ class Parts:
     emergency: EmergencyDesk
     forwarding: Forwarding
     survey: SurveyDesk
+    trajectories: TrajectoryDesk
     tls: Tls | None = None
     """The page's certificate; None without TLS."""

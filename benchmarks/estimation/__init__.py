@@ -1,1 +1,1 @@
-"""Poses and filters next to peers and bounds."""
+"""Poses and filters compared with peers and bounds."""

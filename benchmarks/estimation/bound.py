@@ -1,6 +1,6 @@
 """Posterior Cramér-Rao bound of a flight: the information recursion at the true trajectory.
 
-Written apart from the filter, with dense matrices and the error order (position, velocity,
+Written independently of the filter, with dense matrices and the error order (position, velocity,
 attitude in world axes, gyroscope bias, accelerometer bias).
 """
 
@@ -22,7 +22,7 @@ from benchmarks.estimation.flights import (
 )
 
 START = np.repeat([0.15, 0.75, np.radians(4.0), RATE_BIAS, FORCE_BIAS], 3)
-"""Deviations before the first frame: a one-frame pose, the flights' own speed and biases."""
+"""Standard deviations before the first frame: a one-frame pose; the flights' speed and biases."""
 
 
 def skew(v: Array) -> Array:
@@ -33,7 +33,8 @@ def skew(v: Array) -> Array:
 def bound(flight: Flight) -> Array:
     """Return variance (n, 3) of position (m^2), velocity and attitude (rad^2) at each IMU instant.
 
-    Frames of the instant itself not included: as an estimator that is read before they come.
+    Frames of the instant itself are not included, as for an estimator that is read before they
+    arrive.
     """
     P = np.diag(START**2)
     found = np.empty((len(flight.t), 3))
@@ -73,7 +74,7 @@ def _predict(P: Array, R_wb: Array, force_w: Array, dt: float) -> Array:
 
 
 def _update(P: Array, frame: Frame) -> Array:
-    """Return (P^-1 + sum J^T J / sigma^2)^-1 with two tangent rows a bearing."""
+    """Return (P^-1 + sum J^T J / sigma^2)^-1 with two tangent rows per bearing."""
     information = np.linalg.inv(P)
     for place in BEACONS:
         away = place - frame.position_w

@@ -1,4 +1,4 @@
-"""Estimators compared at the station: the share of a core that each takes, and the whole."""
+"""Estimators compared at the station: the share of a core that each needs, and their sum."""
 
 from __future__ import annotations
 
@@ -22,15 +22,13 @@ from vehicle_link.telemetry import SAMPLES_A_PACKET, pack, unpack
 
 WORDS = "error_state complementary complementary:paper"
 LIMIT = 0.03
-"""Of a core, each estimator."""
+"""Limit of each estimator, as a share of a core."""
 TOLD_EVERY = 10  # packets
 SEED = 7
 
 
 def run(quick: bool = False) -> Report:
-    """Return a flight with noise and biases through the comparison, as the station's process feeds
-    it.
-    """
+    """Run a flight with noise and biases through the comparison, as in the station's process."""
     duration, rounds = (5.0, 3) if quick else (30.0, 7)
     flown = flight(SEED, duration)
     payloads, frames = _telemetry(flown), _frames(flown)
@@ -110,7 +108,7 @@ def _stamp(k: int) -> int:
 
 
 def _telemetry(flown: Flight) -> list[bytes]:
-    """Return packets; the vehicle's own estimate is the truth."""
+    """Return telemetry packets in which the vehicle's own estimate is the truth."""
     ticks: Record = np.zeros(len(flown.t), TICK)
     ticks["imu"]["stamp_ns"] = [_stamp(k) for k in range(len(ticks))]
     ticks["imu"]["angular_velocity_b"] = flown.sample[:, :3]

@@ -25,7 +25,7 @@ from estimation.poses.planar_pose import planar_pose
 def peers(
     flights: list[Flight], discarded: float, ours: Callable[[], Any], fly: Callable[..., Any]
 ) -> tuple[list[Row], list[str]]:
-    """Return rows and notes; a peer that is not installed is a note."""
+    """Return rows and notes; a peer that is not installed gives a note."""
     rows, notes = [], []
     try:
         rows += list(_ahrs(flights, discarded))
@@ -50,7 +50,7 @@ def peers(
 def _ahrs(flights: list[Flight], discarded: float) -> Iterator[Row]:
     from ahrs.filters import EKF, Madgwick, Mahony
 
-    # Its EKF expects an accelerometer at rest to show what "NED" calls down.
+    # Its EKF expects an accelerometer at rest to show the direction that "NED" calls down.
     makes: dict[str, Callable[[], tuple[Any, str]]] = {
         "ahrs Mahony (tilt)": lambda: (Mahony(frequency=RATE), "updateIMU"),
         "ahrs Madgwick (tilt)": lambda: (Madgwick(frequency=RATE), "updateIMU"),
@@ -95,7 +95,7 @@ def _filterpy(
         kalman.F = np.eye(6) + dt * np.eye(6, k=3)
         kalman.B = np.vstack([0.5 * dt * dt * np.eye(3), dt * np.eye(3)])
         kalman.H = np.eye(3, 6)
-        # White noise of the accelerometer and 0.3 deg of tilt taken as white over 1 s.
+        # White noise of the accelerometer and 0.3 deg of tilt, treated as white over 1 s.
         kalman.Q = np.diag([1e-12] * 3 + [(dt * FORCE_NOISE) ** 2 + dt * 0.05**2] * 3)
         kalman.x[:3, 0] = flight.position_w[0]
         kalman.P = np.diag([0.02] * 3 + [0.5] * 3)
@@ -118,9 +118,7 @@ def _filterpy(
 
 
 def _poses(flight: Flight) -> list[tuple[float, Array, Array]]:
-    """Return time, position (3,) and its covariance (3, 3) of each frame by itself, started at
-    truth.
-    """
+    """Return time, position (3,) and covariance (3, 3) of each frame alone, started at truth."""
     out = []
     for frame in flight.frames:
         start = (frame.position_w, quaternion(frame.R_wb))

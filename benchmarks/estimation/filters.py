@@ -1,4 +1,4 @@
-"""Filtered accuracy on bearings, next to the posterior Cramér-Rao bound and time."""
+"""Accuracy of filters on bearings, compared with the posterior Cramér-Rao bound, and their time."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Flown:
     """The estimates of one method on one flight."""
 
     states: Record
-    seconds: float  # of processor a second of flight
+    seconds: float  # of processor time per second of flight
     nis: float = 0.0  # normalised innovations squared, summed after the discarded time
     freedom: int = 0
 
@@ -74,13 +74,13 @@ class Accuracy:
 
     @property
     def rms(self) -> Array:
-        """Return m, m/s, rad over all flights."""
+        """Return rms errors in m, m/s, rad over all flights."""
         out: Array = np.sqrt(np.mean(self.squares, axis=0))
         return out
 
 
 class OneFrame(ComplementaryEstimator):
-    """The complementary filter on refined one-frame poses, position not solved again."""
+    """The complementary filter on refined one-frame poses, without solving the position again."""
 
     def correct_bearings(self, bearings: Record, estimate: Record) -> None:
         frame, start = bearings[0], None
@@ -90,14 +90,14 @@ class OneFrame(ComplementaryEstimator):
         try:
             pose = planar_pose(frame["beacon_w"][:4], frame["bearing_b"][:4], SIGMA, start)
         except MeasurementError:
-            return  # the paper's gains lose themselves at times; the next frame may fit
+            return  # the filter with the paper's gains diverges at times; the next frame may fit
         sample = np.zeros(1, POSE_SAMPLE)
         sample[0] = frame["stamp_ns"], pose.position_w, pose.quaternion_wb
         self.correct(sample, estimate)
 
 
 def error_state() -> ErrorStateEstimator:
-    """Return an estimator given the true noise and the deviations the biases were drawn with."""
+    """Return an estimator with the true noise and the deviations of the drawn biases."""
     parameters = EstimationParameters(measurement_timeout=0.2)
     parameters.error_state = ErrorStateParameters(
         accelerometer_noise=FORCE_NOISE / np.sqrt(RATE),
@@ -125,7 +125,12 @@ METHODS: dict[str, Callable[[], Estimator]] = {
 
 
 def fly(truth: Flight, estimator: Estimator, delay: float = 0.0, stamped: bool = True) -> Flown:
-    """Feed one flight; frames arrive `delay` s late, stamped with when they were true or not."""
+    """Run an estimator over one flight.
+
+    Args:
+        delay: s by which frames arrive late.
+        stamped: whether frames are stamped with the time of their measurement rather than arrival.
+    """
     imu, frame = np.zeros(1, IMU_SAMPLE), np.zeros(1, BEARINGS_SAMPLE)
     estimate, state, states = np.zeros(1, ESTIMATE), new_state(), np.zeros(len(truth.t), STATE)
     frame["count"], frame["sigma"], frame["beacon_w"][0, :4] = 4, SIGMA, BEACONS
@@ -160,7 +165,7 @@ def fly(truth: Flight, estimator: Estimator, delay: float = 0.0, stamped: bool =
     return flown
 
 
-# The bound's order is position, velocity, attitude; the filter's position, attitude, velocity.
+# The bound's order is position, velocity, attitude; the filter's is position, attitude, velocity.
 ORDER_OF_FILTER = START[[0, 1, 2, 6, 7, 8, 3, 4, 5, *range(9, 15)]]
 
 
@@ -172,15 +177,13 @@ def _first_pose(frame: Record) -> Record:
 
 
 def squares(truth: Flight, states: Record) -> Array:
-    """Return mean squared error vectors of position, velocity, attitude after the discarded
-    time.
-    """
+    """Return the mean squared errors of position, velocity, attitude after the discarded time."""
     used = truth.t > DISCARDED
     w, x, y, z = states["quaternion_wb"][used].T
     tw, tx, ty, tz = quaternion(truth.R_wb[used]).T
     share = np.abs(w * tw + x * tx + y * ty + z * tz)
     angle = 2.0 * np.arccos(np.minimum(1.0, share))
-    # arccos is blind near 1: there the vector part is taken.
+    # arccos is insensitive near 1, so the vector part is used there.
     vector = np.stack(
         [
             tw * x - tx * w - ty * z + tz * y,
@@ -199,9 +202,7 @@ def squares(truth: Flight, states: Record) -> Array:
 
 
 def run(quick: bool = False) -> Report:
-    """Return bound and error-state filter on 64 flights (8 when quick), the others on the first 16
-    (4).
-    """
+    """Run bound and error-state filter on 64 flights (8 when quick), others on the first 16 (4)."""
     many, count = (8, 4) if quick else (64, 16)
     report = Report(
         "filters",
@@ -235,7 +236,7 @@ def run(quick: bool = False) -> Report:
             accuracy.add(truth, fly(truth, error_state(), 0.02, stamped))
     limit = np.sqrt(np.mean(bounds, axis=0))
     report.rows.append(_row("posterior Cramér-Rao bound", limit, limit, None))
-    # Each is compared with the bound of the very flights it flew.
+    # Each is compared with the bound of the same flights.
     same = np.sqrt(np.mean(bounds[:count], axis=0))
     for name, accuracy in found.items():
         of = limit if name == KALMAN else same
@@ -318,9 +319,7 @@ def _targets(
 
 
 def _spread(squares: Array, bounds: Array) -> Array:
-    """Return the standard error (3,) of the ratio of rms values, with the flights drawn again
-    (bootstrap).
-    """
+    """Return the standard error (3,) of the ratio of rms values, by bootstrap over the flights."""
     random = np.random.default_rng(0)
     drawn = random.integers(0, len(squares), (500, len(squares)))
     out: Array = np.sqrt(squares[drawn].mean(axis=1) / bounds[drawn].mean(axis=1)).std(axis=0)

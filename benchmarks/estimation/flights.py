@@ -1,4 +1,4 @@
-"""Smooth random flights over the paper's four beacons, and the sensors they give."""
+"""Smooth random flights over the paper's four beacons, with their simulated sensors."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ UP = np.array([0.0, 0.0, G])
 RATE = 500.0  # Hz
 FRAMES = 30.0  # Hz
 SIGMA = np.radians(1.5)
-FORCE_NOISE = 0.05  # m/s^2 a sample, as vehicle.simulator.parameters
-RATE_NOISE = np.radians(0.3)  # rad/s a sample
+FORCE_NOISE = 0.05  # m/s^2 per sample, as in vehicle.simulator.parameters
+RATE_NOISE = np.radians(0.3)  # rad/s per sample
 RATE_BIAS = 0.005  # rad/s, deviation of each component
 FORCE_BIAS = 0.03  # m/s^2
 SPEED = np.array([0.5, 0.5, 0.25])  # m/s rms on each axis: 0.75 together
@@ -28,7 +28,7 @@ BEACONS = PAPER_BEACONS.positions_w
 
 @dataclass
 class Frame:
-    """Bearings (4, 3) of one instant, and the truth there."""
+    """Bearings (4, 3) at one instant, and the truth."""
 
     t: float
     position_w: Array
@@ -38,7 +38,7 @@ class Frame:
 
 @dataclass
 class Flight:
-    """Truth at the IMU's instants, samples with noise and bias, frames of bearings."""
+    """Truth at the IMU's instants, samples with noise and bias, and frames of bearings."""
 
     t: Array
     position_w: Array
@@ -52,7 +52,7 @@ class Flight:
 
 
 class Path:
-    """Three sines an axis and a swinging yaw; the attitude is what the acceleration asks for."""
+    """Three sines per axis and a swinging yaw; the attitude follows from the acceleration."""
 
     def __init__(self, random: np.random.Generator) -> None:
         while True:
@@ -89,7 +89,7 @@ class Path:
 
 
 def flight(seed: int, duration: float) -> Flight:
-    """Return one flight of so many seconds; the same seed gives the same."""
+    """Return one flight of `duration` s, which depends only on the seed."""
     random = np.random.default_rng(seed)
     path = Path(random)
     t = np.arange(round(duration * RATE) + 1) / RATE
@@ -123,8 +123,9 @@ def flight(seed: int, duration: float) -> Flight:
 
 
 def quaternion(R: Array) -> Array:
-    """Return (w, x, y, z) of R (3, 3), by its trace; R is never near half a turn from level
-    here.
+    """Return (w, x, y, z) of R (3, 3).
+
+    It uses the trace: R is never near half a turn from level here.
     """
     from scipy.spatial.transform import Rotation
 

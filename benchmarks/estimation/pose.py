@@ -1,9 +1,9 @@
-"""Pose from one frame of bearings: error over the Cramer-Rao bound next to time, ours and peers'.
+"""Pose from one frame of bearings: error over the Cramer-Rao bound, and time, ours and peers'.
 
 The ratio of a row is rms(error) / rms(bound): the root of the mean over poses of |error|^2, over
 the root of the mean over the same poses of the trace of their Cramer-Rao bound; in position (m,
 world axes) and in attitude (rotation vector, rad). For a method that refuses poses, both are over
-those it took; refused ones are most often the hardest, which flatters it.
+the accepted ones; refused ones are most often the hardest, which flatters the method.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from quadrotor.errors import MeasurementError
 
 Array = npt.NDArray[np.float64]
 Method = Callable[[Array], tuple[Array, Array]]
-"""Bearings (N, 3) to position_w (3,) and R_wb (3, 3); raises MeasurementError."""
+"""Function from bearings (N, 3) to position_w (3,) and R_wb (3, 3); raises MeasurementError."""
 
 SIGMA = math.radians(1.5)
 SQUARE = np.array([[1.0, 1.0, 0.1], [1.0, -1.0, 0.1], [-1.0, -1.0, 0.1], [-1.0, 1.0, 0.1]])
 SEEDS = (1, 2)
 FAR = 0.5
-"""m; an error beyond is an outlier."""
+"""Error, in m, beyond which a pose is an outlier."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +63,13 @@ class Frames:
 
 
 FARTHEST_DRAWN = 10.0
-"""Times the bound: methods beyond are in the table, not in the plot."""
+"""Ratio to the bound beyond which methods are in the table but not in the plot."""
 
 
 def frames(beacons: Array, count: int, seed: int, low: float = 0.3, high: float = 2.0) -> Frames:
-    """Return poses of the envelope, x, y in +-1.2 m, roll, pitch +-20 deg, any yaw, seen with
-    noise.
+    """Return poses of the envelope, with noisy bearings.
+
+    x, y in +-1.2 m, roll, pitch +-20 deg, any yaw.
     """
     rng = np.random.default_rng([seed, len(beacons)])
     r = np.column_stack([rng.uniform(-1.2, 1.2, (count, 2)), rng.uniform(low, high, count)])
@@ -83,7 +84,7 @@ def frames(beacons: Array, count: int, seed: int, low: float = 0.3, high: float 
 
 
 def accuracy(method: Method, seen: Frames) -> dict[str, float]:
-    """Return ratios to the bound, share refused and share beyond FAR (of all)."""
+    """Return ratios to the bound, the share refused and the share beyond FAR (of all)."""
     taken, positions, attitudes = [], [], []
     for k, bearings in enumerate(seen.bearings):
         try:
@@ -123,8 +124,10 @@ def as_printed(beacons: Array) -> Method:
 
 
 def poselib_pose(beacons: Array, polish: bool) -> Method:
-    """Return v. Larsson and contributors' PoseLib: p3p on bearings, the fourth chooses; `polish`
-    refines it on image points of a camera aimed along the bearings.
+    """Return v. Larsson and contributors' PoseLib: p3p on bearings, with the fourth to choose.
+
+    Args:
+        polish: refine it on image points of a camera aimed along the bearings.
     """
     import poselib
 
@@ -162,9 +165,7 @@ def poselib_pose(beacons: Array, polish: bool) -> Method:
 
 
 def cycled(function: Callable[[Array], object], bearings: Array) -> Callable[[], None]:
-    """Return a call over all frames; a frame that a method refuses counts as the time the refusal
-    took.
-    """
+    """Return a call over all frames; a refused frame counts with the time of its refusal."""
     one_by_one = list(bearings)
 
     def call() -> None:
@@ -264,7 +265,7 @@ def run(quick: bool = False) -> Report:
 
 
 def _origins(report: Report, seen: Frames) -> None:
-    """Compare the world's origin at several distances from the beacons' plane."""
+    """Compare origins of the world at several distances from the beacons' plane."""
     solved = []
     for distance in (0.0, 0.1, 1.0, 5.0):
         shift = np.array([0.0, 0.0, distance - 0.1])
@@ -306,9 +307,7 @@ def _more_beacons(report: Report, count: int) -> None:
 
 
 def _from_the_truth(solver: PlanarPoseSolver, seen: Frames) -> dict[str, float]:
-    """Return the errors of the least-squares estimate itself: its search starts at the true
-    pose.
-    """
+    """Return the errors of the least-squares estimate: its search starts at the true pose."""
     q = np.roll(Rotation.from_matrix(seen.R).as_quat(), 1, axis=1)
     truths = iter(zip(seen.r, q, strict=True))
 
@@ -321,7 +320,7 @@ def _from_the_truth(solver: PlanarPoseSolver, seen: Frames) -> dict[str, float]:
 
 
 def _apart(rng: np.random.Generator, count: int, least: float) -> Array:
-    """Return (count, 2) points of the square +-1 m, none nearer to another than `least` (m)."""
+    """Return (count, 2) points of the square +-1 m, each at least `least` (m) from the others."""
     points: list[Array] = []
     while len(points) < count:
         one = rng.uniform(-1.0, 1.0, 2)

@@ -1,4 +1,4 @@
-"""Detection of tags in rendered pictures: tags read, corners' errors, and time next to peers."""
+"""Detection of tags in rendered pictures: tags read, corner errors, and time, with peers."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ CORNERS = SIZE * ROUND
 FACING = np.diag([1.0, -1.0, -1.0])
 PEER = "pupil_apriltags"
 LIMIT = 10.0
-"""ms a picture."""
+"""Limit of the time per picture, in ms."""
 
 
 class Taken(NamedTuple):
-    """A picture of one tag, and where its corners (4, 2) truly are, pixels."""
+    """A picture of one tag, and the true places of its corners (4, 2), pixels."""
 
     grey: Picture
     corners: Array
 
 
 def _pictures(count: int) -> list[Taken]:
-    """Return pictures of a tag at 2 to 4 m, turned anyhow and tilted by up to 60 degrees."""
+    """Return pictures of a tag at 2 to 4 m, at any rotation and tilted by up to 60 degrees."""
     random, ours = np.random.default_rng(5), TagDetector(LENS)
     picture = ours.picture(NUMBER)
     wide = SIZE * len(picture) / (len(picture) - 2)
@@ -74,14 +74,14 @@ def _apriltag() -> Detect:
     detector = library.Detector(families="tag36h11", quad_decimate=1.0, nthreads=1)
 
     def detect(grey: Picture) -> list[tuple[int, Array]]:
-        # Its corners begin at the lower left and run the other way; pixel centres are at 0.5.
+        # Its corners begin at the lower left in the opposite order; pixel centres are at 0.5.
         return [(one.tag_id, one.corners[::-1] - 0.5) for one in detector.detect(grey)]
 
     return detect
 
 
 def run(quick: bool = False) -> Report:
-    """Read the same pictures by each method."""
+    """Detect the tags of the same pictures with each method."""
     methods: dict[str, Detect] = {
         "quadlab": TagDetector(LENS).detect,
         "OpenCV": _opencv(cv2.aruco.CORNER_REFINE_NONE),
@@ -101,7 +101,7 @@ def run(quick: bool = False) -> Report:
         for one in taken:
             for number, corners in detect(one.grey):
                 if number == NUMBER:
-                    # A peer may begin with another corner: what counts is how near they come.
+                    # A peer may begin with another corner, so the best match counts.
                     turned = [np.roll(corners, k, axis=0) - one.corners for k in range(4)]
                     squares.append(min(float((d**2).sum(axis=1).mean()) for d in turned))
         return squares

@@ -1,1 +1,1 @@
-"""The C firmware against its specification, the Python one; its cost on the chip."""
+"""The C firmware compared with its specification, the Python one, and its cost on the chip."""

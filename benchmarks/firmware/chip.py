@@ -13,15 +13,15 @@ from benchmarks.firmware.streams import Answer, Step
 from vehicle.simulator.firmware.native import FOLDER
 
 BUDGET = 20_000_000 // 500
-"""Cycles of a control period at 500 Hz."""
+"""Number of cycles in a control period at 500 Hz."""
 FLASH_MAX, RAM_MAX = 48 * 1024, 8 * 1024
-"""Bytes that the firmware may use."""
+"""Largest flash and RAM of the firmware, in bytes."""
 NEEDS = ("make", "gcc", "avr-gcc", "simavr")
 _TOLD = struct.Struct("<B34s4s130s4I")
 
 
 def missing() -> str:
-    """Return why the chip cannot be simulated here, empty where it can."""
+    """Return why the chip cannot be simulated on this machine, empty when it can."""
     absent = [tool for tool in NEEDS if shutil.which(tool) is None]
     if not absent:
         return ""
@@ -31,7 +31,7 @@ def missing() -> str:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Cycles of one step, and the most bytes of stack so far."""
+    """Cycles of one step, and the largest stack so far, in bytes."""
 
     receiving: int
     period: int
@@ -52,7 +52,7 @@ class Chip:
         self._in, self._out = process.stdin, process.stdout
 
     def answer(self, step: Step) -> tuple[Answer, Cost]:
-        """Return what the chip answers to one step, and what it cost."""
+        """Return the chip's answer to one step, and its cost."""
         self._in.write(step.encode())
         self._in.flush()
         replies = self._out.read(int.from_bytes(self._out.read(2), "little"))
@@ -75,7 +75,7 @@ def simulated_chip() -> Iterator[Chip]:
 
 
 def sizes(image: str) -> tuple[int, int]:
-    """Return bytes of flash and of static RAM of an image."""
+    """Return the bytes of flash and of static RAM of an image."""
     words = ["avr-size", str(FOLDER / "build" / image)]
     told = subprocess.run(words, capture_output=True, text=True, check=True).stdout
     text, data, bss = (int(word) for word in told.splitlines()[1].split()[:3])

@@ -1,4 +1,4 @@
-"""The C firmware against the Python one on recorded and fuzzed input, and its cost on the chip."""
+"""The C firmware compared with the Python one on recorded and fuzzed input, and its cost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Input of the microcontroller's firmware, recorded in flight or fuzzed, and what it answers."""
+"""Input of the microcontroller's firmware, recorded in flight or fuzzed, and its answers."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from vehicle_link.serial.frames import encode_frame
 from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 
 SENSORS = (*range(6), int(Id.BATTERY), int(Id.PRESSURE))
-"""Ids that the sensors write."""
+"""Ids of the values that the sensors write."""
 BATCH = 250
-"""Most bytes of one step."""
+"""Largest number of bytes in one step."""
 _LAYOUT = struct.Struct("<HIBB8hH")
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One period's input."""
+    """The input of one period."""
 
     sixteenths: int  # 1/16 us, the period
     ms: int  # since power-up
@@ -37,7 +37,7 @@ class Step:
     missing: int = 0  # bits of the motors
 
     def encode(self) -> bytes:
-        """Return the step as the harness of the simulated chip reads it."""
+        """Return the step in the format that the harness of the simulated chip reads."""
         head = (self.sixteenths, self.ms, self.port, self.missing, *self.sensors, len(self.data))
         return _LAYOUT.pack(*head) + self.data
 
@@ -61,11 +61,11 @@ class AnyFirmware(Protocol):
 
 
 Answer = tuple[bytes, int, bytes, tuple[int, ...], bytes]
-"""Replies; port and `D` frame; motor references; all values."""
+"""Answer to one step: replies; port and `D` frame; motor references; all values."""
 
 
 def answer(firmware: AnyFirmware, step: Step) -> Answer:
-    """Return what a firmware answers to one step."""
+    """Return a firmware's answer to one step."""
     firmware.set_period(step.sixteenths)
     firmware.set_missing(step.missing)
     firmware.advance(step.ms)
@@ -79,8 +79,9 @@ def answer(firmware: AnyFirmware, step: Step) -> Answer:
 
 
 def flown(seed: int, count: int) -> Iterator[Step]:
-    """Yield the periods of a flight at 1 kHz: take-off, manoeuvres in both modes, and a descent
-    alone, again and again.
+    """Yield the periods of a flight at 1 kHz, which repeats.
+
+    It takes off, flies manoeuvres in both modes, and descends autonomously.
     """
     simulated = SimulatedVehicle(SimulatorParameters(seed=seed, imu_rate=1000))
     generator, registers = random.Random(seed), simulated.firmware.registers
@@ -97,7 +98,7 @@ def flown(seed: int, count: int) -> Iterator[Step]:
             data = c.encode_set(command, Id.FLIGHT_CONTROL_MODE, FlightControlMode.NEAR_HOVERING)
         elif k % 12_000 == 500:
             data = c.encode_set(command, Id.MOTOR_STATE, MotorState.ON)
-        elif second >= 8:  # silence: it lands by itself, and the motors can be started again
+        elif second >= 8:  # no commands: it lands by itself, and motors can start again
             data = (
                 c.encode_set(command, Id.MOTOR_STATE, MotorState.OFF)
                 if k % 12_000 == 11_999
@@ -119,7 +120,7 @@ def flown(seed: int, count: int) -> Iterator[Step]:
 
 
 def fuzzed(seed: int, count: int) -> Iterator[Step]:
-    """Yield periods of any length, bytes and sensors; half of them near those of a flight."""
+    """Yield periods with any length, bytes and sensors; half of them are near those of a flight."""
     generator = random.Random(seed)
     ms, sixteenths, missing = 0, 16_000, 0
     for k in range(count):

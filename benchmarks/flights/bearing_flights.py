@@ -1,9 +1,9 @@
-"""Flights on bearings alone, closed loop: how well, and what becomes of them when bearings fail.
+"""Flights on bearings alone, closed loop: accuracy, and the outcome when bearings fail.
 
     python -m benchmarks bearing_flights
 
-Every flight is the experiment `bearings` of `quadlab fly`, 60 s at 1 m, evaluated from its log.
-A fault begins 5 s after the hand-over and stays, unless its name says otherwise.
+Every flight is the experiment `bearings` of `quadlab fly`, 60 s at 1 m, evaluated from its log. A
+fault begins 5 s after the hand-over and persists, unless its name says otherwise.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 SEEDS = 12
 FAULT_AFTER_NS = 5_000_000_000
 EXCHANGED = "1 -1.0 1.0 0.1; 2 1.0 1.0 0.1; 3 -1.0 -1.0 0.1; 4 1.0 -1.0 0.1"
-"""The paper's beacons, the first two taken for each other."""
+"""The paper's beacons, with the first two exchanged."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault of emulator and tracker; `ends` s later it is over, 0 for never."""
+    """A fault of emulator and tracker, which ends after `ends` s, 0 for never."""
 
     name: str
     bearings: dict[str, Any] = field(default_factory=dict)
@@ -66,12 +66,14 @@ MANOEUVRES = (
 
 
 class WatchedFlight(SimulatedFlight):
-    """A flight that makes the fault happen and keeps what the vehicle truly did.
+    """A flight that injects the fault and records the vehicle's true motion.
 
     Attributes:
-        left: the vehicle was outside its flight volume. turned_over: tilted beyond 60 deg.
-        hardest: largest speed at which the ground was met, m/s.
-        farthest: m, sideways from x = y = 0. events: what the vehicle said.
+        left: whether the vehicle was outside its flight volume.
+        turned_over: whether it tilted beyond 60 deg.
+        hardest: largest speed of a touch-down, m/s.
+        farthest: m, sideways from x = y = 0.
+        events: texts of the vehicle's events.
     """
 
     def __init__(self, *arguments: Any, fault: Fault, tracker: bool) -> None:
@@ -131,8 +133,9 @@ class WatchedFlight(SimulatedFlight):
 
 @dataclass
 class Outcome:
-    """The outcome of one flight; `end` is "on bearings", "on the tracker", "landed by itself" or a
-    refusal.
+    """The outcome of one flight.
+
+    `end` is "on bearings", "on the tracker", "landed by itself" or a refusal.
     """
 
     end: str
@@ -152,7 +155,7 @@ def fly(
     tracker: bool = True,
     settings: Mapping[str, ParameterValue] | None = None,
 ) -> Outcome:
-    """Return one flight of the experiment with these of its options and settings."""
+    """Fly the experiment once with these options and settings."""
     parameters = FlightParameters().model_copy(deep=True)
     parameters.seed(seed)
     ParameterStore(parameters).preset(dict(settings or {}))
@@ -187,7 +190,7 @@ def fly(
 
 
 def _rms_over_limit(outcome: Outcome) -> float:
-    """Return the position error over the limit that the flight's own sensor gives it."""
+    """Return the position error relative to the limit that the flight's own sensor allows."""
     name = "position_rms_m"
     return outcome.metrics.get(name, math.inf) / outcome.limits.get(name, math.inf)
 
@@ -205,7 +208,7 @@ def run(quick: bool = False) -> Report:
 
 
 def run_with(seeds: int, duration: float, say: Callable[[str], object]) -> Report:
-    """Return seeds 1 to `seeds`, manoeuvres of `duration` s."""
+    """Return the report for seeds 1 to `seeds`, with manoeuvres of `duration` s."""
     report = Report(
         "bearing_flights",
         "Flown on bearings alone",

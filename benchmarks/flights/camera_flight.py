@@ -1,4 +1,4 @@
-"""Hover and figure 8 on the poses that a camera finds in rendered pictures of tags."""
+"""Hover and figure 8 on the poses that a camera measures in rendered pictures of tags."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Array = npt.NDArray[np.float64]
 RATE, LATE_NS = 30.0, 40_000_000
 SECONDS, LAPS = 10.0, 2
 STEPS = 5
-"""IMU periods between two looks at the flight."""
+"""Number of IMU periods between two checks of the flight."""
 CAMERA = RenderedCamera(
     640,
     480,
@@ -45,7 +45,7 @@ LAYOUT = TagLayout(
 
 
 class CameraTracker:
-    """Takes the place of `bearing_sim.tracker.SimulatedTracker`."""
+    """Replacement of `bearing_sim.tracker.SimulatedTracker`."""
 
     def __init__(self, seed: int) -> None:
         self.parameters = TrackerParameters()
@@ -109,7 +109,7 @@ def _flown(seed: int, estimator: str) -> dict[str, float | str]:
 
 
 def _off(flight: WatchedFlight) -> float:
-    """Fly on and return the squared distance from the reference, m^2."""
+    """Continue the flight and return the squared distance from the reference, m^2."""
     for _ in range(STEPS):
         flight.advance()
     off = flight.robot.truth["position_w"][0] - flight.stack.reference["position_w"][0]

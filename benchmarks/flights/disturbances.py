@@ -1,12 +1,12 @@
-"""The 8 with what the model does not know: payload, drag, wind, a weak motor, vibration.
+"""The 8 with disturbances unknown to the model: payload, drag, wind, a weak motor, vibration.
 
     python -m benchmarks disturbances
 
 Simulated time: real stack, simulated firmware and plant, full sensors. Each disturbance is flown
-with the gains `standard` and with the gain set `observer`, which takes off what it finds; drag also
-with the coefficient fed forward, payload also on the mass estimate, vibration also on the
-error-state filter whose noise it is, and a weak motor also without the integral of position. The
-last row is the whole rough world of `simulator.preset=rough`.
+with the gains `standard` and with the gain set `observer`, which compensates what it estimates;
+drag also with the coefficient fed forward, payload also on the mass estimate, vibration also on the
+error-state filter configured with that noise, and a weak motor also without the integral of
+position. The last row is the whole rough world of `simulator.preset=rough`.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ Settings = Mapping[str, ParameterValue]
 
 SEEDS = 12
 LAPS, PERIOD, RAMP = 2, 8.0, 4.0
-"""The ramps in and out are shorter than RAMP (s): what is left between are steady laps."""
+"""Laps, period and ramp (s); the ramps in and out are shorter than RAMP, the rest steady laps."""
 DRAG = 0.2
-"""N s/m."""
+"""Linear drag, in N s/m."""
 MASS: Settings = {"simulator.payload": round(0.2 * VehicleModel().mass, 4)}
 OBSERVER: Settings = {f"control.{name}": value for name, value in PRESETS["observer"].items()}
 STIFF_OBSERVER: Settings = {
@@ -41,7 +41,7 @@ ROUGH_DRAG: Settings = {"model.drag": 0.47, "model.drag_lever": 0.02}
 FED: Settings = {"model.drag": DRAG}
 WEIGHED: Settings = {"mass.used_by": "estimate"}
 VIBRATION = 3.0
-"""m/s^2, rms at hover."""
+"""Vibration at hover, in m/s^2 rms."""
 TOLD: Settings = {
     "estimation.estimator": "error_state",
     "estimation.error_state.accelerometer_noise": round(VIBRATION / math.sqrt(500.0), 3),
@@ -89,13 +89,11 @@ CASES: dict[str, tuple[Settings, float | None, dict[str, Settings]]] = {
         },
     ),
 }
-"""A disturbance, the limit (mm rms) with the observer, and further settings of the flight."""
+"""Disturbances: the limit (mm rms) with the observer, and further settings of the flight."""
 
 
 def run(quick: bool = False) -> Report:
-    """Return position errors on steady laps of the 8, each disturbance with the observer off and
-    on.
-    """
+    """Measure the position error on steady laps of the 8, with the observer off and on."""
     seeds = range(1, 3 if quick else SEEDS + 1)
     report = Report(
         "disturbances",
@@ -130,12 +128,12 @@ def run(quick: bool = False) -> Report:
 
 
 def smallest_delay(name: str, lag: float) -> float:
-    """Return the delay (s) borne by the loop of a gain set that bears least."""
+    """Return the smallest delay (s) that a loop of a gain set tolerates."""
     return min(one.delay for one in margins(preset(name), lag))
 
 
 def _fly(seed: int, settings: Settings) -> float:
-    """Return position error, mm rms, of the steady laps; inf when they were not flown."""
+    """Return the position error, mm rms, of the steady laps; inf when they were not flown."""
     flight = WatchedFlight(seed, dict(settings))
     try:
         flight.hover()

@@ -1,4 +1,4 @@
-"""An experiment flown in simulated time, judged from its log as `quadlab fly` does."""
+"""An experiment flown in simulated time and evaluated from its log, as `quadlab fly` does."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ VEHICLE = "quad1"
 
 @dataclass(frozen=True)
 class Flown:
-    """The outcome of a flown experiment; `proposal` of a calibration only."""
+    """The outcome of an experiment; `proposal` only of a calibration."""
 
     result: Result
     proposal: CalibrationRecord | None
@@ -40,9 +40,10 @@ def fly(
     seed: int = 1,
     true_state: bool = False,
 ) -> Flown:
-    """Fly the experiment.
+    """Fly the experiment. Raises QuadlabError.
 
-    Args: `settings` of vehicle, `simulator`, `tracker`, `experiment`. Raises QuadlabError.
+    Args:
+        settings: of vehicle, `simulator`, `tracker`, `experiment`.
     """
     experiment = find(name, VEHICLE)
     parameters = with_options(

@@ -1,8 +1,8 @@
-"""Flights with one fault each, and flights without: whether the explanation names the fault first.
+"""Flights with one fault each, and without: whether the explanation names the fault first.
 
     python -m benchmarks explanations
 
-Simulated time: real stack, simulated firmware and plant, full sensors. The fault comes in flight,
+Simulated time: real stack, simulated firmware and plant, full sensors. The fault occurs in flight,
 10 s after the start; the log is read and explained as for a report.
 """
 
@@ -26,7 +26,7 @@ from vehicle.simulator.presets import ROUGH
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 SEEDS = range(101, 113)
-"""None of them was looked at while the limits were chosen (those were 1 to 9)."""
+"""Seeds that were not used while the limits were chosen (those were 1 to 9)."""
 WORLDS: dict[str, dict[str, ParameterValue]] = {
     "clean": {},
     "rough": {"model.drag": 0.47, **{f"simulator.{name}": value for name, value in ROUGH.items()}},
@@ -44,13 +44,14 @@ NAMES = {
     "gust": ("off_reference", "saturation"),
     "vibration": ("vibration",),
 }
-"""A fault and the kinds of finding that name it."""
+"""Faults, each with the kinds of finding that name it."""
 ON_BEARINGS = ("biased beacon", "turned bearings")
+"""Faults that are flown on bearings."""
 NONE = "nothing"
 
 
 class FaultyFlight(SimulatedFlight):
-    """A flight whose station can be cut off."""
+    """A flight whose station can be disconnected."""
 
     is_cut = False
 
@@ -62,7 +63,7 @@ class FaultyFlight(SimulatedFlight):
 
 
 def run(quick: bool = False) -> Report:
-    """Return the confusion of faults and the kinds named first."""
+    """Return the confusion matrix of faults and the kinds named first."""
     return confusion(list(SEEDS)[: 2 if quick else None])
 
 
@@ -105,7 +106,7 @@ def confusion(seeds: list[int]) -> Report:
 
 
 def condition(seed: int) -> tuple[str, str]:
-    """Return world and manoeuvre of a seed: all six in turns."""
+    """Return world and manoeuvre of a seed; seeds cycle through all six."""
     return list(WORLDS)[seed % 2], MANOEUVRES[seed // 2 % 3]
 
 
@@ -167,7 +168,7 @@ def _take_off(flight: SimulatedFlight, manoeuvre: str, *, on_bearings: bool) -> 
 
 
 def _steer(flight: SimulatedFlight, manoeuvre: str, chance: random.Random, seconds: float) -> None:
-    """Fly for a time, by hand with gentle sticks that change each second."""
+    """Fly for a time; in manual flight with gentle sticks that change each second."""
     if manoeuvre != "manual" or flight.view().behavior != "velocity":
         flight.wait(seconds)
         return
@@ -182,7 +183,7 @@ def _steer(flight: SimulatedFlight, manoeuvre: str, chance: random.Random, secon
 
 
 def _faulty(fault: str, flight: FaultyFlight, chance: random.Random) -> Iterator[float]:
-    """Inject a fault; yields the seconds to fly on."""
+    """Inject a fault; yield the seconds to continue the flight."""
     tracker = flight.parameters.tracker
 
     def disturb(**values: float) -> None:

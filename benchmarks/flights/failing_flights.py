@@ -1,9 +1,9 @@
-"""Flights in simulated time of which something above the microcontroller fails.
+"""Flights in simulated time in which something above the microcontroller fails.
 
-One flight a seed goes from hover at 1, 2 and 3 m over the figure 8 to the lap from rest to rest
-that leans furthest. At a moment of its own in each it forks once for each failure: the copy flies
-that failure to its end, the flight itself goes on. A board that is another process (Betaflight)
-cannot be forked: there each failure has a flight of its own, hover or figure 8.
+One flight per seed goes from hover at 1, 2 and 3 m over the figure 8 to the lap from rest to rest
+that leans furthest. At its own moment in each, it forks once for each failure: the copy flies that
+failure to its end, and the flight itself continues. A board that is another process (Betaflight)
+cannot be forked: there each failure has its own flight, hover or figure 8.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ SETTINGS: dict[str, ParameterValue] = {
     "behavior.trajectory_tilt_max": 45.0,
     "behavior.volume_z_max": 3.5,
 }
-"""Of the vehicle, so that the lap may be flown in 7 s, which leans by 35 degrees, and 3 m be
-reached from a ground that is not quite at 0."""
+"""Settings of the vehicle that allow the lap in 7 s, which leans by 35 degrees, and 3 m of height
+from a ground that is not quite at 0."""
 CORRUPTED_FOR = 15.0
-"""s flown on with corrupted bytes before the landing, through which they go on."""
+"""Time, in s, flown with corrupted bytes before the landing, during which they continue."""
 LONGEST = 45.0
-"""s from the failure until it must be over."""
+"""Longest time, in s, from the failure to its end."""
 
 
 def conditions(seed: int) -> dict[str, ParameterValue]:
@@ -59,10 +59,10 @@ def conditions(seed: int) -> dict[str, ParameterValue]:
 
 
 class FailingFlight(WatchedFlight):
-    """A flight whose station can be silent and whose flight process can be gone.
+    """A flight whose station can be silent and whose flight process can fail.
 
     Attributes:
-        heard: whether the station's heartbeat and poses come.
+        heard: whether the station's heartbeat and poses arrive.
     """
 
     heard = True
@@ -72,13 +72,13 @@ class FailingFlight(WatchedFlight):
             super()._station(now_ns)
 
     def lose_tracker(self) -> None:
-        """Let no pose be measured any more."""
+        """Stop all pose measurements."""
         self._next_truth_ns = 10**18
 
     def advance(self) -> None:
         try:
             super().advance()
-        except LinkError:  # the last port is gone: the flight process ends
+        except LinkError:  # the last port is lost: the flight process ends
             self.frozen = True
 
 
@@ -145,9 +145,7 @@ def _bring_to(flight: FailingFlight, start: str) -> None:
 
 
 def _forked(flight: FailingFlight, failure: str, start: str, seed: int, moment: float) -> Outcome:
-    """Return the outcome of a copy of the flight, `moment` (s) from now; the flight stays as it
-    is.
-    """
+    """Return the outcome of a copy of the flight, `moment` (s) later; the flight is unchanged."""
     fork = multiprocessing.get_context("fork")
     here, there = fork.Pipe(duplex=False)
     copy = fork.Process(target=_fail, args=(flight, failure, start, seed, moment, there))
@@ -178,10 +176,10 @@ def _fail(
 def watch_failure(
     flight: FailingFlight, failure: str, outcome: Outcome, outage: float = 1.0
 ) -> None:
-    """Let it fail now, and fly on until the motors are off.
+    """Cause the failure now, and continue until the motors are off.
 
     Args:
-        outage: s until comms is back, which then is told to land.
+        outage: s until comms is back, which is then commanded to land.
     """
     robot = flight.robot
     land_at = {"comms": outage + 1.0, CORRUPTED: CORRUPTED_FOR}.get(failure, math.inf)
@@ -229,7 +227,7 @@ def break_it(flight: FailingFlight, failure: str) -> None:
 def fly_all_alone(
     seeds: int, failures: tuple[str, ...], starts: tuple[str, ...], board: str
 ) -> list[Outcome]:
-    """Fly seeds 1 to `seeds`, each failure and start in a flight of its own, on all cores."""
+    """Fly seeds 1 to `seeds`, each failure and start in a separate flight, on all cores."""
     found: list[Outcome] = []
     with ProcessPoolExecutor(mp_context=multiprocessing.get_context("fork")) as pool:
         flights = [

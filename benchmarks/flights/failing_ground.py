@@ -1,6 +1,6 @@
-"""The ground of a flight that fails: a station or none, the truth, and what is asked of all.
+"""The ground side of a flight that fails: optional station, the truth, and all commands.
 
-The truth comes over a router of this process, which no failure touches.
+The truth arrives over a router of this process, which no failure affects.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ NAME, REQUESTER = "quad1", "benchmark"
 
 
 class NotFlownError(Exception):
-    """The flight did not come as far as the failure."""
+    """The flight did not reach the failure."""
 
 
 def until(what: str, look: Callable[[], Any], patience: float = PATIENCE) -> Any:
-    """Return the first true answer. Raises NotFlownError after `patience` (s)."""
+    """Return the first true result of `look`. Raises NotFlownError after `patience` (s)."""
     end = time.monotonic() + patience
     while time.monotonic() < end:
         found = look()
@@ -48,7 +48,7 @@ def until(what: str, look: Callable[[], Any], patience: float = PATIENCE) -> Any
 
 
 def free_port() -> int:
-    """Free for TCP and UDP on loopback right now."""
+    """Return a port that is free for TCP and UDP on loopback right now."""
     while True:
         with (
             socket.socket(socket.AF_INET, socket.SOCK_STREAM) as tcp,
@@ -65,7 +65,7 @@ class Ground:
     """The part of the laboratory that is not on board, and the truth.
 
     Attributes:
-        stamp, truth: time (s) and STATE (1,) of the newest truth; each is given to `watch`, too.
+        stamp, truth: time (s) and STATE (1,) of the newest truth; `watch` is called with each.
         status: the vehicle's newest status.
     """
 
@@ -105,7 +105,7 @@ class Ground:
             threading.Thread(target=self._beat, daemon=True).start()
 
     def _bridge(self, stack: ExitStack) -> Callable[[], None]:
-        """Pass the truth on to the station's router, whenever that exists."""
+        """Forward the truth to the station's router, whenever that exists."""
 
         def run() -> None:
             while not self._closing.is_set():
@@ -168,7 +168,7 @@ class Ground:
             return None
 
     def do(self, service: str, **fields: Any) -> None:
-        """Ask until it is accepted. Raises NotFlownError with the last reason."""
+        """Repeat a request until it is accepted. Raises NotFlownError with the last reason."""
         said = ["no answer"]
 
         def accepted() -> bool:
@@ -196,7 +196,7 @@ class Ground:
         self._simulator.call(request, 2.0)
 
     def told(self, **wanted: Any) -> bool:
-        """Return whether a status younger than a second reports it."""
+        """Return whether a status younger than a second has these values."""
         status = self.status
         return time.monotonic() - self.status_at < 1.0 and all(
             getattr(status, name) == value for name, value in wanted.items()

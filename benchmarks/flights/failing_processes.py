@@ -1,8 +1,8 @@
-"""Flights of real processes in real time of which one is killed, frozen or pulled out.
+"""Flights of real processes in real time in which one is killed, frozen or unplugged.
 
 Simulator and vehicle are started again for each flight, so that the seed's truth begins at the
-origin. Where the station or the page fails, a real station and web process are there, too; else
-this process is the station: it sends heartbeats and the tracker's poses and asks the services.
+origin. Where the station or the page fails, a real station and web process run too; otherwise this
+process is the station: it sends heartbeats and the tracker's poses and calls the services.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ WITH_STATION = ("web", "station")
 UNPLUGGED = {"port 0": "first", "port 1": "second", "both ports": "both"}
 TRIES = 3
 STILL_S = 2.0
-"""On the ground for so long it is over, where nobody tells that the motors are off."""
+"""Time at rest on the ground, in s, that ends a flight without a report of motors off."""
 
 
 class Processes:
-    """The real ones of one flight."""
+    """The real processes of one flight."""
 
     def __init__(self, stack: ExitStack, folder: Path) -> None:
         self._folder = folder
@@ -72,7 +72,7 @@ class Processes:
         return (self._folder / "output").read_text(errors="replace")
 
     def signal(self, which: str, number: int) -> int:
-        """Send a signal to a process of its own or one of the vehicle's two; return its id."""
+        """Send a signal to a started process, or to one of the vehicle's two; return its id."""
         pid = self._started[which].pid if which in self._started else self._child(which)
         os.kill(pid, number)
         return pid
@@ -101,10 +101,10 @@ class Processes:
 
 
 def fly_real(failure: str, start: str, seed: int) -> Outcome:
-    """Return one flight, a failure in it, and what became of it.
+    """Fly once with a failure; return the outcome.
 
-    A flight that does not come as far as its failure, on a machine that stood still for a quarter
-    of a second for instance, is begun again, and that is told.
+    A flight that does not reach its failure, on a machine that stalled for a quarter of a second
+    for instance, is started again, which is reported.
     """
     for _ in range(TRIES - 1):
         outcome = _fly_once(failure, start, seed)
@@ -200,7 +200,7 @@ def _fail(ground: Ground, processes: Processes, folder: Path, outcome: Outcome) 
     outcome.broken = True
     break_it(ground, processes, failure)
     time.sleep(CORRUPTED_FOR if failure == CORRUPTED else 2.0)
-    if failure in ("web", "comms", CORRUPTED):  # comms is started again by itself
+    if failure in ("web", "comms", CORRUPTED):  # comms restarts by itself
         until("the vehicle to be heard", ground.told)
         if ground.told(mode="armed"):
             ground.start("land")
@@ -231,8 +231,9 @@ def break_it(ground: Ground, processes: Processes, failure: str) -> None:
 def _when_off(
     ground: Ground, processes: Processes, folder: Path, failure: str, wall: float
 ) -> float:
-    """Return the latest time (s) by which the motors were off; asked of the microcontroller, or of
-    the vehicle when it is awake.
+    """Return the latest time (s) by which the motors were off.
+
+    The microcontroller is asked, or the vehicle if it responds.
     """
     if failure == "frozen":
         processes.signal("flight", signal.SIGCONT)
@@ -251,7 +252,7 @@ def _when_off(
 
 
 def _off(folder: Path) -> bool:
-    """Return whether the microcontroller, read at its first port, says that its motors are off."""
+    """Return whether the microcontroller reports at its first port that its motors are off."""
     try:
         port = SerialPort(folder / "mcu0")
     except LinkError:

@@ -1,4 +1,4 @@
-"""Simulate what becomes of a flight when something above the microcontroller fails.
+"""Simulate the outcome of a flight when something above the microcontroller fails.
 
     python -m benchmarks failures [--quick]
     python -m benchmarks.flights.failures [--seeds 20] [--real 2] [--only web,station] [--json FILE]
@@ -6,9 +6,9 @@
     python -m benchmarks.flights.failures --board betaflight [--seeds 3]
 
 Seeds differ in the truth's noise, wind, motors and battery, and in the moment of the failure. In
-simulated time the firmware, the plant and the flight stack run in one process, the bytes between
-them real ones; a killed and a frozen flight process are the same there: silence. Real flights are
-processes of their own, killed, frozen and pulled out in real time, some 25 s each.
+simulated time the firmware, the plant and the flight stack run in one process, which exchange real
+bytes; a killed and a frozen flight process are the same there: silence. Real flights are separate
+processes, killed, frozen and unplugged in real time, some 25 s each.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from vehicle.boards.kind import BETAFLIGHT, MIKROKOPTER
 SEEDS, REAL_SEEDS = 20, 2
 OF_BETAFLIGHT = (failing_flights.SILENT, "port 0", "station", "tracker")
 BETAFLIGHT_STARTS = ("hover 1 m", "hover 2 m", "hover 3 m", "figure 8")
-"""In simulated time alone; the firmware is a process that no failure shares with another."""
+"""Starts in simulated time; the firmware is a process that no failure shares with another."""
 REAL_FAILURES = (
     "web",
     "station",
@@ -53,13 +53,11 @@ def run(quick: bool = False) -> Report:
 
 
 def fly(seeds: int, real_seeds: int, only: Sequence[str], world: str = CLEAN) -> list[Outcome]:
-    """Fly in simulated time first, in one of WORLDS; then with the real processes, one flight after
-    the other.
-    """
+    """Fly in simulated time first, in one of WORLDS; then with the real processes in turn."""
     names = dict.fromkeys(
         failing_flights.SILENT if name in ("flight", "frozen") else name
         for name in only
-        if name != "web"  # the flight has no part of it in simulated time
+        if name != "web"  # has no part in it in simulated time
     )
     outcomes = []
     if names and seeds:
@@ -77,7 +75,7 @@ def fly(seeds: int, real_seeds: int, only: Sequence[str], world: str = CLEAN) ->
 
 
 def line(outcome: Outcome) -> str:
-    """Return one flight in a line."""
+    """Return one flight as a line."""
     o = outcome
     return (
         f"{'real' if o.real else 'simulated'} {o.failure}, {o.start}, seed {o.seed}: {o.verdict}; "
@@ -87,7 +85,7 @@ def line(outcome: Outcome) -> str:
 
 
 def report(outcomes: Sequence[Outcome]) -> Report:
-    """Return one row a failure and start: median and worst."""
+    """Return one row per failure and start: median and worst."""
     seeds = [{o.seed for o in outcomes if o.real is real} for real in (False, True)]
     found = Report(
         "failures",
@@ -141,7 +139,7 @@ def _both(flights: Sequence[Outcome], of: Callable[[Outcome], float], digits: in
 
 
 def _number(value: float) -> float:
-    """Return the value, infinite for what never came."""
+    """Return the value, infinite for an event that never happened."""
     return math.inf if math.isnan(value) else value
 
 
@@ -162,7 +160,7 @@ def main() -> int:
     unknown = [name for name in only if name not in REAL_FAILURES]
     if unknown:
         parser.error(f"no failure is called {unknown[0]!r}: there are {', '.join(REAL_FAILURES)}")
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # no process of a flight stays
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends all processes of a flight
     if options.board == BETAFLIGHT:
         outcomes = failing_flights.fly_all_alone(
             options.seeds, OF_BETAFLIGHT, BETAFLIGHT_STARTS, BETAFLIGHT
@@ -175,7 +173,7 @@ def main() -> int:
     if options.json:
         flights = [{**asdict(o), "verdict": o.verdict} for o in outcomes]
         document = {**found.as_json(), "flights": flights}
-        options.json.write_text(json.dumps(document, indent=1) + "\n")  # NaN: it never came
+        options.json.write_text(json.dumps(document, indent=1) + "\n")  # NaN: it never happened
     return 0 if all(target.met for target in found.targets) else 1
 
 

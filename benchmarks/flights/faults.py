@@ -1,10 +1,10 @@
-"""Fly through pushes, loads, empty batteries and silence, next to the figures of an independent
-simulation of the same vehicle.
+"""Fly through pushes, loads, empty batteries and silence, compared with reference figures.
 
     python -m benchmarks faults
 
-Simulated time: real stack, simulated firmware and plant, full sensors, default gains. A figure
-is to be within 30 % of its reference; where what is built is meant to differ, the row says so.
+Simulated time: real stack, simulated firmware and plant, full sensors, default gains. The
+references are those of an independent simulation of the same vehicle; a figure should be within 30
+% of its reference. Where the implementation differs by design, the row says so.
 """
 
 from __future__ import annotations
@@ -25,25 +25,26 @@ from vehicle_link.serial.ids import Id
 SEEDS = 3
 WITHIN = 0.3
 GUSTS = {1.0: 0.16, 2.0: 0.31, 4.0: 0.62}
-"""N for 1 s in hover -> largest displacement, m."""
+"""Force (N) for 1 s in hover -> largest displacement, m."""
 PAYLOAD = 0.3
 SAG, SAG_MASS = 0.25, 0.20
-"""m below where it hovered; with the mass estimate in the law."""
+"""Sag, in m below the hover height, without and with the mass estimate in the law."""
 TOUCH_DOWN = 0.54
-"""m/s, of a descent held by the barometer."""
+"""Touch-down speed, in m/s, of a descent held by the barometer."""
 HEIGHTS = (1.0, 2.0, 2.8)
 TIMEOUTS = (0.1, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8)
 TIMEOUT_MAX = 0.3
 STEEP_PERIOD = 6.8
-"""s: the 8 from rest to rest in it tilts the vehicle by 37 deg."""
+"""Duration, in s, of the 8 from rest to rest that tilts the vehicle by 37 deg."""
 STEEP: dict[str, ParameterValue] = {
     "behavior.trajectory_acceleration_max": 8.0,
     "behavior.trajectory_tilt_max": 45.0,
 }
 EMPTY = 12.6
-"""V; the landing at 13.1 V is switched off on board, the microcontroller's own is not."""
+"""Voltage, in V, of an empty battery; the landing at 13.1 V is off on board, the microcontroller's
+own is on."""
 GOOD_LANDING = 0.8
-"""m/s."""
+"""Largest touch-down speed, in m/s, of a good landing."""
 
 
 def run(quick: bool = False) -> Report:
@@ -128,7 +129,7 @@ def _payload(report: Report, seeds: range) -> dict[str, Any]:
 
 # ---------------------------------------------------------------- the battery
 def _battery(report: Report, quick: bool) -> dict[str, Any]:
-    """Return a whole discharge in hover: thrust falls with the square of the voltage."""
+    """Fly a whole discharge in hover: thrust falls with the square of the voltage."""
     lines = []
     for known in (0.0, 1.0):
         flight = WatchedFlight(
@@ -207,7 +208,7 @@ def _descents(report: Report, seeds: range) -> None:
 
 
 def _timeouts(report: Report, step: float) -> dict[str, Any]:
-    """Return held commands in a steep 8: how long before it is too late."""
+    """Hold commands in a steep 8, and measure how long this is recoverable."""
     flight = WatchedFlight(1, STEEP).hover(1.5)
     flight.start(
         "follow_trajectory", trajectory="figure_eight_lap", period=STEEP_PERIOD, yaw_amplitude=0.2
@@ -252,8 +253,9 @@ def _timeouts(report: Report, step: float) -> dict[str, Any]:
 
 
 def _silence(flight: WatchedFlight, timeout: float) -> tuple[bool, float, float]:
-    """Stop the flight process from now on; return whether it ended upright, impact (m/s), largest
-    tilt (deg).
+    """Stop the flight process from now on.
+
+    Returns whether it ended upright, the impact (m/s) and the largest tilt (deg).
     """
     flight.robot.firmware.registers[Id.EMERGENCY_TIMEOUT] = round(1e3 * timeout)
     flight.forget()
@@ -264,9 +266,7 @@ def _silence(flight: WatchedFlight, timeout: float) -> tuple[bool, float, float]
 
 
 def in_a_copy(call: Callable[[], Any]) -> Any:
-    """Return the result of a call in a forked process: this one's flight goes on as if it had not
-    been.
-    """
+    """Return the result of a call in a forked process; this process's flight is unchanged."""
     reader, writer = os.pipe()
     child = os.fork()
     if not child:

@@ -1,9 +1,10 @@
-"""Measure whether the simulated vehicles of one `quadlab up` hover together, and what that costs.
+"""Measure whether the simulated vehicles of one `quadlab up` hover together, and the cost.
 
     python -m benchmarks fleet
 
-`quadlab up --vehicles 8` whole, no one at the page. All are armed, take off, hover and land over
-the station as from a terminal. In flight and recorded all the time: the heights are the true ones.
+The whole `quadlab up --vehicles 8`, with no page open. All are armed, take off, hover and land over
+the station as from a terminal. They are checked for flight and recording all the time; the heights
+are the true ones.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ HOVER, QUICK_HOVER = 60.0, 10.0  # s
 PATIENCE = 120.0  # s
 HEIGHT, NEAR = 1.0, 0.1  # m
 TOPICS = ("status", "truth", "station_status", "link_status")
-SETTLED = 5.0  # s after the last one has arrived above
+SETTLED = 5.0  # s after the last one has reached its height
 LOOK = 0.25  # s
 
 
@@ -48,11 +49,11 @@ class Pilot:
         return self._newest[topic]()
 
     def rise(self) -> None:
-        """Arm and take off: again while refused, as one that has just started is."""
+        """Arm and take off; repeat while refused, as a vehicle that has just started is."""
         until(lambda: self._is_done("arm", "start_behavior", name="take_off"), *self._why("rise"))
 
     def land(self) -> None:
-        """Land, unless the vehicle did so by itself."""
+        """Land, unless the vehicle has landed by itself."""
         until(
             lambda: not self.is_airborne or self._is_done("start_behavior", name="land"),
             *self._why("land"),
@@ -83,7 +84,7 @@ class Pilot:
         return self.newest("truth") is not None and abs(self.height - HEIGHT) <= NEAR
 
     def look(self) -> None:
-        """Count what is not as it should be while it hovers."""
+        """Count deviations from what is expected while it hovers."""
         status, height = self.newest("status"), self.height
         self.looks += 1
         self.lowest, self.highest = min(self.lowest, height), max(self.highest, height)
@@ -93,7 +94,7 @@ class Pilot:
 
 
 def run(quick: bool = False) -> Report:
-    """Fly a fleet. Raises QuadlabError when the vehicles do not come up."""
+    """Fly a fleet. Raises QuadlabError when the vehicles do not start."""
     count, hover = (QUICK_COUNT, QUICK_HOVER) if quick else (COUNT, HOVER)
     report = Report(
         "fleet",
@@ -144,7 +145,10 @@ def shares(pilot: Pilot) -> dict[str, float | str]:
 
 
 def hovering(up: int, pilots: list[Pilot], duration: float) -> tuple[dict[str, float], float]:
-    """Look at all of them; CPU by process in % of a core, and what the host took."""
+    """Check all pilots for `duration` s.
+
+    Returns processor time by process, in % of a core, and the share that the host took.
+    """
     before, stolen, began = cpu_ticks(up), taken(), time.monotonic()
     while time.monotonic() < began + duration:
         for pilot in pilots:
@@ -167,13 +171,13 @@ def cpu_ticks(up: int) -> Counter[str]:
 
 
 def taken() -> float:
-    """Return the processor time (s) that the host gave to others than this machine."""
+    """Return the processor time (s) that the host gave to other machines."""
     return int(Path("/proc/stat").read_text().split()[8]) / TICK
 
 
 @contextmanager
 def laboratory(count: int) -> Iterator[tuple[int, list[str]]]:
-    """Yield the process of `quadlab up`, once its page is there, and its lines as they come."""
+    """Yield the process of `quadlab up`, once its page is up, and its output lines, which grow."""
     with started(PORT, LINK_PORT, "--vehicles", str(count)) as (up, lines):
         try:
             until(lambda: "token=" in "".join(lines), "the page")

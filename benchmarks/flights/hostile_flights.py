@@ -1,5 +1,5 @@
-"""Flights whose measurements lie: does the estimate recover, is it handed over, or is it lost
-silently?
+"""Flights with wrong measurements: whether the estimate recovers, is handed over, or is lost
+silently.
 
     python -m benchmarks hostile_flights --flights 1000
     python -m benchmarks hostile_flights --seed 367 --flights 1
@@ -10,9 +10,9 @@ the poses or bearings that it flies on, and it is watched for some seconds. A fl
 - recovered: it flies on and at the end its estimate is near the truth again,
 - handed over: another estimator or the tracker took over, or the vehicle landed by itself,
 - refused: it was not armed, or the hand-over to bearings was refused,
-- told: the estimate is off at the end, and flags or `converged` say so,
-- silent: the estimate was off for a while and nothing said so,
-- lost: it left its volume, turned over or met the ground hard.
+- told: the estimate is off at the end, and flags or `converged` report it,
+- silent: the estimate was off for a while and nothing reported it,
+- lost: it left its volume, turned over or hit the ground hard.
 """
 
 from __future__ import annotations
@@ -42,20 +42,20 @@ from vehicle.simulator.presets import preset_values
 
 FLIGHTS = 60
 SECONDS = 8.0
-"""Watched from when the first thing goes wrong."""
+"""Time, in s, for which a flight is watched after the first fault."""
 GAP = 2.0
-"""s without measurements, beacons seen or poses."""
+"""Duration, in s, of a gap without bearings or poses."""
 HELD = 0.5
-"""s for which an estimate must be off to count as off."""
+"""Time, in s, for which an estimate must be off to count as off."""
 WAYS = {
     "error_state on poses": ("error_state", "poses", True),
     "complementary on poses": ("complementary", "poses", True),
     "error_state on bearings": ("error_state", "bearings", True),
     "error_state on bearings, no tracker": ("error_state", "bearings", False),
 }
-"""Estimator, its measurements, and whether the tracker is there."""
+"""Estimator, its measurements, and whether the tracker is available."""
 NEAR = {"poses": (0.10, 10.0), "bearings": (0.30, 10.0)}
-"""m and deg that an estimate may be off, by its measurements; on bearings what
+"""Largest error of an estimate, in m and deg, by its measurements; on bearings as
 `fallback.disagreement_max` allows."""
 TRACKER, BEARINGS = "tracker", "bearings"
 OUTLIERS, MISSING, BEACON, LAYOUT, CLOCK, START, THROWN = FAULTS = (
@@ -68,16 +68,17 @@ OUTLIERS, MISSING, BEACON, LAYOUT, CLOCK, START, THROWN = FAULTS = (
     "in flight thrown off by so much",
 )
 ONLY_BEARINGS = (BEACON, LAYOUT)
-"""Faults of the beacons. THROWN is only met alone: with another there may be nothing to know of
-the attitude by."""
+"""Faults of the beacons. THROWN is used only alone: with others the attitude may be unobservable.
+"""
 SEVERAL = "several at once"
 TELLING = (
     Flag.NO_POSE | Flag.TRACKER_JUMPED | Flag.ESTIMATE_DRIFTED | Flag.BEACON_OFF | Flag.RESCUED
 )
-"""Flags that say that the estimate may be off. Measurements refused do not: outliers are."""
+"""Flags that report that the estimate may be off; refused measurements do not, as outliers are
+refused."""
 HANDED = Flag.RESCUED | Flag.FELL_BACK
 IMPACT = 1.0
-"""m/s"""
+"""Touch-down speed, in m/s, beyond which a vehicle is lost."""
 
 
 @dataclass
@@ -85,8 +86,9 @@ class Outcome:
     """The outcome of one flight.
 
     Attributes:
-        largest: m that the estimate was off in flight, at most; final: at the end.
-        silent: s for which it was off without a word, longest.
+        largest: m, largest error of the estimate in flight.
+        final: m, error at the end.
+        silent: s, longest time for which it was off without a report.
     """
 
     seed: int
@@ -103,7 +105,8 @@ class HostileFlight(WatchedFlight):
     """A flight whose measurements can be made wrong.
 
     Args:
-        rough: in the rough world. way: a key of WAYS.
+        way: a key of WAYS.
+        rough: whether it flies in the rough world.
     """
 
     def __init__(self, seed: int, way: str, rough: bool) -> None:
@@ -120,7 +123,7 @@ class HostileFlight(WatchedFlight):
         self._watching, self._good_ns = False, 0
 
     def set(self, part: str, **values: ParameterValue) -> None:
-        """Change the tracker or the bearings; unlike a parameter, beyond its bounds as well."""
+        """Change the tracker or the bearings, without the bounds of parameters."""
         of = self._tracker if part == TRACKER else self._bearings
         for name, value in values.items():
             of.parameters.__dict__[name] = value
@@ -131,8 +134,9 @@ class HostileFlight(WatchedFlight):
         return TRACKER if self.source == "poses" else BEARINGS
 
     def begin(self, thrown_off: bool) -> None:
-        """Take off, hand over to bearings and begin to fly; the estimator to be flown on begins
-        at a wrong place if `thrown_off`. Raises RefusedError.
+        """Take off, hand over to bearings and start to fly.
+
+        The estimator to fly on starts at a wrong place if `thrown_off`. Raises RefusedError.
         """
         navigation = self.stack.navigation
         self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=20)
@@ -169,7 +173,7 @@ class HostileFlight(WatchedFlight):
         self.wait(1.0)
 
     def go_wrong(self, fault: str) -> None:
-        """Make a fault happen now."""
+        """Inject a fault now."""
         on, chance = self.flown_on, self.chance
         if fault == OUTLIERS:
             self.set(TRACKER, outliers=0.2, outlier_attitude=30.0)
@@ -199,7 +203,7 @@ class HostileFlight(WatchedFlight):
             self.set(self.flown_on, drop_out=0.0)
 
     def _throw_off(self, estimator: Estimator) -> None:
-        """Start an estimator at a place 1 m and an attitude 60 deg off."""
+        """Start an estimator 1 m and 60 deg off the truth."""
         away, axis = (v / norm(v) for v in self.chance.normal(size=(2, 3)))
         turn = quaternion_exp(math.radians(60.0) * axis)
         pose = np.zeros(1, POSE_SAMPLE)
@@ -208,7 +212,7 @@ class HostileFlight(WatchedFlight):
         pose["quaternion_wb"] = quaternion_multiply(turn, self._true_quaternion_wb)
         estimator.initialize(pose)
 
-    # ------------------------------------------------------------------ what truly happens
+    # ------------------------------------------------------------------ the truth
     def advance(self) -> None:
         super().advance()
         if not self._watching:
@@ -239,7 +243,7 @@ class HostileFlight(WatchedFlight):
 
     @property
     def verdict(self) -> str:
-        """Return what became of it, by the words of this module."""
+        """Return the outcome in the words of the module's docstring."""
         if self.left or self.hardest > IMPACT or self.most_tilted > math.radians(80.0):
             return "lost"
         if self.silent > HELD:

@@ -1,10 +1,9 @@
-"""Measure how near calibrations come to the truth of the simulated vehicle (Sec. 5), next to the
-limits.
+"""Measure the errors of calibrations of the simulated vehicle (Sec. 5), compared with the limits.
 
     python -m benchmarks identification
 
-Every figure comes out of the experiments that a person starts, from their logs alone, except the
-accelerometer's poses with a wrong attitude each, which are computed.
+Every figure is a result of the experiments that a person starts, from their logs alone, except the
+accelerometer's poses with wrong attitudes, which are computed.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ EXCITATIONS = (*SHAPES, "random")
 PAYLOAD = 0.3
 DRAWS = 200
 WORST = 95.0
-"""Percentile of the draws that has to be within the limit."""
+"""Percentile of the draws that must be within the limit."""
 SENSOR: dict[str, ParameterValue] = {
     "simulator.accelerometer_xx": 1.02,
     "simulator.accelerometer_yy": 0.985,
@@ -52,7 +51,7 @@ SENSOR: dict[str, ParameterValue] = {
     "simulator.accelerometer_bias_y": -0.25,
     "simulator.accelerometer_bias_z": 0.4,
 }
-"""Crooked, as one out of its box."""
+"""Errors of an uncalibrated accelerometer."""
 
 
 def run(quick: bool = False) -> Report:
@@ -200,8 +199,10 @@ def _figure_eight(report: Report, seeds: range) -> None:
 
 # ---------------------------------------------------------------- on the ground
 def _tracker(report: Report, count: int) -> None:
-    """Turn by hand, in the rough world, a vehicle whose tracked body is anywhere and late by 5 to
-    60 ms; then fly the 8 with 40 ms and what was found for them.
+    """Turn a vehicle by hand, in the rough world, to calibrate its tracked body.
+
+    The body is anywhere and late by 5 to 60 ms. Then fly the 8 with 40 ms and the values found for
+    them.
     """
     errors = []
     for seed in range(1, count + 1):
@@ -276,7 +277,7 @@ def _accelerometer(report: Report, seeds: range, quick: bool) -> None:
 
 
 def _judge_accelerometer(report: Report, what: str, errors: np.ndarray, bias_max: float) -> None:
-    """Judge `errors` (N, 2), of b (m/s²) and T (share), the worst of which counts."""
+    """Evaluate `errors` (N, 2), of b (m/s²) and T (share), of which the worst counts."""
     bias, matrix = errors.max(axis=0).tolist()
     report.rows.append(
         Row(what, {"found": f"b off by {bias:.2g}", "unit": "m/s²", "off, %": 100.0 * matrix})
@@ -288,16 +289,14 @@ def _judge_accelerometer(report: Report, what: str, errors: np.ndarray, bias_max
 
 
 def _off(matrix: np.ndarray, bias: np.ndarray) -> tuple[float, float]:
-    """Return largest entries, of b and T."""
+    """Return the largest entries of b and of T."""
     return float(np.abs(bias).max()), float(np.abs(matrix).max())
 
 
 def _computed(
     ups: np.ndarray, matrix: np.ndarray, bias: np.ndarray, random: np.random.Generator
 ) -> tuple[float, float]:
-    """Return errors of one calibration from poses whose attitudes are wrong by 0.2° on each
-    axis.
-    """
+    """Return the errors of a calibration from poses whose attitudes are off by 0.2° per axis."""
     poses = []
     for up in ups:
         turn = 0.5 * random.normal(0.0, math.radians(0.2), 3)

@@ -1,10 +1,10 @@
-"""Estimators over recorded flights of real vehicles, which somebody has put into a folder.
+"""Estimators over recorded flights of real vehicles from a given folder.
 
-Nothing is downloaded: docs/importing.md names public sets, which of their files are read and their
-licences. Each flight is imported, then each estimator is run as `quadlab replay` does, on poses and
-on bearings that are made of the truth, and held against the truth; so are the error-state filter on
-recorded sweeps (with the base stations where they were said to be, and where a survey finds them)
-and the vehicle's own estimate where the log has them.
+Nothing is downloaded: docs/importing.md names public sets, the files of them that are read, and
+their licences. Each flight is imported, then each estimator is run as `quadlab replay` does, on
+poses and on bearings generated from the truth, and compared with the truth; so are the error-state
+filter on recorded sweeps (with the base stations at their documented places, and where a survey
+finds them) and the vehicle's own estimate if the log has one.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from quadlab.replay.window import Window
 from quadrotor.errors import QuadlabError
 
 BY_ENDING = {".hdf5": "blackbird", ".h5": "blackbird", ".ulg": "ulog"}
-"""Mapping of files that have none of their own, by the ending."""
+"""Mapping, by the ending, of files without their own."""
 SEEDS, SEEDS_QUICK = 8, 2
-"""Draws of the noise of what is made of the truth: of bearings, one is 10 to 20 % off in 30 s."""
+"""Number of noise draws for generated data: one draw of bearings is 10 to 20 % off in 30 s."""
 POSES = ("tracker.rate=100", "tracker.position_noise=0.0015", "tracker.attitude_noise=0.3")
 SWEEPS = (
     "estimation.error_state.accelerometer_noise=0.03",
@@ -41,7 +41,7 @@ SWEEPS = (
 """The noise of a Crazyflie's IMU, of which a log has snapshots at 100 Hz."""
 BEARINGS = ("bearings.rate=30", "bearings.sigma=1.5")
 SETTLE_NS = 2_000_000_000
-"""These logs begin in flight, an estimator begins at rest: it is judged from then on."""
+"""Time, in ns, after which errors count: an estimator begins at rest, but these logs in flight."""
 LIMITS = {
     ("blackbird", "poses"): {
         "position mm": 3.0,
@@ -52,11 +52,11 @@ LIMITS = {
     ("blackbird", "bearings"): {"position mm": 45.0, "velocity mm/s": 60.0},
     ("crazyflie", "sweeps"): {"position mm": 15.0},
 }
-"""Of the error-state filter, by vehicle and measurement."""
+"""Limits of the error-state filter, by vehicle and measurement."""
 
 
 def run(*, quick: bool = False, data: Path | None = None) -> Report:
-    """Import and judge all flights of a folder; `quick`: one of each kind."""
+    """Import and evaluate all flights of a folder; with `quick`, one of each kind."""
     report = Report(
         "real_flights",
         "Estimators on recorded flights of real vehicles",
@@ -96,8 +96,10 @@ def run(*, quick: bool = False, data: Path | None = None) -> Report:
 
 
 def flights(data: Path) -> Iterator[tuple[Path, str | None, Path | None]]:
-    """Yield each flight of a folder with its mapping (FILE.toml next to it, else by its ending) and
-    the file of its truth: mocapNN.npy next to a Crazyflie's logNN.
+    """Yield each flight of a folder, its mapping and the file of its truth.
+
+    The mapping is FILE.toml next to it, else by its ending; the truth is mocapNN.npy next to a
+    Crazyflie's logNN.
     """
     for path in sorted(data.rglob("*")):
         own = path.with_name(f"{path.name}.toml")
@@ -184,7 +186,7 @@ def _figures(values: dict[str, Value]) -> dict[str, float | str]:
 
 
 def _together(found: list[dict[str, float | str]]) -> dict[str, float | str]:
-    """Return the figures of all seeds: the largest, the mean, of errors the root mean square."""
+    """Return the figures of all seeds: the largest, the mean, or the root mean square."""
     together: dict[str, float | str] = {}
     for name in found[0]:
         values = np.array([np.nan if isinstance(one[name], str) else one[name] for one in found])
@@ -200,9 +202,7 @@ def _together(found: list[dict[str, float | str]]) -> dict[str, float | str]:
 
 
 def _beacons(recording: Recording) -> str:
-    """Return a layout of 4 beacons at the corners of the flown area, 0.1 m below its lowest
-    point.
-    """
+    """Return a layout of 4 beacons at the corners of the flown area, 0.1 m below its floor."""
     place = recording.truth["position_w"]
     low, high = np.percentile(place, 1.0, axis=0), np.percentile(place, 99.0, axis=0)
     wider = np.maximum(0.0, 1.0 - 0.5 * (high - low)) * [1.0, 1.0, 0.0]  # 2 m at least

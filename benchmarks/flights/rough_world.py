@@ -1,10 +1,10 @@
-"""The limits that depend on the sensors' noise, met in the clean and in the rough world.
+"""The limits that depend on the sensors' noise, checked in the clean and in the rough world.
 
     python -m benchmarks rough_world
 
-Every figure is one that an experiment judges, from its log, in simulated time: as delivered in both
-worlds (`simulator.preset`), and in the rough one with what the experiments `drag` and `vibration`
-find and the gain set `stiff_observer`.
+Every figure is one that an experiment evaluates, from its log, in simulated time: with default
+settings in both worlds (`simulator.preset`), and in the rough one with the results of the
+experiments `drag` and `vibration` and the gain set `stiff_observer`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ TUNED: Settings = {
     "estimation.error_state.accelerometer_noise": 0.022,
     "estimation.error_state.gyroscope_noise": 0.047,
 }
-"""The noise is that of the whole vibration, not of its broadband share alone."""
+"""Settings for the rough world; the noise is that of the whole vibration, not only broadband."""
 CLEAN = "clean"
 WORLDS: dict[str, Settings] = {CLEAN: {}, "rough": ROUGH, "rough, tuned": TUNED}
 EIGHT: Settings = {"experiment.manoeuvre": "figure_eight"}
@@ -48,7 +48,7 @@ FLIGHTS: dict[str, tuple[str, Settings]] = {
 
 
 def run(quick: bool = False) -> Report:
-    """Return the worst of each judged figure over the seeds, by world."""
+    """Return the worst of each evaluated figure over the seeds, by world."""
     seeds = range(1, 2 if quick else SEEDS + 1)
     report = Report(
         "rough_world",

@@ -42,7 +42,7 @@ FLIGHTS, QUICK_FLIGHTS, UNLOADED = 20, 3, 4
 LAPS = 1
 BUSY_A_CORE = 2
 CHARGE = 20
-"""A h, of a battery that outlasts all flights."""
+"""Capacity, in A h, of a battery that outlasts all flights."""
 PATIENCE = 300.0  # s
 LOOK = 0.3  # s
 WARN = 30
@@ -53,12 +53,12 @@ DRAWN_IN_SOFTWARE = (
     "--enable-unsafe-swiftshader",
 )
 TOLD = ("degraded", "lost", "stale", "silent", "age", "link", "tracker")
-"""In words of flags and alarms that are about link, tracker or poses."""
+"""Words in flags and alarms that concern link, tracker or poses."""
 
 
 @dataclass
 class Flight:
-    """One, as its run has it."""
+    """One flight, as its run shows it."""
 
     is_whole: bool = False
     error: float = math.nan  # m, rms
@@ -68,7 +68,7 @@ class Flight:
 
 
 class Laboratory:
-    """`quadlab up` and who commands it."""
+    """`quadlab up` with a client that commands it."""
 
     def __init__(self, data: Path, *words: str) -> None:
         self._data = data
@@ -106,7 +106,7 @@ class Laboratory:
         self.until(lambda: self.status().get("mode") == "ready")
 
     def until(self, look: Any) -> Any:
-        """Wait until `look` gives something true. Raises QuadlabError."""
+        """Wait until `look` returns a true value. Raises QuadlabError."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end and self._up.poll() is None:
             if found := look():
@@ -125,7 +125,7 @@ class Laboratory:
         return self.summary().get("status") or {}
 
     def new_link(self) -> str:
-        """Return a link to sign another page in: each works once."""
+        """Return a link to sign another page in, as each link works once."""
         links: list[str] = self.until(lambda: self._links()[1:])
         return links[-1]
 
@@ -133,10 +133,10 @@ class Laboratory:
         return re.findall(r"http://\S+token=\S+", "".join(self.lines))
 
     def fly(self) -> Flight:
-        """Return one figure 8 from the ground to the ground."""
+        """Fly one figure 8 from the ground to the ground."""
         flight, known = Flight(), {path.name for path in self._runs()}
         self.until(lambda: (self.summary().get("preflight") or {}).get("ready"))
-        # By the status too: an answer may take longer than its caller waits.
+        # The status also counts: an answer may take longer than its caller waits.
         self.until(lambda: self._is_done("arm") or self.status().get("armed"))
         self.until(lambda: self.status().get("armed"))
         self.until(lambda: self._goes("take_off") or self.status().get("airborne"))
@@ -189,9 +189,7 @@ class Laboratory:
 
 
 def judge(flight: Flight, run: Path) -> None:
-    """Judge a flight by its run's file: flown to the end, error against the reference, what was
-    reported wrongly.
-    """
+    """Evaluate a flight by its run's file: completion, error, and wrong reports."""
     rows: dict[str, list[Any]] = {"truth": [], "reference": []}
     behaviors: list[tuple[int, str]] = []
     wanted = ("truth", "reference", "status", "events", "link_status", "station_status")
@@ -234,7 +232,7 @@ def judge(flight: Flight, run: Path) -> None:
 
 
 def _ordinary() -> list[str]:
-    """Return words before a command that take the rights away which a laptop's user lacks."""
+    """Return a command prefix that removes the rights that an ordinary user lacks."""
     if os.geteuid() != 0 or shutil.which("setpriv") is None:
         return []
     return ["setpriv", "--bounding-set", "-sys_nice", "--inh-caps", "-sys_nice", "--"]
@@ -242,7 +240,7 @@ def _ordinary() -> list[str]:
 
 @contextmanager
 def busy() -> Iterator[None]:
-    """Run two loops a core."""
+    """Run two busy loops per core."""
     count = BUSY_A_CORE * (os.cpu_count() or 1)
     loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
     try:
@@ -255,7 +253,7 @@ def busy() -> Iterator[None]:
 
 @contextmanager
 def page(address: str) -> Iterator[None]:
-    """Open, and drawn in software."""
+    """Open the page in a browser that draws it in software."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
@@ -269,7 +267,7 @@ def page(address: str) -> Iterator[None]:
 
 
 def flights(count: int, words: tuple[str, ...], *, starved: bool) -> list[Flight]:
-    """Fly and judge the flights. Raises QuadlabError."""
+    """Fly and evaluate the flights. Raises QuadlabError."""
     found = []
     with tempfile.TemporaryDirectory(prefix="quadlab-starved-") as data:
         laboratory = Laboratory(Path(data), *words)
@@ -294,8 +292,9 @@ def run(quick: bool = False) -> Report:
 
 
 def measure(count: int, words: tuple[str, ...]) -> Report:
-    """Measure flights of laboratories. Raises QuadlabError when a laboratory or the page does not
-    come up.
+    """Measure flights of laboratories.
+
+    Raises QuadlabError when a laboratory or the page does not start.
     """
     report = Report(
         "starved",

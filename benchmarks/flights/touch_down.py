@@ -1,4 +1,4 @@
-"""The touch-down of a flight that lost something, from the truth."""
+"""The touch-down of a flight with a failure, from the truth."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 TOUCHING = 0.005
-"""m: below it the feet meet the ground."""
+"""Height, in m, below which the feet touch the ground."""
 IMPACT_MAX = 0.8
-"""m/s."""
+"""Largest impact, in m/s, of a good landing."""
 UPRIGHT = math.radians(15.0)
 
 
 @dataclass
 class Outcome:
-    """One flight. Speeds m/s, angles rad, lengths m, times s since the failure; nan: never."""
+    """One flight. Speeds m/s, angles rad, lengths m, times s since the failure; NaN for never."""
 
     failure: str
     start: str
     seed: int
     real: bool  # real processes in real time, else simulated time
-    impact: float = math.nan  # vertical speed when it met the ground, the largest
-    tilt: float = math.nan  # then
+    impact: float = math.nan  # largest vertical speed at touch-down
+    tilt: float = math.nan  # at touch-down
     tilt_max: float = 0.0  # since the failure
     drift: float = math.nan  # horizontally, from the place of the failure to the touch-down
     down: float = math.nan
     off: float = math.nan
     end_tilt: float = 0.0
-    broken: bool = False  # it came as far as its failure
+    broken: bool = False  # whether it reached its failure
     why: str = ""  # what went wrong
 
     @property
@@ -43,12 +43,12 @@ class Outcome:
 
 
 class TouchDown:
-    """Watches one flight from the failure on.
+    """Observer of one flight from the failure on.
 
     Args:
-        outcome: is filled in.
-        now: s, of the failure.
-        place: (x, y, z) m, there.
+        outcome: filled in.
+        now: s, time of the failure.
+        place: (x, y, z) m, at the failure.
     """
 
     def __init__(self, outcome: Outcome, now: float, place: Sequence[float]) -> None:
@@ -60,7 +60,7 @@ class TouchDown:
     def note(
         self, now: float, position_w: Sequence[float], climb: float, quaternion_wb: Sequence[float]
     ) -> None:
-        """Note one state of the truth, in the order of time."""
+        """Add one state of the truth, in the order of time."""
         outcome = self._outcome
         tilt = tilt_of(quaternion_wb)
         outcome.end_tilt = tilt
@@ -70,7 +70,7 @@ class TouchDown:
                 outcome.down = now - self._began
                 outcome.drift = math.dist(position_w[:2], self._place)
                 outcome.impact, outcome.tilt = max(0.0, self._sinking), tilt
-            elif self._sinking > outcome.impact:  # after a jump
+            elif self._sinking > outcome.impact:  # after a bounce
                 outcome.impact, outcome.tilt = self._sinking, max(tilt, outcome.tilt)
         self._sinking = -climb
 

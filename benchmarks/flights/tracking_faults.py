@@ -1,10 +1,10 @@
-"""Flights on a tracking system that fails: what the vehicle does, and how soon it is told.
+"""Flights on a failing tracking system: the vehicle's reaction, and how soon the fault is reported.
 
     python -m benchmarks tracking_faults --flights 20
 
 Each flight hovers or flies the figure 8 in simulated time on the poses of `console.trackers`, the
-process's own code without its sockets: frames of a system with a clock of its own, drifting and
-read with jitter. Then one thing fails, for half a second or for good.
+process's own code without its sockets: frames of a system with its own clock, drifting and read
+with jitter. Then one thing fails, for half a second or permanently.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from vehicle_link.messages import decode
 
 FLIGHTS = 20
 SECONDS = 12.0
-"""Watched from when it fails: enough to land from 1 m."""
+"""Time, in s, for which a flight is watched after the fault: enough to land from 1 m."""
 SHORT = 0.6
-"""s: longer than it takes to be told, shorter than pose_land_after."""
+"""Duration, in s, of a short fault: longer than its report takes, shorter than pose_land_after."""
 TOLD = 0.5
 HARD = 1.0
-"""m/s at the ground, beyond which a landing was none."""
+"""Speed at the ground, in m/s, beyond which a landing is a crash."""
 PLANE = 0.1
-"""m from the plane of a mirror, at least: on it nothing jumps."""
+"""Least distance, in m, from the plane of a mirror, on which nothing would jump."""
 AHEAD_NS, DRIFT, JITTER = 3_000_000_000_000, 40e-6, 0.001
 OTHER = np.array([1.5, -1.0, 0.8])
 """Place of another body, m."""
@@ -89,11 +89,11 @@ FAULTS: dict[str, tuple[Fault, float, bool]] = {
     "mirrored along x, 0.1 m or more from its plane": (_mirrored, SECONDS, False),
     "bodies swapped": (_swapped, SECONDS, False),
 }
-"""What fails, for how long (s), and whether the vehicle is to fly on; else it is to land."""
+"""Faults: function, duration (s), and whether the vehicle should fly on rather than land."""
 
 
 class _Node:
-    """A node that goes nowhere: what it publishes is kept by its topic."""
+    """Unconnected node: its publications are stored by topic."""
 
     sent: ClassVar[dict[str, list[bytes]]] = {}
 
@@ -105,7 +105,7 @@ class _Node:
 
 
 class System:
-    """A tracking system and its process, in the place of a flight's simulated tracker."""
+    """A tracking system and its process, in place of a flight's simulated tracker."""
 
     def __init__(self, tracker: SimulatedTracker, seed: int) -> None:
         self.parameters = tracker.parameters
@@ -169,7 +169,7 @@ class System:
 
 
 def fly(seed: int, name: str) -> dict[str, float]:
-    """Fly once and return what became of it."""
+    """Fly once and return the outcome."""
     fault, seconds, goes_on = FAULTS[name]
     flight = WatchedFlight(seed)
     system = System(flight._tracker, seed)
@@ -177,7 +177,7 @@ def fly(seed: int, name: str) -> dict[str, float]:
     flight.hover()
     if seed % 2:
         flight.start("follow_trajectory", trajectory="figure_eight", laps=3)
-    else:  # away from the planes and the axis of symmetry, where being mirrored changes nothing
+    else:  # away from the planes and the axis of symmetry, where mirroring changes nothing
         flight.start("fly_to", x=0.6, y=-0.4, z=1.0)
     flight.wait(5.0)
     flight.wait(float(system.chance.uniform(0.0, 1.0)))
@@ -227,7 +227,7 @@ def run(quick: bool = False, flights: int | None = None) -> Report:
         }
         if goes_on:
             figures["largest error, m"] = max(one["error"] for one in found)
-        if fault is not _dropped:  # nothing is wrong with every third frame missing
+        if fault is not _dropped:  # no fault is reported when every third frame is missing
             told = max(one["told"] for one in found)
             figures["told after, s, at most"], late = told, max(late, told)
         wrong += count - round(sum(one["as meant"] for one in found))

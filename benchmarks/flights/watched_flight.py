@@ -1,11 +1,13 @@
-"""A flight of the whole stack in simulated time of which the truth is kept, and parts of which can
-be made to fail. No log is written.
+"""A flight of the whole stack in simulated time, with the truth recorded and faults on request.
+
+No log is written.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -22,11 +24,11 @@ from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 Array = npt.NDArray[np.float64]
 TOUCHING = 0.005
-"""m: below it the vehicle meets the ground."""
+"""Height, in m, below which the vehicle touches the ground."""
 
 
 class Events:
-    """Keeps the events; takes every other message of a log and drops it."""
+    """Log that stores events and drops every other message."""
 
     def __init__(self) -> None:
         self.texts: list[str] = []
@@ -42,14 +44,15 @@ class WatchedFlight(SimulatedFlight):
     """One flight on full sensors: noisy, biased, 10-bit IMU and the tracker.
 
     Args:
-        seed: of all noise.
-        settings: of vehicle, `simulator`, `tracker`, as `--set` takes them.
+        seed: seed of all noise.
+        settings: of vehicle, `simulator`, `tracker`, as `--set` accepts them.
         true_state: fly on the true state instead of an estimate.
-        board: of the vehicle; the simulated ones.
+        board: the vehicle's board, one of those that can be simulated.
+        plugins: folder of users' control laws and estimators.
 
     Attributes:
-        frozen: the flight process stands still: nothing is sent to the microcontroller.
-        hardest: largest speed at which the ground was met, m/s.
+        frozen: whether the flight process is stopped: nothing is sent to the microcontroller.
+        hardest: largest speed at touch-down, m/s.
         most_tilted: rad, since this was last set to 0.
     """
 
@@ -60,6 +63,7 @@ class WatchedFlight(SimulatedFlight):
         *,
         true_state: bool = False,
         board: str = MIKROKOPTER,
+        plugins: Path | None = None,
     ) -> None:
         kind = find_kind(board)
         options = kind.configured({})
@@ -75,9 +79,9 @@ class WatchedFlight(SimulatedFlight):
         self._trace: list[tuple[float, ...]] = []
         estimator = TrueState(self.robot) if true_state else None
         log: Any = self.events
-        super().__init__(parameters, self.robot, log, estimator, kind=kind)
+        super().__init__(parameters, self.robot, log, estimator, plugins, kind)
 
-    # ------------------------------------------------------------------ what truly happens
+    # ------------------------------------------------------------------ the truth
     def advance(self) -> None:
         sinking = -float(self.robot.truth["velocity_w"][0, 2])
         if self.frozen:
@@ -104,20 +108,20 @@ class WatchedFlight(SimulatedFlight):
 
     @property
     def airborne(self) -> bool:
-        """Return whether the motors turn, as the microcontroller knows."""
+        """Return whether the motors turn."""
         return bool(self.robot.rotor_speeds.max() > 25.0)
 
     def trace(self, since: float = 0.0) -> tuple[Array, Array, Array]:
-        """Return times (N,) s, true and wanted positions (N, 3) m, from `since` (s) on."""
+        """Return times (N,) s, true and reference positions (N, 3) m, from `since` (s) on."""
         rows = np.array([row for row in self._trace if row[0] >= since])
         return rows[:, 0], rows[:, 1:4], rows[:, 4:7]
 
     def forget(self) -> None:
-        """Start the trace, the largest tilt and the hardest touch-down again."""
+        """Reset the trace, the largest tilt and the hardest touch-down."""
         self._trace.clear()
         self.hardest = self.most_tilted = 0.0
 
-    # ------------------------------------------------------------------ what is done
+    # ------------------------------------------------------------------ actions
     def hover(self, height: float = 1.0, settling: float = 3.0) -> Self:
         """Take off and settle. Raises RefusedError."""
         self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=20)
@@ -130,13 +134,13 @@ class WatchedFlight(SimulatedFlight):
         return self
 
     def run(self, seconds: float) -> None:
-        """Run as `wait` does, also while the flight process is stopped."""
+        """Run as `wait` does, but also while the flight process is stopped."""
         end_ns = self.robot.stamp_ns + round(seconds * 1e9)
         while self.robot.stamp_ns < end_ns:
             self.advance()
 
     def down(self, longest: float = 40.0) -> bool:
-        """Fly on until the motors are off; whether it then stands upright."""
+        """Continue until the motors are off; return whether it is then upright on the ground."""
         end_ns = self.robot.stamp_ns + round(longest * 1e9)
         while self.airborne and self.robot.stamp_ns < end_ns:
             self.advance()

@@ -1,1 +1,1 @@
-"""A link that loses, delays, narrows and interrupts, between two network namespaces of our own."""
+"""A link that loses, delays, narrows and interrupts, between two separate network namespaces."""

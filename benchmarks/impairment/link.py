@@ -1,4 +1,4 @@
-"""Two ends and the relay between them, as one thing to run programs on."""
+"""Two ends and the relay between them, as one object to run programs on."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LEFT_OUT = ("http_proxy", "https_proxy", "all_proxy", "HTTP_PROXY", "HTTPS_PROXY
 
 
 class Counts(NamedTuple):
-    """Packets of one direction, and the bytes of those carried."""
+    """Packets of one direction, and the bytes of those that were carried."""
 
     sent: int
     lost: int
@@ -31,7 +31,7 @@ class Counts(NamedTuple):
 
 
 class ImpairedLink:
-    """Used as `with ImpairedLink(seed) as link`.
+    """An impaired link, used as `with ImpairedLink(seed) as link`.
 
     Raises StorageError where namespaces are not allowed.
     """
@@ -87,20 +87,18 @@ class ImpairedLink:
         self._close_ends()
 
     def change(self, conditions: Conditions) -> tuple[Counts, Counts]:
-        """Change both directions from now on. Returns what they carried so far, from A and from
-        B.
-        """
+        """Change both directions from now on; return what A and B have sent so far."""
         return self._order(conditions=asdict(conditions))
 
     def interrupt(self, seconds: float) -> tuple[Counts, Counts]:
-        """Carry nothing for so long."""
+        """Carry nothing for this many seconds."""
         return self._order(interrupt=seconds)
 
     def counts(self) -> tuple[Counts, Counts]:
         return self._order()
 
     def run(self, end: str, words: Sequence[str], **options: Any) -> subprocess.Popen[bytes]:
-        """Start a program at the end with this address (A or B); ended with the link."""
+        """Start a program at the end with this address (A or B); it is ended with the link."""
         place = next(one for one in self._ends if one.address == end)
         environment = {k: v for k, v in os.environ.items() if k not in LEFT_OUT}
         program = subprocess.Popen(

@@ -1,7 +1,7 @@
-"""Network namespaces that live as long as someone holds them, each with one TUN device.
+"""Network namespaces that live as long as a process holds them, each with one TUN device.
 
 Nothing is left in the system: a namespace is a file descriptor, and so is its device. Needs root,
-or a kernel that lets anyone be root in a user namespace of its own.
+or a kernel that allows any user to be root in a separate user namespace.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ class End(NamedTuple):
     """One end of a link.
 
     Attributes:
-        device, namespace: file descriptors. address: of the device, IPv4.
+        device, namespace: file descriptors.
+        address: of the device, IPv4.
     """
 
     device: int
@@ -41,7 +42,7 @@ class End(NamedTuple):
 
 
 def make_end(address: str) -> End:
-    """Raise StorageError with the reason where it is not allowed."""
+    """Make an end with this address. Raises StorageError with the reason if that is not allowed."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     with ours, theirs:
         child = os.fork()
@@ -73,7 +74,7 @@ def _make(theirs: socket.socket, address: str) -> None:
             subprocess.run(["ip", *words.split()], check=True, capture_output=True)
         namespace = os.open("/proc/self/ns/net", os.O_RDONLY)
         socket.send_fds(theirs, [b"made"], [device, namespace])
-    except BaseException as error:  # whatever it is, the parent is told
+    except BaseException as error:  # any error is reported to the parent
         theirs.send(str(error).encode()[:300] or b"failed")
     os._exit(0)
 

@@ -1,7 +1,7 @@
 """The process between the two ends: it reads what one end sends and writes it to the other.
 
 `python -m benchmarks.impairment.relay A B CONTROL SEED`: descriptors of the two devices and of a
-datagram socket by which conditions are changed and counters asked for, and the seed.
+datagram socket over which conditions are changed and counters requested, and the seed.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from benchmarks.impairment.wire import Conditions, Wire
 
 LARGEST = 65_536
 PRIORITY = 60
-"""SCHED_FIFO where it is allowed, above what flies: a late relay would be a slow link."""
+"""SCHED_FIFO priority if allowed, above the flight processes: a late relay is a slow link."""
 LONGEST_WAIT = 0.5
 
 
 class Relay:
-    """Wire 0 goes from A to B, wire 1 back."""
+    """Relay with wire 0 from A to B and wire 1 back."""
 
     def __init__(self, devices: tuple[int, int], control: socket.socket, seed: int) -> None:
         self._devices = devices

@@ -1,7 +1,7 @@
-"""One direction of an impaired link: packets in, packets out, by a clock that is given.
+"""One direction of an impaired link: packets in, packets out, by a given clock.
 
-No sockets here: what happens to a packet is decided when it comes, so that the same seed and the
-same packets give the same link.
+There are no sockets here: the fate of a packet is decided when it arrives, so that the same seed
+and the same packets give the same link.
 """
 
 from __future__ import annotations
@@ -17,12 +17,15 @@ QUEUE = 64_000
 
 @dataclass(frozen=True)
 class Conditions:
-    """Attributes:
-    delay: s. jitter: s, half the width of a uniform part next to it; packets keep their order.
-    loss: share of packets, 0…1.
-    burst: s, mean length of a time in which all are lost; 0 loses each for itself.
-    rate: bit/s, 0 for as fast as it goes.
-    queue: bytes that wait for a slow wire; more are dropped.
+    """Conditions of a wire.
+
+    Attributes:
+        delay: s.
+        jitter: s, half the width of an additional uniform part; packets keep their order.
+        loss: share of packets, 0…1.
+        burst: s, mean length of a time in which all are lost; 0 loses packets independently.
+        rate: bit/s, 0 for unlimited.
+        queue: bytes that wait for a slow wire; more are dropped.
     """
 
     delay: float = 0.0
@@ -43,9 +46,11 @@ class Conditions:
 
 
 class Wire:
-    """Attributes:
-    sent, lost, overflowed: packets so far; overflowed ones found the queue full.
-    bytes: of the packets that were carried.
+    """One direction of a link.
+
+    Attributes:
+        sent, lost, overflowed: packets so far; overflowed ones found the queue full.
+        bytes: of the packets that were carried.
     """
 
     def __init__(self, conditions: Conditions, seed: int) -> None:
@@ -54,22 +59,22 @@ class Wire:
         self._random = random.Random(seed)
         self._on_wire: list[tuple[float, int, bytes]] = []
         self._count = itertools.count()
-        self._free_at = -math.inf  # when the last packet queued has left
+        self._free_at = -math.inf  # when the last queued packet has left
         self._last_out = -math.inf
         self._interrupted_until = -math.inf
         self._bad = False
         self._state_ends = -math.inf
 
     def change(self, conditions: Conditions) -> None:
-        """Change the conditions from now on; what is on the way stays."""
+        """Change the conditions from now on; packets on their way are not affected."""
         self._conditions = conditions
 
     def interrupt(self, now: float, duration: float) -> None:
-        """Lose everything for so long, s."""
+        """Lose everything for this time, s."""
         self._interrupted_until = now + duration
 
     def offer(self, packet: bytes, now: float) -> None:
-        """Offer a packet that comes in."""
+        """Offer an incoming packet."""
         c = self._conditions
         self.sent += 1
         if now < self._interrupted_until or self._loses(now):
@@ -97,14 +102,14 @@ class Wire:
 
     @property
     def next_arrival(self) -> float:
-        """Return when `due` has the next packet; infinite when nothing is on the way."""
+        """Return when `due` has the next packet; infinite when none is on its way."""
         return self._on_wire[0][0] if self._on_wire else math.inf
 
     def _loses(self, now: float) -> bool:
         c = self._conditions
         if c.burst <= 0.0 or not 0.0 < c.loss < 1.0:
             return self._random.random() < c.loss
-        # Good and bad times follow each other, each of random length, bad ones the share `loss`.
+        # Good and bad times alternate, each of random length; the share of bad ones is `loss`.
         while now >= self._state_ends:
             begun = now if math.isinf(self._state_ends) else self._state_ends
             self._bad = not self._bad if not math.isinf(self._state_ends) else False

@@ -1,1 +1,1 @@
-"""The link next to plain UDP, impaired and broken."""
+"""The link compared with plain UDP, impaired and broken."""

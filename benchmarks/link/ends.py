@@ -2,11 +2,11 @@
 
     python -m benchmarks.link.ends vehicle|station FOLDER PLAN
 
-Telemetry leaves as it does on board (vehicle.comms.publishers, vehicle.comms.lane) and comes as it
-does at the station (hub, radio, console.link.lane, console.link.monitor); next to it the same bytes
-by plain UDP, half a period later: at one moment, the second would always meet the larger of two
-delays. Poses go the other way. Each program runs until it is told to end, and then writes what it
-noted as FOLDER/<program>.npz.
+Telemetry is sent as on board (vehicle.comms.publishers, vehicle.comms.lane) and received as at the
+station (hub, radio, console.link.lane, console.link.monitor); in parallel the same bytes are sent
+by plain UDP, half a period later: at the same moment, the second would always have the larger of
+two delays. Poses are sent in the other direction. Each program runs until it is terminated, and
+then writes its notes as FOLDER/<program>.npz.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ from vehicle_link.transport.session import hub_session, vehicle_session
 QUIC_PORT, LOOPBACK_PORT, UDP_PORT = 7447, 7447, 9100
 RATE, POSE_RATE, CALL_RATE, LOOK_RATE = 100, 100, 5, 200  # Hz
 CALL_TIMEOUT, CALL_TRIES = 1.0, 5
-"""As a parameter is set: asked again under the same id."""
+"""Timeout (s) and tries of a call, as when a parameter is set: repeated under the same id."""
 LOG = VehicleFile("a_log.mcap", 1 << 31, identity=1, start_ns=1, end_ns=2, closed=True)
 COMMAND, PART = SERVICES["arm"], SERVICES["onboard_part"]
 STATES = (LinkState.GOOD, LinkState.DEGRADED, LinkState.LOST)
@@ -73,9 +73,12 @@ _FRAMING = LARGEST - LARGEST_PAYLOAD
 
 
 class Plan(msgspec.Struct, frozen=True):
-    """Attributes:
-    seconds: at most; room for notes.
-    lane: whether the station asks for one. udp: whether plain UDP runs in parallel.
+    """The plan of a run.
+
+    Attributes:
+        seconds: longest duration, for which notes have room.
+        lane: whether the station requests one.
+        udp: whether plain UDP runs in parallel.
     """
 
     seconds: float
@@ -85,7 +88,7 @@ class Plan(msgspec.Struct, frozen=True):
 
 
 class Program:
-    """The program of both ends: threads until the end, notes, plain UDP both ways."""
+    """The common part of both ends: threads until the end, notes, plain UDP in both directions."""
 
     def __init__(self, folder: Path, plan: Plan) -> None:
         self.folder, self.plan = folder, plan
@@ -101,7 +104,7 @@ class Program:
         return self.notes[name]
 
     def every(self, rate: float, act: Callable[[int], None], later: float = 0.0) -> None:
-        """Call with 0, 1, … at `rate`, in a thread; `later`: part of a period."""
+        """Call `act` with 0, 1, … at `rate`, in a thread; `later` is a part of a period."""
 
         def run() -> None:
             began = time.monotonic() + later / rate
@@ -115,7 +118,7 @@ class Program:
         self._threads.append(threading.Thread(target=run, daemon=True))
 
     def udp(self, ours: str, theirs: str, payload: bytes, rate: float, heard: str) -> None:
-        """Send as many bytes as a datagram of the lane has; note as `heard` what comes."""
+        """Send as many bytes as a datagram of the lane has; note received ones as `heard`."""
         if not self.plan.udp:
             self.note(heard, 3, 0.0)
             return
@@ -135,7 +138,7 @@ class Program:
         threading.Thread(target=listen, daemon=True).start()
 
     def run(self, name: str) -> None:
-        """Run until the end; then write the notes, and leave without waiting for a dead link."""
+        """Run until the end; then write the notes, and exit without waiting for a dead link."""
         gc.collect()
         gc.freeze()
         for thread in self._threads:
@@ -172,7 +175,7 @@ def vehicle(folder: Path, plan: Plan) -> None:
         return time.monotonic() - heard[0]
 
     def send(k: int) -> None:
-        # A station that is not received is sent a probe only (vehicle.comms.publish).
+        # A station that is not received is only sent a probe (vehicle.comms.publish).
         if silence() < STATION_LOST_S or k % round(PROBE_NS * 1e-9 * RATE) == 0:
             radio.put("telemetry", stamped(next(numbers), _TELEMETRY), time.time_ns())
 
@@ -203,7 +206,7 @@ def vehicle(folder: Path, plan: Plan) -> None:
 
 
 class _FileServer:
-    """Stands in for the vehicle's own log: bytes that nothing makes smaller."""
+    """Replacement of the vehicle's own log: bytes that cannot be compressed."""
 
     def __init__(self) -> None:
         self._data = os.urandom(1 << 20)
@@ -255,7 +258,7 @@ def station(folder: Path, plan: Plan) -> None:
     def ask() -> None:
         began = time.monotonic_ns()
         request = new(f"{COMMAND}_Request", request_id=str(began), requester="benchmark")
-        for k in range(CALL_TRIES):  # as console.commands.gateway does
+        for k in range(CALL_TRIES):  # as in console.commands.gateway
             with suppress(LinkError):
                 command.call(request, timeout=CALL_TIMEOUT)
                 calls.add(began, time.monotonic_ns() - began)
@@ -286,7 +289,7 @@ def station(folder: Path, plan: Plan) -> None:
 
 
 class Download:
-    """A log is fetched as the station fetches it, until the end."""
+    """Download of a log, as the station fetches it, until the end."""
 
     def __init__(self, program: Program, node: Node) -> None:
         self._ending = program.ending

@@ -1,12 +1,13 @@
-"""Telemetry, poses and calls over a link that loses, delays, narrows and breaks; next to plain UDP.
+"""Telemetry, poses and calls over a link that loses, delays, narrows and breaks, compared with UDP.
 
     python -m benchmarks link
 
-Four parts, each told when it is done: the links, outages, a run filled after outages, a narrow
+Four parts, each reported when it is done: the links, outages, a run filled after outages, a narrow
 link. Real processes in two network namespaces (benchmarks/impairment): the project's own way from
 the vehicle's radio to the station's monitor (benchmarks/link/ends.py), and over QUIC alone, without
-the lane of datagrams, in runs of their own. Delay is from before the sending call to the receiving
-callback, of what came; age is how old the newest is, looked at each millisecond. Needs root.
+the lane of datagrams, in separate runs. Delay is from before the sending call to the receiving
+callback, for received messages; age is that of the newest message, sampled each millisecond. Needs
+root.
 """
 
 from __future__ import annotations
@@ -43,13 +44,13 @@ LINKS = {
     "20 % lost, in 80 ms bursts": Conditions(loss=0.2, burst=0.08),
 }
 BUSY = 2.0
-"""ms: where plain UDP is later than this on a clean link, the machine is, and not the link."""
+"""Delay, in ms, of plain UDP on a clean link from which the machine was busy, not the link."""
 PROMPT = 1.0
-"""ms that plain UDP takes when the machine runs."""
+"""Delay, in ms, of plain UDP when the machine is not busy."""
 
 
 def run(quick: bool = False) -> Iterator[Report]:
-    """Yield each part's report; one whose end fails misses its target, the others go on."""
+    """Yield each part's report; a part whose end fails misses its target, others continue."""
     for part in (links, outages, filled, narrow):
         try:
             yield part(quick)
@@ -60,8 +61,9 @@ def run(quick: bool = False) -> Iterator[Report]:
 
 
 def links(quick: bool = False) -> Report:
-    """Measure links under all conditions. Raises StorageError where namespaces are not allowed,
-    QuadlabError when an end fails.
+    """Measure links under all conditions.
+
+    Raises StorageError where namespaces are not allowed, QuadlabError when an end fails.
     """
     seconds = QUICK_SECONDS if quick else SECONDS
     report = Report(
@@ -92,7 +94,7 @@ def links(quick: bool = False) -> Report:
 
 
 def _busy(clean: Found) -> list[str]:
-    """Return notes about a machine that did not run all the time; targets stay as they are."""
+    """Return notes about a machine that was busy at times; targets are not affected."""
     udp = p99(delays(clean.udp))
     if udp <= BUSY:
         return []
@@ -108,7 +110,7 @@ def _busy(clean: Found) -> list[str]:
 
 
 def measure(conditions: Conditions, plan: Plan, seconds: float) -> Found:
-    """Return what was noted in `seconds` under these conditions."""
+    """Return the notes of `seconds` under these conditions."""
     with running(plan) as ends:
         ends.link.change(conditions)
         time.sleep(SETTLED)
@@ -116,7 +118,7 @@ def measure(conditions: Conditions, plan: Plan, seconds: float) -> Found:
         time.sleep(seconds)
         end = time.monotonic_ns()
         ends.link.change(Conditions())
-        time.sleep(SETTLED)  # what is on its way
+        time.sleep(SETTLED)  # for messages on their way
         return ends.finish().between(begin, end)
 
 

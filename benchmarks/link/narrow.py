@@ -1,8 +1,8 @@
-"""A log is downloaded over 2 Mbit/s while telemetry comes. Part of `python -m benchmarks link`.
+"""A log is downloaded over 2 Mbit/s during telemetry. Part of `python -m benchmarks link`.
 
-Telemetry waits behind what is in the air of the download: W bytes of it make W / (rate - telemetry)
-seconds, for telemetry that waits makes the others wait too. With 0.9 of 2 Mbit/s taken, a piece of
-2800 B makes 21 ms, two make 43.
+Telemetry waits for the part of the download that is on its way: W bytes of it delay telemetry by W
+/ (rate - telemetry) seconds, as waiting telemetry also delays the next. With 0.9 of 2 Mbit/s used,
+a piece of 2800 B gives 21 ms, two give 43.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SECONDS, QUICK_SECONDS = 30.0, 6.0
 
 
 def narrow(quick: bool = False) -> Report:
-    """Return telemetry's delay, and how much of what it leaves the download gets."""
+    """Return telemetry's delay, and the share of the remaining rate that the download gets."""
     seconds = QUICK_SECONDS if quick else SECONDS
     with running(Plan(2 * seconds + 30.0, udp=False)) as ends:
         ends.link.change(Conditions(rate=RATE))

@@ -1,4 +1,4 @@
-"""The notes of the two ends of `python -m benchmarks link`, and the figures that follow.
+"""The notes of the two ends of `python -m benchmarks link`, and the figures computed from them.
 
 All times are ns of CLOCK_MONOTONIC, which the ends share.
 """
@@ -16,10 +16,10 @@ Rows = npt.NDArray[Any]
 
 
 class Notebook:
-    """Rows of int64 in memory taken at once, so that noting does not look like a leak.
+    """Rows of int64 in memory allocated at once, so that notes do not look like a leak.
 
     Args:
-        most: rows; later ones are not kept.
+        most: number of rows; later ones are dropped.
     """
 
     def __init__(self, most: int, columns: int) -> None:
@@ -38,13 +38,15 @@ class Notebook:
 
 @dataclass(frozen=True)
 class Found:
-    """Attributes:
-    telemetry: number, sent, heard, 1 if it was to be shown, 1 if it came as a datagram.
-    udp, poses, udp_poses: number, sent, heard; poses are heard at the vehicle.
-    calls: asked, ns until answered or -1.
-    states: when the station's view of the link changed, 0 good 1 degraded 2 lost.
-    silences: when the vehicle began or ceased to miss the station, 1 or 0.
-    download: when a piece came, its bytes.
+    """The notes of both ends.
+
+    Attributes:
+        telemetry: number, sent, received, 1 if it was to be shown, 1 if it arrived as a datagram.
+        udp, poses, udp_poses: number, sent, received; poses are received at the vehicle.
+        calls: requested, ns until answered or -1.
+        states: when the station's view of the link changed, 0 good 1 degraded 2 lost.
+        silences: when the vehicle started or stopped missing the station, 1 or 0.
+        download: when a piece arrived, its bytes.
     """
 
     telemetry: Rows
@@ -57,7 +59,7 @@ class Found:
     download: Rows
 
     def between(self, begin: float, end: float) -> Found:
-        """Return what was sent, asked or noted from `begin` until `end`."""
+        """Return what was sent, requested or noted from `begin` until `end`."""
         when = {"telemetry": 1, "udp": 1, "poses": 1, "udp_poses": 1}
         kept = {}
         for name, rows in vars(self).items():
@@ -67,12 +69,12 @@ class Found:
 
 
 def delays(rows: Rows) -> npt.NDArray[np.float64]:
-    """Return the delays (ms) of what came."""
+    """Return the delays (ms) of received messages."""
     return np.asarray((rows[:, 2] - rows[:, 1]) * MS, np.float64)
 
 
 def ages(rows: Rows) -> npt.NDArray[np.float64]:
-    """Return how old (ms) the newest is at each millisecond."""
+    """Return the age (ms) of the newest message at each millisecond."""
     heard = rows[np.argsort(rows[:, 2], kind="stable")]
     newest = np.maximum.accumulate(heard[:, 1])
     moments = np.arange(heard[0, 2], heard[-1, 2], 1_000_000)
@@ -81,8 +83,9 @@ def ages(rows: Rows) -> npt.NDArray[np.float64]:
 
 
 def beside(rows: Rows, udp: Rows, most: float) -> Rows:
-    """Return the received packets that were sent between two packets of plain UDP which took at
-    most `most` ms each: both machines ran then, however long `rows` themselves took.
+    """Return the received packets sent between two packets of plain UDP of at most `most` ms each.
+
+    Both machines were running then, however long `rows` themselves took.
     """
     sent = udp[np.argsort(udp[:, 1], kind="stable")]
     after = np.searchsorted(sent[:, 1], rows[:, 1])
@@ -95,7 +98,7 @@ def beside(rows: Rows, udp: Rows, most: float) -> Rows:
 
 
 def lost(rows: Rows) -> float:
-    """Return the loss (%) between the first and the last that came."""
+    """Return the loss (%) between the first and the last message received."""
     numbers = np.unique(rows[:, 0])
     return float(100.0 * (1.0 - len(numbers) / (numbers[-1] - numbers[0] + 1)))
 
@@ -109,7 +112,7 @@ def p99(values: npt.NDArray[np.float64]) -> float:
 
 
 def answers(calls: Rows) -> npt.NDArray[np.float64]:
-    """Return the ms until those that were answered were."""
+    """Return the ms until the answers of calls that were answered."""
     return np.asarray(calls[calls[:, 1] >= 0, 1] * MS, np.float64)
 
 

@@ -1,4 +1,4 @@
-"""A hundred breaks of the link: what comes after each, and how soon each end knows of it.
+"""A hundred breaks of the link: what arrives after each, and how soon each end notices it.
 
 Part of `python -m benchmarks link`.
 """
@@ -20,22 +20,22 @@ from benchmarks.link.run_ends import Running, running
 COUNT, QUICK_COUNT = 100, 5
 SHORTEST, LONGEST, BETWEEN = 0.5, 10.0, 2.0  # s
 CALL_RATE = 20.0
-"""Hz: the first answer after an outage is to be seen in time, not waited for by the asker."""
+"""Rate, in Hz, of calls: the first answer after an outage must be seen in time."""
 FRESH = 250.0  # ms
 WARM = 3
-"""Outages before memory is looked at: buffers have their size then."""
+"""Number of outages before memory is measured: buffers have reached their size by then."""
 
 
 @dataclass(frozen=True)
 class Outage:
-    """ns."""
+    """Start and end of an outage, ns."""
 
     begin: int
     end: int
 
 
 def outages(quick: bool = False) -> Report:
-    """Return fresh data and answers after each; memory; when each end knew."""
+    """Measure fresh data and answers after each outage, memory, and when each end noticed it."""
     count = QUICK_COUNT if quick else COUNT
     drawn = random.Random(8)
     lengths = [drawn.uniform(SHORTEST, LONGEST) for _ in range(count)]
@@ -54,8 +54,10 @@ def outages(quick: bool = False) -> Report:
 
 
 def _break(ends: Running, length: float, more: float) -> Outage:
-    """Break the link and return the outage; `more` shifts it, so that beats do not always stop at
-    the same moment.
+    """Break the link and return the outage.
+
+    Args:
+        more: s, an extra pause, so that heartbeats do not always stop at the same moment.
     """
     begin = time.monotonic_ns()
     ends.link.interrupt(length)
@@ -101,25 +103,21 @@ def _report(found: Found, broken: list[Outage], growth: tuple[float, float]) -> 
 
 
 def first_fresh(found: Found, outage: Outage) -> float:
-    """Return the ms from the end of the outage to telemetry that was to be shown; inf when none
-    came.
-    """
+    """Return the ms from the outage's end to telemetry that was to be shown; inf without any."""
     rows = found.telemetry
     came = rows[(rows[:, 2] >= outage.end) & (rows[:, 3] == 1), 2]
     return _since(came, outage.end)
 
 
 def first_answer(found: Found, outage: Outage) -> float:
-    """Return the ms from the end of the outage to an answer, whenever it was asked for."""
+    """Return the ms from the end of the outage to an answer, whenever it was requested."""
     calls = found.calls[found.calls[:, 1] >= 0]
     answered = calls[:, 0] + calls[:, 1]
     return _since(answered[answered >= outage.end], outage.end)
 
 
 def noticed(changes: npt.NDArray[np.int64], outage: Outage) -> float:
-    """Return the ms from the begin of the outage until one end missed the other; inf when it did
-    not.
-    """
+    """Return the ms from the start of the outage until one end noticed it; inf if it did not."""
     after = changes[(changes[:, 0] >= outage.begin) & (changes[:, 1] > 0), 0]
     return _since(after, outage.begin)
 

@@ -1,4 +1,4 @@
-"""Starts the two ends of `python -m benchmarks link` and collects what they noted."""
+"""Start the two ends of `python -m benchmarks link` and collect their notes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from quadrotor.errors import QuadlabError
 from vehicle_link.security.authority import ensure_certificates
 
 SETTLED = 2.0
-"""s at the start that do not count: the lane comes up, the clock is found."""
+"""Time, in s, at the start that does not count: the lane starts, the clock is synchronised."""
 PATIENCE = 20.0
 
 
@@ -52,7 +52,7 @@ class Running:
         self._programs[1].send_signal(signal.SIGUSR1)
 
     def finish(self) -> Found:
-        """End both; what they noted."""
+        """End both and return their notes."""
         notes = {}
         for program, name in zip(reversed(self._programs), ("station", "vehicle"), strict=True):
             program.terminate()
@@ -66,8 +66,9 @@ class Running:
 
 @contextmanager
 def running(plan: Plan, seed: int = 11) -> Iterator[Running]:
-    """Run both ends over an impaired link. Raises StorageError where namespaces are not allowed,
-    QuadlabError when an end fails.
+    """Run both ends over an impaired link.
+
+    Raises StorageError where namespaces are not allowed, QuadlabError when an end fails.
     """
     with tempfile.TemporaryDirectory() as name, ImpairedLink(seed) as link:
         ensure_certificates(Path(name), [A])

@@ -1,7 +1,7 @@
-"""A recorded run over a link that breaks a hundred times, made whole from the vehicle's own log.
+"""A recorded run over a link that breaks a hundred times, completed from the vehicle's own log.
 
 Part of `python -m benchmarks link`. The whole laboratory: `quadlab simulator` and `quadlab station`
-at one end of the link, `quadlab vehicle` at the other. The vehicle stands armed on the ground, for
+at one end of the link, `quadlab vehicle` at the other. The vehicle is armed on the ground, because
 in flight it lands soon after the station falls silent; its log is written as in flight. After
 disarming the station compares, fetches and fills by itself; then the run is compared with the
 vehicle's log here, tick by tick, outage by outage.
@@ -131,13 +131,13 @@ def _report(
 
 
 def _ticks(logs: list[Path]) -> npt.NDArray[np.int64]:
-    """Return stamps of all ticks, in order, each once."""
+    """Return the stamps of all ticks, in order and without duplicates."""
     found = [message.publish_ns for log in logs for message in read_log(log, topics=[TICKS])]
     return np.unique(np.array(found, np.int64))
 
 
 def _verdict(data: Path) -> tuple[Path, Completeness]:
-    """Return the log of the only run, and what the station reports of it once it has decided."""
+    """Return the log of the only run, and the station's report of it once it has decided."""
     end = time.monotonic() + FILLING
     while time.monotonic() < end:
         catalogue = Catalogue(data)

@@ -1,9 +1,9 @@
-"""Mutated and crafted logs through all that reads logs, with the memory that each command takes.
+"""Mutated and crafted logs read by all readers of logs, with the memory that each command needs.
 
     python -m benchmarks fuzz_logs [--count N] [--seed N]
 
-The commands run one after the other in a worker (benchmarks/logs/fuzz_worker.py), which is
-started again when it has grown, so that one command's memory is not told as another's.
+The commands run one after another in a worker (benchmarks/logs/fuzz_worker.py), which is restarted
+when it has grown, so that one command's memory is not counted as another's.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from tests.crafted_logs import CRAFTED, mutated, sound
 COUNT, QUICK_COUNT = 500, 20
 MOST_MB = 500.0
 GROWN_MB = 400.0
-"""Memory of a worker at rest above which the next command gets a new worker."""
+"""Memory of an idle worker, in MB, above which the next command gets a new worker."""
 LONGEST = 600.0  # s of a command
 LARGE = ("at_the_limit", "many_tiny", "many_loose", "attached", "long_text", "long_array")
-"""Crafted logs whose commands have a worker each."""
+"""Crafted logs whose commands have a separate worker each."""
 
 
 class Worker:
-    """Commands in a process of their own."""
+    """Runner of commands in a separate process."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[str] | None = None
 
     def run(self, command: str, log: Path, out: Path) -> dict[str, Any]:
-        """Return status, peak and what it holds afterwards (MB), the end of what it said."""
+        """Return status, peak and remaining memory (MB), and the end of its output."""
         if self._process is None:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "benchmarks.logs.fuzz_worker"],

@@ -1,6 +1,6 @@
-"""Runs commands on logs in this process and tells of each its status and most memory.
+"""Run commands on logs in this process and report status and peak memory of each.
 
-Each line of the standard input is JSON [command, log, folder]; each answer a line of JSON.
+Each line of the standard input is JSON [command, log, folder]; each answer is a line of JSON.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def _command(*words: str, out: bool = False, of_copy: bool = False) -> Callable[
 
 
 def _page(log: Path, folder: Path) -> int:
-    """Do what *Runs* does with a log: enter it, list it, make it ready for replay, read it."""
+    """Do what *Runs* does with a log: enter it, list it, prepare it for replay, read it."""
     from console.catalogue.catalogue import Catalogue
     from console.runs.adoption import tidy_runs
     from web.replay.build import build_replay
@@ -58,7 +58,7 @@ def _page(log: Path, folder: Path) -> int:
 
 
 def _recording(log: Path, folder: Path) -> int:
-    """Return the recording for viser."""
+    """Make the recording for viser."""
     from web.runs.viser_recording import record
 
     try:
@@ -84,7 +84,7 @@ COMMANDS: dict[str, Callable[[Path, Path], int]] = {
 
 
 def _megabytes(name: str) -> float:
-    """Return a line of this process's status: VmHWM, the most since it was reset, or VmRSS."""
+    """Return MB from this process's status: VmHWM, the peak since its reset, or VmRSS."""
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith(f"{name}:"):
             return float(line.split()[1]) * 1024e-6
@@ -93,13 +93,13 @@ def _megabytes(name: str) -> float:
 
 def work() -> None:
     answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # what libraries print is no answer
+    os.dup2(2, 1)  # the output of libraries is not an answer
     for line in sys.stdin:
         command, log, out = json.loads(line)
         folder = Path(out)
         folder.mkdir()
         gc.collect()
-        Path("/proc/self/clear_refs").write_text("5")  # the peak begins again
+        Path("/proc/self/clear_refs").write_text("5")  # reset the peak
         said = io.StringIO()
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
             try:

@@ -1,7 +1,7 @@
-"""A log whose writer was killed: what of it was lost, and who reads what is left.
+"""A log whose writer was killed: what was lost, and which readers read the rest.
 
 The writer's process numbers its messages in their source stamps and notes on a board, which
-outlives it, how many it has put and when.
+outlives it, how many it has written and when.
 """
 
 from __future__ import annotations
@@ -27,9 +27,7 @@ _FIELDS = struct.Struct("<qq")
 
 
 class Board:
-    """A board with the count put so far; written by one process, read by another when that one is
-    dead.
-    """
+    """A message count that one process writes, and another reads when that one is dead."""
 
     def __init__(self, path: Path) -> None:
         if not path.exists():
@@ -38,7 +36,7 @@ class Board:
             self._memory = mmap.mmap(file.fileno(), _FIELDS.size)
 
     def note(self, count: int, last_ns: int) -> None:
-        """Note the messages put, and the log time of the last one."""
+        """Note the number of messages written, and the log time of the last one."""
         _FIELDS.pack_into(self._memory, 0, count, last_ns)
 
     def read(self) -> tuple[int, int]:
@@ -52,12 +50,12 @@ class Kill:
 
     put: int  # messages
     kept: int
-    lost_ms: float  # of data: from the last message in the mended file to the last one put
-    problems: tuple[str, ...]  # of the mended file
+    lost_ms: float  # of data: from the last message in the repaired file to the last one written
+    problems: tuple[str, ...]  # of the repaired file
 
 
 def look(log: Path, board: Board, mend: Callable[[], object]) -> Kill:
-    """Mend it as the next start does, then read it with every reader."""
+    """Repair a log as the next start does, then read it with every reader."""
     put, last_ns = board.read()
     problems = [] if not is_closed(log) else ["it was closed before it was killed"]
     mend()
@@ -73,9 +71,7 @@ def look(log: Path, board: Board, mend: Callable[[], object]) -> Kill:
 
 
 def problems_of(log: Path, count: int) -> list[str]:
-    """Return the problems of a mended file in which we read `count` messages; none when it is
-    sound.
-    """
+    """Return the problems of a repaired file of which we read `count` messages; none if sound."""
     problems = []
     if RECOVERED_METADATA not in read_metadata(log):
         problems.append("it is not marked as mended")
@@ -117,7 +113,7 @@ def _by_mcap(log: Path) -> int:
 
 
 def _by_rosbags(log: Path) -> int:
-    """Count the messages that rosbags reads and decodes."""
+    """Return the number of messages that rosbags reads and decodes."""
     with AnyReader([log]) as reader:
         decoded: list[Any] = [
             reader.deserialize(raw, connection.msgtype) for connection, _, raw in reader.messages()

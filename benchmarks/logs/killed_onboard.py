@@ -2,9 +2,9 @@
 
     python -m benchmarks killed_logs [--quick]
 
-The real `vehicle.comms.process`, with its link, started again after each kill as its parent does;
-this process is the flight process, 500 ticks a second through the shared ring. Lost is a tick that
-neither the dead process's file nor that of the next one has.
+The real `vehicle.comms.process`, with its link, is started again after each kill as its parent
+does; this process is the flight process, 500 ticks a second through the shared ring. A tick is lost
+if neither the dead process's file nor that of the next one has it.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ NAME = "quad1"
 
 
 def kills(count: int, seed: int = 1) -> Iterator[Kill]:
-    """Yield `count` kills in one flight, each at a moment by chance."""
+    """Yield `count` kills in one flight, each at a random moment."""
     chance = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory(prefix="quadlab-killed-") as name:
         data = Path(name)
@@ -84,7 +84,7 @@ class Dead:
 
 
 class Flight:
-    """Armed, and its numbers do not compress to nothing; `ticks` runs in a thread."""
+    """Flight process that is armed, with incompressible numbers; `ticks` runs in a thread."""
 
     def __init__(self, rings: Rings) -> None:
         self._rings = rings
@@ -100,7 +100,7 @@ class Flight:
 
     @property
     def taken(self) -> int:
-        """Return ticks that comms has read."""
+        """Return the number of ticks that comms has read."""
         return int(self._rings.ticks._words[READ])
 
     def _run(self) -> None:
@@ -115,7 +115,7 @@ class Flight:
             tick["imu"]["specific_force_b"] = random.normal(size=(1, 3))
             while len(self._rings.ticks) > WAITING_MAX and not self._ended.is_set():
                 self._answer()
-                time.sleep(0.01)  # comms is still starting: no tick is to be missing
+                time.sleep(0.01)  # comms is still starting: no tick may be missing
             self._rings.ticks.push(tick)
             number += 1
             self._answer()
@@ -140,7 +140,7 @@ def _run(data: Path, descriptors: RingDescriptors, ending: signal.Signals, after
         pass_fds=descriptors.all,
         stdin=subprocess.DEVNULL,
     )
-    with suppress(PermissionError):  # as `quadlab up` starts what flies
+    with suppress(PermissionError):  # as `quadlab up` starts its flight processes
         os.setpriority(os.PRIO_PROCESS, process.pid, NICENESS)
     try:
         end = time.monotonic() + PATIENCE_S
@@ -161,7 +161,7 @@ def _run(data: Path, descriptors: RingDescriptors, ending: signal.Signals, after
 
 
 def _dead(data: Path, log: Path, flight: Flight) -> Dead:
-    """Mend the log as the next start does, and look at what is left."""
+    """Repair the log as the next start does, and check what is left."""
     taken = flight.taken
     problems = ["it was closed before it was killed"] if is_closed(log) else []
     problems += [line for line in recover_logs(torn_logs(data)) if "not recovered" in line]
@@ -183,7 +183,7 @@ def _kill(dead: Dead, next_first: int) -> Kill:
 
 
 def _numbers(log: Path, flight: Flight) -> dict[str, list[int]]:
-    """Return the numbers of each topic's messages; of ticks those of the flight."""
+    """Return the numbers of each topic's messages; for ticks, those of the flight."""
     found: dict[str, list[int]] = {}
     for message in read_log(log):
         number = (message.publish_ns - flight.start_ns) // STEP_NS

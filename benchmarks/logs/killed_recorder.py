@@ -1,9 +1,9 @@
-"""The station's recorder killed (-9) at random moments while data comes at the full rate.
+"""The station's recorder killed (-9) at random moments while data arrives at the full rate.
 
     python -m benchmarks killed_logs [--quick]
 
-A process of its own has the real recorder and a real catalogue, and puts what a station hears:
-four topics at 500 Hz in packets of five, poses at 100 Hz and slower ones. The next start mends.
+A separate process has the real recorder and a real catalogue, and records what a station receives:
+four topics at 500 Hz in packets of five, poses at 100 Hz and slower ones. The next start repairs.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ MATERIAL, BOARD = "material.mcap", "board"
 
 
 def kills(count: int, seed: int = 1) -> Iterator[Kill]:
-    """Yield `count` processes, one after the other, each killed at a moment by chance."""
+    """Yield `count` processes, one after another, each killed at a random moment."""
     chance = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory(prefix="quadlab-killed-") as name:
         write_run(Path(name) / MATERIAL, MadeRun(MATERIAL_S))
@@ -137,7 +137,7 @@ def feed(material: Path, folder: Path) -> None:
 
 
 def _packets(material: Path) -> list[list[tuple[str, str, bytes]]]:
-    """Return what comes in each hundredth of a second."""
+    """Return the messages of each hundredth of a second."""
     packets: dict[int, list[tuple[str, str, bytes]]] = {}
     first: Any = None
     for message in read_log(material):

@@ -1,10 +1,10 @@
-"""A log of 20 minutes: checked, exported, reported, opened, each in a process of its own.
+"""A log of 20 minutes: checked, exported, reported, opened, each in a separate process.
 
     python -m benchmarks logs [--quick]
 
-The log is made up (benchmarks/logs/recorded_run.py). Next to it the mcap library's own reader goes
-through all messages of the same file and does nothing with them. The columns of the log are made
-once, by themselves, and what comes after reads them.
+The log is synthetic (benchmarks/logs/recorded_run.py). For comparison the mcap library's own reader
+iterates over all messages of the same file and does nothing with them. The columns of the log are
+made once, separately, and read by the commands that follow.
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ print(time.process_time() - began)
 """
 MOST_TABLE_S = 0.5
 LIMITED = ("log check", "log export --format parquet")
-"""What has a limit of time; memory is limited for all of ours."""
+"""Commands with a limit of time; memory is limited for all of ours."""
 
 
 class Taken(NamedTuple):
     seconds: float
     busy: float  # s of processor time
-    megabytes: float  # most at once
+    megabytes: float  # peak
 
 
 def run(quick: bool = False) -> Report:
@@ -116,7 +116,7 @@ def _report(taken: dict[str, Taken], duration: float, size: float) -> Report:
 
 
 def _taken(*words: str) -> Taken:
-    """Raise RuntimeError when the process fails."""
+    """Run a process and measure it. Raises RuntimeError when it fails."""
     began = time.monotonic()
     process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)

@@ -1,7 +1,7 @@
-"""A run as the station records it, made up: the real schemas, rates, chunks and size, any length.
+"""A synthetic run as the station records it: the real schemas, rates, chunks and size, any length.
 
-The vehicle flies laps of an 8; noise on every number makes the file as large as a real one
-(0.25 MB/s). Times are exact, so that a test knows what a replay must show.
+The vehicle flies laps of an 8; noise on every number makes the file as large as a real one (0.25
+MB/s). Times are exact, so that a test knows what a replay must show.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ TAKE_OFF, REST = 3.0, 3.0  # s after the start, before the end
 
 @dataclass(frozen=True)
 class MadeRun:
-    """A made-up run and its content; times in s since the first tick."""
+    """A synthetic run and its content; times in s since the first tick."""
 
     duration: float
     vehicle: str = "quad1"
@@ -45,8 +45,8 @@ class MadeRun:
     changes: Sequence[tuple[float, str, Any, Any]] = ()  # t, parameter, old and new value
     pictures: Sequence[tuple[float, bytes]] = ()  # t, JPEG of the camera on board
     noise: float = 1e-3
-    clock_ns: int = 0  # the vehicle's clock less the station's
-    late: float = 0.0  # s the take-off comes later
+    clock_ns: int = 0  # the vehicle's clock minus the station's
+    late: float = 0.0  # s by which the take-off is later
     extra: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -55,7 +55,7 @@ class MadeRun:
 
     @property
     def trajectory(self) -> float:
-        """Start of the laps."""
+        """Return the start of the laps."""
         return self.take_off + 3.0
 
     def behavior(self, t: float) -> str:
@@ -67,7 +67,7 @@ class MadeRun:
 
 
 def position_at(run: MadeRun, t: Any) -> Any:
-    """Return reference position without noise, m, shape (N, 3)."""
+    """Return the reference position without noise, m, shape (N, 3)."""
     t = np.asarray(t, float)
     flown = np.clip(t - run.trajectory, 0.0, max(0.0, run.duration - REST - run.trajectory))
     angle = 2.0 * math.pi / LAP * flown
@@ -194,7 +194,7 @@ class _Writer:
             self._next = next(self._slow, None)
 
     def _slow_messages(self) -> Iterator[tuple[float, str, Any]]:
-        """Yield everything below 100 Hz in the order of time."""
+        """Yield all messages below 100 Hz in the order of time."""
         run, random, marked = self._run, self._random, 0
         once = sorted(
             [(t, "mark", text) for t, text in run.marks]
@@ -255,9 +255,7 @@ class _Writer:
 
 
 def _whole(messages: Any) -> Any:
-    """Return whole records as bytes: numpy copies the fields of a record alone, and not what lies
-    between them.
-    """
+    """Return whole records as bytes: numpy would not copy the bytes between fields."""
     return messages.view(f"V{messages.dtype.itemsize}")
 
 

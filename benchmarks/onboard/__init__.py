@@ -1,1 +1,1 @@
-"""The flight loop and what runs in it."""
+"""The flight loop and its parts."""

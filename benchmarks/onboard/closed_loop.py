@@ -16,18 +16,18 @@ from vehicle.closed_loop.onboard import new_onboard
 
 SECONDS = 27.0
 HOVER = 8.0
-"""s before the 8 with sensors: the filter's biases settle."""
+"""Time, in s, before the 8 with sensors, in which the filter's biases settle."""
 TRUE, FULL = "compiled, true state", "compiled, sensors and filter"
 TWINS = {"C++ -O3, true state": PORTABLE, "C++ -O3 -march=native, true state": NATIVE}
 ROTORPY = "RotorPy Environment"
 
 Method = Callable[[], tuple[float, float | None, float | None]]
-"""Flies; returns steps of 1 ms done, the rms position error in m or None, and the seconds of
-processor time when they were spent in another process."""
+"""Function that flies and returns the number of steps of 1 ms, the rms position error in m or None,
+and the seconds of processor time if spent in another process."""
 
 
 def run(quick: bool = False) -> Report:
-    """Return rows of steps a second of wall time and of processor time, all threads together."""
+    """Return rows of steps per second of wall time and of processor time, all threads together."""
     report = Report(
         "closed_loop",
         "Closed-loop simulation",
@@ -82,7 +82,7 @@ def run(quick: bool = False) -> Report:
         target("true state, times RotorPy", cpu[TRUE] / cpu[ROTORPY], 3000.0)
         target("sensors and filter, times RotorPy", cpu[FULL] / cpu[ROTORPY], 3000.0)
     if cores > 1:
-        # Of the fastest rounds: the target is for idle cores, and others use them too.
+        # Of the fastest rounds: the target is for idle cores, and other programs use them too.
         target(f"{cores} threads over one", wall[together].max() / wall[FULL].max(), 0.9 * cores)
         median = float(np.median(wall[together] / wall[FULL]))
         report.notes.append(
@@ -101,9 +101,7 @@ def run(quick: bool = False) -> Report:
 def _in_turns(
     methods: dict[str, Method], rounds: int
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, float | None]]:
-    """Return steps a second of wall and of processor time (rounds,), and the last error, a
-    method.
-    """
+    """Return steps per second of wall and processor time (rounds,), and last error, by method."""
     for method in methods.values():
         method()  # compile, fill caches
     wall: dict[str, list[float]] = {name: [] for name in methods}

@@ -1,4 +1,4 @@
-"""A real flight process whose comms process is the benchmark: it commands and hears the ticks."""
+"""A real flight process with the benchmark as comms process, which commands it and reads ticks."""
 
 from __future__ import annotations
 
@@ -28,17 +28,18 @@ NICENESS = -10
 HEARTBEAT_NS = 50_000_000
 ANSWER_S = 3.0
 Notes = dict[str, npt.NDArray[np.int64]]
-"""What benchmarks.onboard.recorded_flight wrote, by name."""
+"""The arrays written by benchmarks.onboard.recorded_flight, by name."""
 
 
 class FlightUnderTest:
     """A flight process that notes its ticks; use it in a `with` statement.
 
     Args:
-        folder: for what it notes.
+        folder: for its notes.
         rate: Hz.
         ports: serial devices; none for a simulated vehicle inside the process.
-        poses: called often, gives what a tracking system has measured since.
+        poses: called often, returns the poses that a tracking system has measured since the last
+            call.
     """
 
     def __init__(
@@ -62,7 +63,7 @@ class FlightUnderTest:
         """Called with all ticks read, shape (N,)."""
 
     def __enter__(self) -> FlightUnderTest:
-        with suppress(PermissionError):  # as `quadlab up` starts what flies
+        with suppress(PermissionError):  # as `quadlab up` starts its flight processes
             os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
         words = msgspec.json.encode(self._config).decode()
         self._process = subprocess.Popen(
@@ -94,14 +95,14 @@ class FlightUnderTest:
         return f"{name}, {int(locked) // 1024} MB locked"
 
     def fly(self, seconds: float) -> None:
-        """Serve it for so long. Raises QuadlabError when it ends."""
+        """Serve the process for this time. Raises QuadlabError when it ends."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self._serve()
             time.sleep(STEP_S)
 
     def until(self, mode: Mode, longest: float) -> None:
-        """Serve it until it is in this mode. Raises QuadlabError."""
+        """Serve the process until it is in this mode. Raises QuadlabError."""
         end = time.monotonic() + longest
         while self.newest is None or self.newest["status"]["mode"][0] != mode:
             if time.monotonic() > end:
@@ -109,7 +110,7 @@ class FlightUnderTest:
             self.fly(STEP_S)
 
     def take_off(self) -> None:
-        """Take off and start the figure 8, flown from then on."""
+        """Take off and start the figure 8, which continues."""
         self.until(Mode.READY, 120.0)
         self.fly(1.0)
         self.ask(lambda id: mailbox.Arm(id, "benchmark"))
@@ -137,7 +138,7 @@ class FlightUnderTest:
             raise RefusedError(reply.reason)
 
     def stop(self) -> Notes:
-        """End it as its parent would; what it has noted."""
+        """End the process as its parent would; return its notes."""
         self._process.send_signal(signal.SIGTERM)
         self._process.wait(10.0)
         with np.load(self._out) as notes:

@@ -1,12 +1,12 @@
-"""Measure how late the flight loop wakes next to two busy processes, and cyclictest next to it.
+"""Measure how late the flight loop wakes next to two busy processes, compared with cyclictest.
 
     python -m benchmarks loop
 
-The real flight process, its simulated vehicle in memory, flies the figure 8 in real time while two
-processes keep both cores busy. Lateness is measured from the absolute deadline of a sample to when
-the loop wakes for it. cyclictest (Debian: rt-tests) measures what the
-kernel alone takes, in the same seconds, at the same interval and priority. Run it as root, or with
-the real-time rights of docs/page/setup.md, on an idle machine.
+The real flight process, with its simulated vehicle in memory, flies the figure 8 in real time while
+two processes keep both cores busy. Lateness is measured from the absolute deadline of a sample to
+when the loop wakes for it. cyclictest (Debian: rt-tests) measures the kernel's share, in the same
+seconds, at the same interval and priority. Run it as root, or with the real-time rights of
+docs/page/setup.md, on an idle machine.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ RATIO = 2.0
 
 
 def run(quick: bool = False) -> Report:
-    """Measure both rates. Ends with a line when cyclictest is missing."""
+    """Measure both rates. Exits with a message when cyclictest is missing."""
     if shutil.which("cyclictest") is None:
         raise SystemExit("cyclictest is not installed: sudo apt-get install rt-tests")
     seconds = QUICK_SECONDS if quick else SECONDS
@@ -151,9 +151,7 @@ def _cyclictest(interval_us: int, seconds: int) -> Iterator[subprocess.Popen[str
 
 
 def histogram(said: str) -> npt.NDArray[np.int64]:
-    """Return latencies (µs) of what `cyclictest --histogram` printed, one for each of its
-    cycles.
-    """
+    """Return the latencies (µs) in the output of `cyclictest --histogram`, one per cycle."""
     rows = re.findall(r"^(\d+)\s+(\d+)$", said, re.MULTILINE)
     latencies = [np.repeat(np.int64(us), int(count)) for us, count in rows]
     over = re.search(r"^# Histogram Overflows: 0*(\d+)$", said, re.MULTILINE)

@@ -1,9 +1,9 @@
-"""Find how fast the loop must be: the 8 and hover at 60 to 1000 Hz, closed through the whole stack.
+"""Measure the effect of the loop rate: the 8 and hover at 60 to 1000 Hz, with the whole stack.
 
     python -m benchmarks loop_rate
 
-Simulated time: real stack, simulated firmware and plant, full sensors. The rate is that of the
-IMU's samples, of the ticks and of the commands alike, as the paper's loop has it.
+Simulated time: real stack, simulated firmware and plant, full sensors. The rate applies to the
+IMU's samples, the ticks and the commands alike, as in the paper's loop.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ RATES = (60, 120, 250, 500, 650, 1000)
 FLAT_FROM = 250
 SEEDS = 4
 PERIOD, RAMP = 8.0, 4.0
-"""s; the ramps in and out are shorter than RAMP, what is left between are steady laps."""
+"""Period and ramp, in s; the ramps in and out are shorter than RAMP, the rest are steady laps."""
 HOVER = 10.0
 REFERENCE_MM = 3.0
-"""rms on the 8 with full sensors, of an independent simulation."""
+"""Error, in mm rms, on the 8 with full sensors, from an independent simulation."""
 WITHIN = 1.3
 NOISE: dict[str, float] = {
     f"simulator.{name}": getattr(SimulatorParameters(), name)
     for name in ("accelerometer_noise", "gyroscope_noise")
 }
 NOMINAL = 500
-"""Hz, whose noise a sample is the simulator's own."""
+"""Rate, in Hz, at which the noise per sample is the simulator's own."""
 
 
 def run(quick: bool = False) -> Report:
@@ -129,7 +129,7 @@ def run(quick: bool = False) -> Report:
 def _judge(
     report: Report, eight: dict[int, float], density: dict[int, float], true_state: dict[int, float]
 ) -> None:
-    """Judge the expectation: flat from 250 Hz on, 120 Hz within 30 %, 60 Hz flies."""
+    """Check the expectation: flat from 250 Hz on, 120 Hz within 30 %, 60 Hz flies."""
     flat = [eight.get(rate, math.inf) for rate in RATES if rate >= FLAT_FROM]
     at_500 = eight.get(500, math.inf)
     report.targets += [
@@ -184,7 +184,7 @@ def _fly(
 
 
 def _errors(flight: WatchedFlight, since: float, until: float) -> Array:
-    """Return distance (mm) from the reference at each tick."""
+    """Return the distance (mm) from the reference at each tick."""
     times, true, wanted = flight.trace(since)
     away: Array = 1e3 * np.linalg.norm(true - wanted, axis=1)
     return away[times <= until]

@@ -147,7 +147,7 @@ def _twin_loop(
 
 
 class Composed:
-    """The same step put together in Python: the plugins' calls one after the other."""
+    """The same step composed in Python: the plugins' calls one after another."""
 
     def __init__(self, trajectory: FigureEight, model: VehicleModel) -> None:
         self.estimator, self.controller = ComplementaryEstimator(), GeometricController()
@@ -171,8 +171,8 @@ class Composed:
 def _tick(report: Report, seconds: float) -> None:
     """Measure the vehicle's own tick, median and 99.9th percentile.
 
-    The target is for processor time: another process that takes the core is not the tick's work,
-    and on the vehicle real-time priority keeps it away.
+    The target is for processor time: another process that occupies the core is not the tick's work,
+    and on the vehicle real-time priority prevents it.
     """
     wall, busy = 1e-3 * np.array(ticks(seconds)).T
     median, late = float(np.median(wall)), float(np.percentile(busy, 99.9))
@@ -189,9 +189,7 @@ def _tick(report: Report, seconds: float) -> None:
 
 
 def ticks(seconds: float) -> list[tuple[int, int]]:
-    """Return the ns of each tick, on the clock and of processor time, over `seconds` of a simulated
-    8.
-    """
+    """Return the ns of each tick, wall and processor time, over `seconds` of a simulated 8."""
     from quadlab.simulated.flight import SimulatedFlight
     from quadlab.simulated.parameters import FlightParameters
     from vehicle.flight.realtime import freeze_garbage
@@ -220,7 +218,7 @@ def ticks(seconds: float) -> list[tuple[int, int]]:
         return out
 
     stack.tick = timed
-    freeze_garbage()  # as the vehicle's process does
+    freeze_garbage()  # as in the vehicle's process
     flight.wait(seconds)
     gc.enable()
     gc.unfreeze()
@@ -228,7 +226,7 @@ def ticks(seconds: float) -> list[tuple[int, int]]:
 
 
 class _Nothing:
-    """A flight log that keeps nothing."""
+    """A flight log that stores nothing."""
 
     def __getattr__(self, name: str) -> Callable[..., None]:
         return lambda *arguments: None

@@ -1,11 +1,10 @@
-"""Measure what the onboard log costs at 5000 messages a second, and whether the flight loop
-notices.
+"""Measure the cost of the onboard log at 5000 messages a second, and its effect on the flight loop.
 
     python -m benchmarks onboard_log
 
 A real flight process flies the figure 8; this process is its comms. In turns it logs and does not:
-four topics of every tick through `OnboardLog.ticks`, six more of 200 bytes through `message`, in a
-file on the disk of the temporary folder; or all of them into nothing.
+four topics of every tick through `OnboardLog.ticks`, six more of 200 bytes through `message`, to a
+file on the disk of the temporary folder; or all of them to nothing.
 """
 
 from __future__ import annotations
@@ -32,18 +31,19 @@ SECONDS, QUICK_SECONDS = 60, 6
 TURNS = 3  # with the log, and as many without
 PAYLOAD_BYTES = 200
 OTHERS = ("estimator", "battery", "pressure", "bearing_pose", "tracker_pose", "joy")
-PAYLOADS = 500  # different ones of each: more than what compression looks back on
+PAYLOADS = 500  # different ones of each: more than the compressor's window
 TICK_TOPICS = 4
 MESSAGES = TICK_TOPICS + len(OTHERS)  # a tick
 SHARE = 6.0
-"""% of a core"""
+"""Limit of processor time, in % of a core."""
 RATIO = 1.25
-"""Of lateness with the log to that without: what two equal runs differ by on a machine at work."""
+"""Limit of lateness with the log over that without: two equal runs on a busy machine differ by it.
+"""
 
 
 @dataclass
 class Turn:
-    """A turn of measurement: one stretch of the flight."""
+    """A turn of measurement: one part of the flight."""
 
     began_ns: int
     ended_ns: int = 0
@@ -51,7 +51,7 @@ class Turn:
 
 
 class NoLog:
-    """Takes what a log takes, and keeps nothing: what making and handing over costs by itself."""
+    """Log that stores nothing: measures the cost of preparing and passing messages alone."""
 
     def ticks(self, ticks: Record, log_ns: int) -> None:
         pass
@@ -64,7 +64,7 @@ class NoLog:
 
 @dataclass
 class Logged:
-    """A log under test: what went into it, and what came of it."""
+    """A log under test: its input and its results."""
 
     log: OnboardLog | NoLog
     said: list[str]
@@ -123,7 +123,7 @@ def run(quick: bool = False) -> Report:
     logs: list[Logged] = []
     with tempfile.TemporaryDirectory() as folder, FlightUnderTest(Path(folder), RATE) as flight:
         flight.take_off()
-        first = _logged(folder, payloads)  # what is made on first use
+        first = _logged(folder, payloads)  # warms up caches
         _fly(flight, 1.0, first.heard)
         first.close()
         for _ in range(TURNS):

@@ -2,7 +2,7 @@
 
     python -m benchmarks.onboard.recorded_flight CONFIG OUT
 
-It is `python -m vehicle.flight.process CONFIG` in all else. OUT is an .npz, written at its end.
+Otherwise it is `python -m vehicle.flight.process CONFIG`. OUT is an .npz, written at its end.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _COMMAND = b"#bb"
 
 
 class RecordedLoop(FlightLoop):
-    """Notes into arrays made before the first tick: nothing is allocated in flight."""
+    """Loop that notes times into arrays made before the first tick, to allocate none in flight."""
 
     out = Path()
 
@@ -73,7 +73,7 @@ class RecordedLoop(FlightLoop):
 
 
 def main() -> int:
-    """Exit status as of vehicle.flight.process."""
+    """Run the process; return the exit status of vehicle.flight.process."""
     RecordedLoop.out = Path(sys.argv[2])
     with mock.patch.object(flight, "FlightLoop", RecordedLoop):
         return flight.main(sys.argv[1])

@@ -2,8 +2,8 @@
 
     python -m benchmarks.onboard.recorded_simulator FOLDER OUT TRUTH
 
-It is `quadlab simulator --folder FOLDER` in all else, but for the truth, which goes to the file
-descriptor TRUTH instead of the station. OUT is an .npz, written at its end.
+Otherwise it is `quadlab simulator --folder FOLDER`, except for the truth, which is written to the
+file descriptor TRUTH instead of the station. OUT is an .npz, written at its end.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from vehicle_link.serial.commands import COMMAND, Instruction
 
 CAPACITY = 400_000
 HEADER = struct.Struct("<qI")
-"""Before each message of the truth: its stamp (ns) and how long it is."""
+"""Header of each message of the truth: its stamp (ns) and its length."""
 
 
 class Notes:
@@ -38,11 +38,11 @@ class Notes:
         self.commands = np.zeros((CAPACITY, 3), np.int64)  # port first
         self.sample_count = self.command_count = 0
         self.port = 0
-        self.arrived: list[int] = []  # ports of the commands that the next period obeys
+        self.arrived: list[int] = []  # ports of the commands that the next period executes
 
 
 class RecordedFirmware(Firmware):
-    """Notes samples that leave and commands that arrive whole."""
+    """Firmware that notes samples sent and whole commands received."""
 
     notes = Notes()
 
@@ -64,7 +64,7 @@ class RecordedFirmware(Firmware):
 
 
 class RecordedVehicle(SimulatedVehicle):
-    """Notes when the references of a command are on the motors' bus: after the period's step."""
+    """Vehicle that notes when a command's references reach the motors' bus: after the step."""
 
     def step_periods(self, most: int) -> None:
         super().step_periods(most)

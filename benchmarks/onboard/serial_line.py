@@ -1,23 +1,23 @@
-"""Both serial ports at 115200 Bd for a minute: samples, losses, and the way from IMU to motors.
+"""Both serial ports at 115200 Bd for a minute: samples, losses, and the latency from IMU to motors.
 
     python -m benchmarks serial_line
 
 Real processes: the simulator behind two pseudo-terminals, paced as the wire, and the flight process
-with its whole stack, which flies the figure 8. The benchmark plays tracking system and comms.
+with its whole stack, which flies the figure 8. The benchmark acts as tracking system and comms.
 
-Latency is measured inside the simulator, at the microcontroller's two ends of the way: from the
-period that takes an IMU sample and queues its frame to the end of the period that puts the
-references answering it on the motors' bus. Which sample a command answers is noted by the flight
-process, for every command in order of its port; as the simulator notes every command that arrives
-whole, the two lists of a port are one, provided that none is lost, which is checked. Samples are
-told by the milliseconds they carry. The way contains 34 bytes to the computer (2.95 ms), its
+Latency is measured inside the simulator, at the microcontroller's two ends of the path: from the
+period that takes an IMU sample and queues its frame to the end of the period that sets the
+references answering it on the motors' bus. The flight process notes which sample a command answers,
+for every command in the order of its port; as the simulator notes every command that arrives whole,
+the two lists of a port match, provided that none is lost, which is checked. Samples are identified
+by the milliseconds that they carry. The path contains 34 bytes to the computer (2.95 ms), its
 wake-up and tick, 14 bytes back (1.22 ms), and the waits for the microcontroller's next period (1 ms
-long): 5 ms when the computer answers within what is left of a period.
+long): 5 ms when the computer answers within the rest of a period.
 
-Two clocks tell it: the microcontroller's, by which the vehicle flies, and the host's, which also
-sees the simulator's own process late. Bytes of a terminal pass through a kernel thread of ordinary
-priority, so this needs an idle machine; run it as root, or with the real-time rights of
-docs/page/setup.md.
+It is measured by two clocks: the microcontroller's, by which the vehicle flies, and the host's,
+which also shows delays of the simulator's own process. Bytes of a terminal pass through a kernel
+thread of ordinary priority, so this needs an idle machine; run it as root, or with the real-time
+rights of docs/page/setup.md.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ SECONDS, QUICK_SECONDS = 60, 8
 LATENCY_MS = 6.0
 MS = 1_000_000
 SETTLING_S = 0.3
-"""For what is on the line when the flight process ends."""
+"""Time, in s, for what is on the line when the flight process ends."""
 Table = npt.NDArray[np.int64]
 
 
@@ -61,7 +61,7 @@ class PipedTruth:
         self._data = b""
 
     def poses(self) -> list[Record]:
-        """Return the poses that came since the last call."""
+        """Return the poses that arrived since the last call."""
         try:
             self._data += os.read(self._reader, 65536)
         except BlockingIOError:
@@ -142,12 +142,14 @@ def run(quick: bool = False) -> Report:
 def latencies(
     flight: Notes, robot: Notes, began_ns: int, ended_ns: int
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return the ms from sample to motors by the microcontroller's and by the host's clock,
-    commands (N,).
+    """Return the ms from sample to motors of the commands (N,), by both clocks.
 
-    Args: `began_ns`, `ended_ns`: of the window, by the host's clock.
+    The first is by the microcontroller's clock, the second by the host's.
 
-    Raises QuadlabError when a command is lost, so that none can be told from the next.
+    Args:
+        began_ns, ended_ns: of the window, by the host's clock.
+
+    Raises QuadlabError when a command is lost, as the others then cannot be matched.
     """
     by_vehicle, by_host = [], []
     taken_ms = robot["samples"][:, 0] // MS
@@ -170,9 +172,7 @@ def latencies(
 
 
 def _sample_ms(stamps_ns: Table, clock: Table) -> Table:
-    """Return the ms of the microcontroller's clock, as its samples carry them, but not modulo a
-    minute.
-    """
+    """Return the ms of the microcontroller's clock as in its samples, but not modulo a minute."""
     epoch_ns, elapsed_ms, last_ms = clock.tolist()
     carried_ms = last_ms - elapsed_ms + (stamps_ns - epoch_ns) // MS
     told_ms: Table = carried_ms - START_MS + _minutes(elapsed_ms, last_ms) * TIME_PERIOD_MS
@@ -180,9 +180,7 @@ def _sample_ms(stamps_ns: Table, clock: Table) -> Table:
 
 
 def _minutes(elapsed_ms: int, last_ms: int) -> int:
-    """Return how often the carried time wrapped: the flight process started within the first
-    minute.
-    """
+    """Return how often the carried time wrapped; the flight process started in the first minute."""
     began_ms = (last_ms - elapsed_ms - START_MS) % TIME_PERIOD_MS
     return (began_ms - (last_ms - elapsed_ms - START_MS)) // TIME_PERIOD_MS
 

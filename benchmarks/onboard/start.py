@@ -1,4 +1,4 @@
-"""Time to the first step: from a fresh interpreter, with compiled code kept and without."""
+"""Time to the first step: from a fresh interpreter, with cached compiled code and without."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ print(time.perf_counter() - began)
 
 
 def run(quick: bool = False) -> Report:
-    """Start both programs, cold and from the cache, each in its own interpreter."""
+    """Start both programs, cold and from the cache, each in a separate interpreter."""
     rounds = 2 if quick else 5
     report = Report(
         "start",

@@ -1,4 +1,4 @@
-"""Trajectories: what a sample costs, what the check before a start costs, and how little snap."""
+"""Trajectories: the cost of a sample, the cost of the check before a start, and the snap."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ STARTS: dict[str, dict[str, ParameterValue]] = {
 
 
 def run(quick: bool = False) -> Report:
-    """Return times and costs; seeds fixed."""
+    """Return times and costs; seeds are fixed."""
     rounds = 3 if quick else 9
     rng = np.random.default_rng(7)
     points = np.column_stack(

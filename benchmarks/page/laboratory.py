@@ -2,8 +2,8 @@
 
 Run: .venv/bin/python -m benchmarks.page.laboratory [--cold]     (--cold: without compiled code)
 
-The page is stood in for by a client that opens the same three websockets as the browser's page;
-so the figures are of quadlab's processes alone, not of a browser's rendering.
+The page is replaced by a client that opens the same three websockets as the browser's page, so the
+figures are of quadlab's processes alone, not of a browser's rendering.
 """
 
 from __future__ import annotations
@@ -50,10 +50,9 @@ LIMITS = {
 def started(
     port: int, link_port: int, *words: str, tree: Path = ROOT, lockstep: bool = False
 ) -> Iterator[tuple[int, list[str]]]:
-    """Yield the process of a checkout's `quadlab up` with a data folder of its own, and its lines
-    as they come.
+    """Yield the process of a checkout's `quadlab up` with temporary data, and its growing output.
 
-    In real time unless `lockstep`: what is measured is not to be waited for.
+    It runs in real time unless `lockstep`, as simulated time would wait for what is measured.
     """
     with tempfile.TemporaryDirectory(prefix="quadlab-benchmark-") as data:
         up = subprocess.Popen(
@@ -90,7 +89,7 @@ def started(
 
 
 class Socket:
-    """One websocket of the page; counts what comes."""
+    """One websocket of the page, which counts what it receives."""
 
     def __init__(self, url: str, cookie: str, first: str | None = None, **options: Any) -> None:
         self.bytes = 0
@@ -139,7 +138,7 @@ def processes(parent: int) -> dict[int, str]:
 
 
 def cpu_seconds(pids: dict[int, str]) -> dict[str, float]:
-    """Return processor seconds, those of children that have ended included."""
+    """Return processor seconds, including those of children that have ended."""
     out = {}
     for pid, name in pids.items():
         fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
@@ -152,7 +151,7 @@ def threads(pids: dict[int, str]) -> dict[str, float]:
 
 
 def memory_mb(pids: dict[int, str]) -> dict[str, float]:
-    """Return proportional set size: shared pages counted once over all processes."""
+    """Return the proportional set size: shared pages are counted once over all processes."""
     out = {}
     for pid, name in pids.items():
         text = Path(f"/proc/{pid}/smaps_rollup").read_text()

@@ -1,13 +1,13 @@
-"""The share of the flight loop's ticks that come late, with and without a page.
+"""The share of the flight loop's ticks that are late, with and without a page.
 
     python -m benchmarks late_ticks [--against TREE]
 
 A simulated vehicle hovers and then flies an 8: with no page open, with a client that has a page's
 three websockets, and with the page in a browser that draws it in software on the same processors.
-With another checkout, which needs an environment of its own, both run in turns.
+With another checkout, which needs its own environment, both run in turns.
 
-The share is the one that the page's bar shows: periods whose sample never came, or came a period
-late. A mean over the time, because one second in ten may have all of them.
+The share is the one that the page's bar shows: periods whose sample never arrived, or arrived a
+period late. It is a mean over the time, because one second in ten may have all of them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ ROUNDS, SECONDS = 3, 20.0
 QUICK_ROUNDS, QUICK_SECONDS = 1, 8.0
 LOOK = 0.5  # s
 LIMIT = 1.0
-"""%: more is amber on the page's bar."""
+"""Limit in %: more is amber on the page's bar."""
 DRAWING = (
     "--no-sandbox",
     "--use-gl=angle",
@@ -39,7 +39,7 @@ DRAWING = (
 
 
 def run(quick: bool = False, against: str | None = None) -> Report:
-    """Count in this checkout, and in turns with it in the one `against`."""
+    """Measure this checkout, in turns with the one at `against` if given."""
     rounds, seconds = (QUICK_ROUNDS, QUICK_SECONDS) if quick else (ROUNDS, SECONDS)
     trees = {"this checkout": ROOT} | ({"the other": Path(against)} if against else {})
     found: dict[str, list[Figures]] = {name: [] for name in trees}
@@ -91,7 +91,7 @@ def measure(flown: Pilot, seconds: float) -> Figures:
 
 
 def late(flown: Pilot, seconds: float) -> float:
-    """Return the mean percentage of late ticks over so many seconds."""
+    """Return the mean percentage of late ticks over this many seconds."""
     shares, end = [], time.monotonic() + seconds
     while time.monotonic() < end:
         time.sleep(LOOK)

@@ -1,11 +1,11 @@
-"""Measure how soon an open page says that the vehicle has fallen silent, and that it is back.
+"""Measure how soon an open page shows that the vehicle has fallen silent, and that it is back.
 
     python -m benchmarks page_notice
 
-`quadlab up` whole, the vehicle's comms process stopped and continued (SIGSTOP, SIGCONT): to all
-others the radio is out of reach at once. Timed until the frame after the change is drawn in a
-headless Chromium on the same machine; its 3D view is an empty document, for without a graphics
-card drawing it takes both cores and what would be measured is that.
+The whole `quadlab up`, with the vehicle's comms process stopped and continued (SIGSTOP, SIGCONT):
+to all others the radio is out of reach at once. Timed until the frame after the change is drawn in
+a headless Chromium on the same machine; its 3D view is an empty document, because without a
+graphics card drawing it occupies both cores and would be what is measured.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ SAID = "window.noticed.splice(0)"
 
 
 def run(quick: bool = False) -> Report:
-    """Raise QuadlabError when the laboratory or the page does not come up."""
+    """Run the benchmark. Raises QuadlabError when the laboratory or the page does not start."""
     from playwright.sync_api import sync_playwright
 
     count = QUICK_COUNT if quick else COUNT
@@ -114,7 +114,7 @@ def laboratory() -> Iterator[tuple[str, int]]:
 
 
 def _comms(parent: int) -> list[int]:
-    """Return descendants of `parent` that run the vehicle's comms."""
+    """Return the descendants of `parent` that run the vehicle's comms."""
     return [pid for pid, name in processes(parent).items() if name == "vehicle.comms.process"]
 
 

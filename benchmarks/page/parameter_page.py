@@ -1,6 +1,7 @@
 """The Gains tab with 300 parameters in Chromium: main-thread time for each change that arrives.
 
-The page's own modules and styles, without a server: the browser's requests are answered here.
+It uses the page's own modules and styles, without a server: this process answers the browser's
+requests.
 """
 
 from __future__ import annotations
@@ -98,7 +99,7 @@ def metrics(session: Any) -> dict[str, float]:
 
 
 def parameters() -> list[dict[str, Any]]:
-    """Return all of vehicle and station, and copies of them under other names up to `COUNT`."""
+    """Return all parameters of vehicle and station, and copies under other names up to `COUNT`."""
     trees = (new_parameters(), StationTree().model_copy(deep=True))
     real = [d for tree in trees for d in ParameterStore(tree).descriptions()]
     made = []

@@ -1,4 +1,4 @@
-"""Replaying a run of 20 minutes in a real browser: seek, first picture, memory of the web process.
+"""Replay of a run of 20 minutes in a real browser: seek, first picture, memory of the web process.
 
 A seek is from the browser's pointer event on the scrub bar until 3D view, charts (at the screen's
 resolution) and values show that instant and the browser has painted them.
@@ -31,7 +31,8 @@ FLAGS = [
     "--disable-sync",
     "--no-first-run",
 ]
-"""The page needs no WebGL; an emulated GPU is many times slower than the processor itself."""
+"""Flags for Chromium without GPU: the page needs no WebGL, and an emulated GPU is many times slower
+than the processor itself."""
 SERVER = """
 import sys
 from pathlib import Path
@@ -42,7 +43,7 @@ data = Path(sys.argv[1])
 tidy_runs(Catalogue(data))
 run_web(data, port=0, loopback_port=int(sys.argv[2]), token="benchmark-token")
 """
-DEAD_PORT = 9  # discard: no station is there, and the page does not need one
+DEAD_PORT = 9  # discard: no station runs there, and the page does not need one
 LIMIT = 0.2  # s
 ROOM = 300.0  # MB
 SEEKS = """async (shares) => {
@@ -75,9 +76,7 @@ SEEKS = """async (shares) => {
 
 
 def run(quick: bool = False) -> Report:
-    """Measure the replay page; the targets are those of the control room: seek 200 ms p95, 300 MB
-    more at most.
-    """
+    """Measure the replay page; the targets are a seek of 200 ms p95, and 300 MB more at most."""
     from playwright.sync_api import sync_playwright
 
     duration = 120.0 if quick else 1200.0
@@ -174,13 +173,13 @@ def open_replay(page: Any, url: str) -> None:
 
 
 def memory(pid: int) -> float:
-    """Return resident MB of a process."""
+    """Return the resident memory of a process, MB."""
     text = Path(f"/proc/{pid}/status").read_text()
     return float(next(row for row in text.splitlines() if row.startswith("VmRSS")).split()[1]) / 1e3
 
 
 def processor(pid: int | None) -> float:
-    """Return seconds of processor time: of a process, or of all below this one but that (None)."""
+    """Return processor time, s, of a process; None: of all descendants but the web process."""
     times, parents = {}, {}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -205,7 +204,7 @@ def processor(pid: int | None) -> float:
 
 
 class _Watch:
-    """Asks the API all the time: its longest answer shows whether the event loop was kept."""
+    """Client that polls the API: its longest answer shows whether the event loop was blocked."""
 
     def __init__(self, base: str, page: Any) -> None:
         cookies = {one["name"]: one["value"] for one in page.context.cookies()}
@@ -216,7 +215,7 @@ class _Watch:
         self._thread.start()
 
     def stop(self) -> float:
-        """Return the processor time in s."""
+        """Stop and return the longest answer, s."""
         self._going.clear()
         self._thread.join()
         return self._worst

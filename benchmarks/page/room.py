@@ -1,11 +1,11 @@
-"""A full room: pages open next to a flight, and one page left open for long.
+"""A full room: pages open during a flight, and one page left open for long.
 
 Run: .venv/bin/python -m benchmarks.page.room [--pages 10] [--seconds 30] [--soak MINUTES]
 
-Pages are stood in for by websockets in a process of their own, three a page as the browser's, so
-that the figures are of quadlab's processes and not of a browser's rendering. Flight lateness is
-paired: without pages, with all, without, with. --soak opens one page in Chromium instead (3D view
-blanked: without a graphics card it takes a core) and looks at what grows.
+Pages are replaced by websockets in a separate process, three per page as in the browser, so that
+the figures are of quadlab's processes and not of a browser's rendering. Flight lateness is paired:
+without pages, with all, without, with. --soak opens one page in Chromium instead (3D view blank:
+without a graphics card it occupies a core) and measures what grows.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from benchmarks.page.laboratory import cpu_seconds, processes, until
 from quadrotor.checkout import ROOT
 
 CHARGE = 20
-"""A h, of a battery that outlasts a soak."""
+"""Capacity, in A h, of a battery that outlasts a soak."""
 LIMITS = {"gap_p99_ms": 60.0, "web_percent": 25.0}
 
 
 class Room:
-    """`quadlab up` with a vehicle that flies eights, and one who commands it."""
+    """`quadlab up` with a vehicle that flies eights, and a client that commands it."""
 
     def __init__(self, folder: str, port: int, link_port: int) -> None:
         self.up = subprocess.Popen(
@@ -118,7 +118,7 @@ def view(base: str, cookie: str, name: str) -> Any:
 
 
 async def backlog(base: str, cookie: str) -> int:
-    """Return bytes a page gets in its first half second: what viser keeps for those who come."""
+    """Return the bytes of viser's history that a page receives in its first half second."""
     size = 0
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(0.5), view(base, cookie, "backlog") as socket:
@@ -128,7 +128,7 @@ async def backlog(base: str, cookie: str) -> int:
 
 
 async def one_page(base: str, cookie: str, name: str, seconds: float) -> list[float]:
-    """Return times (s) at which frames of the 3D view came."""
+    """Return the times (s) at which frames of the 3D view arrived."""
     web, came = base.replace("http", "ws"), []
     options = options_of(base, cookie)
     signals = ["state.position.x", "state.position.y", "state.position.z"]
@@ -175,9 +175,7 @@ async def pages(base: str, cookie: str, count: int, seconds: float) -> None:
 
 @contextlib.contextmanager
 def sampled(room: Room, out: list[dict[str, float]]) -> Iterator[None]:
-    """Sample the vehicle's own figures of its loop each second, and the processor's share of
-    web.
-    """
+    """Sample the vehicle's loop statistics each second, and the processor share of web."""
     pids = processes(room.up.pid)
     stop, lateness = threading.Event(), []
 
@@ -239,12 +237,12 @@ def full_room(room: Room, count: int, seconds: float) -> None:
 
 
 def soak(room: Room, minutes: float) -> None:
-    """Measure one page in Chromium: what it and the web process hold, ten times on the way."""
+    """Measure the memory of one page in Chromium and of the web process, ten times."""
     from playwright.sync_api import sync_playwright
 
     room.fly()
     invited = room.browser.post("/api/invitations", json={"role": "viewer"}).json()["url"]
-    # Playwright's own event loop is this thread's.
+    # Playwright's own event loop occupies this thread.
     with sync_playwright() as api, ThreadPoolExecutor(1) as beside:
         browser = api.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1440, "height": 900})

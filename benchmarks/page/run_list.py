@@ -1,6 +1,6 @@
 """The page of runs with 2000 of them: a page of the list, a search, and the recording for viser.
 
-In Chromium the list is scrolled through with the answers of a real catalogue, without a server.
+In Chromium the list is scrolled with the answers of a real catalogue, without a server.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ def page_of(catalogue: Catalogue, search: RunSearch, offset: int) -> dict[str, A
 
 
 def scrolled(catalogue: Catalogue, steps: int) -> tuple[list[float], int]:
-    """Return the ms of each step, and how many nodes the document has at the end."""
+    """Return the ms of each step, and the number of nodes of the document at the end."""
     from playwright.sync_api import sync_playwright
 
     def answer(route: Any) -> None:

@@ -1,8 +1,7 @@
-"""Sticks from a page in Chromium to the vehicle's side of the station: how late, and how long until
-they stop when the page goes away.
+"""Sticks from a page in Chromium to the vehicle: latency, and time to stop when the page closes.
 
-Real processes: station, web, Chromium. A listener in this process has what the vehicle would get.
-The page's clock is compared with ours through the browser's debugging pipe, best of 200.
+Real processes: station, web, Chromium. A listener in this process receives what the vehicle would
+receive. The page's clock is compared with ours through the browser's debugging pipe, best of 200.
 """
 
 from __future__ import annotations
@@ -76,7 +75,7 @@ EVENTS = {
 
 
 class Listener:
-    """A listener to what the vehicle would get, with when (ms of the system's clock)."""
+    """A subscriber to what the vehicle would receive, with the times (ms of the system's clock)."""
 
     def __init__(self, port: int) -> None:
         self.session = loopback_session(port)
@@ -169,8 +168,9 @@ def _latency(report: Report, page: Any, listener: Listener, seconds: float) -> N
 
 
 def _hold(page: Any, listener: Listener, script: str) -> float:
-    """Return the ms from the event to the order to stop; once more when a busy machine dropped them
-    before.
+    """Return the ms from the event to the order to stop.
+
+    It repeats when a busy machine dropped the sticks before.
     """
     while True:
         page.evaluate("window.plugged = true; window.isHidden = false;")
@@ -184,8 +184,9 @@ def _hold(page: Any, listener: Listener, script: str) -> float:
 
 
 def _hold_of_close(page: Any, listener: Listener) -> float:
-    """Return how long the sticks flew on after closing the page, by our own clock, so with the time
-    to reach the browser.
+    """Return how long the sticks were active after closing the page, by our own clock.
+
+    This includes the time to reach the browser.
     """
     _press(page, listener)
     began = time.time_ns() * 1e-6
@@ -196,7 +197,7 @@ def _hold_of_close(page: Any, listener: Listener) -> float:
 
 
 def _stop_after(listener: Listener, at: float) -> float | None:
-    """Return when the order to stop came; None if they had been stopped before."""
+    """Return when the order to stop arrived; None if the sticks had been stopped before."""
     before = [enabled for came, _, enabled in listener.orders if came < at]
     if not before or not before[-1]:
         return None
@@ -213,7 +214,7 @@ def _fresh(context: Any, page: Any, home: str) -> Any:
 
 
 def _press(page: Any, listener: Listener) -> None:
-    """Press until the sticks fly; again should a busy machine have dropped them."""
+    """Press until the sticks are active; again if a busy machine dropped them."""
     if not page.evaluate("'pad' in window"):
         page.evaluate(STUB)
 
@@ -227,7 +228,7 @@ def _press(page: Any, listener: Listener) -> None:
 
 
 def _offset(page: Any, tries: int = 200) -> tuple[float, float]:
-    """Return the ms the system's clock is ahead of the page's, and how well that is known."""
+    """Return the ms by which the system's clock is ahead of the page's, and the uncertainty."""
     best = (float("inf"), 0.0)
     for _ in range(tries):
         before = time.time_ns() * 1e-6
@@ -253,7 +254,7 @@ def _quantile(values: list[float], share: float) -> float:
 
 
 def _row(report: Report, name: str, values: list[float]) -> float:
-    """Return the largest."""
+    """Add a row, and return the largest value."""
     report.rows.append(
         Row(
             name,
@@ -270,7 +271,7 @@ def _row(report: Report, name: str, values: list[float]) -> float:
 
 @contextmanager
 def _processes(folder: Path) -> Iterator[tuple[str, Listener]]:
-    """Yield a station and a web process on it: the sign-in link, and a listener."""
+    """Yield the sign-in link of a station with a web process, and a listener."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     common = ["--data", str(folder), "--loopback-port", str(port)]

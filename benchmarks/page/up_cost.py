@@ -1,13 +1,13 @@
-"""Measure what `quadlab up` costs: processor time, threads and memory of all its processes, and its
-start.
+"""Measure the cost of `quadlab up`: its start, and processor time, threads and memory of all
+processes.
 
     python -m benchmarks up_cost [--against TREE]
 
 One simulated vehicle hovers with no page open, then flies an 8 with one. With another checkout,
-which needs an environment of its own, both run in turns.
+which needs its own environment, both run in turns.
 
-Processor time is what the kernel counts for the processes, so other work on the machine disturbs
-it little. The page is stood in for by a client with the same three websockets, for a browser that
+Processor time is what the kernel counts for the processes, so other work on the machine affects it
+little. The page is replaced by a client with the same three websockets, because a browser that
 draws in software would take the processor that simulated time needs.
 """
 
@@ -56,7 +56,7 @@ Figures = dict[str, float]
 
 
 def run(quick: bool = False, against: str | None = None) -> Report:
-    """Measure this checkout, and in turns with it the one `against`."""
+    """Measure this checkout, in turns with the one at `against` if given."""
     rounds, seconds = (QUICK_ROUNDS, QUICK_SECONDS) if quick else (ROUNDS, SECONDS)
     trees = {"this": ROOT} | ({"other": Path(against)} if against else {})
     found: dict[str, list[Figures]] = {name: [] for name in trees}
@@ -128,7 +128,7 @@ class Pilot:
 
 @contextmanager
 def pilot(lines: list[str], port: int, began: float) -> Iterator[Pilot]:
-    """Yield a pilot, once `quadlab up` answers and has the vehicle."""
+    """Yield a pilot, once `quadlab up` answers and is connected to the vehicle."""
     until(lambda: _answers(f"http://127.0.0.1:{port}/"), PATIENCE)
     link = until(lambda: re.findall(r"http://\S+token=\S+", "".join(lines)), PATIENCE)[-1]
     with httpx.Client(timeout=10) as browser:
@@ -148,7 +148,7 @@ def measure(up: int, lines: list[str], began: float, seconds: float) -> Figures:
 
 
 def counted(what: str, up: int, seconds: float) -> Figures:
-    """Count for so many seconds, once the start of what is counted has settled."""
+    """Measure for this many seconds, once the start has settled."""
     time.sleep(SETTLED)
     pids = processes(up)
     before, since = cpu_seconds(pids), time.monotonic()

@@ -1,1 +1,1 @@
-"""Peers of other makes, flown or solved next to ours."""
+"""Peers: other projects' software, flown or solved for comparison."""

@@ -1,4 +1,4 @@
-"""The same algorithms written by hand in C++17, compiled on the spot and given the same memory."""
+"""The same algorithms written by hand in C++17, compiled on demand and run on the same memory."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SOURCES = ROOT / "benchmarks" / "cpp"
 PORTABLE = ("-O3",)
 NATIVE = ("-O3", "-march=native")
 TUNED = ("-O3", "-fno-math-errno", "-fno-tree-slp-vectorize")
-"""The quickest set found for this code with g++ 12."""
+"""The fastest set of flags found for this code with g++ 12."""
 
 
 class CppTwin:
@@ -41,7 +41,7 @@ class CppTwin:
         self._library.fly_true_state.restype = ctypes.c_double
 
     def step(self, onboard: Record, settings: Record, imu: Record, t: float, dt: float) -> None:
-        """Make one onboard step in flight, as `vehicle.closed_loop.onboard.onboard_step` does."""
+        """Run one onboard step in flight, as `vehicle.closed_loop.onboard.onboard_step` does."""
         self._library.onboard_step(
             _of(onboard), _of(settings), _of(imu), ctypes.c_double(t), 1, ctypes.c_double(dt)
         )

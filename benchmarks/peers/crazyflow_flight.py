@@ -1,6 +1,6 @@
 """crazyflow's batched closed loop in JAX on the processor, single precision.
 
-In a process of its own: it insists on a setting of scipy's that must precede every import.
+It runs in a separate process, as it needs a setting of scipy's that must precede every import.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Crazyflow:
     def __init__(self, integrator: str) -> None:
         self._process = subprocess.Popen(
             [sys.executable, "-W", "ignore", "-m", "benchmarks.peers.crazyflow_flight", integrator],
-            cwd=tempfile.gettempdir(),  # MuJoCo writes a log where it starts
+            cwd=tempfile.gettempdir(),  # MuJoCo writes a log to its working directory
             env={
                 **os.environ,
                 "PYTHONPATH": str(ROOT),
@@ -41,14 +41,14 @@ class Crazyflow:
             text=True,
         )
         answer = self._answer()
-        while answer not in ("ready", ""):  # its dependencies talk at their start
+        while answer not in ("ready", ""):  # skip output of its dependencies at their start
             answer = self._answer()
         if answer == "":
             error = self._process.communicate()[1].strip().splitlines()
             raise ImportError(error[-1] if error else "its process ended")
 
     def fly(self, steps: int) -> tuple[int, float]:
-        """Step all worlds by `steps` of 1 ms; return steps together, seconds of processor time."""
+        """Step all worlds by `steps` of 1 ms; return all steps and seconds of processor time."""
         assert self._process.stdin is not None
         self._process.stdin.write(f"{steps}\n")
         self._process.stdin.flush()
@@ -65,7 +65,7 @@ class Crazyflow:
 
 
 def serve(integrator: str) -> None:
-    """Fly as many steps as each line of the input says; answer with the processor time."""
+    """Fly the number of steps in each line of the input; answer with the processor time."""
     import jax
     import numpy as np
     from crazyflow.control import Control

@@ -36,11 +36,11 @@ class RotorPy:
         self._environment = Environment(vehicle, SE3Control(quad_params), trajectory, sim_rate=1000)
 
     def update(self) -> None:
-        """Make one SE3Control.update."""
+        """Run one SE3Control.update."""
         self._controller.update(0.0, self._state, self._flat)
 
     def fly(self, seconds: float) -> tuple[int, float]:
-        """Return steps of 1 ms done and the rms position error, m."""
+        """Return the number of steps of 1 ms and the rms position error, m."""
         result = self._environment.run(t_final=seconds, plot=False)
         error = result["state"]["x"] - result["flat"]["x"]
         return len(result["time"]) - 1, float(np.sqrt((error**2).sum(axis=1).mean()))

@@ -29,19 +29,19 @@ SUFFIX = ".mcap"
 
 @dataclass(frozen=True, slots=True)
 class RunEntry:
-    """One line of the catalogue."""
+    """A row of the catalogue."""
 
     id: str
     vehicle: str
     start_ns: int  # epoch, station clock
     duration: float  # s
-    file: str  # name within the runs folder, of the run's folder or single file
+    file: str  # name of the run's folder or single file within the runs folder
     bytes: int
     messages: int
     operator: str
     complete: bool  # closed with its index
-    recovered: bool  # its end was lost and it was closed afterwards
-    problem: str  # empty, or why the file is not as it should be
+    recovered: bool  # its end was lost, and it was closed later
+    problem: str  # why the file is not as it should be, or empty
     notes: str
 
     @property
@@ -51,11 +51,12 @@ class RunEntry:
 
 
 class Catalogue:
-    """Safe to use from several threads and processes; every method may raise StorageError.
+    """The catalogue of runs, safe to use from several threads and processes. Every method may raise
+    StorageError.
 
     Args:
         data: the data folder; runs are in its `runs`.
-        url: of another database (SQLAlchemy), default SQLite in the data folder.
+        url: of another database (SQLAlchemy); default is SQLite in the data folder.
 
     Attributes:
         session: begins a transaction.
@@ -83,21 +84,21 @@ class Catalogue:
 
     @property
     def problem(self) -> str:
-        """Return why nothing can be kept, and what to do: its file or the data folder is gone; or
-        "".
+        """Return why nothing can be saved (its file or the data folder is missing) and what to do;
+        or "".
         """
         return self._file.problem()
 
     @property
     def engine(self) -> Engine:
-        """Return the engine of the database, for the tables of others in it."""
+        """Return the engine of the database, for the tables of other modules."""
         return self._engine
 
     def close(self) -> None:
         self._engine.dispose()
 
     def add(self, entry: RunEntry) -> None:
-        """Add a new run, or new facts about one; notes already written are kept."""
+        """Add a new run, or update a known one; notes already written are kept."""
         with self.session() as session:
             row = session.get(RunRow, entry.id)
             values = {name: getattr(entry, name) for name in RunEntry.__slots__}
@@ -120,7 +121,7 @@ class Catalogue:
     def runs(
         self, search: RunSearch | str = "", vehicle: str = "", limit: int = 200, offset: int = 0
     ) -> list[RunEntry]:
-        """Return the runs, newest first, without deleted ones; a text is searched for as words."""
+        """Return the runs, newest first, without deleted ones. A text is searched for as words."""
         query = select(RunRow).where(condition(_search(search, vehicle)))
         query = query.order_by(RunRow.start_ns.desc(), RunRow.id.desc())
         with self.session() as session:
@@ -133,7 +134,7 @@ class Catalogue:
             return session.scalar(query.where(condition(_search(search, vehicle)))) or 0
 
     def remove(self, run_id: str) -> None:
-        """Forget a run; its file stays."""
+        """Remove a run from the catalogue; its file stays."""
         with self.session() as session:
             session.delete(self.existing(session, run_id))
 
@@ -166,8 +167,8 @@ class Catalogue:
 
 
 def runs_in(folder: Path) -> list[Path]:
-    """Return the runs that lie in a folder: those that are folders, then single files; both in
-    the order of their names. Raises OSError.
+    """Return the runs in a folder: those that are folders, then single files, both sorted by name.
+    Raises OSError.
     """
     found = sorted(folder.iterdir()) if folder.is_dir() else []
     folders = [path for path in found if path.is_dir() and log_of(path).is_file()]
@@ -177,8 +178,8 @@ def runs_in(folder: Path) -> list[Path]:
 def run_name(
     now: datetime, vehicle: str, folder: Path, taken: Collection[str] = frozenset()
 ) -> str:
-    """Return `20260131T093042Z_quad1`, with `_2`, `_3`, … where that is taken or its folder or file
-    exists.
+    """Return `20260131T093042Z_quad1`, with `_2`, `_3`, … when that is in `taken` or its folder or
+    file exists.
     """
     name = stem = f"{now.astimezone(UTC):%Y%m%dT%H%M%SZ}_{vehicle}"
     number = 1
@@ -205,7 +206,7 @@ def _entry(row: RunRow) -> RunEntry:
 
 def _set_up_sqlite(connection: Any, _record: Any) -> None:
     cursor = connection.cursor()
-    # Readers (the page) never block the writer (the station), who may wait for another writer.
+    # Readers (the page) never block the writer (the station), which may wait for another writer.
     cursor.execute("PRAGMA journal_mode=WAL")
     cursor.execute("PRAGMA busy_timeout=5000")
     cursor.execute("PRAGMA synchronous=NORMAL")

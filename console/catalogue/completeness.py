@@ -1,5 +1,5 @@
-"""The completeness of runs: whether each has every tick the vehicle logged, as the catalogue keeps
-it.
+"""The completeness of runs in the catalogue: whether each has every tick that the
+vehicle logged.
 """
 
 from __future__ import annotations
@@ -18,21 +18,22 @@ if TYPE_CHECKING:
     from console.catalogue.catalogue import Catalogue
 
 State = Literal["open", "complete", "filled", "missing", "unknown"]
-"""open: to be compared; unknown: it was given up."""
+"""State of a comparison; open: still to be made, unknown: given up."""
 MOST_OPEN = 200
 WORTH_TELLING = 0.1
-"""s; of nearly every run the first ticks come from the vehicle's log: arming is heard later."""
+"""Shortest restored time, in s, worth reporting. In almost every run the first ticks come from the
+vehicle's log, because the station receives the arming late."""
 
 
 @dataclass(frozen=True, slots=True)
 class Completeness:
-    """The completeness of one run; times in s of ticks."""
+    """Completeness of one run; times in s of ticks."""
 
     state: State
     filled: float = 0.0  # from the vehicle's log
     missing: float = 0.0
-    total: float = 0.0  # what it would have without holes
-    why: str = ""  # missing, or what it was compared with
+    total: float = 0.0  # what it would have without gaps
+    why: str = ""  # why ticks are missing, or what the run was compared with
 
     @property
     def line(self) -> str:
@@ -48,20 +49,20 @@ class Completeness:
 
 
 def keep_completeness(catalogue: Catalogue, run_id: str, found: Completeness) -> None:
-    """Keep the completeness of a run. Raises StorageError."""
+    """Store the completeness of a run. Raises StorageError."""
     with catalogue.session() as session:
         session.merge(CompletenessRow(run_id=run_id, stamp_ns=time.time_ns(), **asdict(found)))
 
 
 def completeness_of(catalogue: Catalogue, run_ids: Sequence[str]) -> dict[str, Completeness]:
-    """Run → how complete it is; runs that no one asked about are left out."""
+    """Return run → completeness, without the runs that were never compared."""
     with catalogue.session() as session:
         rows = select(CompletenessRow).where(CompletenessRow.run_id.in_(run_ids))
         return {row.run_id: _completeness(row) for row in session.scalars(rows)}
 
 
 def open_runs(catalogue: Catalogue, vehicle: str) -> list[str]:
-    """Return ids of the vehicle's runs that are still to be compared, newest first."""
+    """Return the ids of the vehicle's runs that are still to be compared, newest first."""
     query = select(RunRow.id).join(CompletenessRow, CompletenessRow.run_id == RunRow.id)
     query = query.where(CompletenessRow.state == "open", RunRow.vehicle == vehicle, NOT_DELETED)
     query = query.order_by(RunRow.start_ns.desc(), RunRow.id.desc()).limit(MOST_OPEN)

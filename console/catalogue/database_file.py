@@ -1,7 +1,7 @@
 """A watch over the database's file: whether it is still the one that was opened.
 
-SQLite goes on writing into a file that was removed or replaced under it, and says nothing: all it
-takes is lost with the process. So each transaction begins with a look at the name.
+SQLite goes on writing into a file that was removed or replaced, without an error, and everything it
+writes there is lost with the process. Each transaction therefore begins by checking the file.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ Identity = tuple[int, int]
 
 
 class DatabaseFile:
-    """Looked at before every transaction of an engine from now on; StorageError ends it there.
+    """Checks the file before every transaction of an engine; StorageError ends the transaction.
 
     Args:
-        engine: of SQLite, with its file made; one without a file is never missed.
-        data: the data folder, for what people are told.
+        engine: of SQLite, with its file created; an engine without a file is never checked.
+        data: the data folder, for messages.
     """
 
     def __init__(self, engine: Engine, data: Path) -> None:
@@ -32,15 +32,15 @@ class DatabaseFile:
         self._path = Path(name) if name and name != ":memory:" else None
         self._opened = self._identity()
         if self._path is not None:
-            # Before a new connection too: it would make an empty file.
+            # Before a new connection too: it would create an empty file.
             event.listen(engine, "do_connect", self._look)
             event.listen(engine, "checkout", self._look)
 
     def problem(self) -> str:
-        """Return why nothing can be kept, and what to do; "" when it can. Never waits for the
+        """Return why nothing can be saved and what to do; "" when it can. Never waits for the
         database.
         """
-        # Asked first: a file that goes away between the two questions is gone, not read-only.
+        # Asked first: a file that disappears between the two checks is missing, not read-only.
         writable = self._path is None or os.access(self._path, os.W_OK)
         if gone := self._gone():
             return gone
@@ -52,7 +52,7 @@ class DatabaseFile:
         )
 
     def _gone(self) -> str:
-        """Return the problem of a file that no longer exists, as `problem` does."""
+        """Return the problem of a missing or replaced file, as `problem` does."""
         if self._path is None or self._identity() == self._opened:
             return ""
         remedy = "mount its disk or restore it, or restart quadlab to continue with what is there"

@@ -1,4 +1,4 @@
-"""Event marks as the catalogue keeps them, so that no one opens a log to list them."""
+"""Event marks as stored in the catalogue, so that they can be listed without opening a log."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from console.catalogue.catalogue import Catalogue
 
 LONGEST = 500
-"""Characters of a mark's text."""
+"""Maximum number of characters of a mark's text."""
 OLDEST = 10.0
-"""s a key press may lie back."""
+"""Longest time, in s, since the key press of a mark."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A moment of a run someone marked."""
+    """A moment of a run that a person marked."""
 
     run_id: str
     id: str
@@ -32,20 +32,20 @@ class Mark:
 
 
 def keep_mark(catalogue: Catalogue, mark: Mark) -> None:
-    """Keep a new mark, or a new text of a known one."""
+    """Store a new mark, or a new text of a known one."""
     with catalogue.session() as session:
         session.merge(MarkRow(**asdict(mark)))
 
 
 def find_mark(catalogue: Catalogue, mark_id: str) -> Mark | None:
-    """Return the mark with this id, of any run."""
+    """Return the mark with this id, of any run, or None."""
     with catalogue.session() as session:
         row = session.scalar(select(MarkRow).where(MarkRow.id == mark_id))
         return _mark(row) if row else None
 
 
 def marks_of(catalogue: Catalogue, run_id: str) -> list[Mark]:
-    """Return the marks in the order of time. Raises StorageError for an unknown or deleted run."""
+    """Return the marks ordered by time. Raises StorageError for an unknown or deleted run."""
     with catalogue.session() as session:
         catalogue.existing(session, run_id)
         rows = select(MarkRow).where(MarkRow.run_id == run_id).order_by(MarkRow.time, MarkRow.id)
@@ -53,7 +53,7 @@ def marks_of(catalogue: Catalogue, run_id: str) -> list[Mark]:
 
 
 def mark_counts(catalogue: Catalogue, run_ids: Sequence[str]) -> dict[str, int]:
-    """Run → how many marks it has; runs without are left out."""
+    """Return run → number of its marks, without the runs that have none."""
     with catalogue.session() as session:
         query = select(MarkRow.run_id, func.count()).where(MarkRow.run_id.in_(run_ids))
         rows = session.execute(query.group_by(MarkRow.run_id))

@@ -1,4 +1,4 @@
-"""Notes about a run: the last one who writes wins, and what stood there before is kept."""
+"""Notes about a run: the last writer wins, and earlier texts are kept."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from console.catalogue.catalogue import Catalogue
 
 KEPT = 50
-"""Earlier texts of a run."""
+"""Number of earlier texts kept for a run."""
 
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """One text that stands, or stood, as the notes of a run."""
+    """One present or earlier text of a run's notes."""
 
-    version: int  # rises with each text of the whole catalogue; 0: no one wrote yet
+    version: int  # rises with each text of the whole catalogue; 0: never written
     text: str
     author: str
     stamp_ns: int  # epoch
@@ -31,7 +31,9 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """`replaced`: what someone else wrote meanwhile, without the writer having seen it."""
+    """Result of writing notes. `replaced` is what someone else wrote in the meantime, which the
+    writer had not seen.
+    """
 
     note: Note
     replaced: Note | None
@@ -40,10 +42,10 @@ class Written:
 def write_notes(
     catalogue: Catalogue, run_id: str, text: str, author: str = "", seen: int | None = None
 ) -> Written:
-    """Set the notes; the text before stays in `notes_history`.
+    """Set the notes; the previous text stays in `notes_history`.
 
     Args:
-        seen: the version the writer had before the eyes; None does not ask.
+        seen: the version that the writer saw; None skips the check.
 
     Raises StorageError for an unknown or deleted run.
     """
@@ -55,7 +57,7 @@ def write_notes(
         before = _note(newest) if newest else Note(0, run.notes, "", 0)
         if text == before.text and newest is not None:
             return Written(before, None)
-        if newest is None and before.text:  # of a version that kept no history
+        if newest is None and before.text:  # written by a version without history
             session.add(NoteRow(run_id=run_id, text=before.text, author="", stamp_ns=0))
         run.notes = text
         row = NoteRow(run_id=run_id, text=text, author=author, stamp_ns=time.time_ns())
@@ -77,7 +79,7 @@ def notes_history(catalogue: Catalogue, run_id: str) -> list[Note]:
 
 
 def newest_notes(catalogue: Catalogue, run_ids: Sequence[str]) -> dict[str, Note]:
-    """Run → its newest text, of those runs someone wrote about."""
+    """Return run → its newest text, without the runs that have no notes."""
     with catalogue.session() as session:
         newest = select(func.max(NoteRow.version)).where(NoteRow.run_id.in_(run_ids))
         versions = session.scalars(newest.group_by(NoteRow.run_id)).all()

@@ -17,8 +17,8 @@ class RunSearch:
     """A search for runs: all criteria must match, and empty ones are ignored.
 
     Args:
-        words: each must stand in id, operator, notes, vehicle, a tag or the text of a mark.
-        tag: exactly, but for upper and lower case.
+        words: each must occur in id, operator, notes, vehicle, a tag or the text of a mark.
+        tag: must match exactly, except for case.
         since_ns, until_ns: bounds of the start, epoch, the second one excluded; 0 = none.
     """
 

@@ -1,7 +1,7 @@
 """The tables of the catalogue.
 
-What people say about a run stands in tables of its own, so that a catalogue made by an older
-version only lacks tables, which are added, and never columns.
+What people write about a run has its own tables, so that a catalogue made by an older version lacks
+only tables, which are added, and never columns.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class RunRow(Base):
 
 
 class NoteRow(Base):
-    """A text that once stood as a run's notes; the newest is the one in `runs`."""
+    """A present or earlier text of a run's notes; the newest is also in `runs`."""
 
     __tablename__ = "run_notes"
 
@@ -49,7 +49,7 @@ class NoteRow(Base):
 
 
 class TagRow(Base):
-    """A run has a tag."""
+    """A tag of a run."""
 
     __tablename__ = "run_tags"
 
@@ -58,7 +58,7 @@ class TagRow(Base):
 
 
 class MarkRow(Base):
-    """A moment someone marked; its messages stand in the log too."""
+    """A moment that a person marked; the mark's messages are in the log too."""
 
     __tablename__ = "run_marks"
 
@@ -71,7 +71,7 @@ class MarkRow(Base):
 
 
 class TrashRow(Base):
-    """A deleted run whose files wait in the trash."""
+    """A deleted run whose files are in the trash."""
 
     __tablename__ = "run_trash"
 
@@ -81,9 +81,7 @@ class TrashRow(Base):
 
 
 class CompletenessRow(Base):
-    """A row that compares a run with what the vehicle itself logged
-    (console.catalogue.completeness).
-    """
+    """A comparison of a run with the vehicle's own log (console.catalogue.completeness)."""
 
     __tablename__ = "run_completeness"
 

@@ -1,4 +1,4 @@
-"""Tags of runs: short words without order, spelled everywhere as the first one spelled them."""
+"""Tags of runs: short words without order, always in the spelling that was used first."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 LONGEST = 40
 MOST = 20
-"""Tags of one run."""
+"""Maximum number of tags of one run."""
 
 
 def all_tags(catalogue: Catalogue) -> dict[str, int]:
-    """Return tag → number of runs that have it, the most used first; deleted runs do not count."""
+    """Return tag → number of runs that have it, most used first; deleted runs do not count."""
     with catalogue.session() as session:
         count = func.count().label("count")
         query = select(TagRow.tag, count).join(RunRow, RunRow.id == TagRow.run_id)
@@ -29,7 +29,7 @@ def all_tags(catalogue: Catalogue) -> dict[str, int]:
 
 
 def tags_of(catalogue: Catalogue, run_ids: Sequence[str]) -> dict[str, list[str]]:
-    """Run → its tags in alphabetical order; runs without are left out."""
+    """Return run → its tags in alphabetical order, without the runs that have none."""
     found: dict[str, list[str]] = {}
     with catalogue.session() as session:
         rows = select(TagRow.run_id, TagRow.tag).where(TagRow.run_id.in_(run_ids))
@@ -41,7 +41,7 @@ def tags_of(catalogue: Catalogue, run_ids: Sequence[str]) -> dict[str, list[str]
 def change_tags(
     catalogue: Catalogue, run_ids: Sequence[str], add: Sequence[str], remove: Sequence[str]
 ) -> dict[str, list[str]]:
-    """Add and remove the same tags of several runs, all or nothing; return run → tags afterwards.
+    """Add and remove the same tags for several runs, all or nothing; return run → tags afterwards.
 
     Raises StorageError for an unknown run, ParameterError for a text that cannot be a tag.
     """
@@ -63,7 +63,7 @@ def change_tags(
 
 
 def checked(text: str) -> str:
-    """Return the tag without blanks around it. Raises ParameterError."""
+    """Return the tag with whitespace normalized. Raises ParameterError."""
     tag = " ".join(text.split())
     if not 0 < len(tag) <= LONGEST or not tag.isprintable() or "," in tag:
         raise ParameterError(

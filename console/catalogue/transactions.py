@@ -1,4 +1,4 @@
-"""Transactions in the data folder's database, for whoever has tables in it."""
+"""Transactions in the data folder's database, for every module that has tables in it."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ Transactions = Callable[[], AbstractContextManager[Session]]
 
 
 def transactions(engine: Engine, tables: MetaData, what: str, remark: str = "") -> Transactions:
-    """Make the tables that are missing, and return what begins a transaction.
+    """Create missing tables, and return a function that begins a transaction.
 
     Args:
-        what: is kept in them, for errors. remark: the end of each error.
+        what: what the tables hold, for error messages.
+        remark: the end of each error message.
 
-    Raises StorageError, as every transaction, for what the database cannot do.
+    Raises StorageError, as every transaction does, when the database fails.
     """
     sessions = sessionmaker(engine, expire_on_commit=False)
 
@@ -40,6 +41,6 @@ def transactions(engine: Engine, tables: MetaData, what: str, remark: str = "") 
     with guarded():
         try:
             tables.create_all(engine)
-        except OperationalError:  # station and page start at once: another process has made them
+        except OperationalError:  # station and page start at the same time: the other has made them
             tables.create_all(engine)
     return session

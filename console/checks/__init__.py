@@ -1,1 +1,1 @@
-"""The station's checks: before each arming (`preflight`), and at its start."""
+"""The station's checks: before each arming (`preflight`) and at its start (`startup`)."""

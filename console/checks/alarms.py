@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 
 class AlarmBoard:
-    """Alarms by cause, one line each however often a cause is noticed; thread-safe.
+    """Alarms by cause, one line each however often the cause is noticed; thread-safe.
 
     Args:
         said: called with each new line, outside the lock.
@@ -37,8 +37,8 @@ class AlarmBoard:
             return dict(self._lines)
 
     def lines(self, foreign: Sequence[str] = ()) -> list[str]:
-        """Return all alarms with those another object keeps itself (the recorder), each line
-        once.
+        """Return all alarms, including `foreign` ones that another object keeps (the recorder),
+        each line once.
         """
         with self._lock:
             own = list(dict.fromkeys(self._lines.values()))

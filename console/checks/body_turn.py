@@ -1,9 +1,9 @@
-"""Detection of a tracked body that is turned about the vertical against the vehicle.
+"""Detection of a tracked body that is turned about the vertical relative to the vehicle.
 
-At rest on level ground nothing tells: gravity is the same whichever way the body's x axis points.
-Tilted in the hand, gravity leans to one side of the vehicle by the accelerometer, and to one side
-of the body by the tracker; a turn of the body is the angle between the two. What was seen last
-holds until the vehicle is tilted again.
+At rest on level ground the turn cannot be seen: gravity is the same whichever way the body's x axis
+points. Tilted in the hand, gravity leans to one side of the vehicle by the accelerometer, and to
+one side of the body by the tracker; the turn of the body is the angle between the two. The last
+result holds until the vehicle is tilted again.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from quadrotor.plain_rotations import rows_of
 
 LEAST_TILT = math.radians(10.0)
 SLOW, HELD = math.radians(20.0), 0.3
-"""rad/s and s: held so still, and so long, the accelerometer shows gravity and the estimate has
-followed the tracker."""
+"""Limits in rad/s and s: when the vehicle is held this still for this long, the accelerometer shows
+gravity and the estimate has followed the tracker."""
 HAND = 0.1
 """Share of its length by which the specific force may change in a hand."""
 
@@ -27,10 +27,11 @@ Vector = Sequence[Any] | npt.NDArray[Any]
 
 
 class BodyTurn:
-    """One vehicle's body, watched on the ground.
+    """Watches one vehicle's tracked body on the ground.
 
     Attributes:
-        angle: rad, of the tracked body about the vertical against the vehicle; None: never tilted.
+        angle: rad, of the tracked body about the vertical relative to the vehicle; None if the
+            vehicle was never tilted.
     """
 
     def __init__(self) -> None:
@@ -39,12 +40,13 @@ class BodyTurn:
         self._force = 0.0
 
     def take(self, now: float, quaternion_wb: Vector, rates_b: Vector, force_b: Vector) -> None:
-        """Take the newest tick of a disarmed vehicle.
+        """Handle the newest tick of a disarmed vehicle.
 
         Args:
             now: s, steady.
-            quaternion_wb: (4,) estimated, that is, followed from the tracker.
-            rates_b: (3,) rad/s. force_b: (3,) m/s², specific force.
+            quaternion_wb: (4,) estimated attitude, which follows the tracker.
+            rates_b: (3,) rad/s.
+            force_b: (3,) m/s², specific force.
         """
         ahead, left, up = (float(axis) for axis in rows_of([float(x) for x in quaternion_wb])[2])
         x, y, z = (float(value) for value in force_b)

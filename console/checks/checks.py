@@ -20,8 +20,12 @@ from vehicle_link.transport.node import Node
 
 
 class CheckDesk:
-    """Args: the station's parts; `folder` of its runs; `sticks_dropped` of their watchdog;
-    `endpoints` in words.
+    """All checks of one station: builds them from the station's parts.
+
+    Args:
+        folder: of the station's runs.
+        sticks_dropped: returns whether the stick watchdog has dropped the sticks.
+        endpoints: where the station listens and what it dials, in words.
     """
 
     def __init__(

@@ -1,6 +1,4 @@
-"""The facts that the station knows of vehicle, link and itself at one instant: what the checks
-judge.
-"""
+"""The facts about vehicle, link and station at one instant: the input of the checks."""
 
 from __future__ import annotations
 
@@ -15,7 +13,7 @@ Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Facts:
-    """The inputs of the checks; None means not known or too old."""
+    """The inputs of the checks; None means unknown or too old."""
 
     link: LinkState
     clock_known: bool
@@ -26,31 +24,31 @@ class Facts:
     airborne: bool = False
     flags: frozenset[str] = frozenset()
     tick_rate: float = 0.0  # Hz, of the flight loop
-    nominal_rate: float = 500.0  # Hz, what the vehicle wants of its flight loop
+    nominal_rate: float = 500.0  # Hz, the flight loop's nominal rate on the vehicle
     missed_share: float = 0.0  # of the flight loop's periods
     position_innovation: float | None = None  # m
     attitude_innovation: float | None = None  # rad
-    consistency: float = math.nan  # mean nis a degree of freedom; NaN without a covariance
+    consistency: float = math.nan  # mean NIS per degree of freedom; NaN without a covariance
     refused_share: float = math.nan  # of the last measurements
     pose_age: float | None = None  # s
     tracker_rate: float = 0.0  # Hz
     bearings_rate: float = 0.0  # Hz
     bearings_nominal: float = 30.0  # Hz
-    tracker_nominal: float = 100.0  # Hz, what its parameters let expect
+    tracker_nominal: float = 100.0  # Hz, expected from its parameters
     voltage: float | None = None  # V
     battery_warning: float | None = None  # V, the vehicle's own limit
     position_w: tuple[float, float, float] | None = None  # m
     tilt: float | None = None  # rad
     speed: float | None = None  # m/s, mean over the last half second
-    body_rate: float | None = None  # rad/s, the same
-    gravity_off: float | None = None  # rad, the specific force from the estimate's up, the same
-    body_turn: float | None = None  # rad, of the tracked body about the vertical; None: not seen
+    body_rate: float | None = None  # rad/s, mean over the last half second
+    gravity_off: float | None = None  # rad, specific force from the estimate's up, same mean
+    body_turn: float | None = None  # rad, of the tracked body about the vertical; None: unknown
     volume: Box | None = None
-    parameters_behind: float | None = None  # s since ours were the vehicle's; None: never
+    parameters_behind: float | None = None  # s since our copy matched the vehicle's; None: never
     free_bytes: float = 0.0
     keep_free: float = 0.0  # bytes
     folder_problem: tuple[str, str] = ("", "")
-    """The reason why no run can be written to its folder, and what to do; empty where one can."""
+    """The reason why no run can be written to its folder, and what to do; empty when one can."""
     alarms: tuple[str, ...] = ()
     notices: tuple[str, ...] = field(default=())
     """Alarms that do not prevent a flight."""

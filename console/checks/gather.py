@@ -1,4 +1,4 @@
-"""Collects the facts for the checks from the parts of the station."""
+"""Collection of the facts for the checks from the parts of the station."""
 
 from __future__ import annotations
 
@@ -19,16 +19,20 @@ from console.tracker_feed import TrackerFeed
 from vehicle_link.clock import monotonic
 
 JUDGED = ("sticks", "tracker")
-"""Alarms with a line of their own in the list."""
+"""Alarms that have their own line in the list."""
 NOTICES = ("catalogue", "beacons", "history", "disk", "trash", "stick")
 """Alarms that do not prevent a flight."""
 
 
 class Gatherer:
-    """Args: the station's parts; `folder` of its runs; `sticks_dropped` of its watchdog.
+    """Collects the facts from the station's parts.
+
+    Args:
+        folder: of the station's runs.
+        sticks_dropped: returns whether the stick watchdog has dropped the sticks.
 
     Attributes:
-        link_status: the newest quadlab_msgs/LinkStatus the station sent.
+        link_status: the newest quadlab_msgs/LinkStatus that the station sent.
     """
 
     def __init__(
@@ -52,7 +56,7 @@ class Gatherer:
         self.link_status: Any = None
 
     def take_link(self, status: Any) -> None:
-        """Take the newest quadlab_msgs/LinkStatus."""
+        """Store the newest quadlab_msgs/LinkStatus."""
         self.link_status = status
 
     def facts(self) -> Facts:
@@ -108,9 +112,7 @@ class Gatherer:
         return ((x_min, x_max), (y_min, y_max), (z_min, z_max))
 
     def _behind(self) -> float | None:
-        """Return the seconds since our copy of the vehicle's parameters was seen to be the
-        vehicle's.
-        """
+        """Return the seconds since our copy last matched the vehicle's parameters, or None."""
         now = self._clock()
         if self._vehicle.in_step:
             self._in_step = now
@@ -122,5 +124,5 @@ def _number(value: Any) -> float | None:
 
 
 def _length(vector: Any) -> float:
-    """Return x, y, z of a geometry_msgs/Vector3."""
+    """Return the length of a geometry_msgs/Vector3."""
     return math.hypot(vector.x, vector.y, vector.z)

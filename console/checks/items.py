@@ -1,7 +1,7 @@
-"""The pre-flight check list: one function per line, which depends on facts and limits only.
+"""The pre-flight check list: one function per line, which depends only on facts and limits.
 
-The vehicle refuses by itself what is in docs/safety.md, and has the last word. Here the same is
-shown before it is asked for, with what the vehicle cannot know: disk, alarms, sticks.
+The vehicle itself refuses what docs/safety.md lists, and has the last word. The list shows the same
+before a person tries to arm, together with what the vehicle does not have: disk, alarms, sticks.
 """
 
 from __future__ import annotations
@@ -17,13 +17,15 @@ from vehicle_link.checks import Check, State
 from vehicle_link.transport.heartbeat import LinkState
 
 BEHIND = 2.0
-"""s; a change of parameters is read back within one second."""
+"""Seconds by which the copy of the parameters may lag; a change is read back within one second."""
 GRAVITY_OFF = 15.0
-"""deg, between gravity and the z of the tracker's attitude, which a crooked mounting may have."""
+"""Largest angle, in deg, between gravity and the z axis of the tracker's attitude; a crooked
+mounting may cause it."""
 TURNED = 30.0
-"""deg, of the tracked body about the vertical, by which a hand's tremor does not mislead it."""
+"""Largest turn, in deg, of the tracked body about the vertical; the tremor of a hand stays below
+it."""
 MISSED = 0.01
-"""Share of the flight loop's periods without a tick that is worth a note."""
+"""Share of the flight loop's periods without a tick from which a warning is shown."""
 _SILENT = "nothing received"
 
 Item = Callable[[Facts, PreflightParameters], Check]
@@ -111,7 +113,7 @@ def consistency(f: Facts, p: PreflightParameters) -> Check:
 
 
 def measurements(f: Facts, p: PreflightParameters) -> Check:
-    """Check the pose behind the estimate, and that tracker poses keep arriving."""
+    """Check the age of the pose behind the estimate, and that tracker poses keep arriving."""
     name = "measurements"
     least = p.tracker_share_min * f.tracker_nominal
     if f.tracker_rate < least:
@@ -176,8 +178,8 @@ def tracked_body(f: Facts, p: PreflightParameters) -> Check:
 
 
 def flight_volume(f: Facts, p: PreflightParameters) -> Check:
-    """Check the place against the flight volume: a vehicle on the ground is below its floor; none
-    may be above its ceiling or outside its sides.
+    """Check the position against the flight volume: a vehicle on the ground may be below its floor,
+    but none may be above its ceiling or outside its sides.
     """
     name = "flight volume"
     if f.position_w is None or f.volume is None:
@@ -230,8 +232,8 @@ def sticks(f: Facts, p: PreflightParameters) -> Check:
 
 
 def flight_loop(f: Facts, p: PreflightParameters) -> Check:
-    """Check the flight loop: worth a note, no reason to stay on the ground, as in simulation it is
-    seldom real time.
+    """Check the flight loop. A problem only gives a warning, because a simulation is seldom real
+    time.
     """
     wanted = "real time, at most 1 % of its periods missed"
     if f.mode is None:
@@ -270,7 +272,7 @@ ITEMS: tuple[Item, ...] = (
 def judged(facts: Facts, limits: PreflightParameters) -> list[Check]:
     """Return the whole list, in its order. Only `fail` keeps the vehicle on the ground.
 
-    Without a link that is the reason; of a vehicle that is not received nothing else is known.
+    Without a link, the link is the reason; everything else about a silent vehicle is unknown.
     """
     checks = [item(facts, limits) for item in ITEMS]
     if facts.link is not LinkState.LOST:
@@ -280,8 +282,8 @@ def judged(facts: Facts, limits: PreflightParameters) -> list[Check]:
 
 
 def reasons(checks: Iterable[Check]) -> list[str]:
-    """Return the reasons of the checks that fail: what was found, what is wanted and what to do,
-    each in one line.
+    """Return the reasons of the checks that fail: what was found, what is required and what to do,
+    in one line each.
     """
     return [
         f"{one.name}: {one.found}, wanted {one.wanted}; {one.advice}"

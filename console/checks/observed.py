@@ -1,6 +1,4 @@
-"""The newest messages that the station received from the vehicle, kept for its checks; nothing is
-decoded unasked.
-"""
+"""The newest messages from the vehicle, stored for the station's checks and decoded on demand."""
 
 from __future__ import annotations
 
@@ -19,10 +17,10 @@ from vehicle_link.messages import decode
 from vehicle_link.topics import TOPICS
 
 STALE = {"estimator": 0.5, "battery": 3.0, "status": 1.0, "telemetry": 0.5, "stick": 1.0}
-"""s after which a received message is too old to use."""
+"""Seconds after which a received message is too old to use."""
 KEPT = ("estimator", "battery", "stick")
 STILL_WINDOW = 0.5
-"""s for which the vehicle must have been at rest."""
+"""Seconds for which the vehicle must have been at rest."""
 
 Sample = tuple[float, Any, Any, Any, Any, Any]
 """Reception time (s); position (3,), velocity (3,), quaternion (4,), angular velocity (3,),
@@ -31,7 +29,7 @@ specific force (3,).
 
 
 class Observed:
-    """The newest messages from subscriptions, for the checks. Args: `clock`, s, steady."""
+    """The newest messages from subscriptions, for the checks. `clock` is steady, in s."""
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
@@ -41,7 +39,7 @@ class Observed:
         self._samples: deque[Sample] = deque(maxlen=100)
         self._turn = BodyTurn()
 
-    # ------------------------------------------------------------------ fed
+    # ------------------------------------------------------------------ input
     def status(self, status: Any) -> None:
         """Store a quadlab_msgs/VehicleStatus."""
         self._status = (self._clock(), status)
@@ -67,14 +65,12 @@ class Observed:
         if self._status is not None and not self._status[1].armed:
             self._turn.take(sample[0], *sample[3:])
 
-    # ------------------------------------------------------------------ read
+    # ------------------------------------------------------------------ output
     def newest_status(self) -> Any | None:
         return self._fresh("status", self._status)
 
     def newest(self, name: str) -> Any | None:
-        """Return the message, decoded; None when there is none, an old one, or one that is no
-        message.
-        """
+        """Return the decoded message, or None when it is missing, too old or invalid."""
         payload = self._fresh(name, self._payloads.get(name))
         if payload is None:
             return None
@@ -85,12 +81,12 @@ class Observed:
 
     @property
     def deflection(self) -> float:
-        """Return the deflection of the stick deflected most, 0..1; 0 when no sticks are sent."""
+        """Return the deflection of the most deflected stick, 0..1; 0 when no sticks are sent."""
         sticks = self.newest("stick")
         return 0.0 if sticks is None else max((abs(float(x)) for x in sticks.axes), default=0.0)
 
     def motion(self) -> dict[str, Any]:
-        """Return the motion as the fields of `Facts`; empty when there is no fresh telemetry."""
+        """Return the motion as fields of `Facts`; empty when there is no fresh telemetry."""
         with self._lock:
             samples = list(self._samples)
         now = self._clock()

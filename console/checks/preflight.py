@@ -1,6 +1,7 @@
 """The pre-flight check list: evaluated continuously, published at 2 Hz, required for arming.
 
-A thread of its own, because the disk is looked at: it may hang, and the beat must not.
+It has its own thread because it reads the state of the disk, which may hang; the heartbeat must
+not.
 """
 
 from __future__ import annotations
@@ -21,18 +22,18 @@ from vehicle_link.messages import header, new
 log = logging.getLogger(__name__)
 
 PERIOD = 0.2
-"""s between two evaluations; a change is published at once."""
+"""Seconds between two evaluations; a change is published at once."""
 EVERY = 0.5
 WARN = 30
 KEPT = 5.0
-"""s for which the list of an accepted request to arm belongs to the flight that begins."""
+"""Seconds for which the list of an accepted request to arm belongs to the flight that begins."""
 
 
 class Preflight:
-    """Thread-safe.
+    """Evaluates and publishes the list, and refuses arming; thread-safe.
 
     Args:
-        facts: of now; may wait for the disk.
+        facts: returns the present facts; may wait for the disk.
         limits: the live parameters.
         outbox: publishes and records `preflight`.
         vehicle_ns: the vehicle's clock.
@@ -52,7 +53,7 @@ class Preflight:
         self._lock = threading.Lock()
         self._judging = threading.Lock()
         self._asked: tuple[float, list[Check]] = (float("-inf"), [])
-        self._flown: list[Check] | None = None  # the list as it was at arming, while armed
+        self._flown: list[Check] | None = None  # the list at arming, while armed
         self._newest: list[Check] = []
         self._told: tuple[object, ...] = ()
         self._told_at = float("-inf")
@@ -70,13 +71,13 @@ class Preflight:
         """Raise RefusedError with all the reasons why the vehicle must not be armed now."""
         facts = self._gather()
         if facts.armed or not self._limits.blocks:
-            return  # armed already: its own answer is the better one
+            return  # when already armed, the vehicle's own answer is the better one
         checks = judged(facts, self._limits)
         if any(one.name == "parameters" and one.state == "fail" for one in checks):
             checks = judged(self._read_anew(), self._limits)
         if failing := reasons(checks):
             line = f"not armed: {'. '.join(failing)}"
-            self._outbox.say(WARN, f"refused {requester or 'somebody'}: {line}")
+            self._outbox.say(WARN, f"refused {requester or 'someone'}: {line}")
             raise RefusedError(line)
         with self._lock:
             self._asked = (time.monotonic(), checks)
@@ -110,9 +111,7 @@ class Preflight:
         self._outbox.message("preflight", message, stamp_ns)
 
     def _read_anew(self) -> Facts:
-        """Return the facts after reading the vehicle's parameters again; it may not answer
-        either.
-        """
+        """Read the vehicle's parameters again, as far as it answers, and return the facts."""
         try:
             self._refresh()
         except LinkError:
@@ -130,5 +129,5 @@ class Preflight:
             except QuadlabError:
                 if not self._closing.is_set():
                     log.warning("pre-flight check", exc_info=True)
-            except Exception:  # a defect here must not end the list: arming would stay refused
+            except Exception:  # a defect must not end the list: arming would stay refused
                 log.exception("pre-flight check")

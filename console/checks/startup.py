@@ -1,8 +1,8 @@
-"""The station's start-up checks: what was found of clock, rates, disk, certificates, by whom.
+"""The station's start-up checks: clock, rates, disk, certificates, versions, on both ends.
 
-Looked at a little after the vehicle has connected, without one a little after the start, and again
-when asked. Nothing is looked at while the vehicle is armed; while it is not received, and so may be
-flying, all but what loads the disk.
+They run a little after the vehicle has connected, or a little after the start without one, and
+again on request. Nothing is checked while the vehicle is armed; while it is silent, and so may be
+flying, everything is checked except what loads the disk.
 """
 
 from __future__ import annotations
@@ -33,22 +33,22 @@ from vehicle_link.transport.node import Node
 log = logging.getLogger(__name__)
 
 LOOK = 1.0
-"""s between two checks of the clock."""
+"""Seconds between two checks of the clock."""
 SETTLE, ALONE = 4, 10
-"""Looks from the vehicle's connecting to the checks (rates need two seconds to count), and from
-the start where none connects."""
+"""Number of LOOK periods from the vehicle's connecting to the checks (rates need two seconds to
+count), and from the start when none connects."""
 TIMEOUT = 2.0
-"""s the vehicle has for its own checks."""
+"""Seconds that the vehicle has for its own checks."""
 INFO, WARN = 20, 30
 ANSWER = f"{SERVICES['checks']}_Response"
 
 
 class StartupChecks:
-    """Serves `/<vehicle>/station/checks`.
+    """Runs the start-up checks and serves `/<vehicle>/station/checks`.
 
     Args:
         data: the station's data folder.
-        say: (level, line), an event.
+        say: publishes an event (level, line).
         endpoints: where the station listens and what it dials, in words.
     """
 
@@ -90,9 +90,7 @@ class StartupChecks:
         return all(one.state == "unknown" for one in self._vehicle)
 
     def look(self) -> None:
-        """Check everything now; may take some seconds. Raises LinkError for a defect of ours
-        only.
-        """
+        """Check everything now; may take some seconds. Raises LinkError only for our own defect."""
         with self._looking:
             self._station = self._look_here()
             self._vehicle = self._look_at_vehicle()
@@ -161,11 +159,11 @@ class StartupChecks:
             except QuadlabError:
                 if not self._closing.is_set():
                     log.warning("start-up checks", exc_info=True)
-            except Exception:  # the clock must go on being watched
+            except Exception:  # the clock must stay watched
                 log.exception("start-up checks")
 
     def _tell(self) -> None:
-        """Print one line when a check needs attention."""
+        """Publish one line when a check needs attention."""
         bad = [f"{one.name} ({one.place})" for one in self.found if one.state in ("warn", "fail")]
         if bad:
             failing = any(one.state == "fail" for one in self.found)
@@ -174,7 +172,7 @@ class StartupChecks:
 
 
 def _compared(check: Check, ours: str) -> Check:
-    """Compare the vehicle's version with ours."""
+    """Return the check of the vehicle's version, compared with ours; any other check unchanged."""
     if check.name != "version":
         return check
     return replace(

@@ -14,12 +14,13 @@ from vehicle_link.checks import Check, State
 from vehicle_link.topics import TOPICS
 
 ROUND_TRIP = 0.02
-"""s; a longer one gets a note: every measurement is that much older at the vehicle."""
+"""Seconds above which the round trip gets a warning: every measurement is that much older at the
+vehicle."""
 NEARLY, HALF = 0.9, 0.5
-"""Shares of a nominal rate: below the first it gets a note, below the second it fails."""
+"""Shares of a nominal rate: below the first it gets a warning, below the second it fails."""
 PROBE = 4_000_000
 SLOWEST = 5.0
-"""MB/s; a run at full rate writes about a fifth of it."""
+"""Lowest speed in MB/s; a run at full rate writes about a fifth of it."""
 
 
 def vehicle_clock(f: Facts, link_status: Any) -> Check:
@@ -38,7 +39,7 @@ def rates(f: Facts, p: StationParameters) -> list[Check]:
     packets = min(TOPICS["telemetry"].rate, f.nominal_rate)
     heard = f.mode is not None
     return [
-        _rate("telemetry", f.telemetry_rate if heard else None, packets, "look at the link"),
+        _rate("telemetry", f.telemetry_rate if heard else None, packets, "check the link"),
         _rate(
             "flight loop",
             f.tick_rate if heard else None,
@@ -65,7 +66,7 @@ def rates(f: Facts, p: StationParameters) -> list[Check]:
 def disk_speed(f: Facts, folder: Path, data: Path, megabytes: float = PROBE / 1e6) -> Check:
     """Measure the disk's speed with a small synced file, which is removed again.
 
-    Not next to a flight: only of a vehicle that says now that it is disarmed.
+    Never during a flight: only when the vehicle reports that it is disarmed.
     """
     name, wanted = "disk's speed", f"at least {SLOWEST:.0f} MB/s"
     if f.armed or f.mode is None:

@@ -1,7 +1,7 @@
-"""The station's services: commands for the vehicle are passed on, the rest is answered here.
+"""The station's services: commands for the vehicle are forwarded, the others are answered here.
 
-The requester's name travels along, so that vehicle, log and catalogue know who asked, and so does
-the request id, so that a repeated request has one effect. Each service has a thread of its own
+The requester's name is forwarded too, so that vehicle, log and catalogue have it, and so is the
+request id, so that a repeated request has one effect. Each service has its own thread
 (vehicle_link.transport.node): an emergency never waits behind another command.
 """
 
@@ -24,18 +24,18 @@ from vehicle_link.transport.idempotent import Idempotent
 from vehicle_link.transport.node import Node
 
 AT_ONCE = 4
-"""Requests of one service: a cut does not wait behind a landing that the vehicle does not answer,
-nor a landing behind a take-off."""
+"""Maximum number of simultaneous requests of one service: a cut does not wait behind a landing that
+the vehicle does not answer, nor a landing behind a take-off."""
 
 
 class CommandGateway:
     """Serves `/<vehicle>/station/{arm, …, change_parameters, record}`.
 
     Args:
-        refusal: why a command is not sent to the vehicle now; "" when it is.
+        refusal: returns why a command is not sent to the vehicle now, or "".
         record: (start, requester) → run id; raises StorageError with the reason.
-        permit: asked first with (command, requester); raises RefusedError with the reason.
-        on_asked: told (command, requester) before a command is passed on.
+        permit: called first with (command, requester); raises RefusedError with the reason.
+        on_asked: called with (command, requester) before a command is forwarded.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class CommandGateway:
         node.serve("station/record", SERVICES["record"], Idempotent(self._start_or_stop))
 
     def _forward(self, name: str, request: Any) -> Any:
-        # Sent into a lost link it may be carried out late, which would surprise.
+        # Sent into a lost link it may be carried out late, by surprise.
         if COMMANDS[name].at == "vehicle" and (reason := self._refusal(name)):
             raise RefusedError(reason)
         self._permit(name, request.requester)
@@ -72,10 +72,10 @@ class CommandGateway:
         return self._ask(name, request)
 
     def _ask(self, name: str, request: Any) -> Any:
-        """Return the answer of who carries it out.
+        """Return the answer of the process that carries out the command.
 
-        Raises NoAnswerError, which is no refusal: it is not known what became of the command.
-        RefusedError when link or control are lost meanwhile.
+        Raises NoAnswerError, which is no refusal: the outcome of the command is unknown. Raises
+        RefusedError when link or control are lost in the meantime.
         """
         patience, tries = COMMANDS[name].patience, COMMANDS[name].tries
         began, asked = time.monotonic(), 0
@@ -92,7 +92,7 @@ class CommandGateway:
             self._permit(name, request.requester)
 
     def _change_parameters(self, request: Any) -> Any:
-        """Change the station's parameters here and all others at the vehicle; all or nothing."""
+        """Change the station's parameters here and all others on the vehicle; all or nothing."""
         name = "change_parameters"
         self._permit(name, request.requester)
         values = from_parameters(request.parameters)
@@ -141,7 +141,9 @@ class CommandGateway:
 
 
 def _answer(client: ServiceClient, request: Any, timeout: float) -> Any:
-    """Return the answer. Raises NoAnswerError, also for a defect: it may have been carried out."""
+    """Return the answer. Raises NoAnswerError for every failure: the command may have been carried
+    out.
+    """
     try:
         return client.call(request, timeout=timeout)
     except NoAnswerError:

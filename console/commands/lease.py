@@ -1,9 +1,9 @@
 """The control lease: one operator commands at a time, and everyone sees who.
 
-Whoever commands while no one holds it, holds it. The holder hands it on when asked, gives it
-up, or loses it by leaving the page; an admin may take it. Who asks a holder that neither answers
-nor does anything gets it in the end: a page left open must not keep a laboratory waiting, and
-hands on the sticks must not lose them.
+The first person who commands while the lease is free gets it. The holder hands it over on request,
+releases it, or loses it by leaving the page; an admin may take it. When the holder neither answers
+a request nor does anything else, the requester gets it in the end: a page left open must not keep a
+laboratory waiting, and hands on the sticks must not lose them.
 """
 
 from __future__ import annotations
@@ -13,23 +13,26 @@ from dataclasses import dataclass
 from quadrotor.errors import RefusedError
 
 ABSENT = 5.0
-"""s after which a holder counts as gone who neither was seen nor commanded anything."""
+"""Seconds after which a holder is considered absent whose page is closed and who commands nothing.
+"""
 UNANSWERED = 20.0
-"""s of silence to a question, and of nothing done since, after which the holder gives way."""
+"""Seconds without an answer to a request, and without any action since, after which the holder
+loses the lease."""
 
 
 @dataclass(frozen=True, slots=True)
 class LeaseView:
-    """A view of the lease, with names as of `requester` everywhere; "" = no one."""
+    """The state of the lease, with names as in `requester` everywhere; "" = no one."""
 
     holder: str
     asking: str
     answer_within: float
-    """s after which who asks gets control if its holder goes on doing nothing; 0 = nobody asks."""
+    """Seconds after which the requester gets control if the holder stays inactive; 0 = no request.
+    """
 
 
 class ControlLease:
-    """Times in s of any steady clock. Not thread-safe."""
+    """The state machine of the lease. Times in s of any steady clock. Not thread-safe."""
 
     def __init__(self) -> None:
         self._holder = ""
@@ -67,8 +70,8 @@ class ControlLease:
         self.expire(now)
 
     def ask(self, who: str, now: float) -> None:
-        """Ask for control, and have it at once when no one does. Raises RefusedError while another
-        asks.
+        """Request control; it is given at once when it is free. Raises RefusedError while another
+        person requests it.
         """
         self.expire(now)
         if self._holder in ("", who):
@@ -79,7 +82,7 @@ class ControlLease:
             self._asking, self._asked = who, now
 
     def answer(self, who: str, yes: bool, now: float) -> None:
-        """Answer the person who asks, as the holder. Raises RefusedError."""
+        """Answer the pending request, as the holder. Raises RefusedError."""
         self._of_holder(who)
         if not self._asking:
             raise RefusedError("there is no request for control (any more)")
@@ -90,16 +93,16 @@ class ControlLease:
             self._asking = ""
 
     def release(self, who: str, now: float) -> None:
-        """Release the lease as its holder; who asks for it gets it. Raises RefusedError."""
+        """Release the lease as its holder; a pending request gets it. Raises RefusedError."""
         self._of_holder(who)
         self._free(now)
 
     def take(self, who: str, now: float) -> None:
-        """Give the lease to an admin, whoever holds it."""
+        """Give the lease to an admin, no matter who holds it."""
         self._give(who, now)
 
     def expire(self, now: float) -> None:
-        """Call some times a second."""
+        """Take the lease from an absent or silent holder; call some times a second."""
         if not self._holder:
             return
         unanswered = self._asking and self._waited(now) > UNANSWERED
@@ -111,7 +114,7 @@ class ControlLease:
 
     def _of_holder(self, who: str) -> None:
         if who != self._holder:
-            raise RefusedError(f"control is not yours: {self._holder or 'nobody'} has it")
+            raise RefusedError(f"you do not have control: {self._holder or 'no one'} has it")
 
     def _free(self, now: float) -> None:
         following, self._holder = self._asking, ""

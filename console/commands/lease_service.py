@@ -1,6 +1,6 @@
-"""The lease at the station: who may command now, asked for and told over the station's session.
+"""The lease at the station: requested and published over the station's session.
 
-Serves `/<vehicle>/station/control`; publishes `control` at 2 Hz and on change; hears `presence`,
+Serves `/<vehicle>/station/control`; publishes `control` at 2 Hz and on change; receives `presence`,
 the names of those who have a page open. Every command of the gateway passes `permit`.
 """
 
@@ -23,13 +23,13 @@ from vehicle_link.transport.publisher import Received
 INFO = 20
 ANSWER = f"{SERVICES['control']}_Response"
 OWN = ("quadlab up",)
-"""Requesters of our own that end a flight, whoever has control; people's names have no spaces,
-or end in a number."""
-EVERY = 10  # beats between two messages without a change
+"""Our own requesters, which may end a flight no matter who has control; names of people have no
+spaces, or end in a number."""
+EVERY = 10  # heartbeats between two messages without a change
 
 
 class ControlDesk:
-    """Thread-safe. Args: `clock`, s of a steady clock."""
+    """The lease with its service and topics; thread-safe. `clock` is steady, in s."""
 
     def __init__(
         self,
@@ -51,18 +51,19 @@ class ControlDesk:
     def permit(self, command: str, requester: str) -> None:
         """Permit a command of this requester. Raises RefusedError when another has control.
 
-        Emergencies are everyone's, and no one gets control by one.
+        Everyone may send an emergency, and it gives no one control.
         """
         if command == "emergency" or requester in OWN:
             return
         with self._lock:
-            self._lease.command(requester or "somebody", self._clock())
+            self._lease.command(requester or "someone", self._clock())
         self._tell()
 
     def steers(self, requester: str, enabled: bool) -> bool:
-        """Return whether these sticks count; released sticks ask for nothing.
+        """Return whether these sticks count; released sticks request nothing.
 
-        No one's (a joystick at the base, through ROS 2) are of whoever has control.
+        Sticks without a requester (a joystick at the base, through ROS 2) belong to the holder of
+        the lease.
         """
         if not requester:
             return True
@@ -76,7 +77,7 @@ class ControlDesk:
         return True
 
     def tick(self, count: int) -> None:
-        """Advance the lease every 50 ms."""
+        """Advance the lease; called every 50 ms."""
         with self._lock:
             self._lease.expire(self._clock())
         self._tell(count % EVERY == 0)
@@ -90,7 +91,7 @@ class ControlDesk:
     def _answer(self, request: Any) -> Any:
         try:
             with self._lock:
-                self._do(request.action, request.requester or "somebody", self._clock())
+                self._do(request.action, request.requester or "someone", self._clock())
         finally:
             self._tell()
         return new(ANSWER, accepted=True)
@@ -103,7 +104,7 @@ class ControlDesk:
             lease.answer(who, action == "give", now)
         elif action == "release":
             lease.release(who, now)
-        elif action == "take":  # the page lets admins only; this session is the station's own
+        elif action == "take":  # the page allows admins only; this session is the station's own
             lease.take(who, now)
         else:
             raise UsageError(

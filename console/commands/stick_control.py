@@ -1,8 +1,8 @@
 """The sticks at the station: whose they are, the watchdog's clock, and an answer to each message.
 
-Each message of `stick` is answered on `stick_status` with its own stamp, so that a page knows how
-long its sticks take to get here and whether they go on to the vehicle. Silence is noticed by a
-thread that sleeps until it is due: a beat of 20 Hz would add up to 50 ms to the 250.
+Each message of `stick` is answered on `stick_status` with its own stamp, so that a page can measure
+how long its sticks take to arrive here and whether they are forwarded to the vehicle. Silence is
+noticed by a thread that sleeps until it is due: a loop at 20 Hz would add up to 50 ms.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from vehicle_link.transport.publisher import Received
 log = logging.getLogger(__name__)
 
 REPEAT = 0.05  # s between two messages of one drop
-EARLY = 0.01  # s, so that the drop is out, and not only due, when the silence has lasted
+EARLY = 0.01  # s, so that the drop is sent, and not only due, when the silence has lasted
 JOY, STATUS = "sensor_msgs/Joy", "quadlab_msgs/StickStatus"
 
 
 class Pilots(Protocol):
-    """An experiment may fly; only what takes it over passes then."""
+    """Decides what passes while an experiment flies: only sticks that take it over."""
 
     def passes(self, order: StickOrder) -> bool: ...
 
 
 class StickDesk:
-    """Thread-safe.
+    """Handles the stick messages of one vehicle; thread-safe.
 
     Args:
         steers: (requester, whether their dead-man is held) → whether their sticks count.
-        pilots: who decides between a person and an experiment.
-        timeout: s of silence after which sticks are dropped, now.
+        pilots: decides between a person and an experiment.
+        timeout: returns the seconds of silence after which sticks are dropped.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class StickDesk:
         self._changed = threading.Condition()
         self._last = topics.Sticks(0, (0.0, 0.0, 0.0, 0.0), enabled=False)
         self._closing = False
-        # Serialisers are written on first use, which takes up to 0.1 s.
+        # Serialisers are generated on first use, which takes up to 0.1 s.
         decode(encode(new(JOY)), JOY)
         encode(new(STATUS))
         self._thread = threading.Thread(target=self._watch, name="sticks", daemon=True)
@@ -79,12 +79,12 @@ class StickDesk:
         )
 
     def received(self, message: Received) -> None:
-        """Handle one message of `stick`. Raises LinkError or MeasurementError when it makes no
-        sense.
+        """Handle one message of `stick`. Raises LinkError or MeasurementError when it
+        is invalid.
         """
         timeout = self._timeout()
         if message.received_ns - message.source_ns > timeout * 1e9:
-            return  # of a process that stood still; the watchdog has noticed
+            return  # from a process that was stopped; the watchdog has noticed
         sticks = topics.decode_joy(message.payload)
         if not self._steers(sticks.requester, sticks.enabled):
             # What these sticks held is dropped by their silence, or at once when they let go.
@@ -107,7 +107,9 @@ class StickDesk:
         self._answer(sticks, order.enabled, reason)
 
     def _let_go(self, sticks: topics.Sticks, timeout: float) -> None:
-        """Let go for a person who lost control: else a drop of these sticks would stay for ever."""
+        """Release the sticks of a person who lost control; otherwise their drop would stay for
+        ever.
+        """
         with self._changed:
             if self._last.requester == sticks.requester:
                 self._watchdog.feed(sticks.axes, False, monotonic(), timeout)
@@ -117,7 +119,7 @@ class StickDesk:
         while not self._closing:
             try:
                 self._watch_once()
-            except Exception:  # a defect of one drop must not end the watch over the next
+            except Exception:  # a defect in one drop must not end the watch over the next
                 log.exception("sticks")
 
     def _watch_once(self) -> None:

@@ -1,7 +1,7 @@
 """The station's watchdog over the sticks: silence drops them, and a drop latches.
 
 After a drop the dead-man must be seen released before it counts again, so that a button held
-through a break does not move the vehicle by itself.
+through an outage does not move the vehicle by itself.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 CENTRED = (0.0, 0.0, 0.0, 0.0)
 REPEATS = 3
-"""The order to stop is sent this often, for sticks travel best effort; the vehicle has its own
-watchdog."""
+"""Number of times that the order to stop is sent, as sticks travel best effort; the vehicle has its
+own watchdog."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,17 +26,17 @@ DROPPED = StickOrder(CENTRED, False)
 
 
 class StickWatchdog:
-    """Times in s of any steady clock."""
+    """Drops silent sticks. Times in s of any steady clock."""
 
     def __init__(self) -> None:
-        self._heard: float | None = None  # while enabled
+        self._heard: float | None = None  # s, last message while enabled
         self._latched = False
         self._repeats = 0
 
     def feed(
         self, axes: tuple[float, float, float, float], enabled: bool, now: float, timeout: float
     ) -> StickOrder:
-        """Take one message of the page's sticks; return what to forward for it."""
+        """Handle one message of the page's sticks; return what to forward for it."""
         if self._heard is not None and now - self._heard > timeout:
             self._drop()
         if not enabled:
@@ -52,7 +52,7 @@ class StickWatchdog:
         return StickOrder(axes, True)
 
     def tick(self, now: float, timeout: float) -> StickOrder | None:
-        """Return the order to stop while it must be sent; called when it is `due`."""
+        """Return the order to stop while it must be sent, or None; called when it is `due`."""
         if self._heard is not None and now - self._heard > timeout:
             self._drop()
         if self._repeats > 0:
@@ -61,7 +61,7 @@ class StickWatchdog:
         return None
 
     def due(self, now: float, timeout: float) -> float | None:
-        """Return the seconds until silence is a drop; None = there is nothing to drop."""
+        """Return the seconds until silence becomes a drop; None = nothing to drop."""
         return None if self._heard is None else max(self._heard + timeout - now, 0.0) + 1e-4
 
     @property

@@ -1,4 +1,4 @@
-"""Residuals of bearings against those that an estimate predicts."""
+"""Residuals of measured bearings with respect to those that an estimate predicts."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ Array = npt.NDArray[np.float64]
 
 
 def residuals(frame: Record, states: Array, since: float) -> Array:
-    """Return angles (E, n), rad, between measured bearings and those that states (E, 13) expect.
+    """Return the angles (E, n), rad, between measured bearings and those expected from states (E,
+    13).
 
     Args:
         frame: BEARINGS_SAMPLE (1,) of n beacons.
-        since: s from the states to the frame; they are carried on with their velocities.
+        since: s from the states to the frame; they are extrapolated with their velocities.
     """
     position_w = states[:, POSITION] + since * states[:, VELOCITY]
     R = matrices_of(_turned(states[:, QUATERNION], since * states[:, RATE]))

@@ -1,7 +1,7 @@
-"""Estimators on one flight against the truth: the vehicle's own, and others in its shadow.
+"""Comparison of estimators with the truth in flight: the vehicle's own, and others in parallel.
 
-Fed with what the station has: telemetry, the truth or the tracker's poses, frames of bearings.
-It reads no clock: the same input gives the same output. One thread.
+The input is what the station has: telemetry, the truth or the tracker's poses, frames of bearings.
+No clock is read: the same input gives the same output. Single-threaded.
 """
 
 from __future__ import annotations
@@ -37,20 +37,21 @@ Array = npt.NDArray[np.float64]
 
 VEHICLE = "vehicle"
 SPACING_NS = 9_000_000
-"""Between compared estimates at least: the last of each packet of telemetry."""
+"""Shortest time between compared estimates, in ns: only the last of each packet of telemetry is
+compared."""
 ROWS, FRAMES = 200, 64
 CARRIED_NS = 50_000_000
-"""Over how long an estimate is carried on to the instant of a frame."""
+"""Longest time, in ns, over which an estimate is extrapolated to the instant of a frame."""
 PATIENCE_NS = 500_000_000
-"""An estimate for which no truth came for so long is told without errors."""
+"""Time in ns after which an estimate without a truth is reported without errors."""
 
 
 class EstimatorComparison:
     """Estimates, errors, statistics and residuals.
 
     Args:
-        say: takes a line when an estimator is stopped for a defect of its own.
-        timer: s of processor time of the calling thread.
+        say: called with a line when an estimator is stopped because of its own defect.
+        timer: returns the processor time of the calling thread, s.
     """
 
     def __init__(
@@ -62,7 +63,7 @@ class EstimatorComparison:
         self._words: tuple[str, ...] = ()
         self._shadows: dict[str, Shadow] = {}
         self._armed = self._starting = False
-        self._flown = False  # since the vehicle was started, or this was
+        self._flown = False  # since the vehicle, or this process, was started
         self._begin_anew(SampleQueue())
 
     def _begin_anew(self, samples: SampleQueue) -> None:
@@ -76,8 +77,8 @@ class EstimatorComparison:
 
     # ------------------------------------------------------------------ the set
     def choose(self, words: Sequence[str]) -> None:
-        """Choose the results in this order, behind the vehicle's; those that stay are not
-        touched.
+        """Choose the results and their order, after the vehicle's. Those already chosen are not
+        restarted.
         """
         self._words = tuple(words)
         for gone in self._shadows.keys() - set(words):
@@ -87,13 +88,13 @@ class EstimatorComparison:
         }
 
     def start(self, word: str, estimator: Estimator) -> None:
-        """Start the estimator of a chosen word, once it is compiled."""
+        """Start the estimator of a chosen word once it is compiled."""
         if word in self._words:
             self._shadows[word] = Shadow(estimator, self._timer)
 
-    # ------------------------------------------------------------------ what comes
+    # ------------------------------------------------------------------ input
     def ticks(self, ticks: Record) -> None:
-        """Take the TICK (N,) of one packet of telemetry."""
+        """Handle the TICK (N,) of one packet of telemetry."""
         stretch = self._samples.packet(np.ascontiguousarray(ticks["imu"]))
         if stretch.event is Event.NOTHING_NEW:
             return
@@ -104,7 +105,7 @@ class EstimatorComparison:
         for word, shadow in list(self._shadows.items()):
             try:
                 shadow.advance(stretch.imu, stretch.steps, stretch.frames)
-            except Exception as error:  # a defect in what is only compared must end nothing else
+            except Exception as error:  # a defect in a compared estimator must end nothing else
                 del self._shadows[word]
                 self._say(f"comparing {word} stopped: {type(error).__name__}: {error}")
         stamp_ns = int(stretch.imu["stamp_ns"][-1])
@@ -115,15 +116,15 @@ class EstimatorComparison:
             self._compare()
 
     def truth(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
-        """Take a true pose: (3,) m, (4,) unit quaternion body to world."""
+        """Handle a true pose: (3,) m, (4,) unit quaternion body to world."""
         self._pose("truth", stamp_ns, position_w, quaternion_wb)
 
     def tracker(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
-        """Take a pose of the tracker, the truth where there is no better one."""
+        """Handle a pose of the tracker, which counts as true when there is no better one."""
         self._pose("tracker", stamp_ns, position_w, quaternion_wb)
 
     def bearings(self, measurement: BearingMeasurement, beacons: Beacons) -> None:
-        """Take a frame, early or late, with the beacons as they were when it was taken."""
+        """Handle a frame, early or late, with the beacons at the time it was taken."""
         stamp_ns, ids, bearings_b, sigma, _ = measurement
         seen = bearings_sample(stamp_ns, ids, bearings_b, sigma)
         frame = KnownBeacons(beacons).with_positions(seen)
@@ -132,8 +133,8 @@ class EstimatorComparison:
             self._samples.frame(stamp_ns, frame)
 
     def status(self, armed: bool, starting: bool) -> None:
-        """Begin a session at arming; a vehicle that has calibrated its gyroscope again begins
-        all.
+        """Begin a session at arming; reset the estimators when the vehicle has calibrated its
+        gyroscope again.
         """
         if armed and not self._armed:
             self._flown = True
@@ -143,9 +144,9 @@ class EstimatorComparison:
             self._reset()
         self._armed, self._starting = armed, starting
 
-    # ------------------------------------------------------------------ what is told
+    # ------------------------------------------------------------------ output
     def report(self) -> Comparison | None:
-        """Return the newest estimates compared; None when there is nothing newer than last time."""
+        """Return the newest compared estimates, or None when nothing is newer than last time."""
         if not self._rows:
             return None
         row, true = self._rows[-1], None
@@ -184,7 +185,7 @@ class EstimatorComparison:
         return out
 
     def _describe_bearings(self, out: Comparison, true: Pose | None) -> None:
-        """Describe the newest frame for which there are estimates."""
+        """Add bound and residuals of the newest frame for which there are estimates."""
         newest_ns = self._rows[-1].stamp_ns
         newest = max(
             (one for one in self._frames if one[0] <= newest_ns), key=itemgetter(0), default=None
@@ -222,7 +223,7 @@ class EstimatorComparison:
                     self._statistics[word].add(row.stamp_ns, position, attitude, counts)
 
     def _row(self, stamp_ns: int, own: Record) -> Row:
-        """Return the present state of every estimator; NaN for those without a start."""
+        """Return the present state of every estimator; NaN for those that are not initialized."""
         states = np.full((1 + len(self._shadows), 13), math.nan)
         states[0] = _numbers(own)
         for k, shadow in enumerate(self._shadows.values(), start=1):
@@ -237,11 +238,12 @@ class EstimatorComparison:
             shadow.reset()
 
     def _forget(self) -> None:
-        """Forget everything, as the vehicle was started again: its clock, its place, its biases are
-        others.
+        """Forget everything, because the vehicle has restarted: its clock, position and biases
+        differ.
         """
         self._reset()
-        self._begin_anew(self._samples)  # they noticed by themselves and hold what comes next
+        # The queue noticed the restart itself, and has the next samples.
+        self._begin_anew(self._samples)
         self._armed = self._flown = False
 
 

@@ -1,7 +1,7 @@
-"""The station's end of the comparison of estimators, which runs in a process of its own.
+"""The station's side of the comparison of estimators, which runs in a separate process.
 
-There its compiler, the loading of its code and its arithmetic never hold the interpreter that
-beats, forwards sticks and serves the link; and its end ends nothing else.
+There its compiler, the loading of its code and its arithmetic never hold the interpreter that sends
+heartbeats, forwards sticks and serves the link; and a crash there ends nothing else.
 """
 
 from __future__ import annotations
@@ -29,26 +29,28 @@ Array = npt.NDArray[np.float64]
 COMMAND = (sys.executable, "-m", "console.comparison.process")
 PERIOD = 0.05
 HELD = 4000
-"""Messages queued for the process at most: about 10 s of them."""
+"""Maximum number of messages queued for the process: about 10 s of them."""
 AGAIN = 5.0
-"""s between two starts of the process."""
+"""Seconds between two starts of the process."""
 LOOK, LINGER = 1.0, 30.0
-"""s between questions whether it is wanted, and for which it goes on when it is not any more."""
+"""Seconds between checks whether the results are needed, and for which the process continues when
+they no longer are."""
 PATIENCE = 2.0
 STARTING = "starting"
 TOPIC = "comparison"
 
 
 class ComparisonFeed:
-    """A feed of the comparison process. Everything but `close` may be called from any thread, and
-    costs an append.
+    """Feeds the comparison process. Everything but `close` may be called from any thread, and costs
+    one append.
 
-    The process begins with the first telemetry, and is there only while it is wanted.
+    The process starts with the first telemetry, and runs only while its results are needed.
 
     Args:
         parameters: the live object, read again in each period.
-        publish: takes topic, payload and stamp (ns). say: takes a line for the operator.
-        wanted: whether the results are.
+        publish: called with topic, payload and stamp (ns).
+        say: called with a line for the operator.
+        wanted: returns whether the results are needed.
     """
 
     def __init__(
@@ -91,7 +93,7 @@ class ComparisonFeed:
         self._closing.set()
         child = self._child
         if child is not None:
-            child.terminate()  # a blocked write ends with it
+            child.terminate()  # ends a blocked write, too
         self._thread.join(PATIENCE)
 
     def _run(self) -> None:
@@ -121,7 +123,7 @@ class ComparisonFeed:
         self._queue.clear()
 
     def _alive(self) -> bool:
-        """Start the process, again if it has ended."""
+        """Return whether the process runs; start it if necessary, again if it has ended."""
         child = self._child
         if child is not None and child.poll() is None:
             return True
@@ -143,7 +145,7 @@ class ComparisonFeed:
         return True
 
     def _send(self) -> None:
-        """Send the queue, also when it is empty: it is the other side's clock."""
+        """Send the queue, even when it is empty: it is the process's clock."""
         assert self._child is not None
         assert self._child.stdin is not None
         items = [self._queue.popleft() for _ in range(len(self._queue))]
@@ -156,7 +158,7 @@ class ComparisonFeed:
         with suppress(EOFError, OSError, ValueError, pickle.UnpicklingError):
             while True:
                 what, *arguments = pickle.load(child.stdout)
-                with suppress(LinkError):  # the session went first
+                with suppress(LinkError):  # the session was closed first
                     if what == TOPIC:
                         self._publish(TOPIC, *arguments)
                     else:

@@ -1,8 +1,8 @@
-"""Compiled code of estimators, while the comparison goes on without them.
+"""Preparation of the compiled code of estimators while the comparison continues without them.
 
-A process of its own compiles what is not kept yet, on time no one else wants. In a thread, a
-compiler would hold the interpreter of the comparison; and were that thread of low priority, a busy
-machine could leave it waiting with the interpreter in its hands.
+A separate process compiles what is not cached yet, at idle priority. In a thread, a compiler would
+hold the interpreter of the comparison; and if that thread had low priority, a busy machine could
+leave it waiting while it holds the interpreter.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ KEPT = {
     ),
     "error_state": ("estimation.error_state.filter", "estimation.poses.frame_solution"),
 }
-"""Modules whose kept code tells that an estimator is compiled. One that is registered from
-elsewhere is prepared in the process that knows it."""
+"""Modules whose cached code shows that an estimator is compiled. An estimator registered elsewhere
+is prepared in the process that registered it."""
 
 
 class Kernels:
-    """Asked from one thread; prepares in another, one estimator after the other.
+    """Called from one thread; prepares one estimator after the other in another thread.
 
     Args:
-        say: takes a line when compiling takes long, or fails.
+        say: called with a line when compiling takes long, or fails.
     """
 
     def __init__(self, say: Callable[[str], None]) -> None:
@@ -43,7 +43,9 @@ class Kernels:
         self._closing = threading.Event()
 
     def ready(self, name: str) -> bool:
-        """Return whether an estimator can be made; if not, and no one has asked yet, ask for it."""
+        """Return whether an estimator can be created; if not, start to prepare it unless that was
+        done.
+        """
         if name in self._ready:
             return True
         busy = self._thread is not None and self._thread.is_alive()
@@ -70,11 +72,11 @@ class Kernels:
             if not self._closing.is_set():
                 registry.prepare(name, bearings=True)
                 self._ready.add(name)
-        except Exception as error:  # of an estimator of unknown make, too
+        except Exception as error:  # an unknown estimator may raise anything
             self._say(f"comparing {name}: cannot be prepared: {type(error).__name__}: {error}")
 
     def _compile(self, name: str) -> None:
-        """Compile in a process of its own; what it leaves undone is compiled here, later."""
+        """Compile in a separate process; what it leaves undone is compiled here, later."""
         began, said = time.monotonic(), False
 
         def check() -> None:
@@ -90,7 +92,7 @@ class Kernels:
 
 
 def prepare(name: str) -> None:
-    """Compile and keep everything of one estimator."""
+    """Compile and cache everything of one estimator."""
     from estimation import registry
 
     registry.prepare(name, bearings=True)

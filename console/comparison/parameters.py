@@ -11,13 +11,13 @@ from quadrotor.errors import OutOfBoundsError
 from quadrotor.parameters import Parameters, parameter
 
 MOST = 6
-"""Estimators at once: each takes a share of the station's only interpreter."""
+"""Maximum number of estimators at once: each uses a share of the station's only interpreter."""
 PRESET_OF: Mapping[str, str] = {"complementary": "resolved"}
-"""Presets of names given without one; others run on the defaults."""
+"""Presets for names given without one; other names use the defaults."""
 
 
 class Choice(NamedTuple):
-    """A word `name` or `name:preset` taken apart; preset "" means the default parameters."""
+    """A word `name` or `name:preset`, split; preset "" means the default parameters."""
 
     word: str
     name: str
@@ -25,9 +25,9 @@ class Choice(NamedTuple):
 
 
 class ComparisonParameters(Parameters):
-    """Estimators that are only compared.
+    """Parameters of the estimators that are only compared.
 
-    The text is checked on each assignment: a wrong one raises OutOfBoundsError, changes nothing.
+    The text is checked on each assignment; a wrong one raises OutOfBoundsError and changes nothing.
     """
 
     model_config = ConfigDict(validate_assignment=True)
@@ -44,10 +44,10 @@ class ComparisonParameters(Parameters):
 
 
 def parse_estimators(text: str) -> tuple[Choice, ...]:
-    """Return the words of a text, in its order. Raises OutOfBoundsError with what is allowed."""
+    """Return the choices of a text, in order. Raises OutOfBoundsError with what is allowed."""
     words = text.split()
     if not words:
-        return ()  # without a look at what there is: a station no one asks loads no estimator
+        return ()  # without importing the registry: an unused station loads no estimator
     from estimation import registry
     from estimation.parameters import PRESETS
 

@@ -1,7 +1,7 @@
 """The process that compares estimators: `python -m console.comparison.process`.
 
-Batches of what the station has come on standard input, ten messages a second and lines for the
-operator go out on standard output, all pickled. It ends with its input.
+Batches of the station's messages arrive on standard input; ten results a second and lines for the
+operator are written to standard output, all pickled. The process ends when its input ends.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from vehicle_link.messages import encode
 from vehicle_link.telemetry import unpack
 
 Batch = tuple[str, Sequence[tuple[Any, ...]]]
-"""The text of the parameter, and (what, its arguments) in the order in which they came."""
+"""The text of the parameter, and (kind, its arguments) in the order of arrival."""
 TOLD_EVERY = 2  # batches
 
 
 class Worker:
-    """Takes batches; reads no clock of its own.
+    """Processes batches; reads no clock.
 
     Args:
-        publish: takes an encoded quadlab_msgs/EstimatorComparison and its stamp, ns.
-        say: takes a line for the operator.
+        publish: called with an encoded quadlab_msgs/EstimatorComparison and its stamp, ns.
+        say: called with a line for the operator.
     """
 
     def __init__(self, publish: Callable[[bytes, int], None], say: Callable[[str], None]) -> None:
@@ -47,7 +47,7 @@ class Worker:
         self._batches = 0
 
     def take(self, batch: Batch) -> None:
-        """Take a batch; a defect in what is only shown ends nothing and is reported once."""
+        """Process a batch. A defect in what is only displayed ends nothing and is reported once."""
         text, items = batch
         self._batches += 1
         for act in (
@@ -80,7 +80,7 @@ class Worker:
             self._text = text
             try:
                 choices = parse_estimators(text)
-            except OutOfBoundsError as error:  # registered in the station's process alone
+            except OutOfBoundsError as error:  # registered only in the station's process
                 self._say(f"not compared: {error}")
                 return
             waiting = {*self._missing, *(set(choices) - set(self._choices))}
@@ -109,12 +109,12 @@ class Worker:
 
 
 def main() -> None:
-    """Run until the input ends; Ctrl-C is for the station, which then closes it."""
+    """Run until the input ends. Ctrl-C is left to the station, which then closes the input."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # The station may be above the ordinary; this need not be.
+    # The station may have raised priority; this process needs none.
     os.setpriority(os.PRIO_PROCESS, 0, max(0, os.getpriority(os.PRIO_PROCESS, 0)))
     output = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what an estimator prints is no message
+    os.dup2(2, 1)  # what an estimator prints must not mix with messages
 
     def send(*message: Any) -> None:
         output.write(pickle.dumps(message))
@@ -126,14 +126,14 @@ def main() -> None:
     )
 
     def end(*_: object) -> None:
-        worker.close()  # a compiler of ours ends with us
-        os._exit(0)  # an exception raised here may land in a destructor, and be lost there
+        worker.close()  # ends a compiler that we started
+        os._exit(0)  # an exception raised here may occur in a destructor, and be lost there
 
     signal.signal(signal.SIGTERM, end)
     try:
         _work(worker, sys.stdin.buffer)
     except BrokenPipeError:
-        pass  # the station went first
+        pass  # the station ended first
     finally:
         worker.close()
 

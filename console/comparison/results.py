@@ -20,12 +20,12 @@ UNKNOWN = np.full(13, math.nan)
 
 @dataclass
 class Result:
-    """One estimator; fields as in quadlab_msgs/EstimatorResult."""
+    """Result of one estimator; fields as in quadlab_msgs/EstimatorResult."""
 
     name: str
     initialized: bool = False
     converged: bool = False
-    state: Array = field(default_factory=lambda: UNKNOWN)  # 13 numbers of a STATE
+    state: Array = field(default_factory=lambda: UNKNOWN)  # the 13 numbers of a STATE
     position_covariance: Array = field(default_factory=lambda: np.full(9, math.nan))
     attitude_variance: float = math.nan
     position_error: float = math.nan
@@ -51,7 +51,7 @@ class Comparison:
 
 
 def message_of(comparison: Comparison) -> Any:
-    """Return quadlab_msgs/EstimatorComparison."""
+    """Return the quadlab_msgs/EstimatorComparison."""
     fields = dict(vars(comparison))
     stamp_ns, results = fields.pop("stamp_ns"), fields.pop("results")
     estimators = [_result(one) for one in results]

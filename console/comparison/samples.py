@@ -1,4 +1,4 @@
-"""IMU samples out of telemetry in a row without holes, each with the frames due after it."""
+"""A gapless series of IMU samples from telemetry, each with the frames due after it."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ import numpy as np
 from quadrotor.records import IMU_SAMPLE, Record
 
 NOMINAL_STEP, LONGEST_STEP = 0.002, 0.05
-"""s: of the first sample, and the longest that is taken in one."""
+"""Seconds: step of the first sample, and the longest step."""
 BRIDGE_STEP = 0.01
 LONGEST_GAP = 0.5
-"""s without telemetry after which nobody knows where the vehicle went in between."""
+"""Seconds without telemetry after which the motion in between is unknown."""
 OTHER_LIFE_NS = 1_000_000_000
-"""Stamps so far behind are of a vehicle that was started again."""
+"""Age in ns beyond which stamps belong to a vehicle that was restarted."""
 BEHIND = 3
-"""Packets in a row that must be: one may have been under way for long."""
+"""Number of such packets in a row that are needed: a single one may have been delayed."""
 WAITING = 128
 
 
@@ -29,7 +29,7 @@ class Event(Enum):
     """The result of adding a packet."""
 
     GOES_ON = auto()
-    GAP = auto()  # goes on, after more than LONGEST_GAP
+    GAP = auto()  # contiguous, after more than LONGEST_GAP
     RESTARTED = auto()
     NOTHING_NEW = auto()  # old samples: reordered, or repeated
 
@@ -44,7 +44,9 @@ class Stretch(NamedTuple):
 
 
 class SampleQueue:
-    """Frames wait for the telemetry of their instant; late ones go with the next sample."""
+    """Orders samples and frames. Frames wait for the telemetry of their instant; late ones follow
+    the next sample.
+    """
 
     def __init__(self) -> None:
         self._newest: Record | None = None  # IMU_SAMPLE (1,)
@@ -53,12 +55,14 @@ class SampleQueue:
         self._waiting: list[tuple[int, Record]] = []
 
     def frame(self, stamp_ns: int, record: Record) -> None:
-        """Queue a BEARINGS_SAMPLE; of those of one stamp the first comes first."""
+        """Queue a BEARINGS_SAMPLE; frames of equal stamps stay in order."""
         insort(self._waiting, (stamp_ns, record), key=itemgetter(0))
         del self._waiting[:-WAITING]
 
     def packet(self, imu: Record) -> Stretch:
-        """Return IMU_SAMPLE (N,) in order. What is not newer than the newest is passed over."""
+        """Return the new samples, IMU_SAMPLE (N,), in order. Samples that are not newer than the
+        newest are skipped.
+        """
         event = Event.GOES_ON
         last_ns = int(imu["stamp_ns"][-1])
         if self._newest is not None:
@@ -94,7 +98,7 @@ class SampleQueue:
 
 
 def bridge(before: Record, after: Record, gap: float) -> Record:
-    """Return samples between two (1,) that are `gap` s apart, on the straight line between them."""
+    """Return samples linearly interpolated between two (1,) that are `gap` s apart."""
     count = math.ceil(gap / BRIDGE_STEP) - 1
     out = np.zeros(count, IMU_SAMPLE)
     share = np.arange(1, count + 1) / (count + 1)

@@ -1,4 +1,4 @@
-"""One estimator that runs at the station: fed as on board, by nothing but IMU and bearings."""
+"""One estimator that runs at the station: as on board, its only input is IMU and bearings."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 MEASURED_NS = 5_000_000_000
-"""Over how much of the vehicle's time the processor's share is taken."""
+"""Time of the vehicle, in ns, over which the processor's share is measured."""
 
 
 class Shadow:
     """An estimator in parallel with the vehicle's own; its estimate never reaches the vehicle.
 
     Args:
-        timer: s of processor time of the thread that calls.
+        timer: returns the processor time of the calling thread, s.
 
     Attributes:
         state: STATE (1,) after the newest sample.
-        complaint: the last frame that could not be used, empty when the newest could.
+        complaint: why the last frame could not be used; empty when it could.
     """
 
     def __init__(self, estimator: Estimator, timer: Callable[[], float] = time.thread_time) -> None:
@@ -40,16 +40,17 @@ class Shadow:
         self.complaint = ""
         self._estimate = np.zeros(1, ESTIMATE)
         self._timer = timer
-        self._spent: deque[tuple[int, float]] = deque()  # at the end of a packet, in all
+        self._spent: deque[tuple[int, float]] = deque()  # stamp and total at the end of a packet
         self._total = 0.0
 
     def advance(
         self, imu: Record, steps: Sequence[float], frames: Sequence[tuple[int, Record]]
     ) -> None:
-        """Advance by samples (N,), each `steps` s after the one before, with frames due after some.
+        """Advance by samples (N,), each `steps` s after the previous one, with frames due after
+        some.
 
         Args:
-            frames: (index of the sample it comes after, BEARINGS_SAMPLE), in order.
+            frames: (index of the sample that it follows, BEARINGS_SAMPLE), in order.
         """
         began = self._timer()
         estimator, state = self.estimator, self.state
@@ -67,7 +68,7 @@ class Shadow:
             self._spent.popleft()
 
     def reset(self) -> None:
-        """Forget everything; the next frame that determines a pose starts it again."""
+        """Forget everything; the next frame that determines a pose initializes it again."""
         self.estimator.reset()
         self.state[:] = new_state()
         self._spent.clear()
@@ -79,7 +80,7 @@ class Shadow:
 
     @property
     def processor(self) -> float:
-        """Return the share of a core over the last seconds, NaN before there is one."""
+        """Return the share of a core over the last seconds, NaN before it is known."""
         if len(self._spent) < 2:
             return math.nan
         (first_ns, first), (last_ns, last) = self._spent[0], self._spent[-1]
@@ -89,8 +90,8 @@ class Shadow:
         """Return the covariance of position, (9,) m^2 world axes, and the sum of the variances of
         attitude, rad^2.
 
-        From the attribute `covariance` of an estimator that has it, position and attitude first;
-        else a ball of its `deviations`; NaN without either.
+        Both are from the attribute `covariance` of an estimator that has it (position and attitude
+        first), else a sphere from its `deviations`; NaN without either.
         """
         full = getattr(self.estimator, "covariance", None)
         if full is not None:

@@ -1,4 +1,4 @@
-"""Errors of states against a true pose; their rms and largest over 10 s and over the session."""
+"""Errors of states relative to a true pose; their rms and maximum over 10 s and the session."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ Array = npt.NDArray[np.float64]
 
 RECENT_NS = 10_000_000_000
 KEPT = 1200
-"""Errors kept: those of RECENT_NS at the 100 a second that are compared, and some."""
+"""Number of errors kept: those of RECENT_NS at the 100 a second that are compared, and
+a reserve."""
 POSITION, VELOCITY, QUATERNION, RATE = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)
 """Columns of a STATE laid out as 13 numbers."""
 
 
 def errors(states: Array, true: Pose) -> Array:
-    """Return lengths (E, 2), m and rad, of states (E, 13) with unit quaternions; NaN of NaN."""
+    """Return the errors (E, 2), m and rad, of states (E, 13) with unit quaternions; NaN for NaN."""
     apart = states[:, POSITION] - true.position_w
     q, t = states[:, QUATERNION], np.array(true.quaternion_wb)
     # By the chord between quaternions: the arc cosine of their product loses small angles.
@@ -31,7 +32,7 @@ def errors(states: Array, true: Pose) -> Array:
 
 
 class Summary(NamedTuple):
-    """rms and largest of position (m) and attitude (rad); NaN of none."""
+    """Rms and maximum of position (m) and attitude (rad) errors; NaN without errors."""
 
     position_rms: float
     position_max: float
@@ -59,8 +60,8 @@ class ErrorStatistics:
         self._first_ns = self._last_ns = 0
 
     def add(self, stamp_ns: int, position: float, attitude: float, counts: bool = True) -> None:
-        """Add one error: m, rad. With `counts` False it is not of the session; NaN is passed
-        over.
+        """Add one error: m, rad. It is not part of the session when `counts` is False; NaN is
+        ignored.
         """
         if not (math.isfinite(position) and math.isfinite(attitude)):
             return

@@ -1,4 +1,4 @@
-"""The poses that count as true, at the stamps of the estimates: both come late, and in no order."""
+"""The poses that count as true, at the estimates' stamps: both arrive late and out of order."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ Array = npt.NDArray[np.float64]
 Source = Literal["truth", "tracker"]
 
 KEPT = 300
-"""Poses, and rows, that wait for the others: 3 s at 100 a second."""
+"""Maximum number of poses, and of rows, that wait for the others: 3 s at 100 a second."""
 FORGOTTEN_NS = 1_000_000_000
-"""Without the truth for so long, the tracker's poses count as true."""
+"""Time in ns without the truth after which the tracker's poses count as true."""
 
 
 class Row(NamedTuple):
-    """Estimates at one stamp: names (E,) and states (E, 13), NaN where there is none."""
+    """Estimates at one stamp: names (E,) and states (E, 13), NaN where unknown."""
 
     stamp_ns: int
     names: tuple[str, ...]
@@ -29,7 +29,7 @@ class Row(NamedTuple):
 
 
 class TruthMerge:
-    """Gives each row, in order, the true pose at its stamp, once both are there."""
+    """Pairs each row, in order, with the true pose at its stamp, once both have arrived."""
 
     def __init__(self) -> None:
         self._source: Source | None = None
@@ -37,7 +37,7 @@ class TruthMerge:
         self.clear()
 
     def clear(self) -> None:
-        """Forget what waits: the stamps have begun again."""
+        """Forget everything that waits, because the stamps have restarted."""
         self._rows: deque[Row] = deque(maxlen=KEPT)
         self._begin_track()
 
@@ -48,7 +48,7 @@ class TruthMerge:
 
     @property
     def source(self) -> str:
-        """Return whose poses count now, empty before the first."""
+        """Return the source of the poses that count now; empty before the first."""
         return self._source or ""
 
     def row(self, row: Row) -> None:
@@ -57,7 +57,7 @@ class TruthMerge:
 
     def pose(self, source: Source, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
         """Add a pose, (3,) m and (4,) unit quaternion. The tracker's are ignored while the truth
-        comes.
+        arrives.
         """
         if source == "truth":
             self._truth_ns = stamp_ns
@@ -70,7 +70,9 @@ class TruthMerge:
         self._poses.append((stamp_ns, position_w, quaternion_wb))
 
     def compared(self) -> Iterator[tuple[Row, Pose]]:
-        """Yield rows whose true pose is known by now; those in a gap of the truth are left out."""
+        """Yield the rows whose true pose is known by now; those in a gap of the truth
+        are left out.
+        """
         while self._rows:
             row = self._rows[0]
             while self._until_ns < row.stamp_ns and self._poses:

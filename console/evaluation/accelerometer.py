@@ -30,18 +30,19 @@ WANTED = {
     "tracker_pose": tuple(f"pose.orientation.{axis}" for axis in "wxyz"),
 }
 SAMPLES_MIN = 20
-"""Samples that a pose needs."""
+"""Minimum number of samples of a pose."""
 DEVIATION_MAX = 0.15
-"""m/s^2 on any axis, of the samples of a pose beyond their noise at rest."""
+"""Largest standard deviation, in m/s^2 on any axis, of the samples of a pose; above their noise at
+rest."""
 SATURATED = 19.4
-"""m/s^2."""
+"""Saturation of the accelerometer, in m/s^2."""
 RESIDUAL_MAX = 0.1
-"""m/s^2 rms: three times what 0.2 deg of attitude make."""
+"""Largest residual, in m/s^2 rms: three times the effect of 0.2 deg of attitude."""
 
 
 @dataclass(frozen=True)
 class InForce:
-    """The calibration that the log's samples were made with."""
+    """The calibration that was in force when the log's samples were made."""
 
     matrix: Array  # T (3, 3)
     bias: Array  # b (3,) m/s^2
@@ -56,7 +57,7 @@ class InForce:
 
 @dataclass(frozen=True)
 class Held:
-    """A pose: from when to when (s, vehicle clock), and on which face; empty with a tracker."""
+    """One held pose: start and end (s, vehicle clock), and the face; empty with a tracker."""
 
     start: float
     end: float
@@ -119,7 +120,7 @@ def _pose(number: int, held: Held, columns: dict[str, Series], in_force: InForce
 
 
 def record_of(found: AccelerometerCalibration, conditions: dict[str, str]) -> CalibrationRecord:
-    """Return the record that the vehicle would take over."""
+    """Return the record that is proposed to the vehicle."""
     values: dict[str, ParameterValue] = dict(
         zip(MATRIX, found.matrix.ravel().tolist(), strict=True)
     )

@@ -9,19 +9,20 @@ Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
 
 LARGEST_GAP_NS = 20_000_000
-"""Between messages farther apart nothing is interpolated."""
+"""Largest gap, in ns, between messages for interpolation."""
 
 
 def between(
     stamps: Stamps, given: Stamps, values: npt.NDArray[np.floating]
 ) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Interpolate linearly between the neighbours; exactly a message where one has the very stamp.
+    """Interpolate linearly between neighbours; a message with exactly a given stamp is used as is.
 
-    In simulated time the stamps of all topics meet; over a link each source has its own.
+    In simulated time the stamps of all topics coincide; over a link each source has its own.
 
     Args:
-        stamps: (N,) ns. given: (M,) ns, rising. values: (M, K); quaternions in them must not flip
-            their sign between neighbours farther than they turn.
+        stamps: (N,) ns.
+        given: (M,) ns, rising.
+        values: (M, K); quaternions in them must not flip their sign between neighbours.
 
     Returns:
         (N, K) values, and (N,) which of them are known; the others are NaN.

@@ -1,4 +1,4 @@
-"""A flight on bearings from its log: its times, and its errors to truth and reference."""
+"""A flight on bearings from its log: its times, and its errors relative to truth and reference."""
 
 from __future__ import annotations
 
@@ -52,16 +52,18 @@ EMERGENCIES = ("emergency_land", "cut")
 class BearingsFlight:
     """Truth, estimate and reference at the stamps of truth while bearings were flown on.
 
-    Without truth, on a real vehicle, the tracker's poses count as it; they have no velocity.
+    Without truth, on a real vehicle, the tracker's poses count as truth; they have no velocity.
 
     Attributes:
-        time: (N,) s. truth, estimate: (N, 10) position, velocity (NaN when unknown), quaternion.
-        reference_w: (N, 3) m. saturated: share of ticks with a scaled wrench.
-        window: s, what is judged. fell_back: the events that say so.
-        emergencies: times the vehicle landed in an emergency or its motors were cut, from the
-            hand-over on.
-        bound: how near to the truth, or to the tracker's poses with their noise, an estimate from
-            these frames could be in the window; NaN when the log does not tell.
+        time: (N,) s.
+        truth, estimate: (N, 10) position, velocity (NaN when unknown), quaternion.
+        reference_w: (N, 3) m.
+        saturated: share of ticks with a scaled wrench.
+        window: start and end, s, of what is judged.
+        fell_back: the events that report a fall-back.
+        emergencies: number of emergency landings and cuts of the motors from the hand-over on.
+        bound: least error to the truth, or to the tracker's poses with their noise, that an
+            estimate from these frames could have in the window; NaN when the log lacks it.
     """
 
     time: Array
@@ -76,7 +78,7 @@ class BearingsFlight:
 
     @property
     def judged(self) -> npt.NDArray[np.bool_]:
-        """Return (N,) which rows lie in the window."""
+        """Return which rows (N,) lie in the window."""
         start, end = self.window
         return (self.time >= start) & (self.time <= end)
 
@@ -110,12 +112,12 @@ class BearingsFlight:
 
 
 def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
-    """Return the first stay on bearings of a log.
+    """Return the first period on bearings of a log.
 
     Args:
         ramp: s left out at both ends of a trajectory, and at the start of anything else.
 
-    Raises LogFormatError when it was not flown on bearings, or truth is missing.
+    Raises LogFormatError when bearings were not flown on, or truth is missing.
     """
     topics = read_topics(log, vehicle, (*WANTED, *WHOLE))
     phase = _phase(topics["parameter_changes"])
@@ -181,7 +183,9 @@ def _payloads(topic: Topic) -> list[tuple[int, bytes]]:
 
 
 def _phase(changes: Topic) -> list[int]:
-    """Return when bearings were first flown on, and until when (ns), as far as that happened."""
+    """Return the start, and the end, of the first flight on bearings (ns), as far as
+    they happened.
+    """
     phase: list[int] = []
     for ns, payload in _payloads(changes):
         change = decode(payload, changes.decodable_name)
@@ -203,7 +207,9 @@ def _emergencies(status: Topic, begin_ns: int) -> int:
 def _rows(
     topics: dict[str, Topic], topic: str, begin_ns: int, end_ns: int
 ) -> tuple[Stamps, Floats]:
-    """Return stamps (N,), rising, and the numbers wanted, (N, K). The topic is given up."""
+    """Return stamps (N,), rising, and the numbers of WANTED, (N, K). Removes the topic from
+    `topics`.
+    """
     found = topics.pop(topic)
     stamps, rows = found.publish_ns, found.take(WANTED[topic])
     del found
@@ -215,7 +221,7 @@ def _rows(
 
 
 def _unflip(odometry: Floats) -> None:
-    """Give the quaternions one sign, to interpolate between them."""
+    """Give neighbouring quaternions the same sign, so that they can be interpolated."""
     quaternion = odometry[:, 3:7]
     flips = np.einsum("nk,nk->n", quaternion[1:], quaternion[:-1]) < 0.0
     if flips.any():
@@ -224,7 +230,7 @@ def _unflip(odometry: Floats) -> None:
 
 
 def _state(odometry: npt.NDArray[np.floating]) -> Array:
-    """Return position, velocity (world, NaN without one) and quaternion, (N, 10), of ODOMETRY's
+    """Return position, velocity (world, NaN if missing) and quaternion, (N, 10), of ODOMETRY's
     rows.
     """
     position_w, quaternion, velocity_b = odometry[:, :3], odometry[:, 3:7], odometry[:, 7:]
@@ -241,8 +247,8 @@ def _state(odometry: npt.NDArray[np.floating]) -> Array:
 def _window(
     events: list[tuple[float, str]], begin: float, end: float, ramp: float
 ) -> tuple[float, float]:
-    """Return what of the flight on bearings is judged, from and to: the manoeuvre without its
-    ramps, if that long.
+    """Return start and end of what is judged: the manoeuvre without its ramps, if it is
+    that long.
     """
     start, late = begin + ramp, 0.0
     for time, text in events:
@@ -268,7 +274,7 @@ def _frames(topic: Topic, begin: float, end: float) -> list[Frame]:
 
 
 def _values(log: Path, changes: Topic, until: float) -> dict[str, ParameterValue]:
-    """Return the vehicle's parameters at a time (s), as far as the log shows them."""
+    """Return the vehicle's parameters at a time (s), as far as they are in the log."""
     try:
         values = dict(read_parameters(log).vehicle)
     except LogFormatError:
@@ -282,7 +288,7 @@ def _values(log: Path, changes: Topic, until: float) -> dict[str, ParameterValue
 
 
 def _places(values: Mapping[str, ParameterValue]) -> dict[int, list[float]]:
-    """Return where the vehicle believes the beacons to be (m, by id); empty when unknown."""
+    """Return the vehicle's beacon positions (m, by id); empty when unknown."""
     try:
         beacons = parse_layout(str(values["beacons.layout"]))
     except (KeyError, MeasurementError):
@@ -291,7 +297,7 @@ def _places(values: Mapping[str, ParameterValue]) -> dict[int, list[float]]:
 
 
 def _noise(values: Mapping[str, ParameterValue]) -> ErrorStateParameters:
-    """Return the IMU noise the vehicle assumes, with defaults for values not in the log."""
+    """Return the IMU noise that the vehicle assumes, with defaults for values not in the log."""
     noise = ErrorStateParameters()
     for name, default in ErrorStateParameters():
         told = values.get(f"estimation.error_state.{name}", default)

@@ -1,11 +1,11 @@
-"""The Cramér-Rao bound of a flight on bearings: how near to the truth an estimate could be.
+"""The Cramér-Rao bound of a flight on bearings: the least error that an estimate could have.
 
 The information of each recorded frame on the pose (`bearing_sim.observability`) is added up along
-the flown trajectory, and carried from frame to frame by the IMU's noise and biases: the posterior
-bound of an estimator that remembers. Noise and walks of the IMU are those that the vehicle's
-`estimation.error_state.*` assume, the bearings' sigma is that of the frames themselves. What a
-sensor does beyond its sigma (bias, swapped identities, wrong places of beacons) is not in the
-bound, so that limits which scale with it show such a fault.
+the flown trajectory, and carried from frame to frame with the IMU's noise and biases: the posterior
+bound of an estimator with memory. Noise and random walks of the IMU are those that the vehicle's
+`estimation.error_state.*` assume; the bearings' sigma is that of the frames. Sensor faults beyond
+sigma (bias, swapped identities, wrong beacon positions) are not in the bound, so limits that scale
+with it reveal them.
 """
 
 from __future__ import annotations
@@ -26,17 +26,18 @@ from quadrotor.plain_rotations import matrix_of
 Array = npt.NDArray[np.float64]
 
 START = np.repeat([0.1, math.radians(3.0), 0.5, 0.01, 0.1], 3)
-"""Deviations before the first frame of position (m), attitude (rad), velocity (m/s), gyroscope
-bias (rad/s) and accelerometer bias (m/s^2): about those of a pose of one frame."""
+"""Standard deviations before the first frame of position (m), attitude (rad), velocity (m/s),
+gyroscope bias (rad/s) and accelerometer bias (m/s^2): about those of a pose from one frame."""
 ERRORS = len(START)
 NEAREST = 0.05
-"""m; a beacon nearer than this has no direction worth using."""
+"""Distance in m below which the direction to a beacon is not used."""
 LONGEST = 1.0
-"""s between frames that are carried over; across longer holes nothing is known of the flight."""
+"""Longest time, in s, over which the error is propagated between frames; longer gaps count as this,
+as nothing is known of the flight in them."""
 
 
 class Frame(NamedTuple):
-    """A frame of bearings: when it was taken (s), the ids in it, and its sigma (rad)."""
+    """One frame of bearings: when it was taken (s), the ids in it, and its sigma (rad)."""
 
     time: float
     beacon_ids: tuple[int, ...]
@@ -45,16 +46,16 @@ class Frame(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PoseBound:
-    """Least rms lengths of the errors of position (m) and attitude (rad); NaN when not known."""
+    """Least rms errors of position (m) and attitude (rad); NaN when unknown."""
 
     position: float
     attitude: float
 
     def seen_by(self, position_sigma: float, attitude_sigma: float) -> PoseBound:
-        """Return the same of errors that are seen against noisy poses.
+        """Return the bound for errors that are measured against noisy poses.
 
         Args:
-            position_sigma: m, attitude_sigma: rad, of these poses on each axis.
+            position_sigma, attitude_sigma: of these poses on each axis, m and rad.
         """
         root3 = math.sqrt(3.0)
         return PoseBound(
@@ -76,14 +77,13 @@ def posterior_bound(
 ) -> PoseBound:
     """Return the bound, rms over the frames within `window` (s).
 
-    Each value is of the moment before the frame, when the estimate is oldest.
+    Each value is of the moment before the frame, when the estimate is oldest. The specific force is
+    taken as that of hover, which ignores what manoeuvres reveal about the yaw.
 
     Args:
-        frames: in order, from where the estimator began or later. positions_w: (N, 3) m and
-        quaternions_wb: (N, 4), the pose at each.
-        beacons: place (m, world) by id; ids of no place are passed over.
-
-    The specific force is taken as that of hover, which leaves out what manoeuvres tell of the yaw.
+        frames: in order, from where the estimator began or later.
+        positions_w, quaternions_wb: (N, 3) m and (N, 4), the pose at each frame.
+        beacons: position (m, world) by id; ids without a position are ignored.
     """
     if not beacons:
         return UNKNOWN
@@ -126,7 +126,9 @@ def posterior_bound(
 
 
 def _transition(R_wb: Array, dt: float) -> Array:
-    """Return (15, 15) of the error over `dt` s, at the specific force of hover."""
+    """Return the transition matrix (15, 15) of the error over `dt` s, at the specific force of
+    hover.
+    """
     force_w = np.array([[0.0, -GRAVITY, 0.0], [GRAVITY, 0.0, 0.0], [0.0, 0.0, 0.0]])  # [f] cross
     F = np.eye(ERRORS)
     F[0:3, 6:9] = dt * np.eye(3)
@@ -139,8 +141,8 @@ def _transition(R_wb: Array, dt: float) -> Array:
 
 
 def _rows(places_w: Sequence[Sequence[float]], position_w: Array) -> Array:
-    """Return (2 M, 6), what two tangent angles of each bearing change with position and
-    attitude.
+    """Return the derivatives (2 M, 6) of two tangent angles of each bearing with respect to
+    position and attitude.
     """
     away = np.asarray(places_w, dtype=float).reshape(-1, 3) - position_w
     away = away[np.linalg.norm(away, axis=1) > NEAREST]

@@ -1,7 +1,7 @@
-"""Limits of the errors on bearings: multiples of what the sensor used allows.
+"""Limits of the errors on bearings: multiples of the bound of the sensor that was used.
 
-They scale with the Cramér-Rao bound of the very flight (`console.evaluation.bearings_bound`), and
-with it with sigma, rate and view of the sensor, the beacons' places and the way flown.
+They scale with the Cramér-Rao bound of the same flight (`console.evaluation.bearings_bound`), and
+so with sigma, rate and view of the sensor, the beacons' positions and the path flown.
 """
 
 from __future__ import annotations
@@ -11,13 +11,14 @@ import math
 from console.evaluation.bearings_bound import PoseBound
 
 ESTIMATE = {"error_state": 2.5, "complementary": 3.5}
-"""Largest rms error of the estimate over the bound, of position and of attitude."""
+"""Largest rms error of the estimate relative to the bound, for position and for attitude."""
 FLIGHT = {"error_state": 3.0, "complementary": 5.5}
-"""Largest rms error of the flight over the bound of position: the law follows the estimate."""
+"""Largest rms error of the flight relative to the bound of position: the control law follows the
+estimate."""
 TRACKING = 0.005
-"""m rms more, of the law itself: what hover and the 8 may have on the tracker."""
+"""Additional m rms of the control law itself: what hover and the 8 may have on the tracker."""
 TUNED = ("auto", "resolved")
-"""Gains of the complementary filter that the multiples are of."""
+"""Gains of the complementary filter for which the multiples hold."""
 DECIDING = ("position_rms_m", "estimate_position_rms_m", "estimate_attitude_rms_deg")
 """Figures without whose limits a flight is not judged."""
 
@@ -25,8 +26,8 @@ DECIDING = ("position_rms_m", "estimate_position_rms_m", "estimate_attitude_rms_
 def limits(
     bound: PoseBound, estimator: str, gains: str
 ) -> tuple[dict[str, float], tuple[str, ...], str]:
-    """Return the limits by the names of the figures, the figures that decide, and why a limit of
-    theirs is missing.
+    """Return the limits by name of the figure, the deciding figures, and why a limit of theirs is
+    missing.
 
     Args:
         gains: of the complementary filter on bearings; "auto" for another estimator.

@@ -1,4 +1,4 @@
-"""The four plots of Fig. 6 of one flight, and its figures as Markdown."""
+"""The four plots of one flight as in Fig. 6, and its figures as Markdown."""
 
 from __future__ import annotations
 

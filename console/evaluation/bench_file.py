@@ -18,12 +18,12 @@ COLUMNS = ("time_s", "reference", "force_N", "torque_Nm")
 SPEED = "speed"
 ROWS_MIN = 500
 LARGEST = 50_000_000
-"""Bytes: an hour at 200 Hz."""
+"""Largest file in bytes: an hour at 200 Hz."""
 
 
 @dataclass(frozen=True)
 class BenchRecording:
-    """A recording of a motor on the bench; all arrays are (N,), in order of time."""
+    """A recording of a motor on the bench; all arrays are (N,), ordered by time."""
 
     time: Array  # s
     reference: Array  # counts
@@ -33,8 +33,8 @@ class BenchRecording:
 
 
 def read_bench_file(path: Path) -> BenchRecording:
-    """Read a bench recording. Raises StorageError for no file, MeasurementError that names the line
-    for a bad one.
+    """Read a bench recording. Raises StorageError when the file cannot be read, and
+    MeasurementError with the line number when it is invalid.
     """
     try:
         if path.stat().st_size > LARGEST:

@@ -1,12 +1,12 @@
 """The drag coefficient from every tick of a log.
 
-Level, m v' = T z_B + c - D v with the commanded thrust T behind the rotors' lag and a constant c
-of wind and misalignment. A low pass a / (s + a) on both sides needs no derivative of v (as in
-estimation.mass_estimator): m a (v - v_fil) - (T z_B)_fil = c - D v_fil, solved for D and c by least
-squares over both level axes.
+For level motion, m v' = T z_B + c - D v with the commanded thrust T after the rotors' lag and a
+constant c for wind and misalignment. A low pass a / (s + a) on both sides avoids the derivative of
+v (as in estimation.identification.mass_estimator): m a (v - v_fil) - (T z_B)_fil = c - D v_fil,
+solved for D and c by least squares over both level axes.
 
-Its torque likewise, along body axes: J a (omega - omega_fil) - tau_fil = c + h D (v_y, -v_x)_fil
-gives h, the height over the centre of mass at which it acts.
+For the torque, along body axes, J a (omega - omega_fil) - tau_fil = c + h D (v_y, -v_x)_fil gives
+h, the height above the centre of mass at which the drag acts.
 """
 
 from __future__ import annotations
@@ -31,33 +31,37 @@ TURNING = tuple(f"twist.twist.angular.{axis}" for axis in "xy")
 THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
 WANTED = {"state": (*ATTITUDE, *VELOCITY, *TURNING), "actuators": THRUSTS, "status": ("behavior",)}
 RAMP = 3.0
-"""s in and out of the circles, which do not count; nor do the filters' first moments."""
+"""Seconds at the start and end of the circles that do not count; nor does the filters' settling."""
 POLE = 2.0
-"""rad/s, a of the low pass."""
+"""Pole a of the low pass, rad/s."""
 LEAST = 6.0
-"""s of circling that are worth a figure."""
+"""Shortest time of circling, in s, for a result."""
 SPEED_MIN = 0.4
-"""m/s rms, below which it is lost in the noise."""
+"""Lowest rms speed, in m/s; below it the drag is lost in the noise."""
 ERROR_MAX = 0.02
-"""N s/m from the truth, where it is known."""
+"""Largest error in N s/m to the truth, where it is known."""
 SPREAD_MAX = 0.02
-"""N s/m between the thirds of the flight, as standard deviation of their mean."""
+"""Largest standard deviation, in N s/m, of the mean of the thirds of the flight."""
 PIECES = 3
 DRAG_BOUNDS = (0.0, 2.0)
-"""N s/m, of model.drag."""
+"""Bounds of model.drag, N s/m."""
 DRAG_LEAST = 0.05
-"""N s/m, below which nothing is known of where it acts."""
+"""Drag in N s/m below which its point of action is unknown."""
 LEVER_BOUNDS = (-0.1, 0.3)
-"""m, of model.drag_lever."""
+"""Bounds of model.drag_lever, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class DragFlight:
-    """Return the drag that the circles show.
+    """The drag that was identified from the circles.
 
     Attributes:
-        found: N s/m. pieces: (PIECES,) the same of each third of the time. lever: m.
-        speed: m/s rms. constant_w: (2,) N. truth: N s/m; NaN when no one knows.
+        found: N s/m.
+        pieces: (PIECES,) the same for each third of the time.
+        lever: m.
+        speed: m/s rms.
+        constant_w: (2,) N.
+        truth: N s/m; NaN when unknown.
     """
 
     found: float
@@ -75,7 +79,7 @@ class DragFlight:
         return float(self.pieces.std(ddof=1)) / math.sqrt(PIECES)
 
     def metrics(self) -> dict[str, float]:
-        """Return the metrics in N s/m, m/s, N, s, without unknown ones."""
+        """Return the figures in N s/m, m/s, N, s, without unknown ones."""
         found = {
             "drag_N_s_m": self.found,
             "lever_m": self.lever,
@@ -89,13 +93,13 @@ class DragFlight:
         return {name: value for name, value in found.items() if not math.isnan(value)}
 
     def limits(self) -> dict[str, float]:
-        """Return the largest values that are good."""
+        """Return the largest acceptable values."""
         known = {"error_N_s_m": ERROR_MAX} if math.isfinite(self.truth) else {}
         return {**known, "spread_N_s_m": SPREAD_MAX}
 
     def record(self) -> CalibrationRecord:
-        """Return the record of the coefficient. Raises MeasurementError when the model takes no
-        such coefficient.
+        """Return the record of the coefficient. Raises MeasurementError when the model does not
+        accept it.
         """
         low, high = DRAG_BOUNDS
         if not low - SPREAD_MAX <= self.found <= high:
@@ -138,7 +142,7 @@ class DragFlight:
 
 def read_drag(log: Path, vehicle: str) -> DragFlight:
     """Read a drag flight from its log. Raises LogFormatError without the topics, MeasurementError
-    without circles in it.
+    when it has no circles.
     """
     parameters = read_parameters(log)
     columns = read_columns(log, vehicle, WANTED)
@@ -149,7 +153,7 @@ def read_drag(log: Path, vehicle: str) -> DragFlight:
         )
     state, actuators = columns["state"], columns["actuators"]
     time, first, second = np.intersect1d(state.time, actuators.time, return_indices=True)
-    # The filters begin in the ramp: where they began is forgotten when it counts.
+    # The filters start in the ramp; their initial values have decayed when the circles count.
     inside = (time >= start - RAMP) & (time <= end)
     if inside.sum() < PIECES * 10:
         raise MeasurementError(f"{log.name} has hardly a tick of the circles")
@@ -160,7 +164,7 @@ def read_drag(log: Path, vehicle: str) -> DragFlight:
     attitude, velocity_b = table(state, first, ATTITUDE), table(state, first, VELOCITY)
     omega_b = table(state, first, TURNING)
     thrusts = table(actuators, second, THRUSTS)
-    # Imported here: compiled, and the station starts without a compiler.
+    # Imported here: it is compiled, and the station starts without a compiler.
     from quadrotor.rotations import quaternion_to_matrix
 
     R_wb = np.array([quaternion_to_matrix(q) for q in attitude])
@@ -183,11 +187,12 @@ def estimate_drag(
     """Estimate the coefficient from N ticks, of which those from `start` (s) on count.
 
     Args:
-        velocity_w: (N, 3) m/s. z_b: (N, 3) the body's z axis in world axes.
+        velocity_w: (N, 3) m/s.
+        z_b: (N, 3) the body's z axis in world axes.
         motion_b: (N, 4) velocity (m/s) and angular velocity (rad/s) along body x and y.
         thrusts: (N, 4) N, commanded from each tick to the next.
 
-    Raises MeasurementError when it was flown too slowly.
+    Raises MeasurementError when the flight was too slow.
     """
     values = parameters.vehicle
     mass, lag = float(values["model.mass"]), float(values["model.motor_time_constant"])
@@ -195,7 +200,7 @@ def estimate_drag(
     arm = float(values["model.arm"])
 
     def acting(k: int, f: Array) -> Array:
-        """Return what is filtered of tick k, rotors with thrusts f (N)."""
+        """Return the filters' input at tick k, for rotor thrusts f (N)."""
         torque_b = arm * (f[1] - f[3]), arm * (f[2] - f[0])
         return np.concatenate((velocity_w[k, :2], f.sum() * z_b[k, :2], motion_b[k], torque_b))
 
@@ -219,7 +224,7 @@ def estimate_drag(
     torque = inertia * POLE * (motion_b[:, 2:] - filtered[:, 6:8]) - filtered[:, 8:]
     force, slow = force[rows], filtered[rows, :2]
     found, constant_w = _solve(force, slow)
-    # h D (v_y, -v_x) is a drag of (-v_y, v_x).
+    # h D (v_y, -v_x) is the drag of (-v_y, v_x).
     twist, _ = _solve(torque[rows], filtered[rows][:, (5, 4)] * (-1.0, 1.0))
     lever = min(LEVER_BOUNDS[1], max(LEVER_BOUNDS[0], twist / found)) if found > DRAG_LEAST else 0.0
     pieces = [
@@ -233,7 +238,7 @@ def estimate_drag(
 
 
 def _solve(force: Array, velocity: Array) -> tuple[float, Array]:
-    """Return d (N s/m) and c (2,) N of force = c - D velocity, both (N, 2)."""
+    """Return d (N s/m) and c (2,) N of force = c - d velocity, both (N, 2)."""
     c = force.mean(axis=0)
     v = velocity - velocity.mean(axis=0)
     drag = -float(np.sum(v * (force - c)) / np.sum(v * v))

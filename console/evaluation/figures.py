@@ -9,7 +9,7 @@ Array = npt.NDArray[np.float64]
 
 
 def rms(values: npt.NDArray[np.floating]) -> float:
-    """Return the root of the mean square of all values."""
+    """Return the root mean square of all values."""
     return float(np.sqrt(np.mean(values**2)))
 
 

@@ -21,35 +21,36 @@ RATES = tuple(f"twist.twist.angular.{axis}" for axis in "xyz")
 THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
 WANTED = {"state": RATES, "actuators": THRUSTS, "status": ("airborne", "behavior")}
 GUESS = 0.03
-"""kg m², initial value of every axis, independent of the model's inertia."""
+"""Initial value of every axis, in kg m², independent of the model's inertia."""
 ERROR_MAX = 0.03
-"""Share of the truth."""
+"""Largest error, as a share of the truth."""
 SPREAD_MAX = 0.02
-"""Share of the estimate by which it still moves in the last third."""
+"""Largest standard deviation in the last third, as a share of the estimate."""
 TORQUE_MIN = 0.003
-"""N m rms of the filtered torque about an axis, below which noise is as large."""
+"""Filtered torque about an axis, in N m rms, below which noise is as large."""
 LATE = 1.0
-"""s after the last excitation that still count."""
+"""Seconds after the last excitation that still count."""
 GAP = 2.5
-"""Periods; after a longer gap between ticks the filters begin again, once the motors' lag has
-forgotten what was commanded in it."""
+"""Longest gap between ticks, in periods; after a longer one the filters restart, once the motors'
+lag has forgotten the commands within it."""
 FORGOTTEN = 5.0
-"""Time constants of the motors until then."""
+"""Time to forget them, in time constants of the motors."""
 EACH = 0.02
-"""s between two moments of the convergence."""
+"""Seconds between two points of the convergence."""
 BOUNDS = ((0.001, 0.1), (0.001, 0.1), (0.001, 0.2))
-"""kg m², of model.inertia_…"""
+"""Bounds of model.inertia_…, kg m²."""
 
 
 @dataclass(frozen=True, slots=True)
 class InertiaFlight:
-    """The estimate over the excitation.
+    """The estimate during the excitation.
 
     Attributes:
-        time: (N,) s, vehicle clock. inertia_b: (N, 3) kg m².
+        time: (N,) s, vehicle clock.
+        inertia_b: (N, 3) kg m².
         torque_b: (3,) N m, the largest rms of the filtered torque about each axis.
         missing: share of the ticks that are not in the log.
-        truth_b: (3,) kg m²; NaN when no one knows.
+        truth_b: (3,) kg m²; NaN when unknown.
     """
 
     time: Array
@@ -62,7 +63,7 @@ class InertiaFlight:
 
     @property
     def found_b(self) -> Array:
-        """Return the inertia found, (3,) kg m²."""
+        """Return the final inertia, (3,) kg m²."""
         found: Array = self.inertia_b[-1]
         return found
 
@@ -74,8 +75,8 @@ class InertiaFlight:
 
     @property
     def settled_b(self) -> Array:
-        """Return the time (3,) in s from the first excitation until each stays within 3 % of truth,
-        or of its end.
+        """Return the time (3,) in s from the first excitation until each axis stays within 3 % of
+        the truth, or, if it is unknown, of its final value.
         """
         aim = np.where(np.isfinite(self.truth_b), self.truth_b, self.found_b)
         away = np.abs(self.inertia_b / aim - 1.0) > ERROR_MAX
@@ -84,7 +85,7 @@ class InertiaFlight:
         return np.array([late[k] if k < len(late) else math.inf for k in after])
 
     def metrics(self) -> dict[str, float]:
-        """Return the metrics in kg m², shares, s, without unknown ones."""
+        """Return the figures in kg m², shares, s, without unknown ones."""
         error_b = np.abs(self.found_b / self.truth_b - 1.0)
         out = {
             f"inertia_{axis}_kg_m2": float(v) for axis, v in zip(AXES, self.found_b, strict=True)
@@ -101,12 +102,14 @@ class InertiaFlight:
         return {name: value for name, value in out.items() if not math.isnan(value)}
 
     def limits(self) -> dict[str, float]:
-        """Return the largest values that are good."""
+        """Return the largest acceptable values."""
         known = {"error_share": ERROR_MAX} if np.isfinite(self.truth_b).all() else {}
         return {**known, "spread_share": SPREAD_MAX}
 
     def record(self) -> CalibrationRecord:
-        """Raise MeasurementError for an axis that was hardly excited, or beyond the model's."""
+        """Return the record of the inertia. Raises MeasurementError for an axis that was hardly
+        excited, or whose inertia the model does not accept.
+        """
         for axis, value, torque, (low, high) in zip(
             AXES, self.found_b, self.torque_b, BOUNDS, strict=True
         ):
@@ -181,7 +184,7 @@ def estimate_inertia(
     time: Array, rates_b: Array, thrusts: Array, parameters: FlownParameters
 ) -> InertiaFlight:
     """Step the estimator over all ticks; the thrusts of a tick act until the next one."""
-    # Here, for it loads a compiler, which the station does not.
+    # Imported here: it loads a compiler, which the station does not need.
     from estimation.identification.inertia_estimator import InertiaEstimator
     from quadrotor.records import ACTUATORS, new_state
 
@@ -227,9 +230,8 @@ def estimate_inertia(
 
 
 def _excited(status: Series) -> tuple[float, float]:
-    """Return the span (s) from the first excitation to shortly after the last, in the air.
-
-    NaN without one.
+    """Return the span (s) from the first excitation to shortly after the last, in the air; NaN
+    without one.
     """
     flying = status.time[status.values("airborne") > 0.5]
     behaviors = status.changes("behavior")

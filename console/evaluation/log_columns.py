@@ -1,4 +1,4 @@
-"""Some topics of a log as columns over time, and the parameters it was flown with."""
+"""Topics of a log as columns over time, and the parameters of the flight."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def read_columns(
     """Return the fields of each topic, named without namespace, by the stamps of their source (s).
 
     Args:
-        optional: topics that may be missing; they have no messages then.
+        optional: topics that may be missing; they are returned without messages.
 
-    Raises LogFormatError for missing ones.
+    Raises LogFormatError for other missing topics.
     """
     found = read_topics(log, vehicle, wanted)
     missing = [name for name, topic in found.items() if not len(topic) and name not in optional]
@@ -46,8 +46,9 @@ class FlownParameters:
     """The parameters at the beginning of a log.
 
     Attributes:
-        vehicle: its own parameters. truth: those of the simulator, without prefix; empty when the
-            log has none, as of a real vehicle.
+        vehicle: its own parameters.
+        truth: those of the simulator, without prefix; empty when the log has none, as on a real
+            vehicle.
     """
 
     vehicle: dict[str, ParameterValue]
@@ -55,8 +56,8 @@ class FlownParameters:
 
 
 def read_parameters(log: Path) -> FlownParameters:
-    """Read the parameters of a simulated flight, or of a station's run. Raises LogFormatError
-    without them.
+    """Read the parameters of a simulated flight, or of a station's run. Raises LogFormatError when
+    they are missing.
     """
     try:
         values = json_value(read_attachments(log).get("parameters.json", b"{}"))

@@ -1,6 +1,4 @@
-"""The evaluation of the mass estimate from a log: how it converged, and how quiet it is
-afterwards.
-"""
+"""The evaluation of the mass estimate from a log: its convergence, and its noise afterwards."""
 
 from __future__ import annotations
 
@@ -19,17 +17,17 @@ Array = npt.NDArray[np.float64]
 
 WANTED = {"estimator": ("mass", "mass_variance", "estimator"), "status": ("airborne", "behavior")}
 DEVIATION_MAX = 0.002
-"""kg, standard deviation of a converged estimate, and of its mean in erratic flight."""
+"""Largest standard deviation, in kg, of a converged estimate, and of its mean in erratic flight."""
 ERROR_MAX = 0.01
-"""Share of the truth, flown on full sensors."""
+"""Largest error as a share of the truth, flown on full sensors."""
 WITHIN = 0.01
 WITHIN_MAX = 3.0
-"""Share of the mass, and s from lift-off within which it is to be reached for good."""
+"""Share of the mass, and longest time in s from lift-off until the estimate stays within it."""
 LEAST = 5.0
-"""s of erratic flight that are worth a figure."""
+"""Shortest erratic flight, in s, for a result."""
 SLICES = 6
 MASS_BOUNDS = (0.5, 2.4)
-"""kg, of model.mass."""
+"""Bounds of model.mass, kg."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +35,11 @@ class MassFlight:
     """The estimate at its 50 Hz, from take-off to landing.
 
     Attributes:
-        time: (N,) s, vehicle clock. mass, deviation: (N,) kg.
-        take_off, lift_off, landing: s; NaN where it did not happen.
-        erratic: s, from when to when it was flown about; NaN when it was not.
-        truth: kg, what the estimate should find; NaN when no one knows.
+        time: (N,) s, vehicle clock.
+        mass, deviation: (N,) kg.
+        take_off, lift_off, landing: s; NaN when it did not happen.
+        erratic: start and end, s, of the erratic flight; NaN when there was none.
+        truth: kg, what the estimate should find; NaN when unknown.
     """
 
     time: Array
@@ -56,7 +55,7 @@ class MassFlight:
 
     @property
     def judged(self) -> npt.NDArray[np.bool_]:
-        """Return the rows (N,) whose mean is the mass: the erratic flight, else the last of the
+        """Return the rows (N,) whose mean is the mass: the erratic flight, else the end of the
         hover.
         """
         start, end = self.erratic
@@ -67,21 +66,21 @@ class MassFlight:
 
     @property
     def found(self) -> float:
-        """Return the mass found, kg."""
+        """Return the estimated mass, kg."""
         return float(self.mass[self.judged].mean())
 
     @property
     def spread(self) -> float:
-        """Return the standard deviation of the estimate in erratic flight, kg; NaN when it was not
-        flown.
+        """Return the standard deviation of the estimate in erratic flight, kg; NaN when there was
+        none.
         """
         start, end = self.erratic
         return float(self.mass[self.judged].std()) if end - start >= LEAST else math.nan
 
     @property
     def settled(self) -> float:
-        """Return the seconds from lift-off until the estimate stays within 1 % of the truth, or of
-        its own end.
+        """Return the seconds from lift-off until the estimate stays within 1 % of the truth, or, if
+        it is unknown, of its final value.
         """
         aim = self.truth if math.isfinite(self.truth) else self.found
         rows = (self.time >= self.lift_off) & (self.time <= self.time[self.judged][-1])
@@ -93,7 +92,7 @@ class MassFlight:
         return float(time[after] - self.lift_off) if after < len(time) else math.inf
 
     def metrics(self) -> dict[str, float]:
-        """Return the metrics in kg, s, shares, without unknown ones."""
+        """Return the figures in kg, s, shares, without unknown ones."""
         found = {
             "mass_kg": self.found,
             "truth_kg": self.truth,
@@ -107,13 +106,13 @@ class MassFlight:
         return {name: value for name, value in found.items() if not math.isnan(value)}
 
     def limits(self) -> dict[str, float]:
-        """Return the largest values that are good."""
+        """Return the largest acceptable values."""
         known = {"error_share": ERROR_MAX} if math.isfinite(self.truth) else {}
         return {**known, "erratic_std_kg": DEVIATION_MAX, "within_1_percent_s": WITHIN_MAX}
 
     def record(self) -> CalibrationRecord:
-        """Return the record of the mass. Raises MeasurementError when the model takes no such
-        mass.
+        """Return the record of the mass. Raises MeasurementError when the model does
+        not accept it.
         """
         low, high = MASS_BOUNDS
         if not low <= self.found <= high:
@@ -169,7 +168,7 @@ class MassFlight:
 
 def read_mass(log: Path, vehicle: str) -> MassFlight:
     """Read a mass flight from its log. Raises LogFormatError without the topics, MeasurementError
-    when it never left the ground.
+    when the vehicle never left the ground.
     """
     parameters = read_parameters(log)
     columns = read_columns(log, vehicle, WANTED)
@@ -199,12 +198,12 @@ def read_mass(log: Path, vehicle: str) -> MassFlight:
 
 
 def _first(behaviors: list[tuple[float, str]], *names: str) -> float:
-    """Return the time (s) at which it first is one of them; NaN when it never is."""
+    """Return the first time (s) at which the behavior is one of `names`; NaN when it never is."""
     return next((time for time, name in behaviors if name in names), math.nan)
 
 
 def _stretch(behaviors: list[tuple[float, str]], end: float) -> tuple[float, float]:
-    """Return the first stay in velocity flight (s)."""
+    """Return the first period in velocity flight (s); NaN when there was none."""
     for k, (time, name) in enumerate(behaviors):
         if name == "velocity":
             return time, behaviors[k + 1][0] if k + 1 < len(behaviors) else end
@@ -212,7 +211,7 @@ def _stretch(behaviors: list[tuple[float, str]], end: float) -> tuple[float, flo
 
 
 def _truth(parameters: FlownParameters) -> float:
-    """Return the true mass (kg), from commanded over needed thrust."""
+    """Return the true mass (kg), as thrust commanded over thrust needed; NaN when unknown."""
     truth = parameters.truth
     if "mass" not in truth:
         return math.nan

@@ -19,7 +19,7 @@ from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 
 WORST_MAX = 1.0
-"""Counts; a square-root law that is off by more does not describe this motor."""
+"""Largest error in counts; a square-root law that is off by more does not describe the motor."""
 TORQUE_MISS_MAX = 0.02
 """Largest error of the torque, as a share of the largest torque."""
 TIME_CONSTANT_ERROR_MAX = 0.01
@@ -46,20 +46,20 @@ class Battery:
         )
 
     def gain(self, voltage: float) -> float:
-        """Return rotor speed at `voltage` (V) over that at the nominal one."""
+        """Return the rotor speed at `voltage` (V) relative to that at the nominal voltage."""
         share = min(1.5, max(0.5, voltage / self.nominal))
         return float(share**self.exponent)
 
 
 @dataclass(frozen=True)
 class BenchResult:
-    """The result of a bench run; the law is that of the nominal battery voltage."""
+    """The result of a bench run; the law holds at the nominal battery voltage."""
 
     law: MotorCalibration
     lag: TimeConstant
-    dead_time: float  # s, from the reference to the speed's first answer
+    dead_time: float  # s, from the reference to the first response of the speed
     slope: float  # sqrt(N) per count, at the nominal voltage
-    voltage: float  # V, NaN when not known
+    voltage: float  # V, NaN when unknown
     warnings: tuple[str, ...]
 
 
@@ -78,7 +78,7 @@ def from_log(
     if not len(time):
         raise MeasurementError(f"{log.name} has no bench_reading while the motor turned")
     steps = average_steps(schedule, time - started, force, torque)
-    # The motor's own start is another thing: the lag is looked for from the first rest on.
+    # The motor's own start is different: the lag is searched from the first rest on.
     turning = started + 0.5 * schedule.rest, window[1]
     references = ticks.table(WANTED["actuators"], *turning)[:, motor - 1]
     voltages = columns["battery"].table(WANTED["battery"], *window)
@@ -122,7 +122,7 @@ def _times(columns: Series, window: tuple[float, float]) -> Array:
 
 
 def record_of(found: BenchResult, conditions: dict[str, str]) -> CalibrationRecord:
-    """Return the record that the vehicle would take over."""
+    """Return the record that is proposed to the vehicle."""
     law, lag = found.law, found.lag
     low, high = USABLE
     used = law.steps.reference

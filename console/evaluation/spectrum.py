@@ -1,7 +1,7 @@
-"""Spectra of evenly sampled readings, and the lines that the rotors draw into them.
+"""Spectra of evenly sampled readings, and the lines that the rotors cause in them.
 
-A rotor's turns a second follow from its thrust by the propeller's static coefficient; a line within
-NEAR of a rotor's frequency, or of its blades' (twice as high), is named after it.
+A rotor's turns per second follow from its thrust by the propeller's static coefficient; a line
+within NEAR of a rotor's frequency, or of its blades' (twice as high), is named after it.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ Array = npt.NDArray[np.float64]
 Values = npt.NDArray[np.floating[Any]]
 
 LOST_MAX = 0.1
-"""Share of the samples that may be missing; they are interpolated."""
+"""Largest share of missing samples; they are interpolated."""
 SEGMENT = 1.0
-"""s of samples under one window: the resolution is about its inverse."""
+"""Seconds of samples in one window: the resolution is about its inverse."""
 SEGMENTS_MIN = 4
 BLADES = 2
-"""Blades of a propeller."""
+"""Number of blades of a propeller."""
 NEAR = 0.06
-"""Share by which a line may be off a rotor's frequency: propellers differ."""
+"""Share by which a line may differ from a rotor's frequency, because propellers differ."""
 HEIGHT = 8.0
-"""Times the floor, above which a peak is a line: the floor itself hardly ever is."""
+"""Multiple of the floor above which a peak is a line: the floor itself hardly ever reaches it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,12 +59,13 @@ def evenly(time: Array, values: Values) -> tuple[float, Array]:
 
 
 def spectrum(rate: float, values: Array, segment: float = SEGMENT) -> tuple[Array, Array]:
-    """Return frequencies (M,) in Hz and the one-sided power spectral density (M, K), by Welch.
+    """Return frequencies (M,) in Hz and the one-sided power spectral density (M, K), by Welch's
+    method.
 
     Args:
-        segment: s under one window.
+        segment: s in one window.
 
-    Raises MeasurementError when it lasts less than SEGMENTS_MIN segments.
+    Raises MeasurementError when the values last less than SEGMENTS_MIN segments.
     """
     from scipy.signal import welch
 
@@ -79,8 +80,8 @@ def spectrum(rate: float, values: Array, segment: float = SEGMENT) -> tuple[Arra
 
 
 def density_of(rate: float, values: Array) -> dict[str, list[float]]:
-    """Return `frequency` (M,) in Hz and `density` (M,) of values (N, 1), in their unit/√Hz as an
-    estimator's white noise has it (two-sided). Short ones are cut into shorter segments.
+    """Return `frequency` (M,) in Hz and `density` (M,) of values (N, 1), in their unit/√Hz like an
+    estimator's white noise (two-sided). Short series are divided into shorter segments.
     """
     segment = min(SEGMENT, len(values) / rate / SEGMENTS_MIN)
     frequency, density = spectrum(rate, values, segment)
@@ -99,8 +100,8 @@ def spectrogram_of(
 
     Args:
         values: (N, 1), the first one at `first` (s).
-        turns: times (s) and turns a second of each rotor.
-        most: columns T; of more, neighbours are averaged.
+        turns: times (s) and turns per second of each rotor.
+        most: largest number of columns T; neighbours are averaged to keep it.
     """
     time, frequency, density = spectrogram(rate, values)
     apart = -(-len(time) // most)
@@ -117,8 +118,8 @@ def spectrogram_of(
 
 
 def spectrogram(rate: float, values: Array) -> tuple[Array, Array, Array]:
-    """Return times (T,) in s since the first sample, frequencies (M,) in Hz and density (M, K, T)
-    under windows of half a second.
+    """Return times (T,) in s since the first sample, frequencies (M,) in Hz and density (M, K, T),
+    in windows of half a second.
     """
     from scipy.signal import spectrogram as of_windows
 
@@ -128,7 +129,7 @@ def spectrogram(rate: float, values: Array) -> tuple[Array, Array, Array]:
 
 
 def rotor_frequency(thrusts: Values) -> Array:
-    """Return the turns a second of rotors that give these thrusts (N)."""
+    """Return the turns per second of rotors with these thrusts (N)."""
     turns: Array = np.sqrt(np.maximum(thrusts, 0.0) / THRUST_PER_TURN)
     return turns
 
@@ -137,7 +138,7 @@ def lines_of(frequency: Array, density: Array, rotors: Array, lowest: float) -> 
     """Return the lines of a spectrum (M,) above `lowest` (Hz), strongest first.
 
     Args:
-        rotors: (4,) Hz, turns a second.
+        rotors: (4,) Hz, turns per second.
     """
     floor = float(np.median(density[frequency >= lowest]))
     high = (density > HEIGHT * floor) & (frequency >= lowest)
@@ -153,7 +154,7 @@ def lines_of(frequency: Array, density: Array, rotors: Array, lowest: float) -> 
 
 
 def _source(frequency: float, rotors: Array) -> str:
-    """Return whose line it is, as text: all rotors that are about as near as the nearest."""
+    """Return the source of a line as text: all rotors that are about as near as the nearest."""
     for order, name in ((1, "rotor"), (BLADES, "blades")):
         off = np.abs(frequency / (order * np.maximum(rotors, 1e-9)) - 1.0)
         if off.min() <= NEAR:

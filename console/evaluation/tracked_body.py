@@ -1,4 +1,4 @@
-"""The tracker's delay and the tracked body's place on the vehicle, from a log."""
+"""The tracker's delay and the tracked body's pose on the vehicle, from a log."""
 
 from __future__ import annotations
 
@@ -24,26 +24,27 @@ ATTITUDE = tuple(f"pose.orientation.{axis}" for axis in "wxyz")
 WANTED = {"imu": FORCE + RATE, "tracker_pose": POSITION + ATTITUDE}
 PARAMETER = "estimation.tracker."
 DELAY_DEVIATION_MAX = 0.5
-"""ms."""
+"""Largest standard deviation of the delay, ms."""
 DRIFT_MAX = 1.0
-"""ms a minute: more is a clock that runs, which no constant takes off."""
+"""Largest drift in ms per minute: a larger one comes from a clock at another rate, which no
+constant corrects."""
 TURN_DEVIATION_MAX = 0.1
-"""deg."""
+"""Largest standard deviation of the axes, deg."""
 LEVER_DEVIATION_MAX = 1.5
-"""mm."""
+"""Largest standard deviation of the lever arm, mm."""
 WORLD_TILT_MAX = 1.0
-"""deg."""
+"""Largest angle between the tracker's z and gravity, deg."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrackedBodyFound:
-    """The result that both experiments judge and propose from."""
+    """The result from which both experiments judge and propose."""
 
     found: TrackedBody
 
     @property
     def drift(self) -> float:
-        """Return the change of the delay, ms a minute."""
+        """Return the change of the delay, ms per minute."""
         return 60e3 * self.found.drift
 
     @property
@@ -57,7 +58,9 @@ class TrackedBodyFound:
         )
 
     def delay_record(self) -> CalibrationRecord:
-        """Return the delay for estimation.tracker.delay. Raises MeasurementError beyond bounds."""
+        """Return the record of estimation.tracker.delay. Raises MeasurementError beyond
+        its bounds.
+        """
         f = self.found
         return self._record(
             "tracker_delay",
@@ -83,7 +86,9 @@ class TrackedBodyFound:
         )
 
     def body_record(self) -> CalibrationRecord:
-        """Return place and axes for estimation.tracker.*. Raises MeasurementError beyond bounds."""
+        """Return the record of position and axes in estimation.tracker.*. Raises MeasurementError
+        beyond their bounds.
+        """
         f = self.found
         turn = math.acos(max(-1.0, min(1.0, 0.5 * (float(np.trace(f.matrix_bt)) - 1.0))))
         pose = dict(zip(("roll", "pitch", "yaw"), self.angles, strict=True))
@@ -157,8 +162,8 @@ class TrackedBodyFound:
 
 
 def read_tracked_body(log: Path, vehicle: str) -> TrackedBodyFound:
-    """Identify from a log. Raises LogFormatError without IMU or poses, MeasurementError with what
-    is missing in the motion.
+    """Identify the tracked body from a log. Raises LogFormatError without IMU or poses,
+    MeasurementError with what is missing in the motion.
     """
     columns = read_columns(log, vehicle, WANTED)
     imu, poses = columns["imu"], columns["tracker_pose"]

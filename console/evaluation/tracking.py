@@ -51,10 +51,10 @@ class TrackingErrors:
 
 
 def tracking_errors(log: Path, vehicle: str, start: float, end: float) -> TrackingErrors:
-    """Return errors of the flight in `log` for start <= t <= end (s, vehicle clock).
+    """Return the errors of the flight in `log` for start <= t <= end (s, vehicle clock).
 
-    Where there is no truth, the tracker's poses count as it, or the positions of a marker, whose
-    yaw errors are NaN. Raises LogFormatError when they or the reference are missing there.
+    Without truth, the tracker's poses count as truth, or else the positions of a marker, whose yaw
+    errors are NaN. Raises LogFormatError when they or the reference are missing.
     """
     found = read_topics(log, vehicle, WANTED, dtype=np.float64)
     true = ("truth", "tracker_pose", "tracker_position")
@@ -85,7 +85,7 @@ def tracking_errors(log: Path, vehicle: str, start: float, end: float) -> Tracki
 
 
 def _rows(topic: Topic, names: tuple[str, ...], start: float, end: float) -> tuple[Stamps, Array]:
-    """Return the messages of a window (s) by rising stamps: these, (N,), and numbers."""
+    """Return the messages of a window (s), ordered by stamp: the stamps, (N,), and the numbers."""
     time = topic.publish_ns * 1e-9
     inside = (start <= time) & (time <= end)
     stamps, first = np.unique(topic.header_ns[inside], return_index=True)

@@ -1,8 +1,7 @@
-"""The verdict: figures against limits, and figures that need a limit to be judged at all.
+"""The verdict: figures compared with limits, some of which are necessary for a verdict.
 
-A figure beyond its limit fails the flight. A flight that keeps to every limit there is, but has
-none for a figure that decides, is neither good nor bad: it is not judged, and the reason says
-which figure has no limit.
+A figure beyond its limit fails the flight. A flight that keeps to all existing limits, but lacks
+one for a deciding figure, is not judged, and the reason names the figure without a limit.
 """
 
 from __future__ import annotations
@@ -22,11 +21,11 @@ def judged(
     deciding: Collection[str] = (),
     because: str = "",
 ) -> Result:
-    """Return the result of figures against the largest values allowed.
+    """Return the result of comparing figures with their largest allowed values.
 
     Args:
         metrics, limits: by name. A figure that is missing or NaN exceeds its limit.
-        deciding: names of figures without which there is no verdict.
+        deciding: names of figures without whose limits there is no verdict.
         because: why one of them has no limit.
     """
     metrics, limits = dict(metrics), dict(limits)
@@ -40,12 +39,12 @@ def judged(
 
 
 def settled(result: Result) -> Result:
-    """Return the result itself, or not judged in place of a pass by no limit at all."""
+    """Return the result; a pass without any limit becomes "not judged"."""
     if result.verdict == PASSED and not result.limits:
         return replace(result, verdict=NOT_JUDGED, reason=NO_LIMITS)
     return result
 
 
 def evaluated(experiment: Experiment, log: Path) -> Result:
-    """Return the result of an experiment of any origin for a log. Raises as its `evaluate` does."""
+    """Return the result of any experiment for a log. Raises what its `evaluate` raises."""
     return settled(experiment.evaluate(log))

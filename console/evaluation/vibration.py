@@ -1,9 +1,9 @@
-"""The noise of the inertial sensors, at rest and in hover, as an estimator has to know it.
+"""The noise of the inertial sensors, at rest and in hover, as an estimator needs it.
 
 At rest the overlapping Allan deviation s(t) separates white noise of density N, s² = N² / t, from a
-walk of the bias of density K, s² = K² t / 3. In hover the floor of the spectrum between the rotors'
-lines is the white noise with vibration: a sum over line and floor would take for noise that grows
-without bound what swings to and fro a hundred times a second.
+random walk of the bias of density K, s² = K² t / 3. In hover the floor of the spectrum between the
+rotors' lines is the white noise including vibration. A sum over lines and floor would treat an
+oscillation of a hundred times a second as noise that grows without bound.
 """
 
 from __future__ import annotations
@@ -30,31 +30,32 @@ RATE = tuple(f"angular_velocity.{axis}" for axis in "xyz")
 THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
 WANTED = {"imu": FORCE + RATE, "actuators": THRUSTS, "status": ("mode", "behavior")}
 REST_MIN, HOVER_MIN = 8.0, 8.0
-"""s that are worth a figure."""
+"""Shortest rest and hover, in s, for a result."""
 SETTLE = 2.0
-"""s of a hover that do not count."""
+"""Seconds at the start of a hover that do not count."""
 LOWEST = 15.0
-"""Hz, below which a vehicle really moves."""
+"""Frequency in Hz below which the vehicle really moves."""
 SHORT = 0.1
-"""s, averaging time at which the white noise is read off at rest."""
+"""Averaging time in s at which the white noise is read at rest."""
 LONG_SHARE = 0.2
 """Averaging time at which a random walk is looked for, as a share of the time at rest."""
 CHANCE = 2.5
-"""Times the variance of white noise at that time, that chance reaches once in a hundred."""
+"""Multiple of the variance of white noise at that time which chance reaches once in a hundred."""
 QUIET = 3.0
-"""Times the median of the spectrum, below which it is floor and no line."""
+"""Multiple of the median of the spectrum below which a value is floor, not a line."""
 BLOCK = 0.5
-"""s over which means at rest must agree: else it was moved."""
+"""Time in s over which means at rest must agree; otherwise the vehicle was moved."""
 MOVED = {"accelerometer": 0.15, "gyroscope": math.radians(0.5)}
-"""m/s^2 and rad/s from the mean of the rest."""
+"""Largest deviation from the mean at rest, m/s^2 and rad/s."""
 UNCERTAIN_MAX = 0.1
-"""Share of a density that may be its standard deviation."""
+"""Largest standard deviation of a density, as a share of it."""
 PARAMETER = "estimation.error_state."
 NOTCH = "estimation.rate_notch"
 NOTCH_SHARE = 0.1
-"""Share of the gyroscope's vibration, as a variance, that a rotor's line has to be for a notch."""
+"""Smallest share, as a variance, of a rotor's line in the gyroscope's vibration that is worth a
+notch."""
 NOTCH_LOWEST = 40.0
-"""Hz, below which a notch would delay the rate loop by more than 2 ms."""
+"""Lowest frequency in Hz of a notch; a lower one would delay the rate loop by more than 2 ms."""
 BOUNDS = {
     "accelerometer_noise": (1e-5, 1.0),
     "gyroscope_noise": (1e-5, 5.0),
@@ -70,11 +71,12 @@ class SensorNoise:
     """The noise of a sensor's three axes, in the unit of its parameters.
 
     Attributes:
-        rest, hover: (3,) density of the white noise, unit/√Hz, and `uncertain` the share of the
-            hover's density that is its standard deviation.
-        walk: density of the bias walk, unit/√s: one not seen is at most this; `walks` if it is.
-        vibration: rms above LOWEST in hover, all axes. lines: of the three axes' mean spectrum.
-        frequency, density: (M,) Hz and (M, 3) unit²/Hz of the hover.
+        rest, hover: (3,) density of the white noise, unit/√Hz.
+        uncertain: standard deviation of the hover's density, as a share of it.
+        walk: density of the bias walk, unit/√s, an upper limit unless `walks`: one was seen.
+        vibration: rms above LOWEST in hover, all axes.
+        lines: of the mean spectrum of the three axes.
+        frequency, density: (M,) Hz and (M, 3) unit²/Hz in hover.
     """
 
     rest: Array
@@ -89,7 +91,7 @@ class SensorNoise:
 
     @property
     def noise(self) -> float:
-        """Return the density of all axes together."""
+        """Return the noise density of all axes together."""
         return rms(self.hover)
 
 
@@ -106,8 +108,8 @@ class Vibration:
 
     @property
     def notch(self) -> float:
-        """Return the frequency (Hz) of the strongest line in the gyroscope's spectrum where a notch
-        is worth its delay; 0 where none is.
+        """Return the frequency (Hz) of the strongest line in the gyroscope's spectrum for which a
+        notch is worth its delay; 0 when there is none.
         """
         one = self.sensors["gyroscope"]
         worth = [
@@ -131,7 +133,7 @@ class Vibration:
         return found
 
     def limits(self) -> dict[str, float]:
-        """Return the largest values that are good."""
+        """Return the largest acceptable values."""
         return {f"{name}_uncertain_share": UNCERTAIN_MAX for name in self.sensors}
 
     def record(self) -> CalibrationRecord:
@@ -190,13 +192,13 @@ class Vibration:
 
 def read_vibration(log: Path, vehicle: str) -> Vibration:
     """Read rest and hover from a log. Raises LogFormatError without the topics, MeasurementError
-    when one of them is missing, too short, or the vehicle was moved at rest.
+    when one of them is missing or too short, or the vehicle was moved at rest.
     """
     parameters = read_parameters(log)
     columns = read_columns(log, vehicle, WANTED)
     imu, actuators = columns["imu"], columns["actuators"]
     begin, end = _longest(columns["status"], "mode", "ready")
-    end -= BLOCK  # when the motors begin is known to a tenth of a second
+    end -= BLOCK  # the start of the motors is known to a tenth of a second
     start, stop = _longest(columns["status"], "behavior", "hover")
     start += SETTLE
     for name, seconds, least in (
@@ -223,9 +225,9 @@ def estimate_vibration(
     """Estimate the noise from (time (N,) s, specific force and angular velocity (N, 6)) of both.
 
     Args:
-        rotors: (4,) Hz, turns a second in hover.
+        rotors: (4,) Hz, turns per second in hover.
 
-    Raises MeasurementError as `read_vibration`.
+    Raises MeasurementError like `read_vibration`.
     """
     rest_rate, at_rest = evenly(*rest)
     rate, in_hover = evenly(*hover)
@@ -256,7 +258,7 @@ def _sensor(rest: Array, rest_rate: float, hover: Array, rate: float, rotors: Ar
     for axis in range(3):
         quiet = part[part[:, axis] < QUIET * np.median(part[:, axis]), axis]
         floor[axis], used = quiet.mean(), used + len(quiet)
-    segments = 2.0 * len(hover) / rate  # half overlapping windows of a second
+    segments = 2.0 * len(hover) / rate  # half overlapping windows of one second
     return SensorNoise(
         rest=np.sqrt(white),
         hover=np.sqrt(0.5 * floor),
@@ -272,7 +274,7 @@ def _sensor(rest: Array, rest_rate: float, hover: Array, rate: float, rotors: Ar
 
 
 def _check_rest(name: str, values: Array, rate: float, unit: str, factor: float) -> None:
-    """Raise MeasurementError when the means of the rest's parts differ: it was moved."""
+    """Raise MeasurementError when the means of the rest's parts differ, because it was moved."""
     count = max(1, round(BLOCK * rate))
     means = values[: len(values) // count * count].reshape(-1, count, 3).mean(axis=1)
     off = float(np.abs(means - means.mean(axis=0)).max())
@@ -290,7 +292,9 @@ def _window(imu: Series, start: float, end: float) -> tuple[Array, Array]:
 
 
 def _longest(status: Series, path: str, text: str) -> tuple[float, float]:
-    """Return start and end (s) of the longest time a text was this; NaN when it never was."""
+    """Return start and end (s) of the longest time that a field had this text; NaN when it never
+    had.
+    """
     changes = [*status.changes(path), (float(status.time[-1]), "")]
     spans = [(begin, changes[k + 1][0]) for k, (begin, told) in enumerate(changes) if told == text]
     return max(spans, key=lambda span: span[1] - span[0], default=(math.nan, math.nan))

@@ -1,6 +1,4 @@
-"""The decision about a calibration that an experiment proposed: the vehicle applies it, or it is
-rejected.
-"""
+"""The decision about a proposed calibration: the vehicle applies it, or it is rejected."""
 
 from __future__ import annotations
 

@@ -110,9 +110,7 @@ def evaluate(job: Job) -> dict[str, Any]:
 
 
 def proposed(job: Job) -> tuple[CalibrationRecord | None, str]:
-    """Return the proposed calibration as JSON, and why there is
-    none.
-    """
+    """Return the proposed calibration, or None and the reason."""
     experiment = job.experiment
     if not isinstance(experiment, Calibrating):
         return None, ""

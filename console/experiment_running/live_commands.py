@@ -29,7 +29,7 @@ IDLE = 0.1
 SHOWN = 0.5
 """s for the status to show an accepted command."""
 SETTLE = 0.05
-"""s that a person's command waits for a command of the experiment that is under way."""
+"""Seconds that a person's command waits for a command of the experiment that is in progress."""
 
 
 class Ground(Protocol):
@@ -90,7 +90,7 @@ class LiveCommands:
 
         Args:
             taken_over: by a person; then not even `hold` sends anything.
-            patience: s to wait for a command that is under way.
+            patience: s to wait for a command that is in progress.
         """
         self._ended = self._ended or why
         if taken_over:

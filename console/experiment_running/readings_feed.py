@@ -66,7 +66,7 @@ class ReadingsFeed:
             lost, self._count, self._lost = self._lost, 0, 0
         return lost
 
-    # ------------------------------------------------------------------ fed
+    # ------------------------------------------------------------------ input
     def telemetry(self, sequence: int, ticks: Record) -> None:
         """Add one packet: TICK records (N,). One that arrives after a newer one is a gap."""
         if not self._on:
@@ -103,7 +103,7 @@ class ReadingsFeed:
         with self._lock:
             self._bench.append((row[0], float(row[1]), float(row[2]), float(row[3])))
 
-    # ------------------------------------------------------------------ read
+    # ------------------------------------------------------------------ output
     def imu(self) -> ImuReadings:
         """Return the IMU readings since the last call."""
         with self._lock:

@@ -36,7 +36,12 @@ def settings_of(parameters: Any) -> Settings:
 
 
 class RunFiles:
-    """Args: `after_disarm`, s that a run continues after disarming; `cancelled` ends a wait."""
+    """Waits for the recorder's runs.
+
+    Args:
+        after_disarm: returns the seconds that a run continues after disarming.
+        cancelled: ends a wait.
+    """
 
     def __init__(
         self,

@@ -181,13 +181,13 @@ class ExperimentRunner:
         client = self._client
         if client is not None and command != "change_parameters":
             patience = 0.0 if command == "emergency" else SETTLE
-            why = f"{requester or 'somebody'} took over with {command.replace('_', ' ')}"
+            why = f"{requester or 'someone'} took over with {command.replace('_', ' ')}"
             client.end(ExperimentEndedError(why), taken_over=True, patience=patience)
         self.asked(command, requester)
 
     def passes(self, order: StickOrder) -> bool:
-        """Return whether a person's stick command goes to the vehicle; deflected sticks take over,
-        once.
+        """Return whether a person's stick command is sent to the vehicle; deflected sticks take
+        over, once.
         """
         takes_over, client = self._takeover.seen(order), self._client
         if client is None or client.taken_over:
@@ -205,16 +205,16 @@ class ExperimentRunner:
 
     def _obey_sticks(self, client: LiveClient) -> None:
         """Take over by the sticks in a separate thread, as they must not wait for an answer."""
-        # After the experiment's last command, if one is under way.
+        # After the experiment's last command, if one is in progress.
         client.end(ExperimentEndedError(_BY_STICKS), taken_over=True, patience=SETTLE)
         try:
             self._services.call("start_behavior", "the sticks", name="velocity", arguments=[])
         except QuadlabError as error:
             self._board.say(WARN, f"{_BY_STICKS}, but: {error}")
 
-    # ------------------------------------------------------------------ the station's beat
+    # ------------------------------------------------------------------ the station's heartbeat
     def tick(self, count: int) -> None:
-        """Advance the experiment at each beat."""
+        """Advance the experiment at each heartbeat."""
         client = self._client
         if client is not None:
             client.tick()
@@ -276,7 +276,7 @@ class ExperimentRunner:
             if reason:
                 self._leave(client, reason, phase)
             else:
-                self._client = None  # it no longer flies: commands take nothing over
+                self._client = None  # it no longer flies: commands take over nothing
                 self._judging.judge(experiment)
         except Exception as error:
             log.exception("experiment %s", experiment.name)

@@ -1,6 +1,4 @@
-"""The service `experiment`: each request gets an answer with its reason, and retries are
-idempotent.
-"""
+"""The service `experiment`: each answer has its reason, and retries are idempotent."""
 
 from __future__ import annotations
 
@@ -67,7 +65,7 @@ class ExperimentService:
             return self._do(request)
 
     def _do(self, request: Any) -> Any:
-        requester = request.requester or "somebody"
+        requester = request.requester or "someone"
         if request.action == "describe":
             return describe(self._vehicle, self._files)
         self._runner.permit("experiment", requester)

@@ -41,9 +41,7 @@ class SimulatedHand:
         self._held = FREE
 
     def begin(self, requester: str) -> None:
-        """Begin an experiment: check for a simulator, and release a vehicle that is still
-        held.
-
+        """Begin an experiment: check for a simulator, and release a vehicle that is still held.
         Raises RefusedError.
         """
         held = self._asked()
@@ -51,7 +49,8 @@ class SimulatedHand:
         self.let_go(requester)
 
     def turn(self, quaternion_wb: Sequence[float] | None, requester: str) -> None:
-        """Hold the vehicle in this attitude (w, x, y, z), None lets go; no effect on a real one.
+        """Hold the vehicle in this attitude (w, x, y, z), or release it for None; no effect on a
+        real one.
 
         Raises MeasurementError for an invalid attitude, RefusedError with the simulator's reason.
         """
@@ -63,18 +62,18 @@ class SimulatedHand:
             self._hold("hand", dict(zip(ANGLES, angles, strict=True)), requester)
 
     def fix(self, requester: str) -> None:
-        """Put the vehicle on the bench; no effect on a real one. Raises RefusedError."""
+        """Fix the vehicle to the bench; no effect on a real one. Raises RefusedError."""
         if self.is_there and self._held != "bench":
             self._hold("bench", {}, requester)
 
     def let_go(self, requester: str) -> None:
-        """Let the vehicle go. Raises RefusedError."""
+        """Release the vehicle. Raises RefusedError."""
         if self._held != FREE:
             self._hold(FREE, {}, requester)
 
     def _asked(self) -> str | None:
-        """Return how the vehicle is held now; None without a simulator, or with one that cannot
-        hold it.
+        """Return how the vehicle is held now; None without a simulator, or when it
+        cannot hold it.
         """
         request = new(f"{_GET}_Request", names=[HELD])
         for _ in range(2):  # one retry for a busy computer

@@ -23,7 +23,7 @@ class _Until(Enum):
 
 
 class StickTakeover:
-    """A watch for a person who takes the sticks. Args: `clock`, returns s of a steady clock."""
+    """A watch for a person who deflects the sticks. `clock` returns s of a steady clock."""
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock

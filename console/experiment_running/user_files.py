@@ -82,7 +82,7 @@ class UserFiles:
         return self._loaded(paths[0]) if paths else None
 
     def _loaded(self, path: Path) -> Experiment:
-        """Load a file in a thread that a file which hangs may keep."""
+        """Load a file in a separate thread, because the file may hang."""
         made: list[Experiment] = []
         failed: list[QuadlabError] = []
 
@@ -91,7 +91,7 @@ class UserFiles:
                 made.append(load(path, self._vehicle))
             except QuadlabError as error:
                 failed.append(error)
-            except BaseException as error:  # of a file: nothing of it may hurt the station
+            except BaseException as error:  # nothing in a user's file may harm the station
                 failed.append(StorageError(f"{path.name} cannot be loaded: {error!r}"))
 
         thread = threading.Thread(target=run, name="experiment file", daemon=True)
@@ -134,7 +134,7 @@ class UserFiles:
 
 
 def _versions(folder: Path) -> dict[Path, Version]:
-    """Return the files that may be experiments; those of editors and of Python are none."""
+    """Return the files that may be experiments, without those of editors and of Python."""
     found = {}
     try:
         for path in sorted(folder.glob("*.py"))[:FILES_MAX]:
@@ -142,5 +142,5 @@ def _versions(folder: Path) -> dict[Path, Version]:
                 about = path.stat()
                 found[path] = (about.st_mtime_ns, about.st_size)
     except OSError:
-        return found  # what vanished meanwhile is seen at the next look
+        return found  # what has disappeared is noticed in the next scan
     return found

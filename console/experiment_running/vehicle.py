@@ -1,6 +1,4 @@
-"""The messages that the station receives from the vehicle, kept for an experiment that waits for
-it.
-"""
+"""The messages that the station receives from the vehicle, stored for a waiting experiment."""
 
 from __future__ import annotations
 
@@ -21,11 +19,11 @@ from vehicle_link.parameters.replica import MISSED
 from vehicle_link.topics import TOPICS
 
 OLD = 1.0
-"""s; a vehicle whose status is older is not known."""
+"""Age in s beyond which a status is too old to use."""
 
 
 class VehicleFeed:
-    """Fed by the station's subscriptions, read by the experiment's thread."""
+    """Written by the station's subscriptions, read by the experiment's thread."""
 
     def __init__(self, parameters: VehicleParameters) -> None:
         self._parameters = parameters
@@ -36,28 +34,28 @@ class VehicleFeed:
         self._status: Any = None
         self._status_at = 0.0
         self._estimate: bytes | None = None
-        self._mass = (math.nan, math.inf)  # kg, its standard deviation
+        self._mass = (math.nan, math.inf)  # kg, with its standard deviation
 
-    # ------------------------------------------------------------------ fed
+    # ------------------------------------------------------------------ input
     def telemetry(self, stamp_ns: int, position_w: Any) -> None:
-        """Take the newest sample of a packet."""
+        """Store the newest sample of a packet."""
         with self._news:
             self._stamp_ns, self._position_w = stamp_ns, position_w
             self._tell()
 
     def status(self, status: Any) -> None:
-        """Take a quadlab_msgs/VehicleStatus."""
+        """Store a quadlab_msgs/VehicleStatus."""
         with self._news:
             self._status, self._status_at = status, monotonic()
             self._tell()
 
     def estimate(self, payload: bytes) -> None:
-        """Take a quadlab_msgs/EstimatorStatus as received; decoded when it is looked at."""
+        """Store a received quadlab_msgs/EstimatorStatus; it is decoded only when it is read."""
         self._estimate = payload
 
     def applied(self, values: dict[str, ParameterValue], revision: int) -> None:
-        """Wait for the vehicle's change that its answer tells of; one that was missed is fetched
-        by `parameter`.
+        """Wait for the vehicle's change that its answer announced; `parameter` fetches a missed
+        one.
         """
         replica = self._parameters
         with self._news:
@@ -66,7 +64,7 @@ class VehicleFeed:
             )
 
     def wake(self) -> None:
-        """Wake every waiting thread to look again."""
+        """Wake all waiting threads to check their conditions again."""
         with self._news:
             self._tell()
 
@@ -74,10 +72,10 @@ class VehicleFeed:
         self._count += 1
         self._news.notify_all()
 
-    # ------------------------------------------------------------------ read
+    # ------------------------------------------------------------------ output
     @property
     def mode(self) -> str:
-        """Return the vehicle's mode; empty when it was not received for a second."""
+        """Return the vehicle's mode; empty when no status was received for a second."""
         with self._news:
             old = monotonic() - self._status_at > OLD
             return "" if self._status is None or old else str(self._status.mode).lower()
@@ -103,7 +101,7 @@ class VehicleFeed:
     def _flown_mass(self) -> tuple[float, float]:
         payload, self._estimate = self._estimate, None
         if payload is not None:
-            with suppress(LinkError):  # its alarm is of whoever receives it
+            with suppress(LinkError):  # the receiving part raises the alarm
                 message = decode(payload, TOPICS["estimator"].type_name)
                 variance = float(message.mass_variance)
                 deviation = math.sqrt(variance) if variance >= 0.0 else math.inf
@@ -111,7 +109,7 @@ class VehicleFeed:
         return self._mass
 
     def fetch(self) -> None:
-        """Fetch all parameters, as before a flight. Raises LinkError."""
+        """Check that all parameters are known, as before a flight. Raises LinkError."""
         values, _, problem = self._parameters.snapshot()
         if problem or values is None:
             raise LinkError(f"the vehicle's parameters are not known: {problem or 'not read yet'}")
@@ -127,17 +125,17 @@ class VehicleFeed:
 
     @property
     def news(self) -> int:
-        """Return a number that changes with everything received."""
+        """Return a number that changes with every message."""
         return self._count
 
     def wait_news(self, seen: int, timeout: float) -> None:
-        """Wait until something was received after `seen`, at most `timeout` s."""
+        """Wait until a message arrives after `seen`, at most `timeout` s."""
         with self._news:
             self._news.wait_for(lambda: self._count != seen, timeout)
 
     def wait_status(self, behavior: str, stamp_ns: int, timeout: float) -> None:
-        """Wait until a status shows the behaviour, or is from `stamp_ns` of the vehicle's clock
-        on.
+        """Wait until a status shows the behavior, or is not older than `stamp_ns` of the vehicle's
+        clock.
         """
         with self._news:
             self._news.wait_for(

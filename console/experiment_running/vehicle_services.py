@@ -1,4 +1,4 @@
-"""The vehicle's own services, as an experiment calls them."""
+"""The vehicle's own services, as called by an experiment."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ USED = ("arm", "disarm", "start_behavior", "change_parameters", "calibrate", "be
 
 
 class VehicleServices:
-    """Made once, for each client announces itself; may be called from several threads."""
+    """Clients of the vehicle's services; may be called from several threads. Created once, because
+    each client announces itself.
+    """
 
     def __init__(self, node: Node) -> None:
         self._clients = {name: node.client(name, SERVICES[name]) for name in USED}
@@ -29,7 +31,7 @@ class VehicleServices:
         tries: int = 2,
         **fields: Any,
     ) -> Any:
-        """Return the accepted answer; a lost one is asked for again under one id. Raises
+        """Return the accepted answer; a lost one is requested again with the same id. Raises
         RefusedError or LinkError.
 
         Args:

@@ -1,7 +1,8 @@
 """Matrix T and bias b of the accelerometer from poses held still (Sec. 5.2).
 
-A pose is taken by itself once the vehicle was still for long enough; the next one is told until
-the poses determine the result. Its attitude is the tracker's, or the face it stands on.
+A pose is stored automatically once the vehicle was still for long enough; the guide then shows the
+next one until the poses determine the result. Its attitude is the tracker's, or that of the face it
+rests on.
 """
 
 from __future__ import annotations
@@ -34,11 +35,11 @@ from quadrotor.errors import MeasurementError, QuadlabError, RefusedError
 from quadrotor.parameters import Parameters, parameter
 
 LOOK = 0.02
-"""s between two reads of the samples."""
+"""Seconds between two reads of the samples."""
 LISTEN = 0.5
-"""s in which the sample rate is measured."""
+"""Seconds in which the sample rate is measured."""
 MOST = 3
-"""Multiple of the requested poses after which the present ones have to do."""
+"""Multiple of the requested number of poses after which no more are requested."""
 
 
 class AccelerometerOptions(Parameters):
@@ -64,15 +65,15 @@ class _Progress:
     """The progress so far: the held poses."""
 
     finder: StillPoses
-    since: float  # s, of the newest pose
-    target: Array  # world z in body axes of the pose to come
+    since: float  # s, time of the newest pose
+    target: Array  # world z in body axes of the next pose
     ups: list[Array] = field(default_factory=list)
     faces: list[str] = field(default_factory=list)
     known: Coverage = field(default_factory=lambda: coverage(np.empty((0, 3))))
     note: str = ""
     moving: str = ""
     share: float = 0.0
-    begun: float = math.nan  # s, of the stillness under way
+    begun: float = math.nan  # s, start of the present stillness
 
 
 class Accelerometer:
@@ -101,7 +102,7 @@ class Accelerometer:
 
     # ------------------------------------------------------------------ the procedure
     def fly(self, client: Client) -> None:
-        """Guide through the poses. Raises RefusedError when motors are on, or no pose comes in
+        """Guide through the poses. Raises RefusedError when motors are on, or no pose is held in
         time.
         """
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
@@ -121,7 +122,7 @@ class Accelerometer:
             self._collect(client, state)
             client.tell(Progress("Set the vehicle down, level", self._count, self._count, 1.0))
         finally:
-            with suppress(QuadlabError):  # why it ended is what counts
+            with suppress(QuadlabError):  # the reason for the end matters more
                 client.turn(None)
 
     def _collect(self, client: Client, state: _Progress) -> None:
@@ -174,7 +175,7 @@ class Accelerometer:
                 state.begun = time
             if len(state.finder.poses) > known:
                 came |= self._take(state, state.finder.poses[-1], time)
-            if still.share in (0.0, 1.0):  # it begins again
+            if still.share in (0.0, 1.0):  # the stillness starts again
                 state.begun = math.nan
         return came
 
@@ -205,7 +206,7 @@ class Accelerometer:
         return taken >= MOST * self._count or (taken >= self._count and not state.known.next_face)
 
     def _next(self, ups: list[Array], faces: list[str]) -> Array:
-        """Return world z in body axes of the pose to come."""
+        """Return world z in body axes of the next pose."""
         if self.parameters.method == "faces":
             return face_up(next((face for face in FACES if face not in faces), "upright"))
         return farthest(spread_poses(self._count, math.radians(self.parameters.tilt)), ups)

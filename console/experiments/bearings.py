@@ -24,12 +24,12 @@ from quadrotor.errors import RefusedError, UsageError
 from quadrotor.parameters import Parameters, ParameterValue, parameter
 
 RAMP = 4.0
-"""s, longer than the 8's ramp in or out."""
+"""Seconds, longer than the 8's ramp in or out."""
 SETTLE = 2.0
-"""s after the hand-over before the manoeuvre."""
+"""Seconds between the hand-over and the manoeuvre."""
 PERIOD = 8.0
 PATIENCE = 40.0
-"""s for which the hand-over is requested."""
+"""Seconds for which the hand-over is requested."""
 
 
 class BearingsOptions(Parameters):
@@ -66,13 +66,13 @@ class BearingsExperiment:
 
     @property
     def planned(self) -> float:
-        """Return the planned time in s, about: take-off, hand-over, manoeuvre, landing."""
+        """Return the approximate planned time in s: take-off, hand-over, manoeuvre, landing."""
         p = self.parameters
         file = p.manoeuvre == "sticks" and p.sticks_file
         return 25.0 + (len(self._sticks()) / RATE if file else p.duration)
 
     def check(self) -> None:
-        """Raise UsageError for options that do not go together, StorageError for no file."""
+        """Raise UsageError for inconsistent options, StorageError for a missing file."""
         p = self.parameters
         if p.gains not in ("auto", "as_set") and p.estimator != "complementary":
             raise UsageError(
@@ -84,9 +84,9 @@ class BearingsExperiment:
 
     # ------------------------------------------------------------------ flight
     def fly(self, client: Client) -> None:
-        """Fly. Raises RefusedError with the vehicle's reason when it refuses, or as `check`.
+        """Fly. Raises RefusedError with the vehicle's reason when it refuses, or as `check` does.
 
-        A vehicle that goes back to the tracker or lands by itself ends the manoeuvre.
+        The manoeuvre ends when the vehicle returns to the tracker or lands by itself.
         """
         p = self.parameters
         self.check()
@@ -99,7 +99,7 @@ class BearingsExperiment:
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         before = {name: client.parameter(name) for name in self._control_gains()}
         found = {name: client.parameter(name) for name in self._changed_on_board()}
-        client.change(self._shadow())  # compiled on the ground, started again in the air
+        client.change(self._shadow())  # compiled on the ground, restarted in the air
         client.change({"estimation.shadow": "none"})
         client.wait(0.5)
         client.arm()
@@ -115,12 +115,12 @@ class BearingsExperiment:
             client.wait(SETTLE)
             self._manoeuvre(client, sticks)
         if self._on_bearings(client):
-            with suppress(RefusedError):  # no tracker: landed on bearings
+            with suppress(RefusedError):  # without a tracker it lands on bearings
                 client.change({"estimation.source": "poses"})
         client.change(before)
         client.wait(1.0)
         self._land(client)
-        with suppress(RefusedError):  # not on the ground: left as it is
+        with suppress(RefusedError):  # not on the ground: parameters stay as they are
             client.change(found)
 
     def _land(self, client: Client) -> None:
@@ -144,7 +144,7 @@ class BearingsExperiment:
                 if client.view().time > patient_until:
                     raise
         if p.gains == "paper" and self._on_bearings(client):
-            # Noisier than what the vehicle would ever accept, so set once it is flown on.
+            # Noisier than the vehicle would ever accept, so set only after the hand-over.
             paper = {f"estimation.{k}": v for k, v in ESTIMATION_PRESETS["paper"].items()}
             client.change({**paper, "fallback.enabled": False})
 
@@ -242,14 +242,16 @@ class BearingsExperiment:
 
     # ------------------------------------------------------------------ the log
     def evaluate(self, log: Path) -> Result:
-        """Judge the errors on bearings against what its sensor allows. Raises LogFormatError."""
+        """Judge the errors on bearings relative to what the sensor allows. Raises
+        LogFormatError.
+        """
         p = self.parameters
         flight = read_flight(log, self._vehicle, RAMP)
         gains = p.gains if p.estimator == "complementary" else "auto"
         return judged(flight.metrics(), *limits(flight.bound, p.estimator, gains))
 
     def report(self, log: Path, folder: Path) -> list[Path]:
-        """Write Fig. 6 and its figures. Raises UsageError without matplotlib."""
+        """Write the plots of Fig. 6 and the figures. Raises UsageError without matplotlib."""
         from console.evaluation.bearings_report import write
 
         flight = read_flight(log, self._vehicle, RAMP)

@@ -1,6 +1,4 @@
-"""The common part of calibrations that fly by themselves: asked first, and brought down at the
-end.
-"""
+"""The common part of calibration flights: confirmation before take-off, and landing at the end."""
 
 from __future__ import annotations
 
@@ -19,7 +17,7 @@ CLEAR = (
     "room on each side?"
 )
 LANDING = 30.0
-"""s."""
+"""Seconds for the landing."""
 
 
 class Found(Protocol):
@@ -33,7 +31,7 @@ class Found(Protocol):
 
 
 class CalibrationFlight:
-    """The common part of the experiments that fly by themselves and read every tick of the log.
+    """The common part of the experiments that fly automatically and evaluate every tick of the log.
 
     Args:
         vehicle: its name.
@@ -43,8 +41,8 @@ class CalibrationFlight:
         self._vehicle = vehicle
 
     def found(self, log: Path) -> Found:
-        """Return the result from the log alone. Raises LogFormatError without what it needs,
-        MeasurementError when the flight does not show it.
+        """Return the result from the log alone. Raises LogFormatError when data are missing,
+        MeasurementError when the flight does not determine it.
         """
         raise NotImplementedError
 
@@ -52,16 +50,16 @@ class CalibrationFlight:
         """Accept all options: the vehicle refuses what it cannot fly."""
 
     def preconditions(self, view: VehicleView) -> str:
-        """Return what is missing before it may start, as text."""
+        """Return as text what is missing before the flight may start."""
         return missing_place(view)
 
     def evaluate(self, log: Path) -> Result:
-        """Judge what was found. Raises as `found`."""
+        """Judge the result. Raises as `found` does."""
         found = self.found(log)
         return judged(found.metrics(), found.limits())
 
     def proposal(self, log: Path) -> CalibrationRecord:
-        """Return the record to accept. Raises as `found`."""
+        """Return the record to accept. Raises as `found` does."""
         return self.found(log).record()
 
 
@@ -85,7 +83,7 @@ def fly_laps(client: Client, what: str, patience: float, **laps: ParameterValue)
 
 
 def missing_place(view: VehicleView) -> str:
-    """Return why it may not begin, as text; empty when it may."""
+    """Return as text why the flight may not begin; empty when it may."""
     if not np.isfinite(view.position_w).all():
         return "the vehicle does not know where it is; check the tracker"
     return ""

@@ -35,7 +35,7 @@ EXPERIMENTS: dict[str, Callable[[str], Experiment]] = {
 
 
 def find(name: str, vehicle: str = "quad1") -> Experiment:
-    """Return the experiment of a name. Raises UsageError, which lists the existing ones."""
+    """Return the experiment with this name. Raises UsageError, which lists the existing ones."""
     if name not in EXPERIMENTS:
         raise UsageError(f"unknown experiment {name!r}; there are {', '.join(EXPERIMENTS)}")
     return EXPERIMENTS[name](vehicle)

@@ -35,8 +35,11 @@ class ExperimentEndedError(QuadlabError):
 
 
 class Client(Protocol):
-    """Commands raise RefusedError with the vehicle's reason; waits raise RefusedError at the end
-    of their time. On a real link all of them also raise ExperimentEndedError, or LinkError."""
+    """The commands and waits of an experiment.
+
+    Commands raise RefusedError with the vehicle's reason; waits raise RefusedError on timeout. On a
+    real link all of them also raise ExperimentEndedError, or LinkError.
+    """
 
     @property
     def finished(self) -> bool:
@@ -49,7 +52,7 @@ class Client(Protocol):
         ...
 
     def pilot_flies(self, on: bool) -> None:
-        """Pass the person's sticks on, or stop that. Raises UsageError without a person."""
+        """Start or stop forwarding the person's sticks. Raises UsageError without a person."""
         ...
 
     def view(self) -> VehicleView: ...
@@ -67,7 +70,7 @@ class Client(Protocol):
         ...
 
     def sticks(self, axes: Sequence[float]) -> None:
-        """Send forward, left, up, yaw in -1..1, dead-man held; to be sent again within 0.2 s."""
+        """Send forward, left, up, yaw in -1..1, dead-man held; repeat it within 0.2 s."""
         ...
 
     def wait_until(
@@ -79,11 +82,11 @@ class Client(Protocol):
     # ------------------------------------------------------------------ guided procedures
     @property
     def simulated(self) -> bool:
-        """Return whether the vehicle is a simulated one, which turns by itself on command."""
+        """Return whether the vehicle is simulated, and so turns by itself on command."""
         ...
 
     def tell(self, progress: Progress) -> None:
-        """Show the person what to do and how far it is; cheap, as often as wanted."""
+        """Show the person what to do, and the progress; cheap enough to call as often as needed."""
         ...
 
     def confirm(self, question: str) -> None:
@@ -91,8 +94,9 @@ class Client(Protocol):
         ...
 
     def turn(self, quaternion_wb: Sequence[float] | None) -> None:
-        """Let a hand hold a simulated vehicle in this attitude, None lets go; no effect on a real
-        one, where the instruction is for the person."""
+        """Hold a simulated vehicle in this attitude, or release it for None. No effect on a real
+        one, where the instruction is for the person.
+        """
         ...
 
     def imu(self) -> ImuReadings: ...
@@ -102,13 +106,16 @@ class Client(Protocol):
         ...
 
     def calibrate_gyroscope(self) -> CalibrationRecord:
-        """Let the vehicle find its gyroscope drift again, with motors off, and wait for it."""
+        """Let the vehicle measure its gyroscope drift again, with motors off, and wait for it."""
         ...
 
     def bench(self, motor: int, reference: int) -> None:
-        """Turn one motor alone (1 front, 2 left, 3 rear, 4 right; 0 ends it) with a reference
-        (counts), on the ground, after `confirm`; kept up while the experiment waits. A simulated
-        vehicle stands fixed on a force/torque sensor under that motor meanwhile."""
+        """Turn one motor alone (1 front, 2 left, 3 rear, 4 right; 0 ends it) at a reference
+        (counts).
+
+        Call it on the ground, after `confirm`. The motor keeps turning while the experiment waits.
+        A simulated vehicle is then fixed on a force/torque sensor under that motor.
+        """
         ...
 
     def bench_readings(self) -> BenchReadings: ...
@@ -120,11 +127,12 @@ VERDICTS = (PASSED, FAILED, NOT_JUDGED)
 
 @dataclass(slots=True)
 class Result:
-    """The result of an experiment; `console.evaluation.verdict.judged` makes it of the figures.
+    """The result of an experiment; `console.evaluation.verdict.judged` creates it from the figures.
 
     Attributes:
         verdict: "passed", "failed" or "not_judged".
-        metrics: figures by name, SI units. limits: the largest values that are good.
+        metrics: figures by name, SI units.
+        limits: the largest acceptable values.
         reason: why it is not judged; empty otherwise.
     """
 
@@ -135,9 +143,9 @@ class Result:
 
 
 class Experiment(Protocol):
-    """One experiment: `fly` commands the vehicle, `evaluate` judges the log alone.
+    """One experiment: `fly` commands the vehicle, `evaluate` judges from the log alone.
 
-    `parameters` is what can be chosen about it, None when nothing can.
+    `parameters` are its options, or None when it has none.
     """
 
     name: str
@@ -147,12 +155,12 @@ class Experiment(Protocol):
 
     @property
     def planned(self) -> float:
-        """Return the planned time of the flight in s, about."""
+        """Return the approximate planned time of the flight in s."""
         ...
 
     def check(self) -> None:
-        """Check the options before anything is commanded. Raises UsageError or StorageError for
-        options that do not go together or name what does not exist.
+        """Check the options before any command is sent. Raises UsageError or StorageError for
+        inconsistent options or missing files.
         """
         ...
 
@@ -166,7 +174,7 @@ class Reporting(Protocol):
     """An experiment that also writes a report."""
 
     def report(self, log: Path, folder: Path) -> list[Path]:
-        """Return the files written. Raises UsageError when something for it is not installed."""
+        """Return the files written. Raises UsageError when a required package is not installed."""
         ...
 
 
@@ -175,8 +183,9 @@ class Calibrating(Protocol):
     """An experiment whose result the vehicle may apply as a calibration."""
 
     def proposal(self, log: Path) -> CalibrationRecord:
-        """Return the proposal from the log alone; without run_id, requester and stamp, which are
-        added when it is accepted. Raises MeasurementError with the reason when there is nothing to
-        propose.
+        """Return the proposal from the log alone.
+
+        Its run_id, requester and stamp are added when it is accepted. Raises MeasurementError with
+        the reason when there is nothing to propose.
         """
         ...

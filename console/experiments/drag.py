@@ -1,7 +1,7 @@
 """The drag of the whole vehicle, from circles in still air.
 
-On a circle at a constant speed the velocity is at right angles to the acceleration: what a wrong
-mass or weak motors are wrong by does not look like drag, and a steady wind is a constant.
+On a circle at constant speed the velocity is perpendicular to the acceleration: the effects of a
+wrong mass or weak motors do not look like drag, and a steady wind is a constant.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class DragExperiment(CalibrationFlight):
 
     @property
     def planned(self) -> float:
-        """Return the planned time in s, about."""
+        """Return the approximate planned time in s."""
         p = self.parameters
         return 25.0 + p.laps * p.period
 
@@ -80,5 +80,5 @@ class DragExperiment(CalibrationFlight):
         come_down(client)
 
     def found(self, log: Path) -> Found:
-        """Return the drag found."""
+        """Return the drag found in the log."""
         return read_drag(log, self._vehicle)

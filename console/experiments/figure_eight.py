@@ -1,7 +1,7 @@
 """The 8-shape of Sec. 7: 1 m x 1 m in 8 s laps, z ± 0.2 m, yaw ± 1 rad.
 
-Steady laps at a constant rate between ramps, or rest to rest in one lap of the same 8 s, which
-tilts the vehicle four times as far and is judged from its first to its last moment.
+It is flown in steady laps at a constant rate between ramps, or from rest to rest in one lap of the
+same 8 s, which tilts the vehicle four times as far and is judged from beginning to end.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ LAPS = 3
 MIKROKOPTER = "mikrokopter"
 PERIOD = 8.0
 RAMP = 4.0
-"""s, longer than the trajectory's ramp in or out: what is left between are steady laps."""
+"""Seconds, longer than the trajectory's ramp in or out: only steady laps remain in between."""
 
 
 STEADY, REST_TO_REST = "steady", "rest_to_rest"
@@ -27,13 +27,15 @@ LIMITS = {
     STEADY: {"position_rms_m": 0.005, "position_max_m": 0.009, "yaw_rms_deg": 0.4},
     REST_TO_REST: {"position_rms_m": 0.020, "position_max_m": 0.040, "yaw_rms_deg": 1.0},
 }
-"""Limits of the errors of the true position and yaw to the reference."""
+"""Limits of the errors of the true position and yaw relative to the reference."""
 BY_RATES = {"position_rms_m": 0.025, "position_max_m": 0.050, "yaw_rms_deg": 1.0}
-"""The same of steady laps on a board that is given body rates: its inner loop is not ours."""
+"""Limits of steady laps on a board that receives body rates: its inner loop is not ours."""
 ACCELERATION, STEEP = "behavior.trajectory_acceleration_max", 5.2
-"""m/s²: one lap in 8 s needs 5.0, which is more than the vehicle usually allows."""
+"""Parameter, and a value in m/s²: one lap in 8 s needs 5.0, more than the vehicle
+usually allows."""
 YAW_MAX = 0.7
-"""rad: beyond it one lap from rest to rest needs more yaw torque than the motors have left."""
+"""Yaw in rad beyond which one lap from rest to rest needs more yaw torque than the motors have
+left."""
 
 
 class FigureEightOptions(Parameters):
@@ -70,7 +72,9 @@ class FigureEight:
             )
 
     def fly(self, client: Client) -> None:
-        """Raise RefusedError with the vehicle's reason when it will not, or as `check`."""
+        """Fly. Raises RefusedError with the vehicle's reason when it refuses, or as
+        `check` does.
+        """
         self.check()
         one_lap = self.parameters.laps == REST_TO_REST
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
@@ -94,7 +98,7 @@ class FigureEight:
         )
         ramp = 0.0 if one_lap else RAMP
         self._window = (start + ramp, client.view().time - ramp)
-        if client.view().behavior == "follow_trajectory":  # finished before its end: no ramp out
+        if client.view().behavior == "follow_trajectory":  # finished early: no ramp out
             self._window = (start + ramp, client.view().time)
             client.start("brake")
             client.wait(2.0)
@@ -107,8 +111,8 @@ class FigureEight:
         client.wait(0.5)
 
     def _start(self, client: Client) -> None:
-        """Start the trajectory; the vehicle looks at its limits then, so they are wide only
-        then.
+        """Start the trajectory. The vehicle checks its limits at the start, so they are widened
+        only then.
         """
         yaw = self.parameters.yaw_amplitude
         if self.parameters.laps == STEADY:

@@ -1,4 +1,4 @@
-"""The gyroscope's drift, found again while the vehicle is at rest (Sec. 5.1)."""
+"""The gyroscope's drift, measured again while the vehicle is at rest (Sec. 5.1)."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from quadrotor.parameters import Parameters, parameter
 
 SAMPLES = "safety.gyro_samples"
 CHECK = 5.0
-"""s of rest afterwards, in which the remaining drift is measured."""
+"""Seconds of rest afterwards, in which the remaining drift is measured."""
 ERROR_MAX = 0.03
-"""deg/s, limit of the remaining drift."""
+"""Limit of the remaining drift, deg/s."""
 RATES = ("angular_velocity.x", "angular_velocity.y", "angular_velocity.z")
 REFERENCES = tuple(f"motor_references[{motor}]" for motor in range(4))
 KEEP_STILL = "Leave the vehicle standing still; do not touch it"
@@ -80,7 +80,7 @@ class Gyroscope:
             "deviation_deg_s": float(np.degrees(rates.std(axis=0).max())),
             "samples": float(len(rates)),
         }
-        # What is left is seen with an error of its own.
+        # The remaining drift is measured with an error of its own.
         seen = np.degrees(rates.std(axis=0).max()) / np.sqrt(len(rates))
         limits = {
             "standard_error_deg_s": ERROR_MAX,
@@ -89,7 +89,7 @@ class Gyroscope:
         return judged(metrics, limits)
 
     def proposal(self, log: Path) -> CalibrationRecord:
-        """Return the drift the vehicle found and already uses, with the remaining drift."""
+        """Return the drift that the vehicle found and already uses, with the remaining drift."""
         found, _ = self._checked(log)
         result = self.evaluate(log)
         left = Quality(
@@ -108,7 +108,7 @@ class Gyroscope:
         return found.model_copy(update={"quality": (error, left, *others)})
 
     def _checked(self, log: Path) -> tuple[CalibrationRecord, Array]:
-        """Return the record and the rates (N, 3) rad/s afterwards."""
+        """Return the record, and the subsequent rates (N, 3), rad/s."""
         if self._found is None:
             raise MeasurementError("the gyroscope was not calibrated, so nothing is proposed")
         columns = read_columns(log, self._vehicle, {"imu": RATES, "actuators": REFERENCES})
@@ -124,5 +124,5 @@ class Gyroscope:
 
 
 def _figure(record: CalibrationRecord, name: str) -> float:
-    """Return one quality of a record, NaN when it has none of this name."""
+    """Return the quality of this name in a record, NaN when it has none."""
     return next((one.value for one in record.quality if one.name == name), float("nan"))

@@ -1,8 +1,8 @@
 """The inertia about three axes (Sec. 5.4), from doublets of the reference in hover.
 
-A doublet to the side tilts the vehicle there and back, one of the yaw turns it: each asks for a
-torque about one axis that changes its sign, and none moves it far. The vehicle itself ends what
-leaves its path (behaviour `excite`).
+A doublet to the side tilts the vehicle there and back, a doublet of the yaw turns it: each requires
+a torque about one axis that changes its sign, and none moves the vehicle far. The vehicle itself
+ends an excitation that leaves its path (behavior `excite`).
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from quadrotor.parameters import Parameters, ParameterValue, parameter
 AXES = ("x", "y", "yaw")
 REPEATS = 3
 LEVELS = 3
-"""Shape of a doublet: to one side, to the other, back."""
+"""Number of levels of a doublet: to one side, to the other, back."""
 LEAD = 0.5
-"""s of rest before the first one."""
+"""Seconds of rest before the first doublet."""
 REST = 1.2
-"""s between two excitations."""
+"""Seconds between two excitations."""
 PATIENCE = 10.0
-"""s the vehicle has to come to rest."""
+"""Seconds that the vehicle has to come to rest."""
 FAR = 1.0
-"""m from the hover position, in any direction, beyond which the experiment ends."""
+"""Distance in m from the hover position, in any direction, beyond which the experiment ends."""
 NEAR_GROUND = 0.5
-"""m, the same downwards."""
+"""The same limit downwards, m."""
 SHAPES = {"slow": (0.25, 0.4, 0.8), "quick": (0.2, 0.4, 0.4)}
-"""m, rad, s a level."""
+"""Amplitude in m and in rad, and seconds per level."""
 RANDOM = ((0.12, 0.25), (0.3, 0.5), (0.3, 0.7))
-"""The same, least and most."""
+"""Lowest and highest values of the same three."""
 
 
 class InertiaOptions(Parameters):
@@ -71,7 +71,7 @@ class InertiaExperiment(CalibrationFlight):
 
     @property
     def planned(self) -> float:
-        """Return the planned time in s, about."""
+        """Return the approximate planned time in s."""
         return 20.0 + sum(_duration(one) + REST for one in self.excitations())
 
     def abort(self, view: VehicleView) -> str:
@@ -86,7 +86,7 @@ class InertiaExperiment(CalibrationFlight):
         return ""
 
     def excitations(self) -> list[dict[str, ParameterValue]]:
-        """Return the arguments of each `excite` in turn; the same seed gives the same."""
+        """Return the arguments of each `excite` in order; the same seed gives the same."""
         p = self.parameters
         random = np.random.default_rng(p.seed)
         out: list[dict[str, ParameterValue]] = []
@@ -109,7 +109,9 @@ class InertiaExperiment(CalibrationFlight):
 
     # ------------------------------------------------------------------ flight
     def fly(self, client: Client) -> None:
-        """Raise RefusedError with the vehicle's reason when it will not, or ended by itself."""
+        """Fly. Raises RefusedError with the vehicle's reason when it refuses, or ends an excitation
+        by itself.
+        """
         self._place = None
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         client.confirm(CLEAR)
@@ -143,7 +145,7 @@ class InertiaExperiment(CalibrationFlight):
             timeout=planned + 5.0,
         )
         view = client.view()
-        if view.behavior == "excite":  # finished before its end
+        if view.behavior == "excite":  # finished early
             client.start("brake")
         elif view.behavior not in ("hover", "brake"):
             raise RefusedError(f"the excitation gave way to {view.behavior}")

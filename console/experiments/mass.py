@@ -1,8 +1,8 @@
 """The first experiment of Sec. 7: a vehicle takes off with an unknown mass and estimates it.
 
-It flies on the estimate (eqs. 6 to 10), which begins too low: the take-off is held back until the
-error of the height makes up for it, then the estimate learns within a second. Erratic flight at
-random velocities afterwards shows how quiet it is.
+It flies on the estimate (eqs. 6 to 10), which starts too low: the take-off is delayed until the
+height error compensates for it, and then the estimate converges within a second. Erratic flight at
+random velocities afterwards shows how noisy it is.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ STICK_SPEEDS = (
 )
 STEPS = 4
 HOVER = (5.0, 25.0)
-"""s of hover after the climb: at least, and at most until the estimate has converged."""
+"""Shortest and longest hover after the climb, s; it ends once the estimate has converged."""
 FAR = 1.6
-"""m from the hover position beyond which the erratic flight ends."""
+"""Distance in m from the hover position beyond which the erratic flight ends."""
 
 
 class MassOptions(Parameters):
@@ -61,16 +61,17 @@ class MassExperiment(CalibrationFlight):
 
     @property
     def planned(self) -> float:
-        """Return the planned time in s, about."""
+        """Return the approximate planned time in s."""
         p = self.parameters
         return 30.0 + p.height / p.climb + p.duration
 
     # ------------------------------------------------------------------ flight
     def fly(self, client: Client) -> None:
-        """Raise RefusedError with the vehicle's reason when it will not.
+        """Fly. Raises RefusedError with the vehicle's reason when it refuses.
 
-        What the law flies on is put back after landing, also when the flight failed. When a person
-        took over nothing more may be sent: the law stays on the estimate, begun as it was set.
+        The mass that the control law uses is restored after landing, also when the flight failed.
+        When a person took over, no more commands may be sent: the law keeps using the estimate,
+        with its initial value restored.
         """
         p = self.parameters
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
@@ -108,7 +109,7 @@ class MassExperiment(CalibrationFlight):
                 f"{error}. With {p.initial:g} kg to begin with and {p.height:g} m to climb it "
                 "pulls only so much: try a larger initial mass or height"
             ) from error
-        # For the next arming: should someone take over, it must not begin too light again.
+        # For the next arming: after a take-over it must not start too light again.
         client.change({INITIAL: found[INITIAL]})
         self._until(
             client,
@@ -180,7 +181,7 @@ class MassExperiment(CalibrationFlight):
         client.wait_until(looked, what=what, timeout=timeout)
 
     def _put_back(self, client: Client, found: dict[str, ParameterValue]) -> None:
-        with suppress(RefusedError):  # not on the ground: left as it is
+        with suppress(RefusedError):  # not on the ground: parameters stay as they are
             client.change(found)
 
     # ------------------------------------------------------------------ judgement

@@ -1,8 +1,8 @@
 """The law of motor, controller and propeller on a force/torque sensor (Sec. 5.3).
 
-The references of a schedule are held one after the other, with a rest at low speed before each;
-or a file is read that was recorded elsewhere. Fitted are the affine root law and next to it the
-paper's quadratic, the torque ratio, and the lag.
+The references of a schedule are held one after the other, with a rest at low speed before each; or
+a file recorded elsewhere is read. The affine root law, the paper's quadratic for comparison, the
+torque ratio and the lag are fitted.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from quadrotor.parameters import Parameters, parameter
 
 LOOK = 0.1
 SILENCE = 1.0
-"""s without a reading after which the sensor counts as unplugged."""
+"""Seconds without a reading after which the sensor counts as unplugged."""
 QUESTION = (
     "Is the vehicle fixed on the bench, the {motor} motor on the sensor, and its propeller's blast "
     "clear of people and loose things? It will run up to {last} counts"
@@ -90,8 +90,8 @@ class MotorBench:
         return BenchSchedule(p.first, p.last, p.step, p.hold, p.rest, p.rest_reference)
 
     def check(self) -> None:
-        """Raise UsageError for references that do not go together, StorageError or MeasurementError
-        for a file that cannot be used.
+        """Raise UsageError for inconsistent references, StorageError or MeasurementError for an
+        unusable file.
         """
         p = self.parameters
         if p.csv:
@@ -105,7 +105,9 @@ class MotorBench:
 
     # ------------------------------------------------------------------ the procedure
     def fly(self, client: Client) -> None:
-        """Raise RefusedError with the vehicle's reason, or when the sensor falls silent."""
+        """Run the schedule. Raises RefusedError with the vehicle's reason, or when the sensor stops
+        sending.
+        """
         p = self.parameters
         self.check()
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
@@ -121,7 +123,7 @@ class MotorBench:
         try:
             self._run(client)
         finally:
-            with suppress(QuadlabError):  # why it ended is what counts
+            with suppress(QuadlabError):  # the reason for the end matters more
                 client.bench(0, 0)
         client.wait(0.5)
 
@@ -175,8 +177,8 @@ class MotorBench:
 
     # ------------------------------------------------------------------ the log
     def evaluate(self, log: Path) -> Result:
-        """Judge the motor law found. Raises LogFormatError, StorageError, or MeasurementError with
-        what is missing.
+        """Judge the motor law. Raises LogFormatError, StorageError, or MeasurementError with what
+        is missing.
         """
         found = self._found(log)
         law, lag = found.law, found.lag
@@ -202,7 +204,7 @@ class MotorBench:
         return judged(metrics, limits)
 
     def proposal(self, log: Path) -> CalibrationRecord:
-        """Return the motor law found. Raises as `evaluate` does."""
+        """Return the record of the motor law. Raises as `evaluate` does."""
         p = self.parameters
         conditions = {"motor": MOTORS[p.motor - 1]}
         if p.csv:

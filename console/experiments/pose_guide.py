@@ -14,14 +14,14 @@ from quadrotor.plain_rotations import rows_of
 Array = npt.NDArray[np.float64]
 
 SMALL = math.radians(8.0)
-"""A tilt that need not be told."""
+"""Largest tilt, in rad, that is not mentioned."""
 
 
 def spread_poses(count: int, tilt: float) -> Array:
     """Return directions of world z in body axes, shape (count, 3), within `tilt` (rad) of upright.
 
     The first is upright, a third of the others lean by half of the tilt, the rest by all of it,
-    each ring spread evenly.
+    each ring evenly spread.
     """
     near = (count - 1) // 3
     poses = [(0.0, 0.0, 1.0)]
@@ -34,8 +34,8 @@ def spread_poses(count: int, tilt: float) -> Array:
 
 
 def farthest(wanted: Array, taken: Sequence[Array]) -> Array:
-    """Return the direction of `wanted` (N, 3) that is farthest from all taken; the first when none
-    is taken.
+    """Return the direction of `wanted` (N, 3) that is farthest from all in `taken`; the first when
+    `taken` is empty.
     """
     if not taken:
         return np.array(wanted[0])
@@ -46,7 +46,7 @@ def farthest(wanted: Array, taken: Sequence[Array]) -> Array:
 def attitude_of(up_b: Array) -> tuple[float, float, float, float]:
     """Return a quaternion (w, x, y, z), body to world, whose world z in body axes is `up_b` (3,).
 
-    Roll and pitch alone: no heading is asked for.
+    Only roll and pitch are used: any heading will do.
     """
     roll = math.atan2(up_b[1], up_b[2])
     pitch = math.atan2(-up_b[0], math.hypot(up_b[1], up_b[2]))
@@ -56,7 +56,7 @@ def attitude_of(up_b: Array) -> tuple[float, float, float, float]:
 
 
 def words_of(up_b: Array) -> str:
-    """Return an attitude for a person: 'nose up by 35 deg, left side up by 60 deg'."""
+    """Return an attitude in words: 'nose up by 35 deg, left side up by 60 deg'."""
     pitch = math.asin(max(-1.0, min(1.0, float(up_b[0]))))
     roll = math.asin(max(-1.0, min(1.0, float(up_b[1]))))
     told = [
@@ -82,7 +82,7 @@ def up_of(quaternion_wb: Array) -> Array:
 
 
 def raw_of(specific_force_b: Array, matrix: Array, bias: Array) -> Array:
-    """Return the raw readings of the sensor, a_m = T^-1 f + b, of readings (N, 3) calibrated by T
+    """Return the raw readings of the sensor, a_m = T^-1 f + b, for readings (N, 3) calibrated by T
     and b.
     """
     raw: Array = np.linalg.solve(matrix, specific_force_b.T).T + bias

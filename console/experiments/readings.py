@@ -1,4 +1,4 @@
-"""The readings of a vehicle besides its view, and the instructions to the person near it."""
+"""The readings of a vehicle in addition to its view, and the instructions to the person near it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class ImuReadings:
 
     time: Array  # (N,) s, vehicle clock
     specific_force_b: Array  # (N, 3) m/s^2, by the calibration in force
-    angular_velocity_b: Array  # (N, 3) rad/s, less the drift
+    angular_velocity_b: Array  # (N, 3) rad/s, without the drift
     motor_references: Array  # (N, 4) counts
     wrench: Array  # (N, 4) N and N m, commanded
 
@@ -32,7 +32,7 @@ class TrackedAttitude:
 
 @dataclass(frozen=True, slots=True)
 class BenchReadings:
-    """Readings of the force/torque sensor since the last look, oldest first; N may be 0."""
+    """Readings of the force/torque sensor since the last call, oldest first; N may be 0."""
 
     time: Array  # (N,) s, vehicle clock
     force: Array  # (N,) N
@@ -50,7 +50,7 @@ class Progress:
         share: of the step, 0…1.
         live: figures by name: value and unit. The page draws `X deviation` as a band about `X`;
             `pose K x`, `y`, `z` (world up in body axes, of the K-th pose held) and `next x`, `y`,
-            `z` (of the one to come) as points of a sphere.
+            `z` (of the next one) as points of a sphere.
     """
 
     instruction: str

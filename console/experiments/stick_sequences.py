@@ -1,4 +1,4 @@
-"""Stick movements that are played instead of held: scripted like a pilot's, or recorded."""
+"""Stick movements that are played back: scripted like a pilot's, or recorded."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from quadrotor.errors import StorageError, UsageError
 Array = npt.NDArray[np.float64]
 
 RATE = 50.0
-"""Hz, at which sticks are sent."""
+"""Rate at which sticks are sent, Hz."""
 COLUMNS = ("t", "forward", "left", "up", "yaw")
 SETTLING = 0.25
-"""s, time constant of the scripted thumbs."""
+"""Time constant of the scripted thumbs, s."""
 STRONGEST = (0.6, 0.6, 0.4, 0.5)
 """Largest scripted deflection of each axis, as a share of full stick."""
 HOLD = (1.0, 2.5)
-"""s, how long the scripted pilot stays with one aim."""
+"""Shortest and longest time, in s, that the scripted pilot keeps one aim."""
 BOX = (0.8, 0.8, 0.3)
-"""m, how far from where they began the aims lie; the beacons' square reaches 1 m."""
+"""Distance in m of the aims from the starting point; the beacons' square reaches 1 m."""
 SPEEDS = (1.0, 1.0, 0.5, 1.0)
-"""m/s and rad/s of full stick that the scripted pilot reckons with, the vehicle's defaults."""
+"""Full-stick speeds, m/s and rad/s, that the scripted pilot assumes: the vehicle's defaults."""
 EAGERNESS = 1.2
-"""1/s: commanded speed over the distance to the aim."""
+"""Commanded speed relative to the distance to the aim, 1/s."""
 
 
 def scripted(seed: int, duration: float) -> Array:
     """Return (N, 4) forward, left, up, yaw in -1..1 at RATE; the same seed gives the same.
 
-    As a pilot flies about over the beacons: aims at random, each kept for a second or two, the
-    yaw turned now and then, sticks moved as thumbs do and sometimes let go. The pilot reckons
-    where the sticks led, and sees nothing.
+    The sequence imitates a pilot who flies about over the beacons: random aims, each kept for a
+    second or two, an occasional turn, sticks that move as thumbs do and are sometimes released. The
+    pilot estimates the position from the sticks alone.
     """
     random = np.random.default_rng(seed)
     out = np.zeros((math.ceil(duration * RATE), 4))
@@ -63,8 +63,8 @@ def scripted(seed: int, duration: float) -> Array:
 def recorded(path: Path) -> Array:
     """Return (N, 4) at RATE from a CSV file with the columns t (s), forward, left, up, yaw (-1..1).
 
-    Each row holds until the next one's time. Raises StorageError, or UsageError that names line
-    and column.
+    Each row holds until the time of the next. Raises StorageError, or UsageError with line and
+    column.
     """
     try:
         with path.open(newline="") as file:

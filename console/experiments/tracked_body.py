@@ -1,4 +1,4 @@
-"""The delay of the tracker's poses, and where the tracked body sits on the vehicle.
+"""The delay of the tracker's poses, and the pose of the tracked body on the vehicle.
 
 The vehicle is turned by hand, motors off, from attitude to attitude without a rest; or it flies a
 figure 8.
@@ -29,13 +29,13 @@ from quadrotor.parameters import Parameters, ParameterValue, parameter
 POSES = 12
 TILT = math.radians(60.0)
 EACH = 1.5
-"""s, for which an attitude is asked for."""
+"""Seconds for which an attitude is requested."""
 LAP = 6.0
-"""s."""
+"""Seconds of a lap."""
 
 
 class TrackedBodyOptions(Parameters):
-    """Options of both."""
+    """Options of both experiments."""
 
     method: str = parameter("hand", choices=("hand", "air"))
     """turned by hand, motors off; or in the air, a figure 8, which shows the lever arm less"""
@@ -54,11 +54,13 @@ class TrackerDelay(CalibrationFlight):
 
     @property
     def planned(self) -> float:
-        """Return the planned time in s, about."""
+        """Return the approximate planned time in s."""
         return 15.0 + self.parameters.duration
 
     def fly(self, client: Client) -> None:
-        """Have it turned, or fly. Raises RefusedError with the reason when that cannot be."""
+        """Guide a person who turns it, or fly. Raises RefusedError with the reason when neither is
+        possible.
+        """
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         if self.parameters.method == "hand":
             self._turned_by_hand(client)
@@ -72,7 +74,7 @@ class TrackerDelay(CalibrationFlight):
             for k in range(count):
                 if client.finished:
                     break
-                up = ups[k * 5 % POSES]  # 5 and 12 have no common divisor: far apart, all of them
+                up = ups[k * 5 % POSES]  # 5 and 12 are coprime: all poses in turn, far apart
                 client.turn(attitude_of(up))
                 told = f"Turn it on, in the tracker's view, to: {words_of(up)}"
                 client.tell(Progress(told, k + 1, count, k / count))
@@ -85,7 +87,7 @@ class TrackerDelay(CalibrationFlight):
                     )
             client.tell(Progress("Set the vehicle down, level", count, count, 1.0))
         finally:
-            with suppress(QuadlabError):  # why it ended is what counts
+            with suppress(QuadlabError):  # the reason for the end matters more
                 client.turn(None)
 
     def _flown(self, client: Client) -> None:
@@ -106,8 +108,8 @@ class TrackerDelay(CalibrationFlight):
         come_down(client)
 
     def evaluate(self, log: Path) -> Result:
-        """Judge what was found. Raises LogFormatError without IMU or poses, MeasurementError with
-        what is missing in the motion.
+        """Judge the result. Raises LogFormatError without IMU or poses, MeasurementError with what
+        is missing in the motion.
         """
         record = self.proposal(log)
         metrics = {one.name: one.value for one in (*record.figures, *record.quality)}
@@ -115,7 +117,7 @@ class TrackerDelay(CalibrationFlight):
         return judged(metrics, limits)
 
     def proposal(self, log: Path) -> CalibrationRecord:
-        """Return the record to accept. Raises as `evaluate`."""
+        """Return the record to accept. Raises as `evaluate` does."""
         return self._record(read_tracked_body(log, self._vehicle))
 
     def _record(self, found: TrackedBodyFound) -> CalibrationRecord:

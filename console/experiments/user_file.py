@@ -1,7 +1,7 @@
-"""An experiment of a user's own: a Python file with one class of the Experiment protocol.
+"""A user's own experiment: a Python file with one class of the Experiment protocol.
 
-The file runs with all the rights of the process that loads it. Its mistakes are told with file and
-line. What was flown is judged by the very source it was flown with, in another process too.
+The file runs with all the rights of the process that loads it. Its mistakes are reported with file
+and line. A flight is judged by the same source that flew it, also in another process.
 """
 
 from __future__ import annotations
@@ -42,19 +42,19 @@ WHERE = "docs/experiments.md shows one"
 
 
 class UserFileError(QuadlabError):
-    """An exception that nobody caught in a user's file, with its line."""
+    """An uncaught exception in a user's file, with its line."""
 
 
 def is_file(name: str) -> bool:
-    """Return whether this is meant as a file and not as the name of a built-in experiment."""
+    """Return whether this is a file name rather than the name of a built-in experiment."""
     return name.endswith(".py") or "/" in name or "\\" in name
 
 
 def load(path: Path, vehicle: str = "quad1") -> Experiment:
     """Load the experiment of the file `path`.
 
-    Raises StorageError for a file that cannot be read, UsageError that names file and line for
-    everything that is wrong in it.
+    Raises StorageError for a file that cannot be read, UsageError with file and line for every
+    mistake in it.
     """
     source = read_source(path)
     kind, node = _class_of(path, source)
@@ -71,7 +71,7 @@ def load(path: Path, vehicle: str = "quad1") -> Experiment:
 def mistakes_told(experiment: Experiment) -> Iterator[None]:
     """Wrap calls of a user's file: its exceptions become UserFileError, "FILE.py line N: …".
 
-    Errors made for users pass as they are, and so does everything of a built-in experiment.
+    Errors made for users pass unchanged, and so do all exceptions of a built-in experiment.
     """
     path = getattr(sys.modules.get(type(experiment).__module__), "experiment_file", None)
     try:
@@ -85,9 +85,7 @@ def mistakes_told(experiment: Experiment) -> Iterator[None]:
 
 
 def _class_of(path: Path, source: str) -> tuple[type, ast.ClassDef]:
-    """Return the one class of the file that flies or evaluates, and the line where it is
-    defined.
-    """
+    """Return the one class of the file that flies or evaluates, and its definition."""
     tree = call_user_code(path, lambda: ast.parse(source, str(path)), UsageError)
     module = _module(path, source)
     nodes = [
@@ -113,7 +111,7 @@ def _has_one(kind: object, module: ModuleType) -> bool:
 
 
 def _module(path: Path, source: str) -> ModuleType:
-    """Run the file once for each content, and put it where pickles look for it."""
+    """Run the file once for each content, and register the module where pickle looks for it."""
     digest = hashlib.sha256(f"{path}\n{source}".encode()).hexdigest()[:12]
     name = f"experiment_file_{digest}"
     if name in sys.modules:
@@ -135,7 +133,7 @@ def _module(path: Path, source: str) -> ModuleType:
 
 
 def _reduced(experiment: Any) -> tuple[Callable[..., object], tuple[object, ...]]:
-    """Return the parts of a pickle that another process can load, without this module."""
+    """Return the parts of a pickle that another process can load without this module."""
     kind = type(experiment)
     module: Any = sys.modules[kind.__module__]
     state = pickle.dumps(object.__reduce_ex__(experiment, 2)[2])
@@ -143,7 +141,7 @@ def _reduced(experiment: Any) -> tuple[Callable[..., object], tuple[object, ...]
 
 
 def restored(path: str, source: str, name: str, state: bytes) -> object:
-    """Restore an experiment from what `_reduced` took apart."""
+    """Restore an experiment from the parts that `_reduced` returned."""
     kind = getattr(_module(Path(path), source), name)
     experiment = kind.__new__(kind)
     values = pickle.loads(state)

@@ -1,4 +1,4 @@
-"""The noise of the IMU at rest and in hover: what the error-state filter should believe of it."""
+"""The noise of the IMU at rest and in hover, as the error-state filter should assume it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class VibrationExperiment(CalibrationFlight):
 
     @property
     def planned(self) -> float:
-        """Return the planned time in s, about."""
+        """Return the approximate planned time in s."""
         return 20.0 + self.parameters.rest + self.parameters.hover
 
     def fly(self, client: Client) -> None:

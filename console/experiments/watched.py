@@ -1,8 +1,8 @@
-"""An experiment flown with its preconditions and its abort rule, where it has them.
+"""Flies an experiment with its preconditions and its abort rule, if it has them.
 
-Both are optional methods of an experiment: `preconditions(view)` is asked once the vehicle is
-ready and before anything is commanded, `abort(view)` at every look of every wait. Either says in
-words what is wrong; empty is well.
+Both are optional methods of an experiment: `preconditions(view)` is called once the vehicle is
+ready and before any command is sent, `abort(view)` at every check of every wait. Either returns the
+problem in words, or an empty text.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from console.experiments.user_file import mistakes_told
 from quadrotor.errors import QuadlabError, RefusedError
 
 READY = 20.0
-"""s to wait for the vehicle before its preconditions are looked at."""
+"""Seconds to wait for the vehicle before its preconditions are checked."""
 BRAKING = 2.0
 LANDING = 30.0
-"""s."""
+"""Seconds for braking, and for the landing."""
 
 
 class AbortedError(QuadlabError):
-    """The experiment's own rule ended it; the vehicle is down again."""
+    """The experiment's own rule ended it; the vehicle has landed."""
 
 
 @runtime_checkable
 class Conditional(Protocol):
-    """An experiment that wants something of the vehicle before it begins."""
+    """An experiment with preconditions on the vehicle."""
 
     def preconditions(self, view: VehicleView) -> str: ...
 
@@ -40,10 +40,11 @@ class Abortable(Protocol):
 
 
 def fly(experiment: Experiment, client: Client) -> None:
-    """Fly it.
+    """Fly the experiment.
 
-    Raises as `experiment.fly`; RefusedError when a precondition is not met; AbortedError with the
-    reason once the vehicle has braked and landed; UserFileError for a mistake in a user's file.
+    Raises what `experiment.fly` raises; RefusedError when a precondition is not met; AbortedError
+    with the reason once the vehicle has braked and landed; UserFileError for a mistake in a user's
+    file.
     """
     with mistakes_told(experiment):
         if isinstance(experiment, Conditional):
@@ -65,7 +66,7 @@ def fly(experiment: Experiment, client: Client) -> None:
 
 
 class Watched:
-    """A client whose waits look at the abort rule; everything else is the client's own."""
+    """A client whose waits check the abort rule; everything else is the client's own."""
 
     def __init__(self, client: Client, abort: Callable[[VehicleView], str]) -> None:
         self._client, self._abort = client, abort
@@ -90,7 +91,7 @@ class Watched:
 
 
 def _come_down(client: Client) -> None:
-    """Brake and land when it flies. Raises RefusedError when it will not."""
+    """Brake and land if in flight. Raises RefusedError when the vehicle refuses."""
     if client.view().airborne:
         client.start("brake")
         client.wait(BRAKING)

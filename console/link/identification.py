@@ -1,4 +1,4 @@
-"""Asks who is at the other end whenever the link comes up, and says so when no one answers."""
+"""Identifies the vehicle whenever the link comes up, and reports why when none answers."""
 
 from __future__ import annotations
 
@@ -20,17 +20,15 @@ log = logging.getLogger(__name__)
 
 LOOK = 0.25
 AGAIN = 5.0
-"""s between questions to a vehicle that has answered: another may have its address by now."""
+"""Seconds between requests to a vehicle that has answered: another may have its address by now."""
 STRANGE = 3.0
-"""s for which a link stands without a word before we say why."""
+"""Seconds for which a link is up without an answer before the reason is reported."""
 DOWN = 3.0
-"""s for which there is none before we say why."""
+"""Seconds without a link before the reason is reported."""
 
 
 class Introduction:
-    """The introduction to the vehicle, in a thread of its own (`run`): an answer may take a
-    second.
-    """
+    """Identifies the vehicle, in its own thread (`run`), because an answer may take a second."""
 
     def __init__(self, node: Node, vehicle: str, link: LinkMonitor) -> None:
         self._vehicle, self._link = vehicle, link
@@ -39,12 +37,12 @@ class Introduction:
         self._probed: ProbeResult | None = None
 
     def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
-        """Run until `closing`; `guard` calls and survives what is called."""
+        """Run until `closing`; `guard` calls a function and survives its defects."""
         while not closing.wait(LOOK):
             guard(self.look)
 
     def look(self) -> None:
-        """Introduce the station once; does nothing while nothing is due."""
+        """Identify the vehicle if that is due."""
         standing, now = self._link.standing, time.monotonic()
         if not self._link.is_up:
             standing.gone()
@@ -64,13 +62,13 @@ class Introduction:
             self._due = now + (AGAIN if standing.access != OBSERVER else STRANGE)
         except LinkError:
             log.debug("the vehicle did not identify itself", exc_info=True)
-            # With access a question was lost, and nothing is new.
+            # With access, only one answer was lost, and nothing has changed.
             if not standing.access and (found := self._stranger()) is not None:
                 standing.stranger = found
 
     def _unreachable(self) -> str:
         """Return why there is no link, as far as our files and a packet without certificates can
-        tell.
+        show.
         """
         radio = self._link.radio
         if radio is None:
@@ -80,15 +78,17 @@ class Introduction:
         before, result = self._probed, probe(*parse_endpoint(radio.address))
         self._probed = result
         if result is ProbeResult.ANSWERS is not before:
-            return ""  # it may have come up this moment
+            return ""  # it may have come up just now
         return f"no link to {radio.address}: {EXPLANATIONS[result]}"
 
     def _stranger(self) -> str | None:
-        """Return what is known of a vehicle that does not answer; None while it may still do so."""
+        """Return what is known about a vehicle that does not answer; None while it may
+        still do so.
+        """
         radio = self._link.radio
         heard = self._link.state() is not LinkState.LOST
         if radio is None or heard or self._whoami.is_there:
-            return ""  # it would understand; it is busy
+            return ""  # it would understand, but is busy
         if radio.connected_for < STRANGE:
             return None
         names = radio.names()

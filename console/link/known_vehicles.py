@@ -22,13 +22,15 @@ class KnownVehicle:
 
 
 class KnownVehicles:
-    """Read at each question: another process may have enrolled one. Raises StorageError."""
+    """The known vehicles, read from the file at each call, as another process may have enrolled
+    one. Raises StorageError.
+    """
 
     def __init__(self, data: Path) -> None:
         self.path = data / FILE
 
     def all(self) -> dict[str, KnownVehicle]:
-        """Return the known vehicles by name, in the order in which they were enrolled."""
+        """Return the known vehicles by name, in the order of their enrolment."""
         try:
             text = self.path.read_text()
         except FileNotFoundError:
@@ -51,21 +53,21 @@ class KnownVehicles:
         return found
 
     def resolved(self, words: Iterable[str]) -> list[str]:
-        """Return words of a command line, `name=host:port` for each that is a known vehicle's
-        name.
+        """Return words of a command line, with the name of each known vehicle replaced by
+        `name=host:port`.
         """
         known = self.all()
         return [f"{word}={known[word].address}" if word in known else word for word in words]
 
     def add(self, name: str, address: str) -> None:
-        """Add, or give a new address. Raises UsageError for an address that cannot be read."""
+        """Add a vehicle, or change its address. Raises UsageError for an invalid address."""
         parse_endpoint(address)
         vehicles = self.all()
         today = datetime.date.today().isoformat()
         self._write({**vehicles, name: KnownVehicle(name, address, today)})
 
     def forget(self, name: str) -> None:
-        """Raise UsageError: no such vehicle."""
+        """Remove a vehicle. Raises UsageError when it is unknown."""
         vehicles = self.all()
         if name not in vehicles:
             known = ", ".join(vehicles) or "none"

@@ -1,9 +1,9 @@
-"""The station's end of the lane to its vehicle, wired: what comes by it, and what goes.
+"""The station's end of the lane to its vehicle, with all messages in both directions.
 
-Telemetry is subscribed to over Zenoh only while the lane does not stand, so that it crosses the
-radio once. Heartbeats come both ways always: each says of its way whether it works. Poses,
-bearings and sticks, whoever on the base publishes them, and our heartbeats are sent by the lane as
-well as over Zenoh; the vehicle takes the first of both.
+Telemetry is subscribed to over Zenoh only while the lane is down, so that it crosses the radio
+once. Heartbeats always use both paths: each shows whether its path works. Poses, bearings and
+sticks from any publisher on the base, and our heartbeats, are sent over the lane as well as over
+Zenoh; the vehicle uses whichever arrives first.
 """
 
 from __future__ import annotations
@@ -31,26 +31,26 @@ TYPE = SERVICES[LANE]
 
 
 class LaneDoor:
-    """The asking side of the vehicle's service: at the pilots' door, unless that is hidden."""
+    """Client of the vehicle's lane service: of the one for pilots, unless that is not visible."""
 
     def __init__(self, node: Node, instance: int) -> None:
         self._pilot, self._observer = node.client(PILOT_LANE, TYPE), node.client(LANE, TYPE)
         self._request = new(f"{TYPE}_Request", requester=node.full_name, instance=instance)
 
     def ask(self) -> Message:
-        """Ask the vehicle for keys of a lane. Raises LinkError."""
+        """Request keys for a lane from the vehicle. Raises LinkError."""
         door = self._pilot if self._pilot.wait(DISCOVERY_TIMEOUT) else self._observer
         return door.call(self._request)
 
 
 class LaneIn:
-    """One vehicle's.
+    """The lane of one vehicle.
 
     Args:
         node: of the station, in the vehicle's namespace.
-        host: of the vehicle, as it is dialled; empty for no lane at all.
-        telemetry, heartbeat: what hears of each message, once; never two at a time.
-        beats: publishes our heartbeats, which go by the lane too.
+        host: of the vehicle, as it is dialled; empty for no lane.
+        telemetry, heartbeat: called with each message, once; never two at a time.
+        beats: publishes our heartbeats, which use the lane too.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class LaneIn:
         self._node, self._link = node, link
         self._callbacks = {"telemetry": telemetry, "vehicle_heartbeat": heartbeat}
         self._came: dict[tuple[str, bytes], ReplayWindow] = {}
-        """Windows by topic and publisher, which numbers its messages equally on both ways."""
+        """Windows by topic and publisher, which numbers its messages equally on both paths."""
         self._one_at_a_time = {name: threading.Lock() for name in self._callbacks}
         self._lane: StationLane | None = None
         self._over_zenoh: Node | None = None
@@ -91,12 +91,12 @@ class LaneIn:
         node.subscribe(name, row.type_name, partial(self._by_zenoh, name), qos=row.qos)
 
     def _set_lane_up(self, is_up: bool) -> None:
-        """Note whether the lane is connected."""
+        """Note whether the lane is up."""
         if is_up and self._over_zenoh is not None:
             self._over_zenoh.close()
             self._over_zenoh = None
         elif not is_up and self._over_zenoh is None:
-            # A node of its own, because a node closes as a whole.
+            # A separate node, because a node closes as a whole.
             self._over_zenoh = Node(self._node.session, self._node.namespace, "station_telemetry")
             self._subscribe("telemetry", self._over_zenoh)
 

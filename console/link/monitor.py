@@ -1,4 +1,4 @@
-"""The link to the vehicle as the station sees it: state, clock offset, telemetry's quality."""
+"""The link to the vehicle as seen by the station: state, clock offset, quality of telemetry."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ from vehicle_link.transport.heartbeat import HeartbeatMonitor, LinkState
 from vehicle_link.transport.radio import Radio
 
 OLDEST_NS = 250_000_000
-"""Telemetry older than this is recorded but not shown."""
+"""Age in ns; older telemetry is recorded but not shown."""
 
 
 class LinkMonitor:
-    """Fed from several threads; every method is a few assignments on plain objects.
+    """State of the link. Written by several threads; every method is a few assignments on plain
+    objects.
 
-    Times named `station_ns` are time.time_ns of this process. What only lasts is measured on
-    `steady_ns`: the system's clock may be set while the vehicle flies.
+    Times named `station_ns` are time.time_ns of this process. Durations are measured on
+    `steady_ns`, because the system's clock may be set while the vehicle flies.
 
     Args:
         vehicle: its name.
@@ -48,29 +49,29 @@ class LinkMonitor:
         self._outages = Outages(self._started_ns)
 
     def follow(self, radio: Radio) -> None:
-        """Take the state of this radio from now on: it has been dialled."""
+        """Follow the state of this radio from now on: it has been dialled."""
         self.radio = radio
 
     def note_session_message(self) -> None:
-        """Note that something came from the vehicle over its Zenoh session."""
+        """Note that a message arrived from the vehicle over its Zenoh session."""
         self._session_message_at = monotonic()
 
     def session_silence(self) -> float:
-        """Return the seconds since the last heartbeat; inf before the first."""
+        """Return the seconds since the last message over Zenoh; inf before the first."""
         return (
             math.inf if self._session_message_at is None else monotonic() - self._session_message_at
         )
 
     def note_lane_message(self) -> None:
-        """Note that something came from the vehicle by the lane."""
+        """Note that a message arrived from the vehicle over the lane."""
         self._lane_message_at = monotonic()
 
     def lane_silence(self) -> float:
-        """Return the seconds since the last message by the other way; inf before the first."""
+        """Return the seconds since the last message over the lane; inf before the first."""
         return math.inf if self._lane_message_at is None else monotonic() - self._lane_message_at
 
     def beat(self, payload: bytes) -> None:
-        """Take the vehicle's heartbeat, by whichever way it came. Raises LinkError."""
+        """Handle the vehicle's heartbeat, over either path. Raises LinkError."""
         self.standing.heartbeat(decode_heartbeat(payload), monotonic_ns())
         self.alive()
 
@@ -81,17 +82,16 @@ class LinkMonitor:
         self._outages.note_received(now_ns)
 
     def exchanged(self, exchange: Exchange) -> None:
-        """Take an answered time synchronisation."""
+        """Handle an answered time synchronisation."""
         self._clock.add(exchange)
 
     def telemetry(
         self, sequence: int, stamp_ns: int, station_ns: int, now_ns: int | None = None
     ) -> bool:
-        """Take a packet with the vehicle's stamp of its newest sample; return whether it is to be
-        shown.
+        """Handle a packet with the vehicle's stamp of its newest sample; return whether to show it.
 
-        It is not when a newer one came before, or when it is more than 250 ms old `now_ns`, which
-        is later than it came where it had to wait for a processor here.
+        A packet is not shown when a newer one arrived before, or when it is more than 250 ms old at
+        `now_ns`, which is later than its arrival if it had to wait for the processor here.
         """
         newest = self._telemetry.feed(sequence, stamp_ns, station_ns, self._steady_ns())
         now_ns = station_ns if now_ns is None else now_ns
@@ -102,13 +102,13 @@ class LinkMonitor:
 
     @property
     def is_up(self) -> bool:
-        """Return whether there is a link, heartbeats or not."""
+        """Return whether there is a link, with or without heartbeats."""
         if self.radio is not None:
             return self.radio.connected
         return self.state() is not LinkState.LOST
 
     def problem(self) -> str:
-        """Return why the vehicle is not commanded although the link is connected."""
+        """Return why the vehicle is not commanded although the link is up."""
         return self.standing.problem(monotonic_ns())
 
     def refusal(self, command: str) -> str:
@@ -125,16 +125,18 @@ class LinkMonitor:
         return self._clock.known
 
     def vehicle_ns(self, station_ns: int | None = None) -> int:
-        """Return the vehicle's clock, now or then; the station's own until it is known."""
+        """Return the vehicle's clock, now or at `station_ns`; the station's own until
+        it is known.
+        """
         return self._clock.to_server(time_ns() if station_ns is None else station_ns)
 
     def message(self, station_ns: int) -> Any:
-        """Return quadlab_msgs/LinkStatus."""
+        """Return the quadlab_msgs/LinkStatus."""
         now_ns = self._steady_ns()
         quality = self._telemetry.quality(now_ns)
         outages = self._outages.figures(now_ns)
         newest_ns = self._telemetry.newest_stamp_ns
-        # Before the first packet, for as long as we have waited for one.
+        # Before the first packet, the time we have waited for one.
         age_ns = now_ns - self._started_ns
         if newest_ns is not None:
             age_ns = station_ns - self._clock.to_client(newest_ns)

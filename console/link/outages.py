@@ -1,4 +1,4 @@
-"""Silences of the vehicle: how many there were and how long they lasted."""
+"""Outages of the link to the vehicle: their number and duration."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _SHORTEST_NS = round(DEGRADED_AFTER * 1e9)
 
 @dataclass(frozen=True, slots=True)
 class OutageFigures:
-    """The outages since the vehicle was first received, one under way included. Lengths in s."""
+    """The outages since the vehicle was first received, including a present one. Lengths in s."""
 
     count: int = 0
     last: float = 0.0
@@ -24,9 +24,9 @@ class OutageFigures:
 
 
 class Outages:
-    """An outage is a silence of DEGRADED_AFTER and more, from one sign of life to the next.
+    """Counts outages: silences of at least DEGRADED_AFTER between two messages.
 
-    One thread tells of them, any may ask: what is kept is replaced, never changed. Times are of any
+    One thread writes, any may read: values are replaced, never changed in place. Times are of any
     steady clock.
     """
 
@@ -50,8 +50,8 @@ class Outages:
         return self._ended.with_one(length_ns * 1e-9) if length_ns >= _SHORTEST_NS else self._ended
 
     def state_duration(self, now_ns: int) -> float:
-        """Return the seconds since the link became good; or, while it is not, since the last
-        message, or since the start when there never was one.
+        """Return the seconds since the link became good; while it is not, the seconds since the
+        last message, or since the start when there was none.
         """
         since_ns = self._good_since_ns
         if self._heard_ns is not None and self._silence_ns(now_ns) >= _SHORTEST_NS:

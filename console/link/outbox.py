@@ -28,20 +28,19 @@ FROM_TELEMETRY = (*ENCODERS, *SCENE_TOPICS)
 LOOK = 0.2  # s
 
 Record = Callable[[str, str, bytes, int, int], None]
-"""Topic, type name, payload, log_ns, publish_ns."""
+"""Called with topic, type name, payload, log_ns, publish_ns."""
 
 
 class Outbox:
     """Publishers of the station; any thread may send.
 
     Args:
-        vehicle: name, the namespace of the topics.
-        record: takes what is to be recorded.
-        vehicle_ns: the vehicle's clock, with which everything is stamped.
-        standing: whether the vehicle takes anything from us.
-        speaker: of lines for the terminal.
-        beats_over_link: of the heartbeats that the lane carries, one in so many goes over Zenoh
-            too.
+        vehicle: its name, which is the namespace of the topics.
+        record: called with each message to be recorded.
+        vehicle_ns: the vehicle's clock, which stamps everything.
+        standing: whether the vehicle accepts messages from us.
+        speaker: prefix of lines for the terminal.
+        beats_over_link: of the heartbeats over the lane, one in this many is sent over Zenoh too.
 
     Attributes:
         beats: publishes our heartbeats.
@@ -70,9 +69,11 @@ class Outbox:
         self.beats.send_one_in = beats_over_link
 
     def put(self, name: str, payload: bytes, source_ns: int) -> None:
-        """Publish, and record what is recorded as it is sent. Raises LinkError when closed.
+        """Publish a message, and record it if its topic is recorded when sent. Raises LinkError
+        when closed.
 
-        Poses, bearings and sticks are neither while the vehicle takes them from another.
+        Poses, bearings and sticks are neither published nor recorded while the vehicle accepts them
+        from another station.
         """
         if TOPICS[name].one_source and not self._standing.speaks:
             return
@@ -83,8 +84,9 @@ class Outbox:
 
     @property
     def heard(self) -> frozenset[str]:
-        """Return the expanded telemetry topics that have subscribers, as of `LOOK` ago at most:
-        most of the time, of most vehicles, no one does."""
+        """Return the expanded telemetry topics that have subscribers, at most `LOOK` ago: usually
+        none.
+        """
         now = time.monotonic()
         if now >= self._look_due:
             self._look_due = now + LOOK
@@ -92,11 +94,11 @@ class Outbox:
         return self._heard
 
     def has_subscribers(self, name: str) -> bool:
-        """Return whether any node subscribes to it."""
+        """Return whether any node subscribes to the topic."""
         return self._publishers[name].has_subscribers
 
     def message(self, name: str, message: Any, stamp_ns: int) -> None:
-        """Publish a message that is not worth an encoder of its own."""
+        """Publish a message that has no encoder of its own."""
         self.put(name, encode(message), stamp_ns)
 
     def pose(self, pose: PoseMeasurement) -> None:

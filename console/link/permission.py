@@ -1,8 +1,7 @@
 """The permission of this station at its vehicle: whether it may command it, and if not, why.
 
-Judged by the vehicle's heartbeats (which process, whose station it listens to), by its answer to
-`whoami`, and by the radio. Emergencies pass whatever is wrong, unless the vehicle would not let
-them in.
+It depends on the vehicle's heartbeats (which process, which station it follows), on its answer to
+`whoami`, and on the radio. Emergencies always pass, unless the vehicle would not accept them.
 """
 
 from __future__ import annotations
@@ -15,14 +14,15 @@ from vehicle_link.transport.protocol import disagreement
 
 OBSERVER = "observer"
 TWINS_NS = 1_000_000_000
-"""Two processes heard within this time are two vehicles: a restart takes longer."""
+"""Time in ns; two processes received within it are two vehicles, as a restart takes longer."""
 
 
 class Standing:
-    """Fed from several threads; every method is a few assignments on plain objects.
+    """The permission of one station. Written by several threads; every method is a few assignments
+    on plain objects.
 
     Args:
-        vehicle: the name it is known by here.
+        vehicle: its name at this station.
         instance: of this station's process.
     """
 
@@ -34,14 +34,14 @@ class Standing:
         self._holder = 0
         self._newest: int | None = None  # instance
         self.access = ""
-        """pilot or observer, once the vehicle has said so."""
+        """Pilot or observer, once the vehicle has reported it."""
         self.stranger = ""
         """The reason why this vehicle may not be commanded; set by the identity check."""
         self.unreachable = ""
         """The reason why there has been no link for a while; set by the same check."""
 
     def heartbeat(self, beat: Heartbeat, now_ns: int) -> None:
-        """Take a heartbeat of the vehicle, at this time of any steady clock."""
+        """Handle a heartbeat of the vehicle, at this time of any steady clock."""
         recent = {k: at for k, at in self._heard_ns.items() if now_ns - at < TWINS_NS}
         recent[beat.instance] = now_ns
         self._heard_ns = recent
@@ -50,33 +50,36 @@ class Standing:
         self._holder, self._newest = beat.holder, beat.instance
 
     def introduced(self, whoami: Any) -> None:
-        """Take the vehicle's answer to `whoami`."""
+        """Handle the vehicle's answer to `whoami`."""
         self.access = str(whoami.access)
         self.stranger = disagreement(str(whoami.protocol), str(whoami.version))
 
     def gone(self) -> None:
-        """Forget the vehicle, as the link is down: another one may come back. What is known of a
-        stranger stays until more is known, for a link that brings nothing is opened again and
-        again.
+        """Forget the vehicle, because the link is down and another one may return.
+
+        The reason against a stranger stays until more is known, because a link without messages is
+        reopened again and again.
         """
         self.access = ""
 
     @property
     def beats(self) -> bool:
-        """Return whether the vehicle is to hear that we are here: not while it listens to
-        another.
+        """Return whether to send our heartbeats to the vehicle: not while it follows another
+        station.
         """
         return self._holder in (0, self.instance) and self.access != OBSERVER
 
     @property
     def speaks(self) -> bool:
-        """Return whether it takes poses, bearings and sticks from us: not before it has said so.
-        One that does not say whom it listens to (no instance) takes them from anyone.
+        """Return whether the vehicle accepts poses, bearings and sticks from us.
+
+        It does not before it has reported so. A vehicle that does not report whom it follows (no
+        instance) accepts them from anyone.
         """
         return self._holder == self.instance or self._newest == 0
 
     def problem(self, now_ns: int) -> str:
-        """Return why nothing is commanded although the link is connected; "" when all is well."""
+        """Return why nothing is commanded although the link is up; "" when it is permitted."""
         if self.stranger:
             return self.stranger
         if self._twins_ns is not None and now_ns - self._twins_ns < 2 * TWINS_NS:

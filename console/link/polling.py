@@ -1,6 +1,4 @@
-"""The questions that the station asks the vehicle regularly: its clock, its parameters, its
-beacons, its calibrations.
-"""
+"""Periodic requests to the vehicle: its clock, its parameters, its beacons, its calibrations."""
 
 from __future__ import annotations
 
@@ -22,12 +20,12 @@ from vehicle_link.transport.node import Node
 log = logging.getLogger(__name__)
 
 SLOW, EAGER = 1.0, 0.2
-"""s between questions to the vehicle; eager until its clock and its calibrations are known, which
-the next run is to carry."""
+"""Seconds between requests to the vehicle; eager until its clock and its calibrations are known,
+which the next run is to carry."""
 
 
 class SlowQuestions:
-    """Asked in a thread of their own: an answer may take a second."""
+    """Polls the vehicle in its own thread, because an answer may take a second."""
 
     def __init__(
         self,
@@ -45,7 +43,7 @@ class SlowQuestions:
         self._time_sync = node.client("time_sync", TIME_SYNC)
 
     def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
-        """Run until `closing`; `guard` calls and survives what is called."""
+        """Run until `closing`; `guard` calls a function and survives its defects."""
         while not closing.wait(EAGER if self._is_eager else SLOW):
             if self._link.state() is not LinkState.LOST:
                 guard(self._ask)
@@ -64,8 +62,8 @@ class SlowQuestions:
             if not self._recorder.run_id:
                 self._parameters.refresh()
                 self._calibrations.look(shown[0] if (shown := self._parameters.shown) else 0)
-                self._parameters.learn_defaults()  # last: it takes the longest
+                self._parameters.learn_defaults()  # last, as it takes longest
             self._alarms.set("beacons", self._layout.agree() or None)
         except LinkError:
-            # The link's state on the page says it; asked again in a second.
+            # The page shows the state of the link; retried in a second.
             log.debug("the vehicle did not answer", exc_info=True)

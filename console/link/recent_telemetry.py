@@ -1,7 +1,7 @@
 """Telemetry of the last seconds at the flight loop's rate, for live spectra.
 
-A page gets 25 samples a second, too few for the vibration of rotors. The packets are kept only
-while somebody asks for them.
+A page gets 25 samples a second, too few for the vibration of rotors. The packets are stored only
+while a page requests them.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from vehicle_link.transport.node import Node
 
 NAME = "recent_telemetry"
 SECONDS = 5.0
-"""s of packets that are kept, by their reception."""
+"""Seconds of packets that are stored, by their reception."""
 ASKED_WITHIN = 10.0
-"""s after the last request that packets are still kept."""
+"""Seconds after the last request for which packets are still stored."""
 
 
 class RecentTelemetry:
@@ -38,7 +38,9 @@ class RecentTelemetry:
         node.serve(f"station/{NAME}", SERVICES[NAME], self._answer)
 
     def received(self, payload: bytes) -> None:
-        """Keep a packet of telemetry if somebody has asked lately; on the receiving thread."""
+        """Store a packet of telemetry if there was a recent request; called by the receiving
+        thread.
+        """
         now = self._clock()
         if now - self._asked > ASKED_WITHIN:
             self._packets.clear()
@@ -49,7 +51,7 @@ class RecentTelemetry:
 
     def _answer(self, request: Any) -> Any:
         self._asked = self._clock()
-        # The copy is made in one step of the interpreter, so the receiving thread may go on.
+        # The copy is one step of the interpreter, so the receiving thread may continue.
         packets = [payload for _, payload in self._packets.copy()]
         return new(
             f"{SERVICES[NAME]}_Response",

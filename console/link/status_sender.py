@@ -18,9 +18,7 @@ INFO, WARN = 20, 30
 
 
 class StatusSender:
-    """A sender of both statuses, used by one thread. Args: `on_link` gets each LinkStatus that is
-    sent.
-    """
+    """Sends both statuses; used by one thread. `on_link` is called with each LinkStatus."""
 
     def __init__(
         self,
@@ -42,7 +40,9 @@ class StatusSender:
         return self._link.state() is not self._said
 
     def send(self) -> None:
-        """Send both statuses, and an event when the link's state differs from the last time."""
+        """Send both statuses, and an event when the link's state has changed since the
+        last time.
+        """
         now_ns, stamp_ns = time_ns(), self._link.vehicle_ns()
         state = self._link.state()
         if state is not self._said:

@@ -1,4 +1,4 @@
-"""The station's subscriptions to its vehicle: each topic acted upon, then recorded as it came."""
+"""The station's subscriptions to its vehicle: each message is handled, then recorded."""
 
 from __future__ import annotations
 
@@ -20,20 +20,19 @@ from vehicle_link.transport.publisher import Publisher, Received
 AS_IT_COMES = tuple(
     name for name, row in TOPICS.items() if row.recorded and row.sender != "station"
 )
-"""Recorded as received; our own parameter changes and events come this way too."""
+"""Topics recorded as received, including our own parameter changes and events."""
 
 Act = Callable[[Received], None]
 
 
 class Subscriptions:
-    """The station's subscriptions; each topic has a thread of its own
-    (vehicle_link.transport.node).
+    """The station's subscriptions; each topic has its own thread (vehicle_link.transport.node).
 
     Args:
-        acts: by topic; may raise LinkError or MeasurementError for what makes no sense.
+        acts: handlers by topic; may raise LinkError or MeasurementError for invalid content.
         host: of the vehicle, for datagrams next to the link; empty for none.
         beats: publishes our heartbeats.
-        closing: set when errors are no alarm any more.
+        closing: set when errors no longer raise alarms.
     """
 
     def __init__(
@@ -69,11 +68,11 @@ class Subscriptions:
             )
 
     def close(self) -> None:
-        """Close the lane; the rest closes with its node."""
+        """Close the lane; the others close with their node."""
         self._lane.close()
 
     def _received(self, name: str, act: Act | None, received: Received) -> None:
-        """Handle a message; one that makes no sense is an alarm until the next good one."""
+        """Handle a message; an invalid one raises an alarm until the next valid one."""
         if act is not None:
             try:
                 act(received)

@@ -1,4 +1,4 @@
-"""Packets of telemetry: every sample to the recorder, the newest to everyone who listens."""
+"""Reception of telemetry packets: every sample is recorded, the newest one distributed."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from vehicle_link.transport.rmw_keys import full_name
 
 
 class TelemetryIn:
-    """The receiver of telemetry, used by one thread. Args: the station's parts that take it;
-    `heard` gets its newest stamp.
+    """Receives telemetry; used by one thread. `heard` is called with the newest stamp of each
+    packet.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class TelemetryIn:
         self._scene = SceneMessages(vehicle)
 
     def received(self, received: Received) -> None:
-        """Take a packet of telemetry. Raises LinkError for what is none."""
+        """Handle a packet of telemetry. Raises LinkError when it is invalid."""
         sequence, ticks = unpack(received.payload)
         stamp_ns = int(ticks["imu"]["stamp_ns"][-1])
         shown = self._link.telemetry(sequence, stamp_ns, received.received_ns, time_ns())

@@ -1,4 +1,4 @@
-"""Rate, loss, jitter and age of telemetry over the last two seconds."""
+"""Rate, loss and jitter of telemetry over the last two seconds."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 WINDOW_NS = 2_000_000_000
 RESTART, RESTART_NS = 1000, 5_000_000_000
-"""Packets, ns; a sequence or stamp that goes back by more belongs to a restarted vehicle."""
+"""Packets, and ns; a sequence or stamp that goes back by more belongs to a restarted vehicle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,22 +16,23 @@ class TelemetryQuality:
     """Figures for link_status."""
 
     rate: float  # packets a second
-    loss: float  # share that did not come, 0..1
-    jitter: float  # s, standard deviation of the time under way
+    loss: float  # share that did not arrive, 0..1
+    jitter: float  # s, standard deviation of the transit time
 
 
 class TelemetryWindow:
-    """Fed with every packet; times in ns. `now_ns` is of a steady clock: the system's may be set.
+    """The packets of the last two seconds; times in ns. `now_ns` is of a steady clock, because the
+    system's clock may be set.
 
-    Which clocks made the stamp and `received_ns` does not matter.
+    Any clocks may have made the stamp and `received_ns`.
     """
 
     def __init__(self) -> None:
-        self._packets: deque[tuple[int, int, int]] = deque()  # sequence, now, under way
+        self._packets: deque[tuple[int, int, int]] = deque()  # sequence, now, transit time
         self.newest_stamp_ns: int | None = None
 
     def feed(self, sequence: int, stamp_ns: int, received_ns: int, now_ns: int) -> bool:
-        """Return one packet with the stamp of its newest sample; False when a newer one came
+        """Add one packet with the stamp of its newest sample; return False when a newer one arrived
         before.
         """
         packets = self._packets
@@ -48,9 +49,7 @@ class TelemetryWindow:
         return newest
 
     def quality(self, now_ns: int) -> TelemetryQuality:
-        """Take one packet with the stamp of its newest sample; return False when a newer one came
-        before.
-        """
+        """Return the figures of the last two seconds."""
         self._forget(now_ns)
         packets = list(self._packets)
         if not packets:

@@ -1,4 +1,4 @@
-"""One telemetry packet to the standard topics: every sample recorded, the last one published."""
+"""Conversion of telemetry to the standard topics: all samples recorded, the last published."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ ENCODERS: dict[str, Callable[[Record, str], list[bytes]]] = {
     "imu": encode_imus,
     "actuators": encode_actuators,
 }
-"""Topic → its payloads of TICK records, shape (N,)."""
+"""Topic → function that returns its payloads for TICK records, shape (N,)."""
 
 
 def expanded(
     ticks: Record, vehicle: str, wanted: Collection[str] = tuple(ENCODERS)
 ) -> dict[str, list[bytes]]:
-    """Return the payloads of the wanted topics, one for each of the TICK records (N,)."""
+    """Return the payloads of the requested topics, one for each of the TICK records (N,)."""
     return {topic: ENCODERS[topic](ticks, vehicle) for topic in wanted}
 
 

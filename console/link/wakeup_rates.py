@@ -7,15 +7,17 @@ from dataclasses import dataclass
 from vehicle_link.transport.heartbeat import LINK_HEARTBEAT_EVERY
 
 FEW = 3
-"""Vehicles of one process that each have it as if alone."""
+"""Largest number of vehicles of one process that each run at the rates of a single one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """Attributes:
-    beat: s between two heartbeats.
-    beats_over_link: of those that go by the lane, one in so many goes over Zenoh too.
-    written: s between two writes of a run; what a killed station loses.
+    """The rates of one vehicle.
+
+    Attributes:
+        beat: s between two heartbeats.
+        beats_over_link: of the heartbeats over the lane, one in this many is sent over Zenoh too.
+        written: s between two writes of a run, which a killed station loses.
     """
 
     beat: float
@@ -27,5 +29,5 @@ ALONE, MANY = Pace(0.05, 1, 0.02), Pace(0.1, LINK_HEARTBEAT_EVERY, 0.04)
 
 
 def pace_of(vehicles: int) -> Pace:
-    """Return the pace of each of so many vehicles of one process."""
+    """Return the rates for each of this many vehicles of one process."""
     return ALONE if vehicles <= FEW else MANY

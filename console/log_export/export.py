@@ -1,4 +1,4 @@
-"""Write a log's tables as files."""
+"""Export of a log's tables as files."""
 
 from __future__ import annotations
 
@@ -18,8 +18,12 @@ FORMATS = ("csv", "parquet", "mat")
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """The result of an export; `problems` has a line for each topic that could not be read,
-    `missing` says what of the file could not, `note` why its columns are not kept.
+    """The result of an export.
+
+    Attributes:
+        problems: a line for each topic that could not be read.
+        missing: the part of the file that could not be read.
+        note: why its columns are not stored.
     """
 
     files: tuple[Path, ...]
@@ -38,11 +42,11 @@ def export(
     end: float = np.inf,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Exported:
-    """Export a log; arguments as those of `console.log_export.tables.Tables`; `progress` gets the
-    share done, 0…1.
+    """Export a log. Arguments are those of `console.log_export.tables.Tables`; `progress` is called
+    with the share done, 0…1.
 
     Raises UsageError, LogFormatError, also when there is nothing to export, or StorageError; then
-    no file has been made.
+    no file has been created.
     """
     if kind not in FORMATS:
         raise UsageError(f"unknown format {kind!r}; there are {', '.join(FORMATS)}")
@@ -78,9 +82,9 @@ def export(
 
 
 def _make(folder: Path) -> list[Path]:
-    """Make the folder and return what was made of it and the folders above it, the deepest first.
+    """Create the folder and return all folders that were created, deepest first.
 
-    Raises UsageError when something is in it, StorageError when it cannot be made.
+    Raises UsageError when it is not empty, StorageError when it cannot be created.
     """
     missing: list[Path] = []
     try:
@@ -102,5 +106,5 @@ def _make(folder: Path) -> list[Path]:
 
 def _remove(folders: list[Path]) -> None:
     for folder in folders:
-        with suppress(OSError):  # not made, or someone else's files are in it
+        with suppress(OSError):  # not created, or it contains other files
             folder.rmdir()

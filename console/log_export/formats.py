@@ -1,6 +1,7 @@
-"""The formats of tables: one file a topic for CSV and Parquet, one of all for MATLAB.
+"""File formats of tables: a file per topic for CSV and Parquet, one for all topics for MATLAB.
 
-Files are written aside and take their names when all is done, so that what has the name is whole.
+Files are written under temporary names and renamed at the end, so that a file with its final name
+is complete.
 """
 
 from __future__ import annotations
@@ -18,29 +19,29 @@ from console.log_export.tables import Piece
 from quadrotor.errors import StorageError
 
 MAT_NAME = 63
-"""Characters MATLAB allows for a name."""
+"""Maximum number of characters that MATLAB allows in a name."""
 MAT_BYTES = 250_000_000
 """Largest size of the values in a .mat file, all topics together."""
 COMPRESSED_BYTES = 20_000_000
-"""Largest topic that is compressed: to compress a larger one would hold it three times more."""
+"""Size of the largest topic that is compressed: compression needs three times its memory."""
 
 
 class Format(Protocol):
     def write(self, piece: Piece) -> None: ...
 
     def finish(self) -> list[Path]:
-        """Return the files, under their names."""
+        """Complete the files and return them under their final names."""
 
     def discard(self) -> None:
-        """Remove all that was written."""
+        """Remove all written files."""
 
 
 class ColumnFiles:
-    """CSV or Parquet by pyarrow.
+    """CSV or Parquet files, by pyarrow.
 
-    Written in a thread of its own, while the next rows are read. Units stand behind the names in
-    CSV (`pose.pose.position.x [m]`) and in the fields' metadata in Parquet, whose schema's
-    metadata has the run's.
+    They are written in a separate thread while the next rows are read. Units follow the names in
+    CSV (`pose.pose.position.x [m]`) and are in the fields' metadata in Parquet, whose schema has
+    the metadata of the run.
     """
 
     def __init__(self, folder: Path, kind: str, run: Mapping[str, str]) -> None:
@@ -72,9 +73,9 @@ class ColumnFiles:
     def discard(self) -> None:
         self._writing.shutdown(cancel_futures=True)
         for writer in self._writers.values():
-            with contextlib.suppress(OSError, ValueError):  # the disk that is full, once more
+            with contextlib.suppress(OSError, ValueError):  # the full disk again
                 writer.close()
-        for topic in self._types:  # one that failed as it was opened has a file, and no writer
+        for topic in self._types:  # a topic that failed to open has a file but no writer
             self._aside(topic).unlink(missing_ok=True)
         for path in self._files:
             path.unlink(missing_ok=True)
@@ -91,7 +92,7 @@ class ColumnFiles:
         self._writers[topic].write_table(table)
 
     def _wait(self) -> None:
-        """Wait for what is being written; raises what it raised."""
+        """Wait for the present write and raise its exception."""
         last, self._last = self._last, None
         if last is not None:
             last.result()
@@ -115,9 +116,9 @@ def _with_units_in_names(table: Any) -> Any:
 
 
 class MatFile:
-    """One .mat of version 5: a struct a topic, with a struct `units` in it, and `run`.
+    """One .mat file of version 5: a struct per topic, with a struct `units` in it, and `run`.
 
-    The format wants a topic whole, so all rows are held until the end.
+    The format needs each topic as a whole, so all rows are held in memory until the end.
     """
 
     def __init__(self, folder: Path, stem: str, run: Mapping[str, str]) -> None:
@@ -128,7 +129,7 @@ class MatFile:
         self._size = 0
 
     def write(self, piece: Piece) -> None:
-        """Write a piece. Raises StorageError when it is more than can be held."""
+        """Write a piece. Raises StorageError when the total does not fit into a file."""
         self._pieces.setdefault(piece.topic, []).append(piece)
         self._size += sum(map(_held, piece.table.columns))
         if self._size > MAT_BYTES:
@@ -161,7 +162,7 @@ class MatFile:
 
 
 def _table(pieces: list[Piece]) -> tuple[dict[str, Any], int]:
-    """Return a topic's columns and their units, and how many bytes."""
+    """Return a topic's columns and units, and their size in bytes."""
     import pyarrow as pa
 
     table = pa.concat_tables([piece.table for piece in pieces])
@@ -174,13 +175,13 @@ def _table(pieces: list[Piece]) -> tuple[dict[str, Any], int]:
 
 
 def _held(column: Any) -> int:
-    """Return the bytes of a column as numpy has it; of texts, the pointers and each text once."""
+    """Return the size of a column in numpy, bytes; for texts, the pointers and each text once."""
     texts = column.unique().to_pylist() if str(column.type) == "string" else ()
     return 8 * len(column) + sum(map(sys.getsizeof, texts))
 
 
 def _mat_names(columns: Iterable[str]) -> dict[str, str]:
-    """Return names that MATLAB allows, all different."""
+    """Return distinct names that MATLAB allows."""
     names: dict[str, str] = {}
     for name in columns:
         short, number = _mat_name(name), 2
@@ -191,8 +192,8 @@ def _mat_names(columns: Iterable[str]) -> dict[str, str]:
 
 
 def _mat_name(name: str) -> str:
-    """Return the name for MATLAB (`bearings[2].x` → `bearings_2_x`); the whole path of a field is
-    kept from its end.
+    """Return the name for MATLAB (`bearings[2].x` → `bearings_2_x`); a long path is cut at its
+    beginning.
     """
     plain = re.sub(r"\W+", "_", name).strip("_")
     return plain[-MAT_NAME:].lstrip("_0123456789") or "x"

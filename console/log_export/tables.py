@@ -1,8 +1,8 @@
-"""A log's topics as Arrow tables, out of its columns.
+"""A log's topics as Arrow tables, made from its columns.
 
-A row is a message: when it was true (`stamp_ns`), when it was received (`received_ns`), both by
-the clocks that the log has them from, `time` in s since the log's first reception, then numbers
-and texts of the message.
+A row is a message: when it was true (`stamp_ns`), when it was received (`received_ns`), each by the
+clock that the log has it from, `time` in s since the log's first reception, then numbers and texts
+of the message.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from quadrotor.errors import UsageError
 from vehicle_link.messages.units import unit_of_path
 
 ROWS = 20_000
-"""Largest number of rows of a piece."""
+"""Maximum number of rows of a piece."""
 TIME_UNITS = {"time": "s", STAMP: "ns", RECEIVED: "ns"}
 
 
 @dataclass
 class Piece:
-    """Some rows of one topic."""
+    """A number of rows of one topic."""
 
     topic: str  # `state`; with its namespace when the log has several
     type_name: str
-    table: Any  # a pyarrow.Table: float64, int64 and texts, units in the metadata of its fields
+    table: Any  # a pyarrow.Table: float64, int64 and texts, units in the fields' metadata
     share: float  # of the log's rows so far, 0…1
 
 
@@ -40,16 +40,16 @@ class Tables:
     """The tables of a log.
 
     Args:
-        topics: names as `quadlab log info` tells them, or their last part; none for all.
-        begin, end: s since the first reception; rows received then are kept.
-        progress: called with the share of the log that is read, 0 to 1, where it must be.
+        topics: names as `quadlab log info` lists them, or their last part; none for all.
+        begin, end: s since the first reception; rows received in between are kept.
+        progress: called with the share of the log that has been read, 0 to 1, if it must be read.
 
     Attributes:
         problems: a line for each topic that could not be read.
-        missing: what of the file could not be read; "" when all was.
-        note: why its columns are not kept; "" when they are.
+        missing: the part of the file that could not be read; "" when all was read.
+        note: why its columns are not stored; "" when they are.
 
-    Raises UsageError for a topic that is not there or an empty range, LogFormatError, StorageError.
+    Raises UsageError for a missing topic or an empty range, LogFormatError, StorageError.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class Tables:
             topic.release()
 
     def __iter__(self) -> Iterator[Piece]:
-        """Yield all topics in pieces of some ROWS."""
+        """Yield all topics in pieces of at most ROWS rows."""
         for one in self.whole():
             for begin in range(0, one.table.num_rows, ROWS):
                 table = one.table.slice(begin, ROWS)
@@ -100,7 +100,7 @@ class Tables:
 
 
 def _table(topic: Topic, start_ns: int) -> Any:
-    """Return a topic's table. Numbers are not copied, and equal constants are one column."""
+    """Return a topic's table. Numbers are not copied, and equal constants share a column."""
     import pyarrow as pa
 
     columns = {"time": pa.array((topic.log_ns - start_ns) * 1e-9)}
@@ -136,7 +136,7 @@ def _table(topic: Topic, start_ns: int) -> Any:
 
 
 def _short_names(topics: Sequence[str] | dict[str, Any]) -> dict[str, str]:
-    """Return the last part of each topic's name, or all of it where two would be the same."""
+    """Return the last part of each topic's name, or the whole name when two would be equal."""
     short = {topic: topic.strip("/").split("/", 1)[-1].replace("/", "_") for topic in topics}
     names = list(short.values())
     return {

@@ -1,7 +1,7 @@
-"""Every change of every parameter, kept in the data folder's database: who, when, old, new, flight.
+"""Every change of every parameter, in the data folder's database: who, when, old, new, flight.
 
-The station writes (`console.parameters.history_writer`), the page reads. Values are kept
-as Python writes them, so that a text and a number are told apart.
+The station writes (`console.parameters.history_writer`), the page reads. Values are stored as
+Python literals, which distinguish a text from a number.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class Base(DeclarativeBase):
 
 
 class ChangeRow(Base):
-    """One parameter's step from one value to the next; `id` is the order."""
+    """A change of one parameter's value; `id` is the order."""
 
     __tablename__ = "parameter_changes"
     __table_args__ = (
@@ -56,7 +56,7 @@ class FlightRow(Base):
 
 
 class KnownRow(Base):
-    """The value that was received last, so that a change no one heard of is found later."""
+    """The value that was received last, by which a missed change is found later."""
 
     __tablename__ = "parameter_known"
 
@@ -74,9 +74,9 @@ class RecordedChange:
     new: ParameterValue
     requester: str
     stamp_ns: int  # station's clock, at arrival
-    sent_ns: int  # clock of who changed it
+    sent_ns: int  # clock of the authority that changed it
     flight: str  # run id, "" on the ground
-    revision: int  # of who changed it
+    revision: int  # of the authority that changed it
     id: int = 0
 
 
@@ -85,20 +85,21 @@ _COLUMNS = tuple(one.name for one in fields(RecordedChange) if one.name != "id")
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """The present flight or the last one, and what has changed since it began."""
+    """The present or the last flight, and what has changed since it began."""
 
     run: str
     start_ns: int
     is_over: bool
-    values: dict[str, ParameterValue]  # at arming, of what has changed since
+    values: dict[str, ParameterValue]  # values at arming of the parameters that have changed since
 
 
 class ParameterHistory:
-    """Safe to use from several threads and processes; every method may raise StorageError.
+    """The history of one vehicle, safe to use from several threads and processes. Every method may
+    raise StorageError.
 
     Args:
         engine: of the catalogue's database.
-        vehicle: whose changes, its station's included.
+        vehicle: its name; the changes include its station's.
     """
 
     def __init__(self, engine: Engine, vehicle: str) -> None:
@@ -107,14 +108,15 @@ class ParameterHistory:
             engine, Base.metadata, "the history of parameters", "; the changes act nevertheless"
         )
 
-    # ------------------------------------------------------------------ read
+    # ------------------------------------------------------------------ reading
     def changes(
         self, name: str = "", flight: str | None = None, limit: int = 200, before: int = 0
     ) -> list[RecordedChange]:
         """Return the changes, newest first.
 
         Args:
-            name: of one parameter. flight: a run id, "" for those on the ground, None for all.
+            name: of one parameter; "" for all.
+            flight: a run id, "" for those on the ground, None for all.
             before: only older ones than this id; 0 for all.
         """
         query = select(ChangeRow).where(ChangeRow.vehicle == self._vehicle)
@@ -134,7 +136,7 @@ class ParameterHistory:
             return session.scalar(query.select_from(ChangeRow)) or 0
 
     def flight(self) -> Flight | None:
-        """Return the newest flight; None before the first one."""
+        """Return the newest flight, or None before the first one."""
         with self._session() as session:
             row = self._last_flight(session)
             if row is None:
@@ -153,9 +155,9 @@ class ParameterHistory:
             rows = session.scalars(select(KnownRow).where(KnownRow.vehicle == self._vehicle))
             return {row.name: literal_value(row.value) for row in rows}
 
-    # ------------------------------------------------------------------ write
+    # ------------------------------------------------------------------ writing
     def add(self, changes: Iterable[RecordedChange]) -> None:
-        """Add changes in this order; one that exists already is not added again."""
+        """Add changes in this order; one that already exists is not added again."""
         with self._session() as session:
             for change in changes:
                 if self._is_there(session, change):
@@ -163,11 +165,11 @@ class ParameterHistory:
                 values = {name: getattr(change, name) for name in _COLUMNS}
                 values |= {"old": repr(change.old), "new": repr(change.new)}
                 session.add(ChangeRow(vehicle=self._vehicle, **values))
-                session.flush()  # the order of the ids is that of the changes
+                session.flush()  # ids must follow the order of the changes
                 self._know(session, {change.name: change.new})
 
     def learn(self, values: Mapping[str, ParameterValue]) -> None:
-        """Learn values that are known without a change."""
+        """Store values that are known without a change."""
         with self._session() as session:
             self._know(session, values)
 
@@ -177,7 +179,7 @@ class ParameterHistory:
             session.add(FlightRow(vehicle=self._vehicle, run=run, start_ns=start_ns, after=newest))
 
     def end_flight(self, end_ns: int) -> None:
-        """End the flight under way; does nothing when there is none."""
+        """End the present flight; does nothing when there is none."""
         with self._session() as session:
             row = self._last_flight(session)
             if row is not None and row.end_ns == 0:

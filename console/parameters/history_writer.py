@@ -1,8 +1,8 @@
-"""Writes the history of parameters from what the station hears.
+"""Writes the history of parameters from the messages that the station receives.
 
-Whoever changes a parameter (page, ROS 2, experiment, the vehicle itself), its authority tells it
-on `parameter_changes`. What was not received, because the link or this process was away, shows in a
-snapshot as another value than the replica had, and is written as that.
+Whatever changes a parameter (page, ROS 2, experiment, the vehicle itself), its authority publishes
+the change on `parameter_changes`. A change that was missed, because the link or this process was
+down, appears as a difference between a snapshot and the replica, and is written as such.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ _Item = RecordedChange | _Begin | _End | dict[str, ParameterValue] | None
 
 
 class ParameterWitness:
-    """Any thread may tell it; one of its own writes, for the disk may be slow.
+    """Collects changes from any thread and writes them in its own, because the disk may be slow.
 
     Args:
-        alarm: told why nothing can be written, and None when it can again.
+        alarm: called with the reason when nothing can be written, and with None when it can again.
     """
 
     def __init__(self, history: ParameterHistory, alarm: Callable[[str | None], None]) -> None:
@@ -69,8 +69,8 @@ class ParameterWitness:
         self._thread.start()
 
     def changed(self, change: ParameterChange, received_ns: int) -> None:
-        """Write what an authority says it has changed, and the change before it whose message was
-        lost, if any.
+        """Write a change that an authority published, and any earlier change whose message was
+        lost.
         """
         name, revision, sent_ns = change.name, change.revision, change.stamp_ns
         with self._lock:
@@ -87,7 +87,7 @@ class ParameterWitness:
                 self._newest[name] = change.instance, revision, change.new
 
     def status(self, armed: bool, run: str) -> None:
-        """Take over each status of the vehicle; a flight lasts from arming to disarming."""
+        """Handle a status of the vehicle; a flight lasts from arming to disarming."""
         with self._lock:
             was, self._is_armed = self._is_armed, armed
             if armed:
@@ -97,11 +97,11 @@ class ParameterWitness:
             if not armed:
                 self._flight = ""
                 self._put(_End(time_ns()))
-            elif not (was is None and self._is_open):  # the station died in flight and came back
+            elif not (was is None and self._is_open):  # the station ended in flight and restarted
                 self._put(_Begin(self._flight, time_ns()))
 
     def look(self, snapshot: Snapshot) -> None:
-        """Write what a snapshot of the vehicle shows to have changed without a message."""
+        """Write the changes that a snapshot of the vehicle shows and no message reported."""
         before = snapshot.instance_before
         if before is None:
             why = AT_START
@@ -110,11 +110,11 @@ class ParameterWitness:
         self._adopt(snapshot.before, snapshot.values, snapshot.revision, why, snapshot.instance)
 
     def begin(self, values: Mapping[str, ParameterValue]) -> None:
-        """Take the station's own values at its start."""
+        """Store the station's own values at its start, and write their changes."""
         self._adopt(self._history.known(), values, 0, AT_START)
 
     def wait_idle(self, bound: float) -> bool:
-        """Return whether everything reported is written."""
+        """Wait until everything reported is written, at most `bound` s; return whether it is."""
         return self._idle.wait(bound)
 
     def close(self) -> None:
@@ -175,7 +175,9 @@ class ParameterWitness:
                     self._idle.set()
 
     def _write_one(self, item: _Item) -> None:
-        """Write an item, trying until it works: a full disk or a busy database leaves no hole."""
+        """Write an item, retrying until it succeeds: a full disk or a busy database
+        leaves no gap.
+        """
         while True:
             try:
                 if isinstance(item, RecordedChange):

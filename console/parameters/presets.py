@@ -1,4 +1,4 @@
-"""Sets of parameter values under a name, kept in the data folder's database: who saved it, when."""
+"""Named sets of parameter values, stored in the data folder's database with author and time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Base(DeclarativeBase):
 
 
 class PresetRow(Base):
-    """Saved once, never changed; one that was deleted can come back."""
+    """Saved once, never changed; a deleted one can be restored."""
 
     __tablename__ = "parameter_presets"
 
@@ -45,11 +45,12 @@ class Preset:
 
 
 class ParameterPresets:
-    """Safe to use from several threads and processes; every method may raise StorageError.
+    """The presets of one vehicle, safe to use from several threads and processes. Every method may
+    raise StorageError.
 
     Args:
         engine: of the catalogue's database.
-        vehicle: whose parameters these are.
+        vehicle: its name.
     """
 
     def __init__(self, engine: Engine, vehicle: str) -> None:
@@ -57,7 +58,7 @@ class ParameterPresets:
         self._session = transactions(engine, Base.metadata, "the presets")
 
     def all(self) -> list[Preset]:
-        """Return all presets by name."""
+        """Return all presets, ordered by name."""
         with self._session() as session:
             query = select(PresetRow).where(
                 PresetRow.vehicle == self._vehicle, PresetRow.deleted.is_(False)
@@ -65,7 +66,7 @@ class ParameterPresets:
             return [_preset(row) for row in session.scalars(query.order_by(PresetRow.name))]
 
     def get(self, preset_id: int) -> Preset:
-        """Return a preset. Raises RefusedError for one that does not exist."""
+        """Return a preset. Raises RefusedError when it does not exist."""
         with self._session() as session:
             return _preset(self._row(session, preset_id, deleted=False))
 
@@ -77,7 +78,7 @@ class ParameterPresets:
         *,
         replaces: bool = False,
     ) -> Preset:
-        """Raise RefusedError when the name is taken and `replaces` is not said."""
+        """Save a preset. Raises RefusedError when the name is taken and `replaces` is False."""
         with self._session() as session:
             taken = self._named(session, name)
             if taken is not None and not replaces:
@@ -99,12 +100,12 @@ class ParameterPresets:
             return _preset(row)
 
     def delete(self, preset_id: int) -> None:
-        """Delete a preset. Raises RefusedError for one that does not exist."""
+        """Delete a preset. Raises RefusedError when it does not exist."""
         with self._session() as session:
             self._row(session, preset_id, deleted=False).deleted = True
 
     def restore(self, preset_id: int) -> Preset:
-        """Restore a deleted preset. Raises RefusedError when its name was given away."""
+        """Restore a deleted preset. Raises RefusedError when its name is in use again."""
         with self._session() as session:
             row = self._row(session, preset_id, deleted=True)
             if self._named(session, row.name) is not None:

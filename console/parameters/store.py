@@ -1,4 +1,4 @@
-"""The station's own parameters behind one lock, with everyone told of each change."""
+"""The station's own parameters behind one lock, with a notification of each change."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from quadrotor.parameters import ParameterDescription, ParameterStore, Parameter
 PREFIX = "station."
 
 BeforeChange = Callable[[Mapping[str, ParameterValue], str], None]
-"""Values and requester; raises ParameterError to refuse them."""
+"""Called with values and requester; raises ParameterError to refuse them."""
 
 OnChange = Callable[[str, ParameterValue, ParameterValue, str, int], None]
-"""Name, old value, new value, requester, revision."""
+"""Called with name, old value, new value, requester, revision."""
 
 
 class StationStore:
@@ -37,7 +37,7 @@ class StationStore:
 
     @property
     def parameters(self) -> StationParameters:
-        """Return the live objects, read by whoever uses them; only `change` writes."""
+        """Return the live objects, which their users read directly; only `change` writes."""
         return self._tree.station
 
     @property
@@ -51,17 +51,17 @@ class StationStore:
         return self._store.values()
 
     def subscribe(self, on_change: OnChange) -> None:
-        """Call `on_change` from now on, in place of the one before."""
+        """Call `on_change` from now on, instead of the previous one."""
         self._on_change = on_change
 
     def consult(self, before_change: BeforeChange) -> None:
-        """Call `before_change` with sound values before they are applied, outside any lock; it may
+        """Call `before_change` with valid values before they are applied, outside any lock; it may
         raise ParameterError.
         """
         self._before_change = before_change
 
     def check(self, values: Mapping[str, object]) -> None:
-        """Raise ParameterError when `change` would, but for what `consult` set."""
+        """Raise ParameterError when `change` would, without calling what `consult` set."""
         self._checked(values)
 
     def preset(self, values: Mapping[str, object]) -> None:
@@ -88,7 +88,7 @@ class StationStore:
     def _checked(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
         """Return the values as they would be applied. Raises ParameterError.
 
-        Tried on a copy: texts such as the beacons' layout are checked where they are assigned,
-        and of several values none may stay when one is refused.
+        They are tried on a copy: texts such as the beacons' layout are checked on assignment, and
+        when one of several values is refused, none may stay.
         """
         return ParameterStore(self._tree.model_copy(deep=True)).set(values)

@@ -1,4 +1,4 @@
-"""The station's copy of the vehicle's parameters, for runs' files and for what must be the same."""
+"""The station's copy of the vehicle's parameters, for runs' files and for shared values."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from vehicle_link.transport.node import Node
 
 
 class VehicleParameters(ParameterReplica):
-    """A replica that fetches what no change has brought.
+    """A replica that fetches the values when a change was missed.
 
     Args:
-        known: of an earlier station, from the history.
+        known: values from an earlier station, from the history.
     """
 
     def __init__(self, node: Node, vehicle: str, known: Mapping[str, ParameterValue]) -> None:
@@ -27,7 +27,7 @@ class VehicleParameters(ParameterReplica):
         self._on_snapshot: Callable[[Snapshot], None] = lambda _: None
 
     def subscribe(self, on_snapshot: Callable[[Snapshot], None]) -> None:
-        """Call `on_snapshot` with each snapshot, on the thread that fetched it."""
+        """Call `on_snapshot` with each snapshot, in the thread that fetched it."""
         self._on_snapshot = on_snapshot
 
     def refresh(self) -> None:
@@ -39,29 +39,34 @@ class VehicleParameters(ParameterReplica):
             self._on_snapshot(self.load(self._client.values(), revision, instance, since))
 
     def learn_defaults(self) -> None:
-        """Fetch those of parameters that are new here: at first, and of another version of the
-        vehicle. Takes some answers of the vehicle. Raises LinkError."""
+        """Fetch the defaults when there are new parameters: at first, and after another version of
+        the vehicle has connected. Needs several answers of the vehicle. Raises LinkError.
+        """
         if self.instance is not None and not self.values().keys() <= self._defaults.keys():
             described = self._client.describe()
             self._defaults = {one.name: one.default for one in described}
 
     def defaults(self) -> dict[str, ParameterValue]:
-        """Return the defaults by name, of all that have a value; empty while they are not known.
-        Never waits.
+        """Return the defaults by name, for all parameters that have a value; empty while they are
+        unknown. Never waits.
         """
         is_known = self.instance is not None and self.values().keys() <= self._defaults.keys()
         return self._defaults if is_known else {}
 
     def newest(self, name: str) -> ParameterValue | None:
-        """Return the newest value, even if old; None before the first snapshot. Never waits."""
+        """Return the newest value, even if outdated; None before the first snapshot.
+        Never waits.
+        """
         return None if self.instance is None else self.value(name)
 
     def known(self, name: str) -> ParameterValue | None:
-        """Return the value; None when the vehicle has none, or shows a newer revision."""
+        """Return the value; None when it is missing, or the vehicle has reported a
+        newer revision.
+        """
         return self.value(name) if self.in_step else None
 
     def snapshot(self) -> tuple[dict[str, ParameterValue] | None, int, str]:
-        """Return (values or None, revision, why there are none or old ones); may wait 1 s."""
+        """Return (values or None, revision, why they are missing or outdated); may wait 1 s."""
         problem = ""
         try:
             self.refresh()

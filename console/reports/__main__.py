@@ -17,7 +17,7 @@ from quadrotor.errors import QuadlabError
 
 NICENESS = 15
 LONGEST = 600
-"""s, the limit in case the parent process is gone."""
+"""Longest run time in s, in case the parent process has ended."""
 
 
 def main(words: list[str]) -> int:

@@ -64,7 +64,7 @@ def _signals(log: RunLog) -> tuple[Array, Array, Array, BenchSteps]:
 
 
 def law_figures(log: RunLog) -> dict[str, float]:
-    """Return the results of the fits as text. Raises MeasurementError."""
+    """Return the results of the fits by name. Raises MeasurementError."""
     law = identify_motor(_signals(log)[-1])
     return {
         "root_law_worst_count": law.root.worst,

@@ -1,4 +1,4 @@
-"""Figures of the calibrations without one in the paper: gyroscope, accelerometer, inertia."""
+"""Figures of calibrations that the paper shows no figure of: gyroscope, accelerometer, inertia."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The findings of a flight, each claim with its evidence drawn and a link to the replay."""
+"""The findings of a flight: each claim with a plot of its evidence and a link to the replay."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from console.reports.plots import COLORS, finish, line, styled, window
 from console.reports.run_log import RunLog
 
 MARGIN = 3.0
-"""s drawn before and after what is claimed."""
+"""Seconds plotted before and after the claimed interval."""
 
 
 def explanation_blocks(log: RunLog, findings: list[Finding]) -> list[Block]:
-    """Return the section, the heaviest finding first; one line when there is none."""
+    """Return the section, heaviest finding first; one line when there is none."""
     blocks: list[Block] = [Heading("What happened")]
     if not findings:
         return [*blocks, Text("No anomalies found in what was recorded.")]
@@ -49,7 +49,9 @@ def _picture(log: RunLog, finding: Finding) -> Picture:
 
 
 def _link(path: Path, finding: Finding) -> str:
-    """Return the address of the moment in the replay; empty for a log that is no station's run."""
+    """Return the address of the moment in the replay; empty for a log that is not a
+    station's run.
+    """
     names = path.resolve().parts
     if RUNS not in names[:-1]:
         return ""

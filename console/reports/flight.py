@@ -16,7 +16,7 @@ Array = npt.NDArray[np.floating[Any]]
 Flags = npt.NDArray[np.bool_]
 
 LARGEST_GAP = 0.1
-"""s, the longest gap between messages that is interpolated."""
+"""Longest gap between messages that is interpolated, s."""
 REFERENCE = ("position.x", "position.y", "position.z", "yaw")
 TRACKED = (
     "pose.position.x",
@@ -92,9 +92,7 @@ class Flight:
 
 
 def flight_of(log: RunLog) -> Flight:
-    """Return the flight from the log's columns; those of state and reference are
-    freed.
-    """
+    """Return the flight from the log's columns; those of state and reference are freed."""
     truth = _odometry(log, "truth", "truth")
     if truth is None and log.has("tracker_pose"):
         series = log.topics["tracker_pose"]

@@ -30,11 +30,11 @@ REFERENCES = tuple(f"motor_references[{k}]" for k in range(4))
 
 
 def flight_pictures(log: RunLog, flight: Flight, *, standing: bool = False) -> list[Picture]:
-    """Return the figures that the log has data for.
+    """Return the figures for which the log has data.
 
     Args:
-        standing: whether the vehicle was not meant to fly; then position and attitude are left
-        out.
+        standing: whether the vehicle was not meant to fly; position and attitude are then
+            omitted.
     """
     found = []
     if flight.shown is not None and not standing:

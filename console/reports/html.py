@@ -13,7 +13,7 @@ from console.reports.plots import STYLE
 
 GENERATOR = "quadlab report"
 LARGEST_SVG = 1_000_000
-"""Bytes above which a figure becomes a bitmap of twice the page's resolution."""
+"""Size in bytes above which a figure becomes a bitmap of twice the page's resolution."""
 STYLE_SHEET = """
 :root { color-scheme: light; }
 body { max-width: 60rem; margin: 2rem auto; padding: 0 1.25rem; background: #fff; color: #1c1c1c;

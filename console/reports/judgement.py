@@ -30,9 +30,9 @@ WINDOWS = {
     ("figure_eight", REST_TO_REST): ("follow_trajectory", 0.0, 0.0),
     ("hover", ""): ("hover", 2.0, 0.0),
 }
-"""Experiment and its kind of laps → behaviour that is judged, s excluded at its start and end."""
+"""Experiment and its kind of laps → judged behavior, and s excluded at its start and end."""
 LIMITS = {("hover", ""): Hover.limits, **{("figure_eight", k): v for k, v in EIGHT_LIMITS.items()}}
-"""The judged behaviours of experiments that only the process that flew them can judge."""
+"""Limits by experiment and kind of laps, for logs that the experiment itself cannot judge here."""
 FLOWN = ("gyroscope", "accelerometer", "motor_bench")
 """Experiments judged only by the process that flew them: the log lacks the times of the steps."""
 TOPICS = {"bench_reading": "motor_bench"}
@@ -44,10 +44,11 @@ class Judgement:
     """The verdict and the figures of one run.
 
     Attributes:
-    verdict: passed, failed, not_judged or empty; `source`: who judged, or why there is none.
-    metrics, limits: by name, SI units and degrees.
-    flight: figures of any flight, by name, with units in the name.
-    windows: the judged intervals, s since the log's first message; empty when not known.
+        verdict: passed, failed, not_judged or empty.
+        source: what judged the run, or why it was not judged.
+        metrics, limits: by name, SI units and degrees.
+        flight: figures of any flight, by name, with units in the name.
+        windows: the judged intervals, s since the log's first message; empty when unknown.
     """
 
     experiment: str
@@ -69,7 +70,7 @@ class Judgement:
 
 
 def experiment_of(log: RunLog) -> str:
-    """Return the experiment's name; empty when the log is not of an experiment."""
+    """Return the experiment's name; empty when the log is not from an experiment."""
     if name := log.run.get("experiment", ""):
         return name
     if has_report(log.path):
@@ -150,7 +151,7 @@ def windows_of(log: RunLog, judged: Judgement) -> Spans:
 
 
 def flight_figures(log: RunLog, flight: Flight, windows: Spans) -> dict[str, float]:
-    """Return the figures of any flight, in the windows, else while airborne."""
+    """Return the figures of any flight, in the windows, or else while airborne."""
     spans = windows or airborne(log)
     found: dict[str, float] = {}
     if flight.shown is not None and spans:
@@ -227,12 +228,12 @@ def _taken(out: Judgement, result: Result, source: str) -> None:
 
 
 def _source(by: str, verdict: str, reason: str) -> str:
-    """Return who judged the run, or why it was not judged."""
+    """Return what judged the run, or why it was not judged."""
     return f"not judged: {reason}" if verdict == NOT_JUDGED else by
 
 
 def _proposed(log: RunLog, out: Judgement, experiment: object) -> None:
-    """Set the calibration that the run proposed: as published, else computed again."""
+    """Set the calibration that the run proposed: as published, or else computed again."""
     text = log.experiment_text("proposal")
     out.decision = out.decision or log.experiment_text("decision")
     try:

@@ -76,7 +76,7 @@ def parameter_blocks(log: RunLog, judged: Judgement, defaults: Defaults) -> list
 
 
 def timeline_blocks(log: RunLog) -> list[Block]:
-    """Return events, warnings, marks, changes of parameters and behaviours in time order."""
+    """Return events, warnings, marks, parameter changes and behaviors in time order."""
     rows = [
         (
             f"{line.time:.2f}",

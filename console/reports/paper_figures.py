@@ -36,9 +36,11 @@ class Bench:
     """Signals of a motor bench test, and the results of its steps.
 
     Attributes:
-        reference: (N,) counts at `time`. force (N), torque (N m): (M,) at `sensor_time`.
+        reference: (N,) counts at `time`.
+        force, torque: (M,) N and N m at `sensor_time`.
         step_reference, step_force: (K,) counts and N of the steps.
-        fits: name → (force, reference) of a curve. used: which steps are part of the fit.
+        used: which steps are part of the fit.
+        fits: name → (force, reference) of a curve.
     """
 
     time: Array
@@ -50,13 +52,11 @@ class Bench:
     step_force: Array
     used: npt.NDArray[np.bool_]
     fits: Mapping[str, tuple[Array, Array]]
-    range: tuple[float, float]  # counts, the usable one
+    range: tuple[float, float]  # counts, usable range
 
 
 def motor_calibration(figure: Any, bench: Bench) -> None:
-    """Draw Fig. 2: (a) input and output signals, (b) the fitted model, force the independent
-    one.
-    """
+    """Draw Fig. 2: (a) input and output signals, (b) the fitted model as a function of force."""
     left, right = figure.subfigures(1, 2, width_ratios=(1.25, 1.0))
     axes = grid(left, 3)[:, 0]
     line(axes[0], bench.time, bench.reference, color=GOOD, label="reference")
@@ -104,8 +104,9 @@ def mass_estimation(
     """Draw Fig. 3: (a) estimated mass, (b) position, (c) velocity.
 
     Args:
-        mass: time, kg, and its standard deviation. position, velocity: time and (N, 3).
-        true_mass: kg, NaN or None when it is not known.
+        mass: time, kg, and its standard deviation.
+        position, velocity: time and (N, 3).
+        true_mass: kg, NaN or None when unknown.
     """
     axes = grid(figure, 3)[:, 0]
     time, value, deviation = mass

@@ -16,7 +16,8 @@ TOP, BOTTOM = 0.7, 0.75
 LINE = 0.165  # in, at SIZE
 SIZE = 8.0
 LETTER = 0.0665
-"""in, width of an average letter at SIZE; a little wide, so that lines end before the margin."""
+"""Width of an average letter at SIZE, in inches; a little wide, so that lines end before the
+margin."""
 
 
 class Pages:
@@ -26,7 +27,7 @@ class Pages:
         self._pdf, self._title = pdf, title
         self._number = 0
         self._figure: Any = None
-        self._at = 0.0  # in from the top
+        self._at = 0.0  # in, from the top
         self._begin()
 
     def close(self) -> None:
@@ -187,7 +188,7 @@ def write_pdf(report: Report, path: Path) -> None:
 
 
 def _height(picture: Picture) -> float:
-    """Return the height with its caption, in inches."""
+    """Return the height including the caption, in inches."""
     lines = wrapped(f"00. {picture.title}. {picture.caption}", WIDTH / LETTER)
     return picture.height + LINE * len(lines) + 0.1
 

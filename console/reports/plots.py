@@ -1,7 +1,6 @@
-"""The style of all plots in reports: colours safe for colour-blind readers, plain axes, thinned
-lines.
+"""The style of all plots in reports: colours for colour-blind readers, plain axes, thinned lines.
 
-matplotlib is imported only where a figure is made.
+matplotlib is imported only where a figure is created.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from quadrotor.errors import UsageError
 
 Array = npt.NDArray[np.floating[Any]]
 
-# Okabe and Ito's, dark enough for thin lines on white.
+# By Okabe and Ito, dark enough for thin lines on white.
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#a3528b")
 REFERENCE = "#333333"
 QUIET = "#8c8c8c"
@@ -24,7 +23,7 @@ GOOD = "#009e73"
 AXES = ("x", "y", "z")
 ANGLES = ("roll", "pitch", "yaw")
 POINTS = 1600
-"""Largest number of points of a line: the lowest and the highest value of each bucket."""
+"""Maximum number of points of a line: the lowest and the highest value of each bucket."""
 STYLE: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "sans-serif"],

@@ -1,7 +1,7 @@
 """Reference figures: those of the paper, and those of an independent simulation of its vehicle.
 
-The simulation is that of docs/robustness.md: full sensors (tracker at 100 Hz with
-1 mm and 0.2°, noisy quantised IMU, whole motor references), written without this project's code.
+The simulation is the one of docs/robustness.md: full sensors (tracker at 100 Hz with 1 mm and 0.2°,
+noisy quantised IMU, whole motor references), written without this project's code.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class ReferenceFigure:
         value: the value as text with its unit.
         source: where the figure comes from.
         metric: name of the run's own figure to show next to it; empty when there is none.
-        when: options under which the two may be compared.
+        when: options with which the two may be compared.
     """
 
     what: str

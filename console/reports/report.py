@@ -58,8 +58,8 @@ def write_report(
     """Write `folder`/<name of the log>.html, and .pdf; earlier ones of this log are replaced.
 
     Args:
-        result, proposal: those of a flight just made; else its result.json counts, else the log is
-            judged here.
+        result, proposal: of a flight that has just ended; otherwise result.json is used, or else
+            the log is judged here.
         defaults: returns the parameters' defaults, for logs without them.
         progress: called with the share that is done, 0 to 1.
 
@@ -100,7 +100,7 @@ def assemble(
     proposal: CalibrationRecord | None = None,
 ) -> Report:
     """Assemble the content of the report; nothing is drawn yet."""
-    findings = explain(log.topics, log.parameters)  # before the flight frees its columns
+    findings = explain(log.topics, log.parameters)  # before `flight_of` frees columns
     flight = flight_of(log)
     judged = judge(log, flight, result, proposal)
     name = judged.experiment

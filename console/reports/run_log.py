@@ -1,6 +1,4 @@
-"""The content of a log for a report, read once: columns of numbers, texts, events and
-gaps.
-"""
+"""The content of a log for a report, read once: columns of numbers, texts, events and gaps."""
 
 from __future__ import annotations
 
@@ -33,12 +31,12 @@ LINES = ("/events", "/marks", "/parameter_changes")
 """Topics whose messages are single lines."""
 MOST_LINES = 2000
 ON_CHANGE = ("events", "marks", "parameter_changes", "joy", "stick")
-"""Topics published on change only, which have no gaps."""
+"""Topics that are published only on change, and so have no gaps."""
 WARNING = 30  # level of rcl_interfaces/Log
 
 
 class Line(NamedTuple):
-    """Something that happened: `kind` is event, warning, mark or parameter."""
+    """An event in the log: `kind` is event, warning, mark or parameter."""
 
     time: float  # s since the first message
     kind: str
@@ -53,11 +51,11 @@ class RunLog:
     path: Path
     vehicle: str
     run: dict[str, str]  # metadata `quadlab.run`
-    recovered: dict[str, str]  # metadata `quadlab.recovered`, empty for a log that was never torn
+    recovered: dict[str, str]  # metadata `quadlab.recovered`, empty for an intact log
     attachments: dict[str, bytes]
     start_ns: int
     duration: float  # s
-    topics: dict[str, Series]  # by name without the vehicle's
+    topics: dict[str, Series]  # by name, without the vehicle's
     lines: list[Line]
     problems: list[str]  # parts of the file that could not be read
     changes: dict[str, ParameterValue]  # last values of changed parameters
@@ -66,7 +64,7 @@ class RunLog:
         return all(topic in self.topics for topic in topics)
 
     def experiment_text(self, path: str) -> str:
-        """Return the last `experiment_status` of this run that was not empty.
+        """Return the last text of an `experiment_status` field of this run that was not empty.
 
         The station keeps publishing the status of its last experiment, also during later runs.
         """
@@ -110,7 +108,7 @@ class RunLog:
 
 
 def read_run(path: Path) -> RunLog:
-    """Read a log for a report. Raises StorageError or LogFormatError when it has nothing to
+    """Read a log for a report. Raises StorageError or LogFormatError when there is nothing to
     report.
     """
     found = run.read_run(path)
@@ -145,7 +143,7 @@ def read_run(path: Path) -> RunLog:
 
 def _lines(topic: str, series: Series, changes: dict[str, ParameterValue]) -> list[Line]:
     found: list[Line] = []
-    marks: dict[str, Line] = {}  # the newest text of each id counts
+    marks: dict[str, Line] = {}  # only the newest text of each id counts
     for t, message in series.lines(MOST_LINES):
         who = str(message.get("requester", ""))
         if topic.endswith("events"):

@@ -1,4 +1,4 @@
-"""The tables of results: figures against limits and references, calibrations."""
+"""The tables of results: figures with limits and references, calibrations."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterValue
 
 SMALL_MASS = 0.1
-"""kg, below which masses are shown in grams."""
+"""Mass in kg below which masses are shown in grams."""
 NOT_RECORDED = "not recorded"
 UNITS = (
     ("_n_m", "mN m", 1e3),
@@ -35,7 +35,7 @@ UNITS = (
     ("_percent", "%", 1.0),
     ("_N", "N", 1.0),
 )
-"""Suffixes of figure names, with the unit and the factor they are shown with."""
+"""Suffixes of figure names, with the displayed unit and its factor."""
 IN_METRES = frozenset({"torque_ratio_m", "sag_m"})
 
 
@@ -71,7 +71,7 @@ def shown(value: object) -> str:
 
 # ---------------------------------------------------------------------- figures
 def metrics_blocks(judged: Judgement) -> list[Block]:
-    """Return the figures with their limits and, where there are any, reference figures."""
+    """Return the figures with their limits and, where available, reference figures."""
     rows = []
     for name, value in judged.metrics.items():
         limit = judged.limits.get(name)

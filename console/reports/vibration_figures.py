@@ -17,11 +17,11 @@ from quadrotor.constants import MOTORS
 
 DASHED: Any = {"color": REFERENCE, "linewidth": 0.8, "linestyle": (0, (4, 2))}
 RANGE = 40.0
-"""dB below the highest value that a spectrogram shows."""
+"""Range of a spectrogram, in dB below its highest value."""
 
 
 def vibration(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
-    """Return spectra with the noise proposed and the rotors' frequencies, and spectrograms."""
+    """Return spectra with the proposed noise and the rotors' frequencies, and spectrograms."""
     found = read_vibration(log.path, log.vehicle)
     imu, actuators = log.topics["imu"], log.topics["actuators"]
     rotors = rotor_frequency(actuators.rows(THRUSTS))

@@ -1,1 +1,1 @@
-"""Recorded runs: recording, files, marks, trash, and the room on the disk."""
+"""Recorded runs: recording, files, marks, trash, and disk space."""

@@ -1,4 +1,4 @@
-"""Bring the catalogue and the runs folder together: torn logs are closed, unknown ones entered."""
+"""Reconciliation of catalogue and runs folder: torn logs are closed, unknown runs are added."""
 
 from __future__ import annotations
 
@@ -19,11 +19,10 @@ NO_STATION_LOG = f"{STATION} is missing in its folder; what the vehicle logged i
 
 
 def tidy_runs(catalogue: Catalogue, skip: Collection[str] = ()) -> list[str]:
-    """Look at every file and every row once; return one line for each thing mended or
-    wrong.
+    """Check every file and every row once; return one line for each repair or problem.
 
-    Files being written, in whatever process, and runs named in `skip` are left alone.
-    Raises StorageError when folder or catalogue cannot be used at all.
+    Files that any process is writing, and runs named in `skip`, are left alone. Raises StorageError
+    when folder or catalogue cannot be used.
     """
     lines = finish_moves(catalogue)
     shutil.rmtree(catalogue.folder / ".replay", ignore_errors=True)  # an older version's caches
@@ -51,28 +50,28 @@ def tidy_runs(catalogue: Catalogue, skip: Collection[str] = ()) -> list[str]:
 
 
 def _is_gone(catalogue: Catalogue, entry: RunEntry) -> bool:
-    """Return whether the file is neither there nor in the trash, where a deletion under way has put
-    it.
+    """Return whether the file is neither in the folder nor in the trash, to which a deletion in
+    progress has moved it.
     """
     log = log_of(catalogue.folder / entry.file)
-    # Looked at twice: it may be put back between the two looks.
+    # Checked twice: it may be moved back between the two checks.
     return not (log.is_file() or is_in_trash(catalogue, entry.file) or log.is_file())
 
 
 def _tidy_file(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> list[str]:
     if entry is None and is_deleted(catalogue, path.stem):
-        return []  # it is being put back
+        return []  # it is being restored
     try:
         log = station_log(path) if station_log(path).is_file() else log_of(path)
         closed = is_closed(log)
         known = entry is not None and entry.complete and entry.file == path.name
         if (closed and known) or is_being_written(path):
             return []
-        recovery = recover(log)  # also of a closed one whose index is damaged
+        recovery = recover(log)  # also for a closed log whose index is damaged
         problem = _enter(catalogue, path, entry)
     except (LogFormatError, StorageError) as error:
         if not path.exists():
-            return []  # it was deleted under our eyes
+            return []  # it was deleted in the meantime
         catalogue.add(_unreadable(path, entry, str(error)))
         return [f"run {path.stem}: {error}"]
     if problem:
@@ -86,7 +85,7 @@ def _tidy_file(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> list
 
 
 def _enter(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> str:
-    """Enter a run with its marks; return what is wrong with it."""
+    """Add a run with its marks to the catalogue; return what is wrong with it."""
     found = described(path, entry)
     catalogue.add(found)
     keep_marks_of_log(catalogue, path, path.stem)
@@ -94,7 +93,7 @@ def _enter(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> str:
 
 
 def described(path: Path, entry: RunEntry | None) -> RunEntry:
-    """Return the catalogue's line of a closed file, from the file itself.
+    """Return the catalogue entry of a closed file, from the file itself.
 
     Raises LogFormatError or StorageError.
     """
@@ -116,7 +115,7 @@ def described(path: Path, entry: RunEntry | None) -> RunEntry:
 
 
 def enter_again(catalogue: Catalogue, path: Path) -> None:
-    """Enter a run again: its new size, count and place; what else is known of it stays.
+    """Update a run's size, count and location in the catalogue; its other facts stay.
 
     Raises LogFormatError or StorageError.
     """

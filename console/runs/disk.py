@@ -1,4 +1,4 @@
-"""Questions to the disk, answered with a StorageError that says what to do."""
+"""Checks of the disk; each problem is a StorageError with advice."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pathlib import Path
 from quadrotor.errors import StorageError
 
 TRIED_BYTES = 1 << 20
-"""Written to see whether a disk takes anything: of a quota its free space tells nothing."""
+"""Bytes written to test whether a disk accepts data: its free space does not show a quota."""
 
 
 def free_bytes(folder: Path) -> int:
-    """Free on the disk of an existing folder. Raises StorageError."""
+    """Return the free bytes on the disk of an existing folder. Raises StorageError."""
     try:
         return shutil.disk_usage(folder).free
     except OSError as error:
@@ -25,14 +25,14 @@ def free_bytes(folder: Path) -> int:
 
 
 def make_again(folder: Path) -> None:
-    """Make a missing folder, where the one it belongs into exists: else its disk may be away."""
-    with suppress(OSError):  # told by whoever asks for it next
+    """Create a missing folder if its parent exists; otherwise its disk may not be mounted."""
+    with suppress(OSError):  # reported at the next access
         folder.mkdir()
 
 
 def folder_problem(folder: Path) -> tuple[str, str]:
-    """Return what keeps files from being written into the folder, and what to do; ("", "") when
-    nothing does.
+    """Return what prevents files from being written into the folder, and what to do;
+    else ("", "").
     """
     try:
         is_folder = stat.S_ISDIR(os.stat(folder).st_mode)
@@ -54,7 +54,9 @@ def folder_problem(folder: Path) -> tuple[str, str]:
 
 
 def check_folder(folder: Path, keep_free: int) -> None:
-    """Make it if needed; raises StorageError when it is not writable or its disk is too full."""
+    """Create the folder if needed. Raises StorageError when it is not writable or its disk is too
+    full.
+    """
     make_again(folder)
     found, advice = folder_problem(folder)
     if found:
@@ -67,7 +69,7 @@ def check_folder(folder: Path, keep_free: int) -> None:
 
 
 def try_disk(folder: Path) -> None:
-    """Write and sync a file that goes again. Raises StorageError."""
+    """Write and sync a temporary file. Raises StorageError."""
     tried = folder / ".tried"
     try:
         with tried.open("wb") as file:
@@ -82,5 +84,5 @@ def try_disk(folder: Path) -> None:
 
 
 def size_text(count: float) -> str:
-    """Return a size as text, `500 MB`, `1.5 GB`; of a gigabyte or more in gigabytes."""
+    """Return a size as text, `500 MB`, `1.5 GB`; in gigabytes from one gigabyte on."""
     return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.0f} MB"

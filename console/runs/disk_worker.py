@@ -1,6 +1,4 @@
-"""A worker for what must wait for the disk, one after the other, so that another thread need
-not.
-"""
+"""A worker thread for tasks that wait for the disk, so that another thread need not."""
 
 from __future__ import annotations
 
@@ -15,7 +13,7 @@ Chore = Callable[[], None]
 
 
 class DiskChores:
-    """Chores are done in their order; one that raises is logged and forgotten.
+    """Runs chores in order; an exception of one is logged and ignored.
 
     Args:
         done: called in the chores' thread after each.
@@ -34,13 +32,13 @@ class DiskChores:
         return self._open == 0
 
     def put(self, chore: Chore) -> None:
-        """Put a chore into the queue, from any thread; never waits."""
+        """Queue a chore, from any thread; never waits."""
         with self._lock:
             self._open += 1
         self._queue.put(chore)
 
     def close(self, timeout: float) -> None:
-        """Finish what was put before, within `timeout` s, and end."""
+        """Finish all queued chores, within `timeout` s, and end."""
         self._queue.put(None)
         self._thread.join(timeout)
 

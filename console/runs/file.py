@@ -12,13 +12,13 @@ from quadrotor.errors import StorageError
 from vehicle_link.clock import monotonic
 
 CHUNK_AGE_NS = 10_000_000
-"""Less than the recorder's thread pauses (20 ms), so that it closes a chunk whenever it wakes: a
-killed process loses some 20 ms."""
+"""Age in ns at which a chunk is closed. It is less than the pause of the recorder's thread (20 ms),
+which so closes a chunk whenever it wakes: a killed process loses some 20 ms."""
 
 
 class RunFile:
-    """The file of a run being recorded, used by one thread, but for `sync`. The attachments are
-    asked for here and may wait.
+    """The file of a run being recorded; all but `sync` is for one thread. The attachments are
+    requested here and may wait.
 
     Raises StorageError.
     """
@@ -29,15 +29,15 @@ class RunFile:
         try:
             self.writer = LogWriter(run.path, run.metadata, attachments, chunk_age_ns=CHUNK_AGE_NS)
         except StorageError:
-            with suppress(OSError):  # not made, or others' files are in it
+            with suppress(OSError):  # not created, or it contains other files
                 run.path.parent.rmdir()
             raise
         self.synced, self._since = time.monotonic(), monotonic()
         self.sync_problem: StorageError | None = None
 
     def sync(self) -> None:
-        """Flush in a thread of its own, as a disk under load may take a second; errors go to
-        `sync_problem`.
+        """Flush in a separate thread, because a disk under load may need a second. Errors are
+        stored in `sync_problem`.
         """
         try:
             self.writer.sync()
@@ -45,7 +45,9 @@ class RunFile:
             self.sync_problem = error
 
     def problem(self, folder: Path, free: int) -> StorageError | None:
-        """Return why the run must not go on, with `free` bytes on the disk of `folder`."""
+        """Return why the run must end, with `free` bytes on the disk of `folder`; None when it may
+        continue.
+        """
         if not self.writer.is_in_place():
             return StorageError(f"{self.run.path} was removed or its folder has vanished")
         if free < self.run.keep_free:
@@ -57,14 +59,14 @@ class RunFile:
         return None
 
     def close(self) -> bool:
-        """Close, and return whether the run has its index and is still where it was begun. Raises
-        StorageError.
+        """Close the file, and return whether it has its index and is still where it was created.
+        Raises StorageError.
         """
         in_place = self.writer.is_in_place()
         return self.writer.close() and in_place
 
     def end(self, *, dropped: int, closed: bool, problem: str) -> RunEnd:
-        """Return how the run ended."""
+        """Return the description of the run's end."""
         return RunEnd(
             run=self.run,
             duration=monotonic() - self._since,

@@ -1,4 +1,4 @@
-"""Next to the work: old files put in order, the trash emptied in time, a full disk told early."""
+"""Background tasks: old files are tidied, the trash is emptied, a full disk is reported early."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from console.runs.trash import purge
 from quadrotor.errors import StorageError
 
 PERIOD = 5.0
-"""s between looks at the disk."""
+"""Seconds between checks of the disk."""
 PURGE_PERIOD, RETRY = 3600.0, 60.0
-"""s between looks at the trash, and while something of it cannot be removed."""
+"""Seconds between checks of the trash: normally, and while something in it cannot be removed."""
 DAY = 86_400.0
 
 
 class Housekeeping:
-    """The housekeeping of runs and disk; its methods are called from one thread, again and again.
+    """The housekeeping of runs and disk; its methods are called periodically by one thread.
 
     Args:
-        recording: the recorder's status, now.
-        say: an event line.
+        recording: returns the recorder's present status.
+        say: publishes an event line.
         alarm: sets (key, line) or clears (key, None) an alarm.
-        purges: the trash, which one of several does.
+        purges: whether to purge the trash, which one of several stations does.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Housekeeping:
         self._stuck: str | None = None
 
     def tidy(self) -> None:
-        """Tidy once: a flight that is under way must not wait for old files."""
+        """Tidy once, in the background: a present flight must not wait for old files."""
         try:
             for line in tidy_runs(self._catalogue, skip=(self._recording().run_id,)):
                 self._say(line)
@@ -59,7 +59,7 @@ class Housekeeping:
             self._alarm("catalogue", str(error))
 
     def look(self) -> None:
-        """Look after disk and trash, every PERIOD."""
+        """Check disk and trash; called every PERIOD."""
         try:
             self._alarm("disk", self._warning())
             due = time.monotonic() - self._purged >= (RETRY if self._stuck else PURGE_PERIOD)
@@ -68,12 +68,12 @@ class Housekeeping:
                 self._stuck = self._purge()
             self._alarm("trash", self._stuck)
         except StorageError as error:
-            # Without the folder nothing is done here, and the recorder says that it is away.
+            # Without the folder nothing is done here, and the recorder reports that it is missing.
             away = self._catalogue.problem or not self._catalogue.folder.is_dir()
             self._alarm("trash", None if away else str(error))
 
     def _purge(self) -> str | None:
-        """Purge the trash and return what could not be removed, in one line."""
+        """Purge the trash; return what could not be removed, in one line, or None."""
         days = self._parameters.trash_keep
         purged = purge(self._catalogue, days * DAY)
         for run_id in purged.done:

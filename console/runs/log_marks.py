@@ -1,4 +1,4 @@
-"""Event marks read from a log, for a catalogue that does not know them."""
+"""Event marks read from a log, for a catalogue that does not have them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vehicle_link.topics import TOPICS
 
 
 def marks_in_log(log: Path, run_id: str) -> list[Mark]:
-    """Return the marks of a closed file, the newest text of each.
+    """Return the marks of a closed file, each with its newest text.
 
     Raises LogFormatError or StorageError.
     """
@@ -34,7 +34,9 @@ def marks_in_log(log: Path, run_id: str) -> list[Mark]:
 
 
 def keep_marks_of_log(catalogue: Catalogue, log: Path, run_id: str) -> None:
-    """Keep the marks of a run the catalogue did not know. Raises StorageError or LogFormatError."""
+    """Store the marks of a run that the catalogue did not have. Raises StorageError or
+    LogFormatError.
+    """
     for mark in marks_in_log(log, run_id):
         if find_mark(catalogue, mark.id) is None:
             keep_mark(catalogue, mark)

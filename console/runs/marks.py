@@ -1,7 +1,7 @@
 """Event marks: the service `mark`, the topic `marks` in the log, and the catalogue's copy.
 
-A mark is made at once, at the time of the key press; its text may follow in a second message with
-the same id. Whoever may operate may mark: it commands nothing, so it asks for no lease.
+A mark is set at once, at the time of the key press; its text may follow in a second message with
+the same id. Every operator may set marks: a mark commands nothing, so it needs no lease.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ class Recording(Protocol):
 
 
 class MarkService:
-    """Serves `/<vehicle>/station/mark` on a thread of its own.
+    """Serves `/<vehicle>/station/mark` in its own thread.
 
     Args:
-        clock: the vehicle's, now (the link's).
+        clock: returns the vehicle's present time (the link's).
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class MarkService:
             requester=request.requester,
         )
         payload, now_ns = encode(message), time_ns()
-        if is_logged:  # of a run that has ended only the pages hear
+        if is_logged:  # after the end of a run only pages receive it
             kind = TOPICS["marks"].type_name
             self._recorder.put(f"/{self._vehicle}/marks", kind, payload, now_ns, mark.stamp_ns)
         self._outbox.put("marks", payload, mark.stamp_ns)

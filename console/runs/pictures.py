@@ -1,4 +1,4 @@
-"""The cameras' pictures in a run: taken from the tracker processes only while it is recorded."""
+"""The cameras' pictures in a run: subscribed only while a run is recorded."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vehicle_link.transport.publisher import Received
 
 PICTURES = tuple(name for name, row in TOPICS.items() if row.type_name == PICTURE)
 JITTER = 0.9
-"""Share of the period after which a picture is in time."""
+"""Share of the period after which the next picture is accepted."""
 
 
 class PictureRecording:
@@ -28,8 +28,8 @@ class PictureRecording:
         self._last: dict[str, int] = {}
 
     def tick(self) -> None:
-        """Subscribe when a run has begun, and leave when it has ended: no pictures are made
-        when nobody wants them. Raises LinkError when the session is closed.
+        """Subscribe when a run has begun, and unsubscribe when it has ended: pictures are made only
+        while something subscribes. Raises LinkError when the session is closed.
         """
         is_wanted = bool(self._recorder.run_id) and self._parameters.pictures > 0.0
         if is_wanted and self._node is None:

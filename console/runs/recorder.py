@@ -1,7 +1,7 @@
 """The recorder: a bounded queue and one thread that owns the run's file.
 
-Whoever puts a message never waits for the disk. What does not fit is counted and said; a full
-disk, a vanished folder or a failing file ends the run with an alarm, never the station.
+A caller of `put` never waits for the disk. Messages that do not fit are counted and reported; a
+full disk, a missing folder or a failing file ends the run with an alarm, never the station.
 """
 
 from __future__ import annotations
@@ -25,31 +25,31 @@ from vehicle_link.clock import monotonic
 log = logging.getLogger(__name__)
 
 QUEUE_LIMIT = 20_000
-"""Messages: 10 s at the full rate, some 15 MB."""
+"""Maximum number of queued messages: 10 s at the full rate, some 15 MB."""
 
 PERIOD = 0.02
 AT_ONCE = 1000
-"""Messages written together at most: a chunk may become larger by all of them."""
+"""Maximum number of messages written together: a chunk may exceed its size by all of them."""
 SYNC_PERIOD = 0.25
 WATCH_PERIOD = 1.0
 AGAIN_PERIOD = 3.0
-"""s between questions whether a run that the disk ended may have a next one."""
+"""Seconds between checks whether a run that the disk ended may have a successor."""
 
 Message = tuple[str, str, bytes, int, int]
 """Topic, type name, CDR payload, log_ns, publish_ns."""
 
 
 class Recorder:
-    """Start, put, stop from any thread.
+    """Records runs; start, put and stop may be called from any thread.
 
     Args:
         folder: where runs are written; watched also while nothing is recorded.
-        on_start, on_end: called in a thread next to the recorder's (catalogue), for a commit may
-            take a second; StorageError becomes an alarm.
-        on_again: called in that thread some seconds after the disk ended a run, or kept one from
-            beginning, and again until one begins: whether one is to begin.
-        on_watch: asked once a second; what is wrong with all that is kept, "" for nothing.
-        queue_limit: messages that may wait for the disk.
+        on_start, on_end: called in a thread next to the recorder's (catalogue), because a commit
+            may take a second; StorageError becomes an alarm.
+        on_again: called in that thread some seconds after the disk ended a run, or prevented one,
+            and repeatedly until one begins; it decides whether to begin one.
+        on_watch: called once a second; returns what is wrong with the data folder, or "".
+        queue_limit: number of messages that may wait for the disk.
         period: s between two writes.
     """
 
@@ -79,7 +79,7 @@ class Recorder:
         self._dropped: Counter[str] = Counter()  # by run
         self._free = 0
         self._alarms: dict[str, str] = {}
-        self._is_owed = False  # the disk ended a run, and none began since
+        self._is_owed = False  # the disk ended a run, and none has begun since
         self._asked = 0.0
         self._lock = threading.Lock()
         self._chores = DiskChores("recorder-chores", self._rest)
@@ -97,14 +97,14 @@ class Recorder:
         """Begin a recording; messages put from now on belong to the run.
 
         Args:
-            again: after the disk ended one. Wants AGAIN_SPARE more room and a disk that takes a
-                file; until then the alarm of that end stays as it is.
+            again: whether the disk ended the previous run. Then AGAIN_SPARE more free space and a
+                successful test write are required; until then the alarm of that end stays.
 
-        Raises StorageError when a run is being recorded, the folder is not writable or the disk
-        is too full.
+        Raises StorageError when a run is being recorded, the folder is not writable or the disk is
+        too full.
         """
         try:
-            # Not within the lock: a disk that does not answer must not hold up `stop`.
+            # Outside the lock: a disk that does not answer must not delay `stop`.
             check_folder(self._folder, run.keep_free + again * AGAIN_SPARE)
             if again:
                 try_disk(self._folder)
@@ -129,11 +129,11 @@ class Recorder:
         self._wake.set()
 
     def put(self, topic: str, type_name: str, payload: bytes, log_ns: int, publish_ns: int) -> None:
-        """Put one message; forgotten when nothing is recorded. Never waits."""
+        """Queue one message; discarded while nothing is recorded. Never waits."""
         self.put_all(((topic, type_name, payload, log_ns, publish_ns),))
 
     def put_all(self, messages: Sequence[Message]) -> None:
-        """Put several messages, as `put` does."""
+        """Queue several messages, as `put` does."""
         if self._wanted is None:
             return
         if len(self._queue) + len(messages) > self._limit:
@@ -147,7 +147,7 @@ class Recorder:
         self._queue.extend(messages)
 
     def stop(self) -> None:
-        """End the run after what was put so far; without a run nothing happens."""
+        """End the run after all queued messages; without a run nothing happens."""
         with self._lock:
             if self._wanted is None:
                 return
@@ -156,12 +156,12 @@ class Recorder:
         self._wake.set()
 
     def wait_idle(self, timeout: float) -> bool:
-        """Return True when no file is open any more within `timeout` s."""
+        """Wait until no file is open, at most `timeout` s; return whether that is so."""
         return self._idle.wait(timeout)
 
     def close(self, timeout: float = 30.0) -> None:
-        """Stop, write what waits, close the file, end the thread."""
-        self._closing = True  # first: none begins any more
+        """Stop, write all queued messages, close the file, end the thread."""
+        self._closing = True  # first, so that no run begins any more
         self.stop()
         self._wake.set()
         self._thread.join(timeout)
@@ -179,7 +179,7 @@ class Recorder:
             alarms=tuple(self._alarms.copy().values()),
         )
 
-    # What follows runs in the recorder's thread.
+    # The following methods run in the recorder's thread.
 
     def _run(self) -> None:
         watched = -WATCH_PERIOD
@@ -194,7 +194,7 @@ class Recorder:
                 self._sync()
                 if closing and self._open is None and not self._queue:
                     return
-                # Polled while recording, so that no one who puts pays for waking us.
+                # Polled while recording, so that `put` does not pay for waking this thread.
                 self._wake.wait(self._period if self._open else WATCH_PERIOD)
                 self._wake.clear()
         except BaseException as error:
@@ -255,7 +255,7 @@ class Recorder:
         self._open = None
 
     def _tell(self, told: Callable[[Any], None], what: Run | RunEnd) -> None:
-        """Report to the catalogue; the file matters more than its line there."""
+        """Report to the catalogue; the file matters more than its entry there."""
         try:
             told(what)
             self._alarms.pop("catalogue", None)
@@ -263,8 +263,8 @@ class Recorder:
             self._alarms["catalogue"] = _words(error)
 
     def _fail(self, run: Run, error: Exception) -> None:
-        """End a run that cannot go on: report it and close what there is; what waits for it is
-        skipped.
+        """End a run that cannot continue: raise the alarm, close its file, and skip its queued
+        messages.
         """
         words = _words(error)
         with self._lock:
@@ -282,7 +282,7 @@ class Recorder:
                 self._idle.set()
 
     def _sync(self) -> None:
-        """Write what waits into the file some times a second, and flush it to the disk."""
+        """Write pending data into the file several times a second, and flush it to the disk."""
         file, now = self._open, time.monotonic()
         if file is None or now - file.synced < SYNC_PERIOD:
             return
@@ -298,7 +298,7 @@ class Recorder:
             self._chores.put(file.sync)
 
     def _watch(self) -> None:
-        """Watch once a second whether the disk below us still exists."""
+        """Check once a second whether the disk of the folder still exists."""
         problem = self._on_watch()
         if not problem:
             make_again(self._folder)
@@ -306,7 +306,7 @@ class Recorder:
             self._free = free_bytes(self._folder)
         except StorageError as error:
             self._free = 0
-            problem = problem or self._on_watch() or str(error)  # gone since it was asked
+            problem = problem or self._on_watch() or str(error)  # lost since the first check
         if problem:
             self._alarms["folder"] = problem
         else:
@@ -318,7 +318,7 @@ class Recorder:
         self._ask_again()
 
     def _ask_again(self) -> None:
-        """Ask again in another thread: the answer asks the disk, which may take its time."""
+        """Call `on_again` in another thread: it accesses the disk, which may take long."""
         now = time.monotonic()
         if self._is_owed and now - self._asked >= AGAIN_PERIOD and self._chores.is_idle:
             self._asked = now

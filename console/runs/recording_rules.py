@@ -14,10 +14,10 @@ class Decision(Enum):
 
 
 class RecordingPolicy:
-    """Fed with the vehicle's status and the clock; times in s of any steady clock.
+    """Decides from the vehicle's status and the clock; times in s of any steady clock.
 
-    A run stopped by hand in flight is not begun again until the next arming; arming again
-    before the run has ended lets it go on.
+    A run stopped by hand in flight is not begun again until the next arming; arming again before
+    the run has ended continues it.
     """
 
     def __init__(self) -> None:
@@ -30,11 +30,11 @@ class RecordingPolicy:
 
     @property
     def goes_on(self) -> bool:
-        """Return whether a run is to go on, armed or for the while after."""
+        """Return whether a run is to continue, while armed or for a while afterwards."""
         return self._armed or self._disarmed_at is not None
 
     def status(self, armed: bool, now: float) -> Decision:
-        """Return decide on each status message. The first armed one starts a run at once."""
+        """Decide for each status message. The first armed one starts a run at once."""
         was_armed, self._armed = self._armed, armed
         if armed:
             self._disarmed_at = None
@@ -44,7 +44,7 @@ class RecordingPolicy:
         return Decision.NOTHING
 
     def tick(self, now: float, after_disarm: float) -> Decision:
-        """Decide some times a second whether a run ends; `after_disarm` in s."""
+        """Decide several times a second whether a run ends; `after_disarm` in s."""
         if self._disarmed_at is not None and now - self._disarmed_at >= after_disarm:
             self._disarmed_at = None
             return Decision.STOP

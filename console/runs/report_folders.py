@@ -1,5 +1,6 @@
-"""The place of a run's report: `runs/<run_id>/report/`, next to a single file
-`runs/<run_id>_report/`.
+"""The location of a run's report: the folder `runs/<run_id>/report/`.
+
+A run that is a single file has it next to the file, in `runs/<run_id>_report/`.
 
 `result.json` is the verdict; the other files are the experiment's plots and text.
 """
@@ -18,7 +19,7 @@ FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,119}")
 
 
 def report_folder(log: Path) -> Path:
-    """Return the report's folder of a run; it need not exist."""
+    """Return the folder of a run's report; it need not exist."""
     return log / "report" if log.is_dir() else log.with_name(f"{log.stem}_report")
 
 
@@ -27,7 +28,9 @@ def has_report(log: Path) -> bool:
 
 
 def read_result(log: Path) -> dict[str, Any]:
-    """Return verdict, figures, options and file names. Raises StorageError when there is none."""
+    """Return verdict, figures, options and file names. Raises StorageError when there
+    is no report.
+    """
     path = report_folder(log) / RESULT
     try:
         result: dict[str, Any] = json.loads(path.read_text())
@@ -50,7 +53,7 @@ def report_file(log: Path, name: str) -> Path:
 
 
 def write_result(log: Path, content: dict[str, Any]) -> None:
-    """Write all of it or nothing; the folder exists. Raises OSError."""
+    """Write the result atomically; the folder must exist. Raises OSError."""
     path = report_folder(log) / RESULT
     aside = path.with_name(f"{RESULT}.new")
     aside.write_text(json.dumps(content, indent=1))
@@ -58,7 +61,7 @@ def write_result(log: Path, content: dict[str, Any]) -> None:
 
 
 def write_decision(log: Path, decision: str, requester: str) -> None:
-    """Write what became of the calibration the run proposes. Raises StorageError."""
+    """Write the decision about the calibration that the run proposes. Raises StorageError."""
     result = read_result(log)
     try:
         write_result(log, result | {"decision": decision, "decided_by": requester})

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 AGAIN_SPARE = 50_000_000
-"""Bytes more than are kept free that a run wants after one the disk has ended: minutes of it."""
+"""Bytes in addition to those kept free that a run requires after the disk has ended one: minutes of
+recording."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One recording; `attachments` is asked in the recorder's thread, for it may wait."""
+    """One recording; `attachments` is called in the recorder's thread, because it may wait."""
 
     run_id: str
     path: Path
@@ -32,7 +33,7 @@ class RunEnd:
     messages: int
     dropped: int
     closed: bool  # the file has its index
-    problem: str  # why it ended other than as asked
+    problem: str  # why it ended other than as requested, or empty
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Runs: recorder, catalogue and the rules of when to record, put together."""
+"""Runs: recorder, catalogue and recording rules combined."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from quadrotor.errors import StorageError
 from vehicle_link.clock import monotonic, time_ns
 
 ASKED_KEEP = 5.0
-"""s within which a request to arm names the operator of the run that begins."""
+"""Seconds for which a request to arm names the operator of the run that begins."""
 
 
 class RunKeeper:
-    """Thread-safe.
+    """Starts, stops and catalogues runs; thread-safe.
 
     Args:
-        operator: written into runs no one asked for by name.
-        calibrations: the file of those in force, for each run's log; never waits.
+        operator: written into runs that were started without a requester.
+        calibrations: returns the file of those in force, for each run's log; never waits.
         period: s between two writes of the recorder.
     """
 
@@ -54,9 +54,10 @@ class RunKeeper:
         self._asked = (operator, float("-inf"))
         self._latest = operator  # of the newest run
         self._policy = RecordingPolicy()
-        self._held = ""  # the run that an experiment keeps going, motors on or off
+        self._held = ""  # run that an experiment continues, motors on or off
         self._lock = threading.Lock()
-        self._names: set[str] = set()  # given by this process; their files come a little later
+        # Given by this process; their files are created a little later.
+        self._names: set[str] = set()
         self._provenance = provenance()
         self._on_closed: Callable[[str], None] = lambda run_id: None
         self.recorder = Recorder(
@@ -73,20 +74,18 @@ class RunKeeper:
         self._on_closed = on_closed
 
     def asked(self, command: str, requester: str) -> None:
-        """Note who asked for this command; whoever arms is the run's operator."""
+        """Note the requester of this command; the person who arms is the run's operator."""
         if command == "arm":
             self._asked = (requester, monotonic())
 
     def status(self, armed: bool) -> None:
-        """Take over each status of the vehicle. A run that cannot start is an alarm of the
-        recorder.
-        """
+        """Handle a status of the vehicle. When a run cannot start, the recorder raises an alarm."""
         with self._lock:
             decision = self._policy.status(armed, monotonic())
         if decision is Decision.START and not self.recorder.run_id:
             requester, at = self._asked
             named = requester and monotonic() - at < ASKED_KEEP
-            with suppress(StorageError):  # shown and said as an alarm until a run starts
+            with suppress(StorageError):  # reported as an alarm until a run starts
                 self.start(requester if named else self._operator)
 
     def tick(self) -> None:
@@ -100,11 +99,11 @@ class RunKeeper:
             self.recorder.stop()
 
     def hold(self, requester: str) -> str:
-        """Begin a run that goes on until `release`, for an experiment that may turn no motor;
+        """Begin a run that continues until `release`, for an experiment that may turn no motor;
         return its id.
 
-        One being recorded is that run, though begun by hand: it is judged when its file is closed.
-        Raises StorageError.
+        A run that is already being recorded is used instead, even if begun by hand: it is judged
+        when its file is closed. Raises StorageError.
         """
         run_id = self.recorder.run_id or self.start(requester or self._operator)
         with self._lock:
@@ -112,8 +111,8 @@ class RunKeeper:
         return run_id
 
     def release(self) -> None:
-        """Release the run of an experiment that is over: it ends, or after the motors stopped as
-        any other.
+        """Release the run of an experiment that has ended: it ends at once, or after the motors
+        have stopped like any other run.
         """
         with self._lock:
             held, self._held = self._held, ""
@@ -121,7 +120,7 @@ class RunKeeper:
                 self.recorder.stop()
 
     def by_hand(self, start: bool, requester: str) -> str:
-        """Start or stop; the run's id. Raises StorageError with the reason."""
+        """Start or stop a run; return its id. Raises StorageError with the reason."""
         if start:
             return self.start(requester or self._operator)
         run_id = self.recorder.run_id
@@ -131,7 +130,7 @@ class RunKeeper:
         return run_id
 
     def start(self, operator: str, *, again: bool = False) -> str:
-        """Begin a run; its id. `again` as of the recorder. Raises StorageError."""
+        """Begin a run; return its id. `again` is as for the recorder. Raises StorageError."""
         self._latest = operator
         now = datetime.now(UTC)
         run_id = run_name(now, self._vehicle, self._catalogue.folder, self._names)
@@ -156,15 +155,15 @@ class RunKeeper:
         return run_id
 
     def close(self) -> None:
-        """End the run and write its file to the end."""
+        """End the run and complete its file."""
         self.recorder.close()
 
     def _again(self) -> None:
-        """Record what is left of a flight, as soon as it can be, when the disk ended its run."""
+        """Record the rest of a flight as soon as possible after the disk ended its run."""
         with self._lock:
             armed = self._policy.armed
         if armed and not self.recorder.run_id:
-            with suppress(StorageError):  # asked again
+            with suppress(StorageError):  # called again later
                 self.start(self._latest, again=True)
 
     def _attachments(self) -> dict[str, bytes]:

@@ -1,4 +1,4 @@
-"""The use of the disk by runs, and the time for which recording still lasts."""
+"""The disk space that runs use, and the remaining recording time."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from console.runs.disk import free_bytes
 from flight_log.columns.places import CACHES, folder_bytes
 
 RECENT = 10
-"""Runs whose mean rate is taken while nothing is recorded."""
+"""Number of newest runs whose mean rate is used while nothing is recorded."""
 
 
 @dataclass(frozen=True, slots=True)
 class Storage:
-    """Sizes in bytes."""
+    """Use of the disk; sizes in bytes."""
 
     runs: int
     run_bytes: int
@@ -29,15 +29,15 @@ class Storage:
     rate: float  # bytes/s, mean of the newest runs; 0 without any
 
     def lasts(self, keep_free: int, rate: float = 0.0) -> float | None:
-        """Return the seconds until only `keep_free` is left, at `rate` or that of the newest runs;
-        None unknown.
+        """Return the seconds until only `keep_free` bytes are left, at `rate` or that of the newest
+        runs; None when unknown.
         """
         rate = rate or self.rate
         return max(0.0, (self.free - keep_free) / rate) if rate > 0.0 else None
 
 
 def storage(catalogue: Catalogue) -> Storage:
-    """Return the disk's use by runs. Raises StorageError."""
+    """Return the disk space used by runs. Raises StorageError."""
     size = func.coalesce(func.sum(RunRow.bytes), 0)
     listed = select(func.count(), size).select_from(RunRow).where(NOT_DELETED)
     deleted = select(func.count(), size).select_from(RunRow)

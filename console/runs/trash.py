@@ -1,10 +1,10 @@
-"""Deleting runs with undo: their files wait in `runs/trash/`, on the same disk, for some days.
+"""Deletion of runs with undo: their files stay in `runs/trash/`, on the same disk, for some days.
 
-A deleted run is in no list and its file is not opened; what the vehicle logged on board is never
-touched.
+A deleted run is in no list and its file is not opened; the vehicle's own logs are never touched.
 
-Where the log lies decides: it is moved by one rename, the catalogue's line follows. Someone who
-looks in between, at a start or after a crash, takes the same last step (`finish_moves`).
+The location of the log decides: it is moved by one rename, and the catalogue's entry follows. A
+process that finds the two in between, at its start or after a crash, completes the move
+(`finish_moves`).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from quadrotor.errors import RefusedError, StorageError
 
 TRASH = "trash"
 MADE_AGAIN = (".viser",)
-"""Endings of `<run>.…` files that are made again when asked for; not kept."""
+"""Endings of `<run>.…` files that are recreated on demand; they are not kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ def delete_run(catalogue: Catalogue, run_id: str, requester: str) -> None:
 
 
 def restore_run(catalogue: Catalogue, run_id: str) -> None:
-    """Restore a run out of the trash, with notes, tags and marks. Raises StorageError."""
+    """Restore a run from the trash, with notes, tags and marks. Raises StorageError."""
     log = _file_of(catalogue, run_id)
     if not is_deleted(catalogue, run_id):
         raise StorageError(f"run {run_id!r} is not in the trash")
@@ -106,9 +106,10 @@ def deleted_runs(catalogue: Catalogue) -> list[Deleted]:
 
 
 def purge(catalogue: Catalogue, older_than: float = 0.0) -> Purged:
-    """Remove permanently what was deleted more than `older_than` s ago; what cannot be stays.
+    """Remove permanently what was deleted more than `older_than` s ago; runs that cannot be removed
+    stay.
 
-    Raises StorageError when the catalogue cannot be used at all.
+    Raises StorageError when the catalogue cannot be used.
     """
     before_ns = time.time_ns() - round(older_than * 1e9)
     purged = Purged()
@@ -118,7 +119,7 @@ def purge(catalogue: Catalogue, older_than: float = 0.0) -> Purged:
                 _remove(catalogue, run.id)
                 purged.done.append(run.id)
             except StorageError as error:
-                if is_deleted(catalogue, run.id):  # else someone was quicker
+                if is_deleted(catalogue, run.id):  # else another process was quicker
                     purged.refused[run.id] = str(error)
     return purged
 
@@ -130,15 +131,15 @@ def is_deleted(catalogue: Catalogue, run_id: str) -> bool:
 
 
 def is_in_trash(catalogue: Catalogue, file: str) -> bool:
-    """Return whether the log is in the trash; `file`: its name."""
+    """Return whether the log called `file` is in the trash."""
     return (catalogue.folder / TRASH / file).exists()
 
 
 def finish_moves(catalogue: Catalogue) -> list[str]:
-    """Finish moves that a crash or another process cut off; return one line for each.
+    """Finish moves that a crash or another process interrupted; return one line for each.
 
-    A listed run whose log lies in the trash is deleted, a deleted one whose log lies among the
-    runs is listed again. Raises StorageError.
+    A listed run whose log is in the trash is deleted, a deleted one whose log is among the runs is
+    listed again. Raises StorageError.
     """
     lines = []
     for run in deleted_runs(catalogue):
@@ -159,7 +160,7 @@ def finish_moves(catalogue: Catalogue) -> list[str]:
 
 
 def _remove(catalogue: Catalogue, run_id: str) -> None:
-    """Remove a run's files permanently; the log last, so that what is left can be put back. Raises
+    """Remove a run's files permanently, the log last, so that the rest can be restored. Raises
     StorageError.
     """
     log = catalogue.folder / TRASH / _file_of(catalogue, run_id).name
@@ -181,7 +182,7 @@ def _file_of(catalogue: Catalogue, run_id: str) -> Path:
     with catalogue.session() as session:
         run = session.get(RunRow, run_id)
         if run is None:
-            catalogue.existing(session, run_id)  # says so
+            catalogue.existing(session, run_id)  # raises the error
         assert run is not None
         log = catalogue.folder / run.file
     if log.name != run.file or log.suffix not in (SUFFIX, ""):
@@ -190,15 +191,15 @@ def _file_of(catalogue: Catalogue, run_id: str) -> Path:
 
 
 def _belongings(log: Path) -> Iterator[Path]:
-    """Yield what of a run lies in the folder of `log`, the log first."""
+    """Yield the files of a run in the folder of `log`, the log first."""
     yield from (path for path in (log, log.with_name(f"{log.stem}_report")) if path.exists())
 
 
 def _move(log: Path, folder: Path) -> None:
-    """Move a run's log and then the rest of it, within one disk: all or nothing. Raises
+    """Move a run's log and then its other files, within one disk: all or nothing. Raises
     StorageError.
 
-    What has gone meanwhile was moved by whoever does the same.
+    Files that have disappeared were moved by another process that does the same.
     """
     moved: list[tuple[Path, Path]] = []
     try:
@@ -221,8 +222,8 @@ def _move(log: Path, folder: Path) -> None:
 
 
 def _out_of_the_list(catalogue: Catalogue, run_id: str, requester: str) -> None:
-    """Take a run out of the list, once, whoever is first; a requester's name is kept. Raises
-    StorageError.
+    """Mark a run as deleted, once, even if several processes try; a requester's name is kept.
+    Raises StorageError.
     """
     try:
         with catalogue.session() as session:
@@ -231,7 +232,7 @@ def _out_of_the_list(catalogue: Catalogue, run_id: str, requester: str) -> None:
                 row = TrashRow(run_id=run_id, deleted_ns=time.time_ns(), requester="")
                 session.add(row)
             row.requester = requester or row.requester
-    except StorageError:  # someone may have been quicker by a hair
+    except StorageError:  # another process may have been slightly quicker
         if not is_deleted(catalogue, run_id):
             raise
 

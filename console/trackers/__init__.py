@@ -1,1 +1,1 @@
-"""Tracking systems of a laboratory, each the source of a process of its own."""
+"""Tracking systems of a laboratory; each runs in its own process."""

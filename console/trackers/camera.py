@@ -25,16 +25,16 @@ from vehicle_link.clock import monotonic_ns
 
 MS = 1_000_000
 LATEST_NS = 200 * MS
-"""Pictures of a file that are later than this are skipped: who reads slower than it plays gets the
-newest one."""
+"""Age in ns beyond which pictures of a file are skipped: a reader that is slower than the video
+gets the newest one."""
 
 
 class TagSource(ABC):
     """A camera, or a video file, with tags in its pictures.
 
     Args:
-        pictures: read, and closed with it.
-        view: told of each picture after what was read in it is on its way.
+        pictures: read, and closed with the source.
+        view: receives each picture after its frame was processed.
         late_ns: from the middle of the exposure to the driver's stamp.
     """
 
@@ -42,24 +42,24 @@ class TagSource(ABC):
         self._pictures, self._view, self._late_ns = pictures, view, late_ns
 
     def frames(self) -> Iterator[Frame]:
-        """Yield a frame a picture. Raises MeasurementError, UnreachableError, UsageError."""
+        """Yield one frame per picture. Raises MeasurementError, UnreachableError, UsageError."""
         for stamp_ns, received_ns, grey in self._pictures:
             taken_ns = received_ns - self._late_ns
             late = None if stamp_ns is None else stamp_ns - self._late_ns
             try:
                 frame = self._read(grey)
                 yield frame._replace(stamp_ns=late, received_ns=taken_ns)
-            finally:  # also of a picture that is refused: it shows why
+            finally:  # also for a refused picture, which shows why
                 self._view.take(taken_ns, grey, *self._seen())
 
     @abstractmethod
     def _read(self, grey: Picture) -> Frame:
-        """Return what is read in a picture, without its stamps. Raises MeasurementError."""
+        """Return the content of a picture, without its stamps. Raises MeasurementError."""
 
     @abstractmethod
     def _seen(self) -> tuple[Tags, Collection[int], float]:
-        """Return the tags of the newest picture, the numbers of those that something is known of,
-        and by how much they are from their places, pixels rms.
+        """Return the tags of the newest picture, the numbers of the known ones, and their deviation
+        from their places, pixels rms.
         """
 
     def close(self) -> None:
@@ -67,10 +67,10 @@ class TagSource(ABC):
 
 
 class CameraSource(TagSource):
-    """Bodies with tags, as one camera sees them.
+    """Bodies with tags, as seen by one camera.
 
     Args:
-        camera: a device's number, or a video file, which is played at its own pace.
+        camera: a device's number, or a video file, which is played at its own speed.
         intrinsics, tags: files of the camera's intrinsics and of the layout of the tags.
         view: for people.
 
@@ -98,7 +98,7 @@ class Pictures:
     """Iterates over (driver's stamp in ns or None, host's steady clock in ns, grey picture).
 
     Raises StorageError or UnreachableError when the camera cannot be opened, UnreachableError when
-    it gives no more pictures, UsageError when the file has ended.
+    it delivers no more pictures, UsageError when the file has ended.
     """
 
     def __init__(self, camera: int | Path, lens: Intrinsics | None = None) -> None:
@@ -131,7 +131,7 @@ class Pictures:
             stamp_ns = round(MS * self._capture.get(cv2.CAP_PROP_POS_MSEC))
             if isinstance(self._camera, Path):
                 if self._due_ns(stamp_ns, received_ns) < received_ns - LATEST_NS:
-                    continue  # a camera's buffer would have been overwritten by now
+                    continue  # a camera's buffer would be overwritten by now
                 received_ns = self._paced(stamp_ns, received_ns)
             came, picture = self._capture.retrieve()
             if not came:

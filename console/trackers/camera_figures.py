@@ -1,4 +1,4 @@
-"""Figures of how well a camera sees, and the words in which process and page show them."""
+"""Figures of how well a camera sees, and the text in which process and page show them."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from estimation.tags.exposure import wrong_exposure
 
 
 class Figures(NamedTuple):
-    """The figures of a camera's last second; NaN: not known.
+    """The figures of a camera's last second; NaN when unknown.
 
     Attributes:
-        is_camera: False of a system without one.
-        picture_rate: pictures a second, also of those that were not used; Hz.
-        tags_share: of these pictures, those with a tag; 0 to 1.
+        is_camera: False for a system without a camera.
+        picture_rate: pictures a second, including unused ones; Hz.
+        tags_share: share of these pictures with a tag, 0 to 1.
         grey_level: mean of the newest picture, 0 black to 255 white.
-        residual: of tags from where they should be, pixels rms, the median of the pictures.
+        residual: deviation of tags from their places, pixels rms, median of the pictures.
     """
 
     is_camera: bool = False
@@ -27,7 +27,7 @@ class Figures(NamedTuple):
 
 
 def camera_words(figures: Figures | Any) -> str:
-    """Return the figures, of a TrackerStatus too, in one line; "" of a system without a camera."""
+    """Return the figures, also those of a TrackerStatus, in one line; "" without a camera."""
     if not figures.is_camera:
         return ""
     if not figures.picture_rate:

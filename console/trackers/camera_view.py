@@ -1,7 +1,7 @@
 """A camera's newest picture for people, with the tags marked, and figures of how well it sees.
 
-Pictures are made only while somebody looks or records, and no faster than the page shows them.
-They go over the station's loopback and never over the vehicle's radio (`vehicle_link.topics`).
+Pictures are made only while they are shown or recorded, and no faster than the page shows them.
+They use the station's loopback and never the vehicle's radio (`vehicle_link.topics`).
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from vehicle_link.clock import monotonic_ns
 from vehicle_link.topics import TOPICS
 
 RECENT_NS = 1_000_000_000
-"""Time over which the figures are taken."""
+"""Time in ns over which the figures are computed."""
 PERIOD_NS = round(0.95e9 / TOPICS["tracker_picture"].rate)
-"""Shortest time between two pictures; a little less than of the rate, for jitter."""
+"""Shortest time in ns between two pictures; a little less than the rate's period, for jitter."""
 
 
 class Seen(NamedTuple):
-    """A picture for people."""
+    """A picture to be shown."""
 
     taken_ns: int
-    """On the host's steady clock."""
+    """Time of the picture on the host's steady clock."""
     jpeg: bytes
 
 
 class CameraView:
-    """Thread-safe.
+    """Stores a camera's newest picture and figures; thread-safe.
 
     Attributes:
-        is_watched: whether pictures are made; set by who sends them.
+        is_watched: whether pictures are made; set by their sender.
         newest: the newest picture that was made.
     """
 
@@ -51,12 +51,12 @@ class CameraView:
     def take(
         self, taken_ns: int, grey: Picture, tags: Tags, used: Collection[int], residual: float
     ) -> None:
-        """Take a picture, and what was found in it.
+        """Handle a picture, and what was found in it.
 
         Args:
-            taken_ns: when, on the host's steady clock.
-            used: numbers of the tags that something is known of.
-            residual: pixels rms; NaN when not known.
+            taken_ns: its time on the host's steady clock.
+            used: numbers of the known tags.
+            residual: pixels rms; NaN when unknown.
         """
         with self._lock:
             self._recent.append((taken_ns, bool(tags), float(grey.mean()), residual))
@@ -66,7 +66,7 @@ class CameraView:
             self.newest = Seen(taken_ns, marked_picture(grey, tags, used))
 
     def figures(self) -> Figures:
-        """Return how well the camera sees now."""
+        """Return the present figures of the camera."""
         with self._lock:
             self._forget(monotonic_ns())
             recent = list(self._recent)

@@ -1,9 +1,8 @@
-"""The health of the poses of each body: what is wrong in one line, and which poses must not be
-flown on.
+"""The health of the poses of each body: what is wrong, and which poses must not be flown on.
 
-A pose whose meaning is in doubt (unit, axes, which body) is withheld, never corrected by a guess:
-the vehicle then does what it does without poses. A jump that has no such explanation is passed on
-and told: estimator and supervisor on board judge it.
+A pose with a doubtful meaning (unit, axes, which body) is withheld, never corrected by a guess: the
+vehicle then behaves as without poses. A jump without such an explanation is passed on and reported:
+estimator and supervisor on board judge it.
 """
 
 from __future__ import annotations
@@ -22,24 +21,25 @@ Unit = Literal["m", "mm"]
 Up = Literal["z", "y"]
 
 FARTHEST = 50.0
-"""m from the origin; no laboratory is larger, and millimetres are soon beyond."""
+"""Largest distance in m from the origin; no laboratory is larger, and millimetres soon
+exceed it."""
 LOWEST = -0.5
-"""m; the floor of a laboratory is at 0."""
+"""Lowest height in m; the floor of a laboratory is at 0."""
 FORGOTTEN = 2.0
-"""s unseen, after which a body's past says nothing about it."""
+"""Seconds without being seen after which a body's past is ignored."""
 SPEED, STEP = 10.0, 0.1
-"""A body of unknown velocity moves by SPEED (m/s) and STEP (m) at most between two frames; …"""
+"""Largest motion of a body of unknown velocity between two frames: SPEED (m/s) and STEP (m). …"""
 ACCELERATION, BASE = 30.0, 0.1
-"""… one whose velocity is known from the last BASE (s) differs from it by ACCELERATION (m/s²) …"""
+"""… With a known velocity over the last BASE (s) it is ACCELERATION (m/s²), …"""
 TURN_RATE, TURN = 20.0, math.radians(45)
-"""… and turns by TURN_RATE (rad/s) and TURN (rad)."""
+"""… and the largest turn is TURN_RATE (rad/s) and TURN (rad)."""
 LIKE = 0.1
-"""m between a place and what would explain it."""
+"""Largest distance in m between a position and one that would explain it."""
 ON_ITS_SIDE = math.radians(60)
 SETTLED = 0.5
-"""s without moving by STEP before a body's attitude is judged."""
+"""Seconds without moving by STEP before a body's attitude is judged."""
 NOTED = 1.0
-"""s for which a jump that is over is told."""
+"""Seconds for which a past jump is reported."""
 
 _AXES = ("x", "y", "z")
 _WRONG: Mapping[str, Array] = {
@@ -52,14 +52,14 @@ _WRONG: Mapping[str, Array] = {
     "y-up": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
     "z-up and were y-up": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
 }
-"""Matrices from right positions to such."""
+"""Matrices from correct to wrong positions, by the error."""
 
 
 class BodyHealth:
-    """One body's poses, in the axes and the unit that the user named.
+    """Judges one body's poses, in the axes and the unit that the user specified.
 
     Attributes:
-        jumps: since the start.
+        jumps: number since the start.
         withheld: why its newest pose must not be flown on; "" when it may.
     """
 
@@ -70,20 +70,20 @@ class BodyHealth:
         self._at = self._still_since = -math.inf
         self._rest: Array | None = None
         self._track: deque[tuple[float, Array]] = deque()  # of the last BASE, without a jump
-        self._moved = ""  # by which jump the positions lost their meaning
-        self._turn = np.eye(3)  # of all jumps of the attitude, in body axes
+        self._moved = ""  # the jump that made the positions wrong
+        self._turn = np.eye(3)  # product of all jumps of the attitude, in body axes
         self._note, self._noted = "", -math.inf
 
     def problem(self, now: float) -> str:
-        """Return what is wrong, or was until just now; "" when nothing is."""
+        """Return what is wrong, or was until just now; else ""."""
         return self.withheld or (self._note if now - self._noted < NOTED else "")
 
     def take(self, body: Body, now: float, others: Mapping[str, Array]) -> bool:
-        """Take a pose and return whether it may be flown on.
+        """Judge a pose and return whether it may be flown on.
 
         Args:
-            now: when it was true, s, steady.
-            others: places of the other bodies in the frame before, m.
+            now: its time, s, steady.
+            others: positions of the other bodies in the previous frame, m.
         """
         if now - self._at > FORGOTTEN:
             self._last, self._moved, self._turn, self._rest = None, "", np.eye(3), None
@@ -106,7 +106,7 @@ class BodyHealth:
         far = float(np.linalg.norm(body.position_w - expected))
         if far > STEP + past * (SPEED if velocity is None else ACCELERATION * (BASE + past)):
             self._track.clear()
-            # What follows a jump that made no sense is taken for the way back.
+            # A jump after an implausible jump is taken for the return.
             self._moved = "" if self._moved else _explained(expected, body, others)
             self._jumped(f"{body.name} jumped by {far:.2f} m from one frame to the next", now)
         if last.quaternion_wb is not None and body.quaternion_wb is not None:
@@ -116,7 +116,7 @@ class BodyHealth:
                 self._jumped(f"{body.name} turned by {math.degrees(angle):.0f}° at once", now)
 
     def _velocity(self) -> Array | None:
-        """Return the velocity of the last BASE, (3,) m/s, when that much is known."""
+        """Return the velocity over the last BASE, (3,) m/s, or None when too little is known."""
         if not self._track or self._track[-1][0] - self._track[0][0] < 0.5 * BASE:
             return None
         (begin, first), (end, newest) = self._track[0], self._track[-1]
@@ -153,7 +153,7 @@ class BodyHealth:
 
 
 def _invalid(body: Body) -> str:
-    """Return what makes no usable pose of it by itself."""
+    """Return why a pose is unusable by itself; "" when it is usable."""
     place, turn = body.position_w, body.quaternion_wb
     if not np.isfinite(place).all():
         return f"{body.name} comes with a position that is not finite: {place.tolist()}"
@@ -176,7 +176,7 @@ def _invalid(body: Body) -> str:
 
 
 def _explained(expected: Array, body: Body, others: Mapping[str, Array]) -> str:
-    """Return which error of names or axes explains a jump; "" when none does."""
+    """Return the error of names or axes that explains a jump; "" when none does."""
     for name, place in others.items():
         if np.linalg.norm(body.position_w - place) < LIKE:
             return (
@@ -196,7 +196,7 @@ def _angle(turn: Array) -> float:
 def to_world(body: Body, unit: Unit, up: Up) -> Body:
     """Return a body of a system with this unit and upward axis in m, z up.
 
-    Of a y-up system x stays x, y becomes z, and z becomes −y, in the world and in the body.
+    In a y-up system x stays x, y becomes z, and z becomes −y, in the world and in the body.
     """
     place, turn = body.position_w, body.quaternion_wb
     if unit == "mm":

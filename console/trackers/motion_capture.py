@@ -1,8 +1,8 @@
 """Vicon, OptiTrack (NatNet), Qualisys (QTM) and VRPN, through the library `motioncapture`.
 
-The library holds the interpreter while it waits for a server that does not answer, some systems
-for ever. So it runs in a process of its own, which is ended when it is silent for too long. It
-passes no stamps of the system on: frames are stamped where they are received.
+The library holds the interpreter while it waits for a server that does not answer; with some
+systems it waits for ever. It therefore runs in a separate process, which is ended when it is silent
+for too long. It does not provide stamps of the system: frames are stamped on reception.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from vehicle_link.jobs import Job
 
 LIBRARY = "motioncapture"
 PATIENCE = 5.0
-"""s for a server to answer, and then for frames to come."""
+"""Seconds for a server to answer, and then for frames to arrive."""
 POLL = 0.05
 
 Settings = Callable[[str, int], Mapping[str, str]]
-"""The library's for a server's address and port."""
+"""Function that returns the library's settings for a server's address and port."""
 SYSTEMS: Mapping[str, tuple[str, int, Settings]] = {
     "vicon": ("vicon", 801, lambda host, port: {"hostname": f"{host}:{port}"}),
     "natnet": ("optitrack", 1510, lambda host, port: {"hostname": host, "port_command": str(port)}),
     "qtm": ("qualisys", 22222, lambda host, port: {"hostname": host, "port": str(port)}),
     "vrpn": ("vrpn", 3883, lambda host, port: {"hostname": f"{host}:{port}"}),
 }
-"""By our name: the library's name, the usual port, its settings."""
+"""The library's name, the usual port and its settings, by our name."""
 
 
 def check_library(system: str) -> None:
@@ -64,10 +64,10 @@ class MotionCaptureSource:
         self._closed = False
 
     def frames(self) -> Iterator[Frame]:
-        """Yield each frame with a body. Raises UnreachableError when none comes for PATIENCE."""
+        """Yield each frame with a body. Raises UnreachableError when none arrives for PATIENCE."""
         came: list[Any] = []
         job = Job(_read, *self._order, niceness=0, report=came.append)
-        heard, connected = math.inf, False  # its client has not begun yet
+        heard, connected = math.inf, False  # the client has not started yet
         try:
             while not self._closed:
                 if job.poll(POLL):
@@ -82,7 +82,7 @@ class MotionCaptureSource:
                     what = "sends nothing" if connected else "does not answer"
                     raise UnreachableError(
                         f"the {self._server} {what} for {PATIENCE:.0f} s; start it and its "
-                        "streaming, look at the network, or give another --host"
+                        "streaming, check the network, or give another --host"
                     )
         finally:
             job.stop()
@@ -106,7 +106,7 @@ def _body(told: tuple[str, list[float], list[float]]) -> Body:
 
 def _read(system: str, settings: dict[str, str], report: Callable[[Any], None]) -> None:
     """Report each frame as (host's steady clock in ns, bodies), and None for the bodies when it
-    begins to connect; runs in a process of its own.
+    starts to connect. Runs in a separate process.
     """
     import motioncapture
 
@@ -126,5 +126,5 @@ def _read(system: str, settings: dict[str, str], report: Callable[[Any], None]) 
             )
             for name, body in client.rigidBodies.items()
         ]
-        if bodies or system != "vrpn":  # whose library wakes every 10 ms, whatever came
+        if bodies or system != "vrpn":  # the VRPN library wakes every 10 ms in any case
             report((now, bodies))

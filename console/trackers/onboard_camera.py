@@ -1,8 +1,8 @@
 """`quadlab tracker onboard_camera`: bearings to tags from a camera on the vehicle.
 
-The station puts them on the vehicle's clock and sends them in place of the emulated ones. It tells
-where the beacons are: a picture that does not fit them is doubted, and still passed on, so that
-they can be surveyed.
+The station converts them to the vehicle's clock and sends them instead of the emulated ones. It
+also provides the beacons' positions: a picture that does not fit them is marked as doubtful but
+still sent, so that they can be surveyed.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 
 FAR_OFF = 3.0
-"""Pixels rms by which beacons may leave their places."""
+"""Largest deviation of beacons from their positions, pixels rms."""
 
 Places = Mapping[int, Sequence[float]]
 """Positions of beacons by id, (3,) m, world axes."""
@@ -48,7 +48,9 @@ class Beacons(Protocol):
 
 
 class StationsBeacons:
-    """The beacons' positions, asked of the station. Raises LinkError when it does not answer."""
+    """The beacons' positions, requested from the station. Raises LinkError when it does
+    not answer.
+    """
 
     def __init__(self, session: Any, vehicle: str) -> None:
         self._node = Node(session, f"/{vehicle}", "onboard_camera_beacons")
@@ -81,9 +83,9 @@ class OnboardCameraSource(TagSource):
     """Beacons in the pictures of a camera, or a video file.
 
     Args:
-        camera, intrinsics, tags, view: as of `console.trackers.camera.CameraSource`; the tags as
-            `estimation.tags.tag_bearings` reads them.
-        beacons: closed with it.
+        camera, intrinsics, tags, view: as for `console.trackers.camera.CameraSource`; the tags
+            are read by `estimation.tags.tag_bearings`.
+        beacons: closed with the source.
 
     Raises StorageError, MeasurementError, UnreachableError.
     """
@@ -122,7 +124,7 @@ class OnboardCameraSource(TagSource):
 
 
 class BearingsTracker(Tracker):
-    """Publishes the bearings of a camera on one vehicle, and how it does."""
+    """Publishes the bearings of a camera on one vehicle, and its status."""
 
     measured, told_on, shown_on = "camera_bearings", "camera_status", "camera_picture"
     unseen_for = 1.0

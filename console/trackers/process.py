@@ -1,8 +1,8 @@
-"""`quadlab tracker`: the process that brings a tracking system's bodies to the station.
+"""`quadlab tracker`: the process that sends a tracking system's bodies to the station.
 
-One thread reads the source and tries again while no one answers; the other maps stamps, watches
-over the bodies, publishes each vehicle's poses (`tracker_body`, stamps of the station's clock) and
-tells how they are (`tracker_status`). The station puts them on the vehicle's clock and sends them.
+One thread reads the source and retries while none answers; the other maps stamps, monitors the
+bodies, and publishes each vehicle's poses (`tracker_body`, stamps of the station's clock) and
+status (`tracker_status`). The station converts them to the vehicle's clock and forwards them.
 """
 
 from __future__ import annotations
@@ -35,34 +35,35 @@ from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 
 TOLD_EVERY = 0.1
-"""s between two statuses; a new problem is told at once."""
+"""Seconds between two statuses; a new problem is published at once."""
 GAP = 0.2
-"""s without a body, or without frames, until it is told."""
+"""Seconds without a body, or without frames, until it is reported."""
 RETRY = 1.0
 LISTENING = 0.5
-"""s before the start: whoever sends the same poses tells five statuses meanwhile."""
+"""Seconds of listening before the start: another process with the same poses sends five statuses in
+this time."""
 RECENT = 1.0
-"""s over which rates are counted."""
+"""Seconds over which rates are counted."""
 KEPT = 64
 LATENCIES, STEP = 32, 0.001
 """Bars of the histogram of latency, and their width in s."""
 SEEN_MOST = 8
-"""Bodies that a line lists."""
+"""Maximum number of bodies listed in a line."""
 
 
 _FIGURES = re.compile(r"[\d.]+")
 
 
 class Tracker:
-    """Publishes the poses of a tracking system's bodies, and how they are.
+    """Publishes the poses of a tracking system's bodies, and its status.
 
     Args:
         words: the system and its address, for messages.
-        open_source: connects; may raise QuadlabError, and is tried again.
+        open_source: connects; may raise QuadlabError, and is then retried.
         bodies: the system's name of each vehicle's body.
         session: with the station.
-        unit, up: of the positions that the system sends, and its axis that points up.
-        view: of a camera, which its source tells; None of another system.
+        unit, up: of the system's positions, and its axis that points up.
+        view: of a camera, filled by its source; None for another system.
     """
 
     measured, told_on, shown_on = "tracker_body", "tracker_status", "tracker_picture"
@@ -86,7 +87,7 @@ class Tracker:
         self._session, self._view = session, view
         self._shown: Seen | None = None
         if view is not None:
-            topics.encode_picture(0, b"", "")  # its serialiser is written now: that takes a second
+            topics.encode_picture(0, b"", "")  # generates its serialiser now, which takes a second
         self._clock = SystemClock()
         self._came: queue.Queue[Frame | Exception] = queue.Queue(KEPT)
         self._closing = threading.Event()
@@ -97,12 +98,12 @@ class Tracker:
         self._trouble = ""  # of the whole system
         self._heard = monotonic()
         self._told = 0.0
-        self._note, self._noted = "", 0.0  # what happened to it just now
+        self._note, self._noted = "", 0.0  # a recent event of the system
         self._source: Source | None = None
         self._reader = threading.Thread(target=self._read, name="source", daemon=True)
 
     def run(self, stopping: Ending) -> None:
-        """Run until `stopping`. Raises UsageError when the source cannot be had as asked for,
+        """Run until `stopping`. Raises UsageError when the source cannot be opened as requested,
         RefusedError when another process sends a vehicle's poses.
         """
         try:
@@ -117,7 +118,7 @@ class Tracker:
                     if isinstance(item, Frame):
                         self._take(item)
                     elif isinstance(item, UsageError) or not isinstance(item, QuadlabError):
-                        raise item  # not mended by another try in this process
+                        raise item  # another try in this process would not help
                     elif isinstance(item, MeasurementError):
                         self._note, self._noted = f"{self._words}: {item}", monotonic()
                     else:
@@ -171,7 +172,7 @@ class Tracker:
                 for frame in source.frames():
                     self._came.put(frame)
                 return
-            except MeasurementError as error:  # of one message: the next may be good
+            except MeasurementError as error:  # in one message: the next may be valid
                 self._came.put(error)
 
     # ------------------------------------------------------------------ frames
@@ -182,7 +183,7 @@ class Tracker:
         self._take_seen(frame, self._taken_ns(frame, now), now)
 
     def _take_seen(self, frame: Frame, taken_ns: int | None, now: float) -> None:
-        """Publish what of a frame may be flown on. Args: `taken_ns` as of `_taken_ns`."""
+        """Publish what may be flown on of a frame; `taken_ns` is from `_taken_ns`."""
         bodies = [to_world(body, self._unit, self._up) for body in frame.bodies]
         self._seen.extend((now, body.name) for body in bodies)
         names = Counter(body.name for body in bodies)
@@ -192,7 +193,7 @@ class Tracker:
         self._places.update((body.name, body.position_w) for body in bodies)
 
     def _taken_ns(self, frame: Frame, now: float) -> int | None:
-        """Return when a frame was taken, on the host's steady clock; None when it is in doubt."""
+        """Return when a frame was taken, on the host's steady clock; None when that is doubtful."""
         if frame.stamp_ns is None:
             return frame.received_ns
         jumps = self._clock.jumps
@@ -231,7 +232,7 @@ class Tracker:
         for one in self._vehicles:
             problem = self._problem(one, now)
             if _FIGURES.sub("", problem) == _FIGURES.sub("", one.told):
-                problem = one.told  # the same with other figures
+                problem = one.told  # the same except for figures
             if problem and problem != one.told:
                 print(f"tracker: {one.vehicle}: {problem}", flush=True)
             self._tell_well(one, problem, now)
@@ -242,7 +243,7 @@ class Tracker:
             self._told = now
 
     def _tell_well(self, one: Vehicle, problem: str, now: float) -> None:
-        """Print how well a camera sees, once it has seen without a problem for a while."""
+        """Print how well a camera sees, once it has worked without a problem for a while."""
         if problem:
             one.troubled, one.is_well_told = now, False
         elif not one.is_well_told and now - one.troubled > RECENT:
@@ -255,7 +256,7 @@ class Tracker:
         return Figures() if self._view is None else self._view.figures()
 
     def _show(self) -> None:
-        """Publish a camera's newest picture to who looks or records."""
+        """Publish a camera's newest picture if there are subscribers."""
         if self._view is None:
             return
         watched = [one for one in self._vehicles if one.picture.has_subscribers]
@@ -268,7 +269,7 @@ class Tracker:
             one.picture.put(topics.encode_picture(stamp_ns, newest.jpeg, one.vehicle), stamp_ns)
 
     def _problem(self, one: Vehicle, now: float) -> str:
-        """Return what is wrong for one vehicle, the first cause of all; "" when nothing is."""
+        """Return the first cause of a problem of one vehicle; "" when there is none."""
         if self._trouble:
             return self._trouble
         note = self._note if now - self._noted < RECENT else ""

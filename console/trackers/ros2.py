@@ -1,6 +1,6 @@
-"""Poses of ROS 2 nodes: topics of geometry_msgs/PoseStamped, each the body of its name.
+"""Poses from ROS 2 nodes: topics of geometry_msgs/PoseStamped, each for the body of its name.
 
-They come as everything of ROS 2 does, through the station's router (docs/ros2.md).
+They arrive through the station's router, like everything from ROS 2 (docs/ros2.md).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ TYPE = "geometry_msgs/PoseStamped"
 
 
 class Ros2Source:
-    """Poses that ROS 2 nodes publish.
+    """Poses published by ROS 2 nodes.
 
     Args:
         session: with the station.
@@ -36,7 +36,7 @@ class Ros2Source:
             self._node.subscribe(name, TYPE, partial(self._put, name))
 
     def frames(self) -> Iterator[Frame]:
-        """Yield a frame of one body a message. Raises LinkError, MeasurementError."""
+        """Yield one frame of one body per message. Raises LinkError, MeasurementError."""
         while item := self._came.get():
             name, payload, received_ns = item
             sample = topics.decode_pose(payload)[0]
@@ -45,11 +45,11 @@ class Ros2Source:
 
     def close(self) -> None:
         self._node.close()
-        with suppress(queue.Empty):  # room for the end
+        with suppress(queue.Empty):  # make room for the end marker
             while True:
                 self._came.get_nowait()
         self._came.put(None)
 
     def _put(self, name: str, received: Received) -> None:
-        with suppress(queue.Full):  # a pose that has to wait is worth nothing
+        with suppress(queue.Full):  # a pose that has to wait is worthless
             self._came.put_nowait((name, received.payload, monotonic_ns()))

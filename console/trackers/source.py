@@ -17,21 +17,21 @@ class Body(NamedTuple):
     position_w: Array
     """(3,), m, world frame, z up."""
     quaternion_wb: Array | None
-    """(4,), w x y z, body to world; None for a single marker, whose position alone is known."""
+    """(4,), w x y z, body to world; None for a single marker, which has only a position."""
 
 
 class Frame(NamedTuple):
-    """All bodies seen at one instant; a body that was not seen is not in it."""
+    """All bodies seen at one instant, without those that were not seen."""
 
     stamp_ns: int | None
-    """When the cameras exposed, on the system's own clock of any epoch; None where it has none."""
+    """Time of the exposure on the system's own clock, of any epoch; None when it has none."""
     received_ns: int
-    """When the frame arrived, on the host's steady clock."""
+    """Time of the frame's arrival on the host's steady clock, ns."""
     bodies: tuple[Body, ...] = ()
     beacons: Sighting | None = None
     """Bearings of a camera on the vehicle."""
     doubt: str = ""
-    """A warning about it, though it is passed on."""
+    """A warning about the frame, which is still used."""
 
 
 class Source(Protocol):
@@ -41,8 +41,8 @@ class Source(Protocol):
         """Yield each frame as it arrives, waiting for it.
 
         Raises:
-            UnreachableError: no server answers, or it went silent for good.
-            MeasurementError: what came cannot be read as poses.
+            UnreachableError: no server answers, or it has stopped sending.
+            MeasurementError: a message cannot be read as poses.
         """
         ...
 

@@ -1,7 +1,7 @@
 """The clock of a tracking system, mapped onto the host's steady clock.
 
-A stamp arrives later than it was taken, by a delay that varies. What arrived with the smallest
-delay says the offset of the clocks best; the smallest delay itself cannot be seen from here.
+A stamp arrives later than it was taken, by a delay that varies. The smallest delay indicates the
+offset of the clocks best; its own size cannot be measured here.
 """
 
 from __future__ import annotations
@@ -10,16 +10,16 @@ from collections import deque
 
 SECOND_NS = 1_000_000_000
 WINDOW = 30
-"""Seconds that are looked back on; of each the smallest delay is kept."""
+"""Number of past seconds used; of each, the smallest delay is stored."""
 ENOUGH = 8
-"""Seconds before a drift is told."""
+"""Number of seconds before a drift is estimated."""
 DRIFT_MAX = 500e-6
-"""s/s; quartz is ten times better."""
+"""Largest drift, s/s; quartz is ten times better."""
 JUMP_NS = 100_000_000
 AGREE = 5
 AGREEMENT_NS = 10_000_000
-"""Stamps that are off by more than JUMP_NS, AGREE in a row and all alike, come from a clock that
-was set. After a pause of the network they would come ever less late."""
+"""Stamps that are off by more than JUMP_NS, AGREE in a row and all within AGREEMENT_NS, come from a
+clock that was set. After a network outage their delays would decrease instead."""
 
 
 class SystemClock:
@@ -27,7 +27,7 @@ class SystemClock:
 
     Attributes:
         drift: s/s by which the system's clock is slower than ours.
-        jump_ns: by which it was last set, forwards positive.
+        jump_ns: size of its last jump, forwards positive.
         jumps: how often it was set.
     """
 

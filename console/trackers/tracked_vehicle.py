@@ -1,4 +1,4 @@
-"""One vehicle of a tracker process: what it publishes, and the state of its body."""
+"""One vehicle of a tracker process: its publishers, and the state of its body."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from vehicle_link.transport.node import Node
 
 
 class Vehicle:
-    """One vehicle's body: what of it was published, and how it is.
+    """One vehicle's body: its publishers and its health.
 
     Args:
-        measured, told, shown: topics of its measurements, of how it is, and of a camera's pictures.
+        measured, told, shown: topics of its measurements, of its status, and of a camera's
+            pictures.
     """
 
     def __init__(

@@ -1,6 +1,6 @@
-"""Frames as lines of text over UDP: what any program of a laboratory can send.
+"""Frames as lines of text over UDP, which any program of a laboratory can send.
 
-One datagram is one frame, of one line a body: `stamp,name,x,y,z` or
+One datagram is one frame, with one line per body: `stamp,name,x,y,z` or
 `stamp,name,x,y,z,qw,qx,qy,qz`, with the stamp in s of any clock (empty for none), m, z up.
 """
 
@@ -18,7 +18,7 @@ from vehicle_link.clock import monotonic_ns
 
 LARGEST = 65535
 MARKER, RIGID = 5, 9
-"""Fields of a line."""
+"""Number of fields of a line."""
 
 
 class UdpSource:
@@ -36,13 +36,13 @@ class UdpSource:
             ) from None
 
     def frames(self) -> Iterator[Frame]:
-        """Yield a frame a datagram; end when closed. Raises MeasurementError."""
+        """Yield one frame per datagram; end when closed. Raises MeasurementError."""
         while data := self._datagram():
             yield parse(data, monotonic_ns())
 
     def close(self) -> None:
         with contextlib.suppress(OSError):
-            self._socket.shutdown(socket.SHUT_RDWR)  # wakes who waits
+            self._socket.shutdown(socket.SHUT_RDWR)  # wakes a waiting thread
         self._socket.close()
 
     def _datagram(self) -> bytes:

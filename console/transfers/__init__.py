@@ -1,1 +1,1 @@
-"""Transfers from the vehicle's disk to this one: whole logs, and what a run lacks of them."""
+"""Transfers from the vehicle's disk to this one: whole logs, and missing parts of runs."""

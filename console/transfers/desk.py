@@ -1,8 +1,8 @@
-"""The transfers from the vehicle, one thing at a time: the service `transfer`, the topic
-`transfers`, and each run's comparison with the vehicle's own log.
+"""The transfers from the vehicle, one at a time: service `transfer`, topic `transfers`.
 
-A thread of its own waits for vehicle and disk. Nothing is forgotten with the station: a run that
-is not compared yet stands in the catalogue, a download next to its part file.
+They include each run's comparison with the vehicle's own log. Their own thread waits for vehicle
+and disk. Pending work survives a restart of the station: a run that is not compared yet is marked
+in the catalogue, a download by its part file.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ log = logging.getLogger(__name__)
 
 ONBOARD = "onboard"
 SHOWN = 5.0
-"""s for which something that ended is still told."""
+"""Seconds for which a finished transfer is still reported."""
 LOOK = 1.0
-"""s between two looks whether what is waited for is there."""
+"""Seconds between two checks of a condition that is waited for."""
 TRIES = 600
-"""A run that was tried so often is compared at the next start."""
+"""Number of tries after which a run is compared only at the next start."""
 ROOM_EVERY = 64
-"""Pieces between two looks at the disk."""
+"""Number of pieces between two checks of the disk."""
 INFO, WARN = 20, 30
 
 
 class TransferDesk:
-    """Thread-safe; `start` begins to work.
+    """Queue of transfers and the thread that works on it; thread-safe. `start` begins the work.
 
     Args:
         files: of the vehicle.
-        link_state: of the link to it, now.
-        say: takes (level, line) of an event.
+        link_state: returns the state of the link to it.
+        say: publishes an event (level, line).
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class TransferDesk:
         self._thread.start()
 
     def close(self) -> None:
-        """End the work; what is under way goes on from where it is at the next start."""
+        """End the work; a transfer in progress continues at the next start from where it is."""
         self._closing.set()
         self._wake.set()
         if self._thread.ident is not None:
@@ -86,12 +86,13 @@ class TransferDesk:
 
     # ------------------------------------------------------------------ any thread
     def run_closed(self, run_id: str) -> None:
-        """Ask for back-fill of a run that came to its end."""
+        """Request the back-fill of a run that has ended."""
         if self._parameters.backfill:
             self.ask("backfill", run_id)
 
     def ask(self, kind: Kind, name: str, by_person: bool = False) -> int:
-        """Ask for a transfer and return its number; one that is under way is not begun twice.
+        """Request a transfer and return its number; one in progress is not begun twice.
+
         Raises RefusedError or StorageError.
         """
         if kind == "download":
@@ -115,7 +116,7 @@ class TransferDesk:
         return job.id
 
     def cancel(self, name: str) -> None:
-        """Cancel a transfer. Raises RefusedError when nothing of that name is under way."""
+        """Cancel a transfer. Raises RefusedError when none of that name is in progress."""
         with self._lock:
             found = [job for job in self._jobs if job.name == name and not job.is_over]
             for job in found:
@@ -125,14 +126,14 @@ class TransferDesk:
         self._wake.set()
 
     def jobs(self) -> list[Job]:
-        """Return the jobs under way or just ended."""
+        """Return the jobs in progress or just ended."""
         now = time.monotonic()
         with self._lock:
             self._jobs = [j for j in self._jobs if not j.is_over or now - j.ended < SHOWN]
             return list(self._jobs)
 
     def message(self, stamp_ns: int) -> bytes | None:
-        """Return quadlab_msgs/Transfers; None when there is nothing to report."""
+        """Return the quadlab_msgs/Transfers; None when there is nothing to report."""
         jobs = self.jobs()
         if not jobs:
             return None
@@ -150,7 +151,7 @@ class TransferDesk:
                 continue
             try:
                 self._work(job)
-            except Exception as error:  # the others wait for this thread
+            except Exception as error:  # the other jobs wait for this thread
                 log.exception("transfers")
                 job.end("failed", f"a defect, see the station's log: {error!r}")
             if not job.is_over:
@@ -171,7 +172,7 @@ class TransferDesk:
 
     def _next(self) -> Job | None:
         """Return the next job: cancelled ones first, then downloads, then the newest run; those
-        that wait for something else than the link after the others.
+        that wait for something other than the link come last.
         """
         with self._lock:
             jobs = [job for job in self._jobs if not job.is_over]

@@ -17,22 +17,22 @@ from quadrotor.errors import StorageError
 
 BLOCK = 1 << 20
 SUM_PAUSE = 0.2
-"""s until a checksum that is being computed is asked for again."""
+"""Seconds between requests for a checksum that is being computed."""
 SUMS = 600
-"""Times it is asked for."""
+"""Maximum number of requests for it."""
 
 
 @dataclass(frozen=True)
 class Download:
-    """Brings whole logs of the vehicle to this disk.
+    """Fetches whole logs of the vehicle to this disk.
 
     Args:
-        folder: of what is on its way.
-        room: raises when so many more bytes do not fit on the disk.
-        wait: for so many s; raises when the station closes.
+        folder: of files in progress.
+        room: raises when this many more bytes do not fit on the disk.
+        wait: waits for this many s; raises when the station closes.
 
     Its methods raise ChangedError, CancelledError, NotYetError, LinkError, RefusedError or
-    StorageError; what came stays for the next time.
+    StorageError; what was received stays for the next try.
     """
 
     job: Job
@@ -70,7 +70,7 @@ class Download:
             job.bytes, job.total_bytes, job.phase = part.size, file.size, "fetching"
             self.room(file.size - part.size)
             self.fetcher.fetch(part)
-            self.room(0)  # the folder itself may have vanished meanwhile
+            self.room(0)  # the folder may have disappeared since
             job.phase = "checking"
             part.sync()
             if sum_of(part.path, job.check) != self._sum_on_board(file):
@@ -86,7 +86,7 @@ class Download:
         return False
 
     def _sum_on_board(self, file: VehicleFile) -> bytes:
-        """Return the checksum that is computed on board, which takes a while."""
+        """Return the checksum that the vehicle computes, which takes a while."""
         for _ in range(SUMS):
             self.job.check()
             now, digest = self.files.sha256(file.name)
@@ -99,7 +99,7 @@ class Download:
 
 
 def _linked(copy: Path, place: Path) -> bool:
-    """Give a log a second name; return False where it lies on another disk."""
+    """Give a log a second name; return False when it is on another disk."""
     try:
         os.link(copy, place)
     except OSError:
@@ -119,7 +119,9 @@ def free_place(place: Path) -> Path:
 
 
 def sum_of(path: Path, check: Callable[[], None] = lambda: None) -> bytes:
-    """Return the SHA-256. Raises StorageError, and what `check` raises between two blocks."""
+    """Return the SHA-256 of a file. Raises StorageError, and what `check` raises between two
+    blocks.
+    """
     digest = hashlib.sha256()
     try:
         with path.open("rb") as stream:

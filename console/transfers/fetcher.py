@@ -1,6 +1,6 @@
-"""Brings a file on board into its part file, several questions in the air.
+"""Fetches a file on board into its part file, with several requests in flight.
 
-Telemetry waits behind what is in the air, so there are no more than gain something (window).
+Telemetry queues behind requests in flight, so there are only as many as increase the rate (window).
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from console.transfers.window import MOST, Window
 from quadrotor.errors import LinkError, QuadlabError
 
 RATE_WINDOW = 3.0
-"""s over which the rate is taken."""
+"""Seconds over which the rate is computed."""
 
 
 class ChangedError(QuadlabError):
-    """The bytes received are not, or no longer, those of the file of that name on board."""
+    """The received bytes are not, or no longer, those of the file of that name on board."""
 
 
 class Rate:
-    """Bytes a second, of what came within the last RATE_WINDOW."""
+    """Bytes a second, of what arrived within the last RATE_WINDOW."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -45,8 +45,8 @@ class Fetcher:
     """Fetches files in pieces.
 
     Args:
-        files: asked from several threads.
-        came: takes the bytes of each piece that is kept; may raise to end the fetch.
+        files: called from several threads.
+        came: called with the number of bytes of each stored piece; may raise to end the fetch.
     """
 
     def __init__(self, files: VehicleFiles, came: Callable[[int], None]) -> None:
@@ -59,7 +59,7 @@ class Fetcher:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
     def fetch(self, part: PartFile) -> None:
-        """Fetch what `part` lacks; what came stays, whatever is raised.
+        """Fetch what `part` lacks; received pieces stay, whatever is raised.
 
         Raises ChangedError, LinkError, RefusedError, StorageError.
         """

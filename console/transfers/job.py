@@ -22,20 +22,20 @@ class CancelledError(QuadlabError):
 
 
 class NotYetError(QuadlabError):
-    """The job lacks something for the moment, with the reason; it is tried again."""
+    """A temporary obstacle, with the reason; the job is retried."""
 
 
 @dataclass
 class Job:
-    """One thread works on it, others look and cancel.
+    """One transfer; one thread works on it, others read and cancel it.
 
     Attributes:
-        id: tells it from an earlier one of the same name.
+        id: distinguishes it from an earlier one of the same name.
         name: of the file on board, or of the run.
-        asked: by a person, who gets what is missing told again.
+        asked: whether a person requested it, and so gets its result reported in any case.
         rate: bytes/s.
-        tries: so often it came to nothing yet.
-        ended: s, monotonic, when it came to its end.
+        tries: number of unsuccessful tries.
+        ended: s, monotonic, when it ended.
     """
 
     id: int
@@ -65,6 +65,6 @@ class Job:
         return self.phase in ENDED
 
     def message(self) -> Any:
-        """Return quadlab_msgs/Transfer."""
+        """Return the quadlab_msgs/Transfer."""
         names = ("id", "kind", "name", "phase", "bytes", "total_bytes", "rate", "problem")
         return new("quadlab_msgs/Transfer", **{name: getattr(self, name) for name in names})

@@ -1,7 +1,7 @@
-"""A file on its way: the bytes that came, from its first on, and which content they are of.
+"""A partly received file: its bytes from the first on, and the identity of its content.
 
-After an end at any byte, of the process or of the machine, the rest is asked for; the checksum of
-the whole file decides at the end whether every byte is the vehicle's.
+After an interruption at any byte, of the process or of the machine, the rest is requested; at the
+end the checksum of the whole file shows whether every byte is the vehicle's.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ ENDING = ".part.journal"
 
 
 class NoRoomError(StorageError):
-    """The disk is full; it can go on when there is room again."""
+    """The disk is full; the transfer can continue when there is room again."""
 
 
 class PartFile:
-    """`<name>.part` in a folder, and `<name>.part.journal`, which names its content.
+    """`<name>.part` in a folder, and `<name>.part.journal`, which identifies its content.
 
     Args:
-        file: on board; what is there of another content under the same name is thrown away.
+        file: on board; an existing part of another content under the same name is discarded.
 
     Attributes:
         size: bytes received.
-        restarted: another content was there.
+        restarted: whether another content was discarded.
     """
 
     def __init__(self, folder: Path, file: VehicleFile) -> None:
         self.path, self.journal = _places(folder, file.name)
         self.file = file
         try:
-            folder.mkdir(exist_ok=True)  # no parents: its disk may be away
+            folder.mkdir(exist_ok=True)  # without parents: its disk may not be mounted
             before = _identity(self.journal)
             self.restarted = before not in (0, file.identity)
             if before != file.identity:
@@ -49,7 +49,7 @@ class PartFile:
         self.size = self._data.tell()
 
     def pieces(self) -> Iterator[tuple[int, int]]:
-        """Yield offset and length of what is still to be asked for."""
+        """Yield offset and length of the pieces that are still to be requested."""
         for offset in range(self.size, self.file.size, PIECE):
             yield offset, min(PIECE, self.file.size - offset)
 
@@ -72,13 +72,13 @@ class PartFile:
 
 
 def discard(folder: Path, name: str) -> None:
-    """Remove what came of a file that is no longer wanted, or has its own name by now."""
+    """Remove the part of a file that is no longer needed, or has its own name by now."""
     for path in _places(folder, name):
         path.unlink(missing_ok=True)
 
 
 def want(folder: Path, name: str) -> None:
-    """Remember a wanted file from now on, before anything of it is known. Raises StorageError."""
+    """Remember a file to be fetched, before anything about it is known. Raises StorageError."""
     _, journal = _places(folder, name)
     if journal.exists():
         return
@@ -90,14 +90,14 @@ def want(folder: Path, name: str) -> None:
 
 
 def unwant(folder: Path, name: str) -> None:
-    """Forget a wanted file of which nothing came yet."""
+    """Forget a file to be fetched of which no byte has arrived yet."""
     data, journal = _places(folder, name)
     if not data.exists():
         journal.unlink(missing_ok=True)
 
 
 def wanted_downloads(folder: Path) -> list[str]:
-    """Return the names of files whose fetching was cut off, the newest first. Raises OSError."""
+    """Return the names of files whose transfer was interrupted, newest first. Raises OSError."""
     found = [(path.stat().st_mtime_ns, path.name) for path in folder.glob(f"*{ENDING}")]
     return [name.removesuffix(ENDING) for _, name in sorted(found, reverse=True)]
 
@@ -107,7 +107,7 @@ def _places(folder: Path, name: str) -> tuple[Path, Path]:
 
 
 def _identity(journal: Path) -> int:
-    """Return the content that a journal names, 0 for none. Raises OSError."""
+    """Return the identity that a journal names, 0 for none. Raises OSError."""
     try:
         return int(json.loads(journal.read_bytes().partition(b"\n")[0])["identity"])
     except (FileNotFoundError, ValueError, LookupError, TypeError):

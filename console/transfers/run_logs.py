@@ -23,14 +23,13 @@ from vehicle_link.jobs import run
 def complete_run(
     folder: Path, download: Download, check: Callable[[], None], run: Callable[..., Any] = run
 ) -> Completeness:
-    """Fetch what the vehicle logged of a run's time, and make one log of both; return how complete
-    it is.
+    """Fetch what the vehicle logged during a run, and merge both logs; return the completeness.
 
     Args:
-        check: raises when it is to end.
-        run: as vehicle_link.jobs.run.
+        check: raises when the work is to end.
+        run: like vehicle_link.jobs.run.
 
-    Raises as `Download` does, and LogFormatError; what was fetched stays for the next time.
+    Raises as `Download` does, and LogFormatError; fetched files stay for the next try.
     """
     job = download.job
     job.phase = "checking"
@@ -55,7 +54,7 @@ def complete_run(
 
 
 def completeness(found: Comparison) -> Completeness:
-    """Return what the catalogue keeps of a comparison."""
+    """Return the catalogue's entry for a comparison."""
     state: State = "filled" if found.filled >= WORTH_TELLING else "complete"
     why = f"{found.ticks} ticks, compared with the vehicle's log"
     if found.missing:
@@ -69,7 +68,7 @@ def completeness(found: Comparison) -> Completeness:
 
 
 def logs_of(on_board: list[VehicleFile], since_ns: int, until_ns: int) -> list[VehicleFile]:
-    """Return the files that have something of a time by the vehicle's clock, the oldest first."""
+    """Return the files that overlap an interval of the vehicle's clock, oldest first."""
     found = [
         file
         for file in on_board
@@ -79,8 +78,8 @@ def logs_of(on_board: list[VehicleFile], since_ns: int, until_ns: int) -> list[V
 
 
 def into_folder(log: Path) -> Path:
-    """Make a folder of a run that is a single file, as older versions wrote it; return it. Raises
-    StorageError.
+    """Convert a run that is a single file, as written by older versions, to a folder; return the
+    folder. Raises StorageError.
     """
     if log.is_dir():
         return log

@@ -1,4 +1,4 @@
-"""The desk on the link: `/<vehicle>/station/transfer`, the vehicle's list of files, `transfers`."""
+"""Services and topic of the transfers, and the list of the vehicle's files."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ BEATS = 10
 
 
 class Transfers:
-    """Works from its making on.
+    """The services and the topic of the transfers; works from its creation on.
 
     Args:
-        link_state: of the link to the vehicle, now.
-        say: takes (level, line) of an event.
+        link_state: returns the state of the link to the vehicle.
+        say: publishes an event (level, line).
         vehicle_ns: the vehicle's clock.
     """
 
@@ -51,7 +51,9 @@ class Transfers:
         self.desk.close()
 
     def tick(self, count: int) -> None:
-        """Publish the transfers on each beat. Raises LinkError when the session is closed."""
+        """Publish the transfers; called on each heartbeat. Raises LinkError when the session is
+        closed.
+        """
         if count % BEATS == 0:
             stamp_ns = self._vehicle_ns()
             if (payload := self.desk.message(stamp_ns)) is not None:

@@ -1,4 +1,4 @@
-"""The disk that files fetched from the vehicle go to."""
+"""The disk to which files are fetched from the vehicle."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from quadrotor.errors import StorageError
 
 
 class TransferDisk:
-    """The folder of downloads, and the room that is left for them.
+    """The folder of downloads, and the free space for them.
 
     Args:
         parameters: read at each check.
@@ -23,8 +23,8 @@ class TransferDisk:
         self._folder, self._catalogue, self._parameters = folder, catalogue, parameters
 
     def make_folder(self) -> None:
-        """Make the folder where the data folder exists, as the recorder does: else its disk may be
-        away, and what is made now would lie in the folder below it. Raises StorageError.
+        """Create the folder if the data folder exists, as the recorder does. Otherwise its disk may
+        not be mounted, and the folder would be created below the mount point. Raises StorageError.
         """
         if problem := self._catalogue.problem:
             raise StorageError(problem)
@@ -32,8 +32,8 @@ class TransferDisk:
         check_folder(self._folder, 0)
 
     def check_room(self, count: int) -> None:
-        """Raise NoRoomError when so many more bytes leave less than the recorder keeps free, and
-        NotYetError when the folder has vanished meanwhile.
+        """Raise NoRoomError when this many more bytes leave less than the recorder keeps free, and
+        NotYetError when the folder has disappeared.
         """
         keep = round(self._parameters.keep_free * 1e6)
         found, advice = folder_problem(self._folder)

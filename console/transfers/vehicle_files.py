@@ -1,4 +1,4 @@
-"""The files of the vehicle's log, asked for over the link at the lowest priority."""
+"""The files of the vehicle's log, requested over the link at the lowest priority."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from vehicle_link.topics import SERVICES
 from vehicle_link.transport.node import Node
 
 PIECE = 2800
-"""Bytes of an answer: what flies always comes between two of them."""
+"""Bytes of an answer; messages of the flight are always sent between two of them."""
 TIMEOUT = 3.0
 SUM_TIMEOUT = 60.0
-"""s; the vehicle reads the whole file for its checksum."""
+"""Timeout in s; the vehicle reads the whole file for its checksum."""
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,150}\.mcap")
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleFile:
-    """A log on board; times are of the vehicle's clock, 0 where not known."""
+    """A log on board; times are of the vehicle's clock, 0 when unknown."""
 
     name: str
     size: int
@@ -65,7 +65,9 @@ class VehicleFiles:
         return _file(answer.file), bytes(answer.sha256)
 
     def why_open(self, file: VehicleFile) -> str:
-        """Return why a file is not closed; for a torn one the vehicle knows when it is mended."""
+        """Return why a file is not closed; for a torn one the vehicle reports when it
+        is repaired.
+        """
         name = check_name(file.name)
         if file.start_ns:
             return f"{name} is still being written on board; it is fetched when it is closed"
@@ -84,7 +86,7 @@ class VehicleFiles:
 
 
 def check_name(name: str) -> str:
-    """Return a name from outside once it is known to be a log's. Raises RefusedError."""
+    """Return a name from outside after checking that it can be a log's. Raises RefusedError."""
     if not NAME.fullmatch(name):
         raise RefusedError(f"{name!r:.80} is no name of a log; those on board end in .mcap")
     return name

@@ -1,10 +1,10 @@
-"""The number of questions under way at a time: as many as the link carries side by side.
+"""The number of requests in flight: as many as the link carries in parallel.
 
-By Little's law twice as many bring twice as much only while each is answered as soon as before;
-on a full link each takes twice as long, telemetry waits behind them, and nothing is gained. So the
-number is doubled, and kept only where the median round trip stays below GAINS of what it was. From
-time to time, and when answers become slow, it is found again from one on, for a vehicle flies away
-and comes back.
+By Little's law twice as many requests bring twice as much only while each is answered as fast as
+before; on a full link each takes twice as long, telemetry queues behind them, and nothing is
+gained. The number is therefore doubled, and kept only if the median round trip stays below GAINS
+times its previous value. From time to time, and when answers become slow, it is determined again,
+starting from one, because a vehicle flies away and returns.
 """
 
 from __future__ import annotations
@@ -16,20 +16,22 @@ from statistics import median
 
 MOST = 16
 GAINS = 1.4
-"""Least gain that counts; a doubling brings 1.43 times as much, or more."""
+"""Largest ratio of round trips for a doubling to be kept; it then brings 1.43 times as much, or
+more."""
 ROUND = 8
-"""Answers of which the median is taken, at least."""
+"""Minimum number of answers for a median."""
 SLOW = 2.0
-"""Times the round trip that was found, beyond which the link has got narrower."""
+"""Ratio to the settled round trip above which the link has become narrower."""
 HOLD = 60.0
-"""s until it is found again: on a narrow link telemetry waits some 0.2 s of them."""
+"""Seconds until the number is determined again: on a narrow link telemetry waits for some 0.2 s of
+them."""
 
 
 class Window:
-    """Any thread may tell and ask.
+    """Determines the number of requests in flight; thread-safe.
 
     Attributes:
-        size: questions that may be in the air.
+        size: largest number of requests in flight.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -38,14 +40,14 @@ class Window:
         self.size = 1
         self._trips: list[float] = []
         self._below: float | None = None
-        """s, the median round trip of half as many; None where nothing is compared."""
+        """Median round trip with half as many, s; None when there is no comparison."""
         self._settled = 0.0
-        """s, the median round trip at the size that was found."""
+        """Median round trip at the settled size, s."""
         self._settled_until: float | None = None
-        """None while it is being found."""
+        """Time until which the size is settled; None while it is being determined."""
 
     def answered(self, size: int, seconds: float) -> None:
-        """Note how long a question took that was asked while this was the size."""
+        """Note the duration of a request that was sent at this size."""
         with self._lock:
             if size != self.size:
                 return
@@ -69,7 +71,9 @@ class Window:
         self._settled, self._settled_until = trip, self._clock() + HOLD
 
     def _watch(self, trip: float) -> None:
-        """Watch for a link that got narrower: answers slower than when the window was settled."""
+        """Watch for a link that has become narrower: answers slower than when the
+        window settled.
+        """
         assert self._settled_until is not None
         is_slow = self.size > 1 and trip > SLOW * self._settled
         if is_slow or self._clock() >= self._settled_until:

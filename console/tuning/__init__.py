@@ -1,1 +1,1 @@
-"""Step tests of the gains: fetched from the vehicle's log, judged, and the last ones kept."""
+"""Step tests of the gains: fetched from the vehicle's log, judged, and the last ones stored."""

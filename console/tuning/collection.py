@@ -1,4 +1,4 @@
-"""Puts the answers about a stretch of the vehicle's log together, and checks that it is whole."""
+"""Collects the answers about an interval of the vehicle's log, and checks that it is complete."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ Floats = npt.NDArray[np.float32]
 Stamps = npt.NDArray[np.int64]
 
 FRUITLESS_MAX = 8
-"""Answers in a row without anything new, after which it is given up."""
+"""Number of answers in a row without anything new after which the collection ends."""
 GAP_PERIODS = 2.5
-"""Two ticks further apart than so many usual periods have a gap between them; where a single
-tick is missing, nothing of the response is hidden."""
+"""Distance of two ticks, in usual periods, above which there is a gap; a single missing tick hides
+nothing of the response."""
 EDGE = 20_000_000
-"""ns that may be missing at either end of the stretch: a tick is at most so long."""
+"""Time in ns that may be missing at either end of the interval: the longest duration of a tick."""
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """A gap: nothing is known of the time in it (s since the first tick)."""
+    """A gap in the samples; times in s since the first tick."""
 
     start: float
     end: float
 
 
 class Collection:
-    """Send each `question` and pass its answer to `add`, until `done`.
+    """Collects an interval: send each `question` and pass its answer to `add`, until `done`.
 
     Args:
-        columns: names, as flight_log.tick_columns has them.
+        columns: names, as in flight_log.tick_columns.
         start_ns, end_ns: of the vehicle's clock.
     """
 
@@ -97,7 +97,7 @@ class Collection:
             self.problem = "the vehicle's log was not written to the end of the test"
 
     def failed(self, why: str) -> bool:
-        """Take note that one question had no answer; return whether to ask again."""
+        """Note that a request had no answer; return whether to retry."""
         self._fruitless += 1
         if self._fruitless < FRUITLESS_MAX:
             return True
@@ -105,7 +105,7 @@ class Collection:
         return False
 
     def result(self) -> Samples:
-        """Return all samples that came. Raises StorageError when there is none."""
+        """Return all received samples. Raises StorageError when there are none."""
         if not self._stamps:
             why = self.problem or "it has nothing of that time"
             raise StorageError(f"the vehicle's log could not be read: {why}")
@@ -131,13 +131,13 @@ class Collection:
 
 @dataclass(frozen=True)
 class Samples:
-    """A stretch of the log.
+    """An interval of the log.
 
     Attributes:
         stamps_ns: shape (N,), of the vehicle's clock.
         values: by column, shape (N,).
-        gaps: in order; empty when every tick is there.
-        problem: what else is wrong, empty when nothing is.
+        gaps: in order; empty when no tick is missing.
+        problem: what else is wrong, or empty.
         file: on the vehicle.
     """
 
@@ -149,12 +149,12 @@ class Samples:
 
     @property
     def rate(self) -> float:
-        """Return the rate in Hz, by the median of the periods."""
+        """Return the rate in Hz, from the median of the periods."""
         return 1e9 / float(np.median(np.diff(self.stamps_ns))) if len(self.stamps_ns) > 1 else 0.0
 
     @property
     def single(self) -> int:
-        """Return the ticks that are missing one by one, without a gap."""
+        """Return the number of single missing ticks, which are no gap."""
         steps = np.diff(self.stamps_ns) / np.median(np.diff(self.stamps_ns))
         return int(np.count_nonzero((steps > 1.6) & (steps <= GAP_PERIODS)))
 

@@ -26,14 +26,14 @@ COLUMNS = (
     "actuators.torque.2",
     "actuators.scaling",
 )
-"""Signals by which a test is judged."""
+"""Signals from which a test is judged."""
 
 EDGE_MIN = 0.005
-"""m or rad between two ticks; excite steps by 0.01 at least."""
+"""Smallest edge, m or rad between two ticks; excite steps by at least 0.01."""
 BEFORE = 0.05
-"""s before an edge that give the value it starts from."""
+"""Seconds before an edge over which its initial value is averaged."""
 SHOWN_BEFORE, SHOWN_AFTER = 0.4, 0.3
-"""s shown before the first edge, and behind the last level."""
+"""Seconds shown before the first edge, and after the last level."""
 
 
 @dataclass(frozen=True)
@@ -53,13 +53,15 @@ class Plan:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Attributes:
-    figures: means over the edges, and of the whole test; None where not reached.
-    edges: time (s since the first), swing (m or rad) and figures of each.
-    time: s since the first edge, shape (N,).
-    setpoint, actual: off the set-point before the first edge, shape (N,).
-    gaps: s since the first edge.
-    problems: what keeps it from being whole, for people; empty when nothing does.
+    """The result of a step test.
+
+    Attributes:
+        figures: means over the edges, and of the whole test; None when not reached.
+        edges: time (s since the first), swing (m or rad) and figures of each.
+        time: s since the first edge, shape (N,).
+        setpoint, actual: relative to the set-point before the first edge, shape (N,).
+        gaps: s since the first edge.
+        problems: why it is incomplete, as text; empty when it is complete.
     """
 
     figures: dict[str, float | None]
@@ -72,7 +74,7 @@ class Evaluation:
 
 
 def evaluate(samples: Samples, plan: Plan) -> Evaluation:
-    """Evaluate a step test. Raises StorageError when there is no edge in it."""
+    """Evaluate a step test. Raises StorageError when it has no edge."""
     time, actual, setpoint = samples.time, _actual(samples), _setpoint(samples)
     along = AXES.index(plan.axis)
     at = _edges_of(setpoint[along], plan)
@@ -122,9 +124,9 @@ def drawn(evaluation: Evaluation) -> dict[str, list[Any]]:
 
 
 def _edges_of(setpoint: Array, plan: Plan) -> npt.NDArray[np.int_]:
-    """Return samples at which the set-point takes the levels of the plan, one after the other.
+    """Return the samples at which the set-point reaches the plan's levels, one after the other.
 
-    Other jumps are no part of it: of a vehicle that ended the test, or someone who took over.
+    Other jumps do not belong to the plan: the vehicle ended the test, or a person took over.
     """
     jumps = np.flatnonzero(np.abs(np.diff(setpoint)) > EDGE_MIN) + 1
     levels = [level * plan.amplitude for level in LEVELS[plan.shape]] * plan.repeats
@@ -145,7 +147,7 @@ def _edge(
     gaps: tuple[Gap, ...],
     first: float,
 ) -> dict[str, float | None]:
-    """Return figures of one edge; all None when ticks of it are missing."""
+    """Return the figures of one edge; all None when some of its ticks are missing."""
     inside = (time >= start) & (time < end - 1e-9)
     before = (time >= start - BEFORE) & (time < start)
     level = float(np.median(setpoint[inside]))
@@ -162,11 +164,11 @@ def _edge(
 
 
 def _means(edges: list[dict[str, float | None]]) -> dict[str, float | None]:
-    """Return the means over the edges that are whole; None when one of these does not reach it."""
+    """Return the means over the complete edges; None when one of these does not reach a figure."""
     whole = [edge for edge in edges if edge["rms_error"] is not None]
     means: dict[str, float | None] = {}
     for name in FIGURES:
-        # Errors of edges up and down must not cancel.
+        # errors of edges up and down must not cancel
         values = [abs(value) for edge in whole if (value := edge[name]) is not None]
         complete = bool(whole) and len(values) == len(whole)
         means[name] = float(np.mean(values)) if complete else None
@@ -181,7 +183,7 @@ def _whole(
     flown: npt.NDArray[np.bool_],
     along: int,
 ) -> dict[str, float | None]:
-    """Return figures of the whole test: what it asked of the motors, and of the other axes."""
+    """Return the figures of the whole test: of the motors, and of the other axes."""
     motors = np.stack([samples.values[f"actuators.motor_references.{i}"] for i in range(4)])
     scaling = samples.values["actuators.scaling"][flown]
     error = setpoint - actual
@@ -226,7 +228,7 @@ def _actual(samples: Samples) -> Array:
 
 
 def _setpoint(samples: Samples) -> Array:
-    """Return the set-point as `_actual` does; yaw on the turn that is nearest to the actual one."""
+    """Return the set-point like `_actual`; yaw on the turn that is nearest to the actual one."""
     v = samples.values
     positions = [v[f"{_REFERENCE}.position.{i}"].astype(float) for i in range(len(POSITION))]
     yaw = v[f"{_REFERENCE}.yaw"].astype(float)
@@ -235,7 +237,7 @@ def _setpoint(samples: Samples) -> Array:
 
 
 def _tilt(samples: Samples) -> Array:
-    """Return angle (rad) between the body's up and the world's."""
+    """Return the angle (rad) between the body's up and the world's."""
     x, y = (samples.values[f"{_STATE}.orientation.{i}"].astype(float) for i in range(2))
     tilt: Array = np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))
     return tilt

@@ -1,7 +1,7 @@
-"""The last step tests, on disk: a description next to the samples of each.
+"""The last step tests, on disk: a description and the samples of each.
 
-`<data>/tuning/<id>.json` and `<id>.npz`. A deleted one lies in `deleted/` until there are too
-many there.
+They are `<data>/tuning/<id>.json` and `<id>.npz`. Deleted ones stay in `deleted/` until there are
+too many.
 """
 
 from __future__ import annotations
@@ -34,11 +34,12 @@ class KeptRun:
 
     Attributes:
         started: UTC, ISO 8601.
-        run_id: of the station's recording it is in, empty if there was none.
+        run_id: of the station's recording that contains it, empty if there was none.
         gains: parameters in force when it began, by name.
-        changed: those of them that were changed while it flew.
+        changed: those of them that were changed during the test.
         figures, edges, problems: see evaluation.Evaluation.
-        file: on the vehicle. rate: ticks a second.
+        file: on the vehicle.
+        rate: ticks a second.
     """
 
     id: str
@@ -57,7 +58,9 @@ class KeptRun:
 
 
 class KeptRuns:
-    """Thread-safe. Args: `data` is the data folder; it is made when the first test is kept."""
+    """The stored tests, thread-safe. The folder in `data` is created when the first
+    test is stored.
+    """
 
     def __init__(self, data: Path, kept: int = KEPT) -> None:
         self._folder = data / FOLDER
@@ -65,7 +68,7 @@ class KeptRuns:
         self._lock = threading.Lock()
 
     def new_id(self, vehicle: str) -> str:
-        """Return a new id made of the time; never the same twice."""
+        """Return a new unique id made from the time."""
         with self._lock:
             while True:
                 name = f"{datetime.now(UTC):%Y%m%dT%H%M%S%f}"[:-3] + f"Z_{vehicle}"
@@ -73,7 +76,7 @@ class KeptRuns:
                     return name
 
     def keep(self, run: KeptRun, samples: Samples) -> None:
-        """Write it; the oldest beyond the number kept are gone. Raises StorageError."""
+        """Store a test, and remove the oldest beyond the number kept. Raises StorageError."""
         with self._lock:
             try:
                 self._folder.mkdir(exist_ok=True)
@@ -92,13 +95,13 @@ class KeptRuns:
             self._prune(self._folder)
 
     def runs(self) -> list[KeptRun]:
-        """Return the kept runs, newest first; one that cannot be read is left out."""
+        """Return the stored tests, newest first; unreadable ones are left out."""
         with self._lock:
             found = (self._read(name) for name in reversed(self._names(self._folder)))
             return [run for run in found if run is not None]
 
     def run(self, name: str) -> KeptRun:
-        """Return a kept test. Raises StorageError for an unknown one."""
+        """Return a stored test. Raises StorageError when it is unknown."""
         with self._lock:
             self._known(name, self._folder)
             run = self._read(name)
@@ -107,7 +110,7 @@ class KeptRuns:
         return run
 
     def samples(self, name: str) -> Samples:
-        """Return the samples of a kept test. Raises StorageError."""
+        """Return the samples of a stored test. Raises StorageError."""
         run = self.run(name)
         try:
             with np.load(self._path(name, ".npz")) as content:
@@ -118,7 +121,7 @@ class KeptRuns:
             raise StorageError(f"the samples of test {name} cannot be read: {error}") from error
 
     def delete(self, name: str) -> None:
-        """Put it aside. Raises StorageError."""
+        """Move a test to the deleted ones. Raises StorageError."""
         with self._lock:
             self._move(name, self._folder, self._folder / DELETED)
             self._prune(self._folder / DELETED)
@@ -146,8 +149,8 @@ class KeptRuns:
             return None
 
     def _known(self, name: str, folder: Path) -> None:
-        """Raise StorageError for a name from outside that is not known; it is looked up, never made
-        a path.
+        """Raise StorageError for an unknown name from outside; it is looked up, never
+        made a path.
         """
         if name not in self._names(folder):
             raise StorageError(f"there is no step test {name!r:.80}; the Tune tab lists all")
@@ -170,7 +173,7 @@ class KeptRuns:
 
 
 class _aside:  # noqa: N801 - used as `with _aside(path) as aside`
-    """A file that takes its place only when it is whole."""
+    """A file that gets its name only when it is complete."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._aside = path, path.with_name(f"{path.name}.new")

@@ -1,4 +1,4 @@
-"""Questions about the vehicle's log, passed on by the station at the lowest priority."""
+"""Requests about the vehicle's log, forwarded by the station at the lowest priority."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from vehicle_link.transport.node import Node
 
 TYPE = SERVICES["onboard_log"]
 TIMEOUT = 1.0
-"""s; clients of the station wait a little longer."""
+"""Timeout in s; clients of the station wait a little longer."""
 
 
 class LogWindow:
     """Serves `/<vehicle>/station/onboard_log`.
 
-    What flies always goes first on the radio: questions and answers are of background priority.
+    Requests and answers are of background priority: messages of the flight go first on the radio.
 
     Args:
-        link_state: of the link to the vehicle, now.
+        link_state: returns the state of the link to the vehicle.
     """
 
     def __init__(self, node: Node, link_state: Callable[[], LinkState]) -> None:

@@ -4,11 +4,11 @@
     rise           from 10 to 90 % of it
     overshoot      beyond the set-point, % of the step
     settling       until it stays within 5 % of the step about the set-point
-    steady error   set-point less actual, mean of the last fifth
-    rms error      of set-point less actual, all of it
+    steady error   set-point minus actual, mean of the last fifth
+    rms error      of set-point minus actual, over the whole interval
 
-The step goes from the actual value at the edge to the new set-point: an error that stands
-before is no part of it. Figures that the response does not reach are None.
+The step goes from the actual value at the edge to the new set-point: an earlier error is not part
+of it. Figures that the response does not reach are None.
 """
 
 from __future__ import annotations
@@ -23,12 +23,14 @@ Array = npt.NDArray[np.float64]
 BAND = 0.05
 LAST_SHARE = 0.2
 STAYS = 0.1
-"""Share of the stretch that it has to stay in the band to be settled."""
+"""Share of the interval for which it has to stay in the band to be settled."""
 
 
 @dataclass(frozen=True, slots=True)
 class StepResponse:
-    """s; % of the step; errors in the unit of the values."""
+    """Figures of a step response: times in s, overshoot in % of the step, errors in the unit of the
+    values.
+    """
 
     delay: float | None
     rise: float | None
@@ -42,7 +44,7 @@ FIGURES = ("delay", "rise", "overshoot", "settling", "steady_error", "rms_error"
 
 
 def step_response(time: Array, actual: Array, start: float, target: float) -> StepResponse:
-    """Compute the step response of the stretch from one edge to the next.
+    """Compute the step response of the interval from one edge to the next.
 
     Args:
         time: s since the edge, shape (N,), rising.
@@ -74,7 +76,7 @@ def _reaches(time: Array, done: Array, level: float) -> float | None:
 
 
 def _settles(time: Array, off: Array) -> float | None:
-    """Return from when on it stays within the band (s); None when that is not seen."""
+    """Return the time from which it stays within the band (s); None when that is not seen."""
     outside = np.flatnonzero(off > BAND)
     if not len(outside):
         return float(time[0])

@@ -1,4 +1,4 @@
-"""The arguments of the behaviors that the page starts; nothing here is compiled."""
+"""The arguments of the behaviors that the page starts; no function here is compiled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The protocol of a behavior, what it starts from, and the arguments it takes."""
+"""The protocol of a behavior, the context that it starts from, and its arguments."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ Point = tuple[float, float, float, float]
 
 
 class Outside:
-    """The newest reference that another program wants flown; written between ticks.
+    """The newest reference that another program requests; written between ticks.
 
     Attributes:
-        stamp_ns: when it is to be flown, of the vehicle's clock; None before the first.
+        stamp_ns: when it is to be flown, on the vehicle's clock; None before the first.
         reference: REFERENCE, shape (1,).
     """
 
@@ -47,24 +47,24 @@ class Outside:
         self._floats = self.reference.view("f8")
 
     def take(self, stamp_ns: int, numbers: Sequence[float]) -> None:
-        """Take `numbers` (18,), in the order of REFERENCE's fields."""
+        """Store `numbers` (18,), in the order of REFERENCE's fields."""
         self.stamp_ns = stamp_ns
         self._floats[:] = numbers
 
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """The context of a behavior's start: what it may know."""
+    """The context available to a behavior at its start."""
 
-    reference: Record  # a copy of the present one; on the ground, where the vehicle stands
+    reference: Record  # copy of the present one; on the ground, the vehicle's pose
     parameters: BehaviorParameters
     hover_thrust: float  # N, the weight
     model: Record = field(default_factory=lambda: VehicleModel().record())  # MODEL, shape (1,)
     trajectories: Mapping[str, Polynomial] = field(default_factory=dict)  # loaded from files
-    control: ControlParameters = field(default_factory=ControlParameters)  # the gains in force
-    state: Record | None = None  # of the vehicle, where it is known
+    control: ControlParameters = field(default_factory=ControlParameters)  # gains in use
+    state: Record | None = None  # of the vehicle, if known
     outside: Outside = field(default_factory=Outside)
-    stamp_ns: int = 0  # of the last tick in flight, of the vehicle's clock
+    stamp_ns: int = 0  # of the last tick in flight, on the vehicle's clock
 
     @property
     def point(self) -> Point:
@@ -73,13 +73,13 @@ class Context:
 
 
 class Behavior(Protocol):
-    """One behavior under way; `start` classmethods make them, see `Startable`."""
+    """One active behavior; created by `start`, see `Startable`."""
 
     name: ClassVar[BehaviorName]
 
     @property
     def progress(self) -> float:
-        """Return the share done, 0..1; 0 for behaviors without an end."""
+        """Return the completed share, 0..1; 0 for behaviors without an end."""
         ...
 
     def step(
@@ -91,7 +91,10 @@ class Behavior(Protocol):
         thrust: float,
         reference: Record,
     ) -> bool:
-        """Move `reference` (holding the last one) on by dt; True when the behavior is over."""
+        """Advance `reference`, which holds the last one, by dt (s).
+
+        Returns whether the behavior has ended.
+        """
         ...
 
 
@@ -105,13 +108,14 @@ class Startable(Protocol):
     def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Behavior:
         """Start the behavior from the present reference, with the given arguments.
 
-        Raises ParameterError for the arguments, RefusedError for where they lead.
+        Raises ParameterError for invalid arguments, RefusedError when they lead to a forbidden
+        place.
         """
         ...
 
 
 class TrajectoryBehavior:
-    """A behavior that flies one trajectory and ends with it."""
+    """Behavior that flies one trajectory and ends with it."""
 
     def __init__(self, trajectory: Trajectory) -> None:
         self._sample = trajectory.sample
@@ -141,7 +145,7 @@ class NoArguments(Parameters):
 
 
 class WithoutArguments:
-    """The common part of behaviors that take no arguments and have no end."""
+    """Base class of behaviors that have no arguments and no end."""
 
     name: ClassVar[BehaviorName]
     progress = 0.0
@@ -168,8 +172,9 @@ def argument_descriptions(arguments: type[Parameters]) -> dict[str, ParameterDes
 def read_arguments(
     behavior: BehaviorName, defaults: Arguments, given: Mapping[str, ParameterValue]
 ) -> Arguments:
-    """Return `defaults` with the given values. Raises ParameterError; nothing is silently
-    dropped.
+    """Return `defaults` with the given values; none is dropped silently.
+
+    Raises ParameterError.
     """
     known = argument_descriptions(type(defaults))
     checked = {}

@@ -1,4 +1,4 @@
-"""Come to a stop, from any motion."""
+"""Brake to a stop from any motion."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from quadrotor.records import Record
 
 
 class Brake(WithoutArguments):
-    """The reference slows to rest; then hover."""
+    """Behavior that slows the reference down to rest, after which the vehicle hovers."""
 
     name: ClassVar[BehaviorName] = BehaviorName.BRAKE
 

@@ -1,4 +1,4 @@
-"""A step or a doublet on one axis, from hover and back to it: what gains are tuned by."""
+"""A step or a doublet on one axis, from hover and back to it, for tuning gains."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from quadrotor.records import Record
 from quadrotor.vehicle_model import GRAVITY
 
 LONGEST = 40.0
-"""s of a whole test."""
+"""Longest duration, in s, of a whole test."""
 OUTSIDE = 0.2
-"""m by which an overshoot may leave the flight volume."""
+"""Distance, in m, by which an overshoot may leave the flight volume."""
 AT_REST = (0.15, 0.15, 0.3)
-"""Largest position error (m), speed (m/s) and turn rate (rad/s) to start from."""
+"""Largest position error (m), speed (m/s) and rotation rate (rad/s) at the start."""
 
 
 class ExciteArguments(Parameters):
@@ -47,10 +47,10 @@ class ExciteArguments(Parameters):
 
 
 class Excite(TrajectoryBehavior):
-    """Jumps of the reference; brakes where the vehicle is when it leaves the path too far.
+    """Behavior that steps the reference; it brakes when the vehicle leaves the path too far.
 
     Attributes:
-        aborted: why it was ended early; empty while all is well.
+        aborted: why it ended early; empty otherwise.
     """
 
     name: ClassVar[BehaviorName] = BehaviorName.EXCITE
@@ -108,7 +108,7 @@ class Excite(TrajectoryBehavior):
         return super().step(stamp_ns, dt, state, joy, thrust, reference)
 
     def _breach(self, state: Record) -> str:
-        """Return which limit the vehicle has left, and by how much; "" while it keeps to all."""
+        """Return which limit the vehicle has exceeded, and by how much; "" if none."""
         position = state["position_w"][0].tolist()
         for i, axis in enumerate(POSITION):
             # Written so that a NaN is outside.
@@ -129,7 +129,7 @@ class Excite(TrajectoryBehavior):
 
 
 def _check_amplitude(a: ExciteArguments, context: Context) -> None:
-    """Raise RefusedError when it is above the parameter's bound, or too small to be seen."""
+    """Raise RefusedError when the amplitude exceeds its bound, or is lost in the noise."""
     p, size = context.parameters, abs(a.amplitude)
     if a.axis == "yaw":
         name, unit, most = "excite_yaw_max", "rad", p.excite_yaw_max
@@ -148,7 +148,7 @@ def _check_amplitude(a: ExciteArguments, context: Context) -> None:
 
 
 def _check_demand(a: ExciteArguments, swing: float, context: Context) -> None:
-    """Raise RefusedError when the jump alone, through these gains, asks for too much.
+    """Raise RefusedError when the jump alone, with these gains, demands too much.
 
     The law answers a jump e with the acceleration k_p e (eq. 4) within one tick.
     """
@@ -169,7 +169,7 @@ def _check_demand(a: ExciteArguments, swing: float, context: Context) -> None:
         low, high = with_margin(
             float(model["thrust_min"][0]), float(model["thrust_max"][0]), p.trajectory_thrust_margin
         )
-        rotor = 0.25 * context.hover_thrust  # N of each, hovering
+        rotor = 0.25 * context.hover_thrust  # thrust of each rotor in hover, N
         room = min(high - rotor, rotor - low) / rotor * GRAVITY  # m/s^2, either way
         if gains.kp_z * swing > room:
             raise _too_much(
@@ -184,9 +184,7 @@ def _check_demand(a: ExciteArguments, swing: float, context: Context) -> None:
 def _too_much(
     asked: str, allowed: str, most: float, swing: float, a: ExciteArguments
 ) -> RefusedError:
-    """Return the refusal of a jump; `most`: m of a jump that is allowed, where it would be
-    `swing`.
-    """
+    """Return the refusal of a jump of `swing` (m), of which `most` (m) would be allowed."""
     fits = math.floor(100.0 * most * abs(a.amplitude) / swing) / 100.0
     return RefusedError(
         f"excite refused: with these gains its edges ask for {asked}; allowed {allowed}: "
@@ -215,7 +213,7 @@ def _check_rest(context: Context) -> None:
 
 
 def _follow(state: Record, reference: Record) -> None:
-    """Move the reference onto the vehicle, in its motion: brake takes over from there."""
+    """Move the reference to the vehicle, with its motion; brake continues from there."""
     reference.view("f8")[:] = 0.0
     position, velocity = state["position_w"][0], state["velocity_w"][0]
     if math.isfinite(float(position.sum() + velocity.sum())):

@@ -18,19 +18,19 @@ from quadrotor.errors import RefusedError
 from quadrotor.records import REFERENCE, Record, new_reference
 
 YAW_STEP_MAX = 0.5
-"""rad: largest step of the yaw from where the last reference leads."""
+"""Largest step, in rad, of the yaw from the extrapolated last reference."""
 
 
 class External(WithoutArguments):
-    """A behavior that flies the references of another program; between two of them the last one is
-    led on, at most for behavior.external_timeout.
+    """Behavior that flies the references of another program.
 
-    A reference that is late, that steps, that the vehicle could not fly, or after which silence
-    would lead to one that it could not, or out of the flight volume, is not flown: the vehicle
-    brakes and hovers.
+    Between two references the last one is extrapolated, at most for behavior.external_timeout. A
+    reference is not flown if it is late, if it steps, if the vehicle could not fly it, or if its
+    extrapolation during a silence could not be flown or would leave the flight volume: then the
+    vehicle brakes and hovers.
 
     Attributes:
-        aborted: why it ended itself.
+        aborted: why it ended by itself.
     """
 
     name: ClassVar[BehaviorName] = BehaviorName.EXTERNAL
@@ -86,7 +86,7 @@ class External(WithoutArguments):
             return (
                 "no reference was received on the topic external_reference; start publishing first"
             )
-        # One from the future is as wrong as an old one.
+        # A stamp in the future is as wrong as an old one.
         if abs(age) > self._timeout:
             return (
                 f"the newest reference of the topic external_reference is {age:.2f} s old; allowed "
@@ -95,8 +95,10 @@ class External(WithoutArguments):
         return ""
 
     def _breach(self, wanted: Record, present: Record) -> str:
-        """Return what is wrong with a reference, "" for nothing; both are REFERENCE (1,) of one
-        instant.
+        """Return what is wrong with a reference, "" for nothing.
+
+        Args:
+            wanted, present: REFERENCE (1,) of one instant.
         """
         step = np.linalg.norm(wanted["position_w"][0] - present["position_w"][0])
         # Written so that a NaN is a breach.
@@ -145,7 +147,7 @@ class External(WithoutArguments):
         return ""
 
     def _stops(self, reference: Record) -> list[float]:
-        """Return x, y, z (m) where brake would come to rest: its filter's equation integrated."""
+        """Return x, y, z (m) where brake would stop, by integrating its filter's equation."""
         r, w = reference[0], BANDWIDTH
         out = []
         for i in range(3):

@@ -24,7 +24,7 @@ from quadrotor.parameters import Parameters, ParameterValue
 
 
 class FlyTo(TrajectoryBehavior):
-    """A straight line from rest; from a moving reference a bend that ends at rest."""
+    """Behavior that flies a straight line from rest, or from a moving reference a bend, to rest."""
 
     name: ClassVar[BehaviorName] = BehaviorName.FLY_TO
     arguments: ClassVar[type[Parameters]] = FlyToArguments

@@ -1,4 +1,4 @@
-"""Fly a trajectory by name, from where the vehicle hovers, if the vehicle can."""
+"""Fly a trajectory by name, from the place of hover, if the vehicle is able to."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from control.behaviors.trajectory_arguments import FollowTrajectoryArguments, Wh
 from control.behaviors.trajectory_choice import CHOICES, Choice
 from control.trajectories.feasibility import Feasibility, examine, fits, refusal
 from control.trajectories.limits import WALLS, Limits, with_margin
+from control.trajectories.trajectory import Trajectory
 from quadrotor.errors import RefusedError, UnknownParameterError
 from quadrotor.parameters import Parameters, ParameterValue, coerce
 from quadrotor.records import Record
@@ -36,15 +37,16 @@ _NAMES = {
     13: "behavior.trajectory_body_rate_max",
     14: "behavior.trajectory_yaw_torque_max",
 }
-"""limits.QUANTITIES index -> the parameters that set its limit."""
+"""The parameters that set each limit, by index into limits.QUANTITIES."""
 
 _SLOWEST = 8.0
-"""No slower pace than this factor is proposed."""
+"""Largest factor by which a slower pace is proposed."""
 
 
 class FollowTrajectory(TrajectoryBehavior):
-    """A behavior that flies a trajectory from rest to rest, starting from the present reference;
-    see `trajectory_choice.CHOICES`.
+    """Behavior that flies a trajectory from rest to rest, starting from the present reference.
+
+    See `trajectory_choice.CHOICES`.
     """
 
     name: ClassVar[BehaviorName] = BehaviorName.FOLLOW_TRAJECTORY
@@ -52,6 +54,15 @@ class FollowTrajectory(TrajectoryBehavior):
 
     @classmethod
     def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
+        return cls(context, *cls.chosen(context, given))
+
+    @classmethod
+    def chosen(
+        cls, context: Context, given: Mapping[str, ParameterValue]
+    ) -> tuple[Choice, WhichTrajectory]:
+        """Return which trajectory these arguments choose, and all that it takes. Raises
+        ParameterError.
+        """
         form = argument_descriptions(FollowTrajectoryArguments)
         which = form["trajectory"]
         name = str(coerce(which, given.get("trajectory", which.default)))
@@ -64,24 +75,34 @@ class FollowTrajectory(TrajectoryBehavior):
                 )
         # Not validated: the present reference may be anywhere.
         defaults = choice.arguments().model_copy(update=dict(choice.defaults(context)))
-        return cls(context, choice, read_arguments(cls.name, defaults, given))
+        return choice, read_arguments(cls.name, defaults, given)
 
     def __init__(self, context: Context, choice: Choice, arguments: WhichTrajectory) -> None:
-        limits = limits_of(context.parameters, context.model)
-        trajectory = choice.make(context, arguments)
-        self.report: Feasibility = examine(trajectory, context.model, limits)
-        breach = self.report.breach
-        if breach is not None:
-            slow = breach.index >= WALLS
-            advice = _advice(context, choice, arguments, limits) if slow else ""
-            raise RefusedError(refusal(self.report, breach, "follow_trajectory", advice))
+        trajectory, self.report, refused = surveyed(context, choice, arguments)
+        if refused:
+            raise RefusedError(refused)
         super().__init__(trajectory)
 
 
-def limits_of(p: BehaviorParameters, model: Record) -> Limits:
-    """Return the limits of trajectories, from the parameters and the vehicle's MODEL (shape
-    (1,)).
+def surveyed(
+    context: Context, choice: Choice, arguments: WhichTrajectory
+) -> tuple[Trajectory, Feasibility, str]:
+    """Return the trajectory, its demands, and why the vehicle refuses it, "" when it does not.
+
+    Raises ParameterError or RefusedError for arguments that make none.
     """
+    limits = limits_of(context.parameters, context.model)
+    trajectory = choice.make(context, arguments)
+    report = examine(trajectory, context.model, limits)
+    breach = report.breach
+    if breach is None:
+        return trajectory, report, ""
+    advice = _advice(context, choice, arguments, limits) if breach.index >= WALLS else ""
+    return trajectory, report, refusal(report, breach, "follow_trajectory", advice)
+
+
+def limits_of(p: BehaviorParameters, model: Record) -> Limits:
+    """Return the limits of trajectories from the parameters and MODEL, shape (1,)."""
     low, high = with_margin(
         float(model["thrust_min"][0]), float(model["thrust_max"][0]), p.trajectory_thrust_margin
     )
@@ -102,11 +123,11 @@ def limits_of(p: BehaviorParameters, model: Record) -> Limits:
 
 
 def _advice(context: Context, choice: Choice, arguments: WhichTrajectory, limits: Limits) -> str:
-    """Return the quickest pace found that fits, in the words of the arguments that set it."""
+    """Return the fastest feasible pace found, as advice on the arguments that set it."""
     taken = argument_descriptions(type(arguments))
 
     def changes(factor: float) -> dict[str, float] | None:
-        """Return the arguments of a pace that fits, else None."""
+        """Return the arguments of a feasible pace, else None."""
         found = choice.slower(arguments, factor)
         for name, value in found.items():
             low, high = taken[name].minimum, taken[name].maximum

@@ -27,7 +27,7 @@ def stand(state: Record, reference: Record) -> None:
 
 
 class Ground:
-    """Motors off or idle."""
+    """Behavior on the ground, with motors off or idle."""
 
     name: ClassVar[BehaviorName] = BehaviorName.GROUND
     progress = 0.0

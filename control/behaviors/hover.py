@@ -12,7 +12,7 @@ from quadrotor.parameters import Parameters, ParameterValue
 
 
 class Hover(TrajectoryBehavior):
-    """Hold the position in the air until something else is requested."""
+    """Behavior that holds the position in the air until something else is requested."""
 
     name: ClassVar[BehaviorName] = BehaviorName.HOVER
     arguments: ClassVar[type[Parameters]] = NoArguments

@@ -30,11 +30,11 @@ TOUCH_DOWN = np.dtype(
 
 @compiled
 def touched_down(detector: Record, dt: float, thrust: float, state: Record) -> bool:
-    """Return whether the vehicle is on the ground: thrust is low for a while, and yet its velocity
-    does not change.
+    """Return whether the vehicle is on the ground.
 
-    In the air, thrust at 0.6 of the weight changes the velocity by 0.2 m/s in 50 ms. It is the
-    change that counts, not the velocity: a dead-reckoned estimate drifts, but slowly.
+    There, thrust is low for a while, and yet the velocity does not change. In the air, thrust at
+    0.6 of the weight changes the velocity by 0.2 m/s in 50 ms. The change counts, not the velocity
+    itself: a dead-reckoned estimate drifts, but slowly.
 
     Args:
         detector, state: TOUCH_DOWN and STATE, shape (1,).
@@ -56,10 +56,10 @@ def touched_down(detector: Record, dt: float, thrust: float, state: Record) -> b
 
 
 class Land:
-    """The reference stops sideways and goes down for ever, also below the ground.
+    """Behavior whose reference stops sideways and descends without end, also below the ground.
 
-    On the ground the growing error pulls the thrust down to its floor of 0.3 m g
-    (position_law.LIFT_MIN), which is how touch-down shows.
+    On the ground the growing error reduces the thrust to its minimum of 0.3 m g
+    (position_law.LIFT_MIN), from which touch-down is detected.
     """
 
     name: ClassVar[BehaviorName] = BehaviorName.LAND

@@ -1,4 +1,4 @@
-"""The behavior machine: requests in, one reference a tick out."""
+"""The behavior machine: it accepts requests and returns one reference per tick."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ BEHAVIORS: dict[BehaviorName, type[Startable]] = {
     BehaviorName.EMERGENCY_LANDING: EmergencyLanding,
     BehaviorName.EXTERNAL: External,
 }
-"""Those that can be requested: all but GROUND."""
+"""Behaviors that can be requested: all except GROUND."""
 
 
 def describe_arguments(name: str) -> tuple[ParameterDescription, ...]:
@@ -65,19 +65,19 @@ def describe_arguments(name: str) -> tuple[ParameterDescription, ...]:
 
 
 class BehaviorMachine:
-    """One behavior at a time; each starts from the reference where the last one left it.
+    """The active behavior; each one starts from the reference where the last one left it.
 
     Args:
-        parameters: kept, not copied; walls and limits count from the next request on.
+        parameters: stored, not copied; walls and limits apply from the next request on.
         hover_thrust: N, the weight.
-        model: MODEL, shape (1,), by which trajectories are checked; the paper's vehicle if left
-            out.
+        model: MODEL, shape (1,), with which trajectories are checked; the paper's vehicle if
+            omitted.
         trajectories: those loaded from files before the flight, by name.
 
     Attributes:
-        control: the gains in force, by which steps are checked.
-        aborted: why a behavior ended itself early, until `pop_aborted`.
-        outside: what another program wants; written between ticks.
+        control: gains in use, with which steps are checked.
+        aborted: why a behavior ended by itself early, until `pop_aborted`.
+        outside: the newest reference of another program; written between ticks.
     """
 
     def __init__(
@@ -110,30 +110,31 @@ class BehaviorMachine:
 
     @property
     def progress(self) -> float:
-        """Return share of the behavior done, 0..1; 0 for those without an end."""
+        """Return the completed share of the behavior, 0..1; 0 for those without an end."""
         return self._behavior.progress
 
     @property
     def level(self) -> Level | None:
-        """Return what the microcontroller is to hold, in a behavior that it flies itself; None in
-        others.
+        """Return what the microcontroller has to hold, in a behavior that it flies itself.
+
+        Returns None in other behaviors.
         """
         return self._behavior if isinstance(self._behavior, Level) else None
 
     def set_parameters(self, parameters: BehaviorParameters) -> None:
-        """Set walls and limits, for the next request; `parameters` is kept, not copied."""
+        """Set walls and limits for the next request; `parameters` is stored, not copied."""
         self.parameters = parameters
 
     def set_control(self, control: ControlParameters) -> None:
-        """Set the gains in force."""
+        """Set the gains in use."""
         self.control = control
 
     def set_model(self, model: Record) -> None:
-        """Set the MODEL, shape (1,), by which trajectories are checked."""
+        """Set the MODEL, shape (1,), with which trajectories are checked."""
         self.model = model
 
     def set_mass(self, mass: float) -> None:
-        """Set the mass (kg) that hovering has to carry."""
+        """Set the mass (kg) for the hover thrust."""
         self.hover_thrust = mass * GRAVITY
 
     def set_trajectories(self, trajectories: Mapping[str, Polynomial]) -> None:
@@ -141,12 +142,12 @@ class BehaviorMachine:
         self.trajectories = trajectories
 
     def pop_aborted(self) -> str:
-        """Return why a behavior ended itself early since the last call, "" when none did."""
+        """Return why a behavior ended by itself early since the last call, "" when none did."""
         reason, self.aborted = self.aborted, ""
         return reason
 
     def reset(self) -> None:
-        """Return to the ground state at once: the motors are disarmed or cut."""
+        """Return to the ground state at once, when the motors are disarmed or cut."""
         self._behavior = Ground()
         self.landed = False
 
@@ -158,9 +159,10 @@ class BehaviorMachine:
         armed: bool,
         airborne: bool,
     ) -> None:
-        """Start a behavior now. Raises RefusedError or ParameterError; then nothing changed.
+        """Start a behavior now.
 
-        A hover requested in motion brakes first.
+        A hover requested in motion brakes first. Raises RefusedError or ParameterError, without
+        changes.
         """
         wanted = behavior_of(name)
         check_transition(self.name, wanted, armed, airborne)
@@ -187,10 +189,10 @@ class BehaviorMachine:
         thrust: float,
         reference: Record,
     ) -> None:
-        """Make one tick: move the reference on and write it into `reference`, shape (1,).
+        """Run one tick: advance the reference and write it into `reference`, shape (1,).
 
         Args:
-            stamp_ns: the vehicle's clock, as the stamps of `joy`.
+            stamp_ns: the vehicle's clock, as for the stamps of `joy`.
             dt: s since the last tick.
             joy: the newest sticks, or None.
             thrust: N, commanded in the last tick.
@@ -236,14 +238,14 @@ def _finite(state: Record) -> bool:
 
 
 def _floats(reference: Record) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Return a view (18,) of a reference record of shape (1,), also of one inside a TICK."""
+    """Return a view (18,) of a reference record of shape (1,), which may be inside a TICK."""
     if reference.shape != (1,) or reference.dtype != REFERENCE:
         raise ValueError(f"a reference record of shape (1,) is needed, not {reference.shape}")
     return reference.view("f8")
 
 
 def _compile(parameters: BehaviorParameters) -> None:
-    """Call every compiled function once: in flight the first call would be seconds late."""
+    """Call every compiled function once; the first call in flight would be seconds late."""
     reference, state = new_reference(), new_state()
     stand(state, reference)
     context = Context(reference.copy(), parameters, 1.0)

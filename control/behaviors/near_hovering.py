@@ -1,6 +1,6 @@
-"""Near-hovering flight: angles and yaw rate to the microcontroller, which levels by itself.
+"""Near-hovering flight: angles and yaw rate for the microcontroller, which levels by itself.
 
-No pose is needed. The reference follows the vehicle, so that what comes after starts from there.
+No pose is needed. The reference follows the vehicle, so that the next behavior starts from there.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ from quadrotor.records import Record
 
 
 class Level:
-    """Level, turning at no rate, at a climb rate: what both behaviors below begin with.
+    """Level flight without yaw rate, at a climb rate: the base of both behaviors below.
 
     Attributes:
-        roll, pitch: rad. yaw_rate: rad/s.
-        climb: m/s, to be held by the barometer; None leaves the thrust to `thrust_share`.
-        thrust_share: of the thrust that hovers.
+        roll, pitch: rad.
+        yaw_rate: rad/s.
+        climb: m/s, held by the barometer; None leaves the thrust to `thrust_share`.
+        thrust_share: share of the hover thrust.
     """
 
     progress = 0.0
@@ -49,7 +50,7 @@ class Level:
 
 
 class NearHovering(Level):
-    """Sticks tilt and turn the vehicle; released, stale or missing ones level it."""
+    """Behavior in which sticks tilt and turn the vehicle; released or stale ones level it."""
 
     name: ClassVar[BehaviorName] = BehaviorName.NEAR_HOVERING
     arguments: ClassVar[type[Parameters]] = NearHoveringArguments
@@ -76,7 +77,7 @@ class NearHovering(Level):
         reference: Record,
     ) -> bool:
         forward = left = up = turn = 0.0
-        # A stamp from the future is as wrong as an old one.
+        # A stamp in the future is as wrong as an old one.
         if joy is not None and joy[2] and abs(stamp_ns - joy[0]) <= self._timeout_ns:
             forward, left, up, turn = (stick_axis(value) for value in joy[1])
         self.pitch, self.roll = self._angle * forward, -self._angle * left
@@ -87,7 +88,7 @@ class NearHovering(Level):
 
 
 class EmergencyLanding(Level):
-    """Descend level by the barometer; the ground detection ends it."""
+    """Behavior that descends level by the barometer, until ground contact is detected."""
 
     name: ClassVar[BehaviorName] = BehaviorName.EMERGENCY_LANDING
     arguments: ClassVar[type[Parameters]] = NoArguments

@@ -1,4 +1,4 @@
-"""Names of the behaviors and which may follow which."""
+"""Names of the behaviors, and which may follow which."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from quadrotor.errors import RefusedError
 class BehaviorName(IntEnum):
     """The name of a behavior, also its number in STATUS records."""
 
-    GROUND = 0  # standing, motors idle
+    GROUND = 0  # on the ground, motors idle
     TAKE_OFF = 1
     HOVER = 2
     FLY_TO = 3
@@ -21,7 +21,7 @@ class BehaviorName(IntEnum):
     BRAKE = 7  # to a stop, then hover
     EXCITE = 8  # steps of the reference, for tuning
     NEAR_HOVERING = 9  # sticks are angles, which the microcontroller holds
-    EMERGENCY_LANDING = 10  # level and down, without a pose
+    EMERGENCY_LANDING = 10  # level descent, without a pose
     EXTERNAL = 11  # references of another program
 
 
@@ -116,14 +116,13 @@ REFUSALS: dict[BehaviorName, dict[BehaviorName, str]] = {
     },
     _EXTERNAL: dict(_IN_MOTION),
 }
-"""REFUSALS[present][wanted] is the reason of a refusal; every other move is allowed.
+"""REFUSALS[present][wanted] is the reason of a refusal; every other transition is allowed.
 
-Landing again with another speed, and braking or hovering twice, are allowed: a repeated
-command must not fail.
-"""
+Landing again with another speed, and braking or hovering twice, are allowed, because a repeated
+command must not fail."""
 
 NEEDS_LIFT = frozenset({_HOVER, _BRAKE})
-"""Refused before lift-off and after touch-down: they would hold the reference on the ground."""
+"""Behaviors refused before lift-off and after touch-down: they would hold the reference there."""
 
 
 def behavior_of(name: str) -> BehaviorName:

@@ -15,7 +15,7 @@ from quadrotor.parameters import Parameters, ParameterValue
 
 
 class TakeOff(TrajectoryBehavior):
-    """A line upwards at constant speed between smooth ramps; yaw is kept."""
+    """Behavior that climbs vertically at constant speed between smooth ramps, keeping yaw."""
 
     name: ClassVar[BehaviorName] = BehaviorName.TAKE_OFF
     arguments: ClassVar[type[Parameters]] = TakeOffArguments

@@ -1,7 +1,7 @@
 """The arguments of each trajectory of follow_trajectory, and all of them as one flat form.
 
-A trajectory's own class holds what it takes; an argument that several share is one field of a
-class they share. The form a page is built from is the union.
+A trajectory's own class holds its arguments; an argument that several share is one field of a
+common base class. The form from which the page is built is the union.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The trajectories that follow_trajectory offers by name: what each takes and how it is made."""
+"""The trajectories that follow_trajectory offers by name: their arguments and how they are made."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from quadrotor.parameters import ParameterValue
 from quadrotor.rotations import wrap_angle
 
 NEAR = 2e-3
-"""m and rad: a file's start is here when it is no farther; the path is shifted by the rest."""
+"""Largest distance, in m and rad, of a file's start from here; the path is shifted by it."""
 
 Changes = dict[str, float]
 
@@ -42,9 +42,9 @@ class Choice:
 
     arguments: type[WhichTrajectory]
     make: Callable[[Context, Any], Trajectory]
-    """Raises ParameterError or RefusedError for arguments that make none."""
+    """Create the trajectory; raises ParameterError or RefusedError for invalid arguments."""
     slower: Callable[[Any, float], Changes]
-    """Arguments that differ when the same path is flown in `factor` times the time."""
+    """Return the arguments that change when the same path takes `factor` times the time."""
     defaults: Callable[[Context], Mapping[str, ParameterValue]] = lambda _: {}
 
 
@@ -72,7 +72,7 @@ def _check_ramp(a: LapArguments) -> None:
 
 
 def _shape(a: WhichTrajectory) -> dict[str, Any]:
-    """Return the arguments as the trajectory's own class names them."""
+    """Return the arguments under the names of the trajectory's own class."""
     return a.model_dump(exclude={"trajectory"})
 
 

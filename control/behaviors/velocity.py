@@ -1,4 +1,4 @@
-"""Fly by sticks: velocity and yaw rate in the yaw frame of the reference."""
+"""Fly with the sticks: velocity and yaw rate in the yaw frame of the reference."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from quadrotor.records import Record
 
 
 class Velocity(WithoutArguments):
-    """Released, stale or missing sticks stop the vehicle; the flight volume's walls slow it."""
+    """Behavior flown by sticks.
+
+    Released, stale or missing sticks stop the vehicle, and the flight volume's walls slow it down.
+    """
 
     name: ClassVar[BehaviorName] = BehaviorName.VELOCITY
 
@@ -37,7 +40,7 @@ class Velocity(WithoutArguments):
         thrust: float,
         reference: Record,
     ) -> bool:
-        # A stamp from the future is as wrong as an old one.
+        # A stamp in the future is as wrong as an old one.
         if joy is not None and (not joy[2] or abs(stamp_ns - joy[0]) > self._timeout_ns):
             joy = None
         if joy is not self._obeyed:
@@ -49,5 +52,5 @@ class Velocity(WithoutArguments):
 
 
 def stick_axis(value: float) -> float:
-    """Return a stick axis in -1..1; what is not a number counts as released."""
+    """Return a stick axis in -1..1; a value that is not finite counts as released."""
     return max(-1.0, min(1.0, value)) if math.isfinite(value) else 0.0

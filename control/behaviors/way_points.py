@@ -1,4 +1,4 @@
-"""Way-points from text."""
+"""Parse way-points from text."""
 
 from __future__ import annotations
 
@@ -11,22 +11,21 @@ from quadrotor.errors import OutOfBoundsError, WrongTypeError
 from quadrotor.rotations import wrap_angle
 
 COUNT_MAX = 12
-"""So that a path through them is found between two ticks."""
+"""Largest number of way-points, for which a path is found between two ticks."""
 
 FARTHEST = 100.0
-"""m, and rad: larger numbers are slips."""
+"""Largest absolute value, in m and rad: larger numbers are typing errors."""
 
 CLOSEST = 1e-3
-"""m: nearer neighbours with the same yaw are the same point."""
+"""Distance, in m, below which neighbours with the same yaw are the same point."""
 
 EXAMPLE = "give 'x y z yaw; x y z; ...' in m and rad"
 
 
 def read_waypoints(text: str, start: tuple[float, float, float, float]) -> npt.NDArray[np.float64]:
-    """Return (N + 1, 4): the start (m, rad) and the points of 'x y z yaw; x y z; ...', yaw
-    unwrapped.
+    """Return (N + 1, 4): the start (m, rad) and the points of 'x y z yaw; x y z; ...'.
 
-    Raises WrongTypeError or OutOfBoundsError that names the point.
+    Yaw is unwrapped. Raises WrongTypeError or OutOfBoundsError that names the point.
     """
     parts = [part for part in text.split(";") if part.strip()]
     if not 1 <= len(parts) <= COUNT_MAX:

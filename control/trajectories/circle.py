@@ -1,7 +1,7 @@
 """Laps of a circle, level or rising: constant phase rate between smooth ramps.
 
-The yaw of a nose along the tangent or towards the centre is the phase and a constant, so it has
-every derivative the phase has.
+The yaw of a nose along the tangent or towards the centre is the phase plus a constant, so it has as
+many derivatives as the phase.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ class Circle:
     Args:
         start: (x, y, z, yaw) m and rad, on the circle.
         radius: m, > 0.
-        nose: "fixed" keeps the yaw; "tangent" flies nose first, the centre abeam; "center" looks
+        nose: "fixed" keeps the yaw; "tangent" flies nose first, the centre abeam; "center" points
             at the centre, which is straight ahead.
-        side: "left" flies counter-clockwise seen from above, "right" clockwise. With a fixed
-            nose or along the tangent, the centre lies on that side of the start's yaw.
-        rise: m a lap; 0 is a level circle.
-        period, laps, ramp: s, whole laps, s: as of `figure_eight.FigureEight`.
+        side: "left" flies counter-clockwise seen from above, "right" clockwise. With a fixed nose
+            or along the tangent, the centre lies on that side of the start's yaw.
+        rise: m per lap; 0 is a level circle.
+        period, laps, ramp: s, whole laps, s: as for `figure_eight.FigureEight`.
 
     Raises ValueError for a ramp that does not fit.
     """

@@ -1,8 +1,8 @@
 """A trajectory from a CSV file: t, x, y, z, yaw, and optionally all their derivatives.
 
-With the five columns alone the path is that of least snap through the rows (a spline of seventh
-order: continuous to snap), at rest at both ends. With the derivatives the rows are joined by
-pieces of ninth order that meet them all.
+With the five columns alone, the path is that of least snap through the rows (a spline of seventh
+order: continuous to snap), at rest at both ends. With the derivatives, the rows are joined by
+pieces of ninth order that match them all.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from quadrotor.errors import RefusedError, StorageError
 Array = npt.NDArray[np.float64]
 
 COLUMNS = ("t", "x", "y", "z", "yaw")
-"""s, m, m, m, rad; world axes. Yaw may be wrapped: it goes on the short way."""
+"""Columns in s, m, m, m, rad; world axes. Yaw may be wrapped: it turns the short way."""
 
 DERIVATIVES = (
     *("vx", "vy", "vz"),  # m/s
@@ -31,11 +31,11 @@ DERIVATIVES = (
     *("sx", "sy", "sz"),  # m/s^4
     *("yaw_rate", "yaw_acceleration"),  # rad/s, rad/s^2
 )
-"""All or none."""
+"""Optional columns, all or none."""
 
 ROWS_MAX = 20_000
 SPEED_AT_ENDS = 0.3
-"""m/s between the first two rows, or the last two, that no longer looks like rest."""
+"""Largest speed, in m/s, between the first two rows or the last two that still counts as rest."""
 
 
 def load_csv(path: Path) -> Polynomial:
@@ -71,7 +71,7 @@ def load_csv(path: Path) -> Polynomial:
 
 
 def _table(path: Path, text: str) -> dict[str, Array]:
-    """Return column name -> numbers; checks everything that a row can have wrong."""
+    """Return column name -> numbers; check everything that can be wrong with a row."""
     names: list[str] | None = None
     rows: list[list[float]] = []
     for number, cells in enumerate(csv.reader(text.splitlines()), start=1):

@@ -1,4 +1,4 @@
-"""A reference some time later, if its snap and its yaw acceleration stay as they are."""
+"""Extrapolation of a reference with constant snap and yaw acceleration."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from quadrotor.records import Record
 
 @compiled
 def extrapolate(known: Record, dt: float, reference: Record) -> None:
-    """Write what known[0] leads to after dt (s) into reference[0]; both REFERENCE, shape (1,)."""
+    """Extrapolate known[0] by dt (s) into reference[0]; both REFERENCE, shape (1,)."""
     k = known[0]
     r = reference[0]
     for i in range(3):

@@ -1,9 +1,8 @@
-"""The feasibility of a trajectory for the vehicle: its largest demands, and when they break a
-limit.
+"""The feasibility of a trajectory: its largest demands, and when they exceed a limit.
 
-Every stretch of the trajectory is sampled, each sample taken through the inverse dynamics
-(`flatness`), and the neighbourhood of each extreme and of each first breach sampled again, finer.
-A figure of eight takes 0.3 ms: it may be asked between two ticks.
+Every stretch of the trajectory is sampled, the inverse dynamics (`flatness`) are computed for each
+sample, and the neighbourhood of each extreme and of each first breach is sampled again, finer. A
+figure of eight takes 0.3 ms, so it can be checked between two ticks.
 """
 
 from __future__ import annotations
@@ -27,18 +26,18 @@ Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
 FINER = 17
-"""Samples of the second look at an extreme or a breach."""
+"""Number of samples of the second, finer pass at an extreme or a breach."""
 
 TIME_RESOLUTION = 1e-3
-"""s: as exactly the time of the first breach is found."""
+"""Resolution, in s, of the time of the first breach."""
 
 
 @dataclass(frozen=True, slots=True)
 class Extreme:
-    """The worst value of one quantity, and the first time its limit is broken, None if never."""
+    """The worst value of one quantity, and the first time its limit is exceeded, None if never."""
 
     index: int  # into limits.QUANTITIES
-    value: float  # as shown: degrees for the tilt, else SI
+    value: float  # as displayed: degrees for the tilt, else SI
     limit: float
     time: float  # s, of the worst value
     first: float | None  # s
@@ -65,13 +64,11 @@ class Feasibility:
 
     @property
     def breach(self) -> Extreme | None:
-        """Return the first in the order of QUANTITIES: what asks too much comes before what
-        follows.
-        """
+        """Return the first breach in the order of QUANTITIES: causes precede their effects."""
         return next((e for e in self.extremes if e.first is not None), None)
 
     def of(self, name: str) -> Extreme:
-        """Return the extreme of this name; of a coordinate the largest. Raises KeyError."""
+        """Return the extreme of this name; for a coordinate, the largest. Raises KeyError."""
         for extreme in reversed(self.extremes):
             if extreme.name == name:
                 return extreme
@@ -89,18 +86,19 @@ def survey(
     first: Indices,
     stop: bool,
 ) -> None:
-    """Find the largest of each demand, at which sample, and the first sample above its limit, else
-    -1.
+    """Find the largest of each demand, its sample, and the first sample above its limit, else -1.
 
-    Demands, in the order of limits.QUANTITIES: -x, x, -y, y, -z, z, speed, acceleration,
-    |yaw rate|, |yaw acceleration|, tilt, -(least motor thrust), largest motor thrust, |body rate|,
-    |yaw torque|. What is not a number counts as inf.
+    Demands, in the order of limits.QUANTITIES: -x, x, -y, y, -z, z, speed, acceleration, |yaw
+    rate|, |yaw acceleration|, tilt, -(least motor thrust), largest motor thrust, |body rate|, |yaw
+    torque|. A value that is not a number counts as inf.
 
     Args:
-        references: REFERENCE, shape (N,), N at least 1. model: MODEL, shape (1,).
-        limits, values, worst: (15,), the first read, the second scratch, the third written.
+        references: REFERENCE, shape (N,), N at least 1.
+        model: MODEL, shape (1,).
+        limits, values, worst: (15,); the first is read, the second is scratch, the third is
+            written.
         worst_at, first: (15,), written.
-        stop: end at the first sample that breaks a limit.
+        stop: whether to end at the first sample that exceeds a limit.
     """
     m = model[0]
     for q in range(values.shape[0]):
@@ -163,7 +161,7 @@ class _Look:
         )
 
     def between(self, low: float, high: float) -> float:
-        """Survey FINER samples of low..high; returns their step (s)."""
+        """Survey FINER samples of low..high; return their step (s)."""
         step = (high - low) / (FINER - 1)
         self.sample(low, step, self.fine)
         self.survey(self.fine)
@@ -182,9 +180,7 @@ class _Look:
         return references, times
 
     def breach(self, q: int, low: float, high: float) -> float:
-        """Return the time in low..high from which quantity q is above its limit, as it is at
-        `high`.
-        """
+        """Return the time in low..high from which quantity q exceeds its limit, as at `high`."""
         while high - low > TIME_RESOLUTION:
             step = self.between(low, high)
             k = int(self.first[q])
@@ -195,9 +191,7 @@ class _Look:
 
 
 def examine(trajectory: Trajectory, model: Record, limits: Limits) -> Feasibility:
-    """Return the extremes of a trajectory with an end, flown by the vehicle of `model` (MODEL,
-    (1,)).
-    """
+    """Return the extremes of a finite trajectory, flown by the vehicle of `model` (MODEL, (1,))."""
     look = _Look(trajectory, model, limits)
     references, times = look.grid()
     look.survey(references)
@@ -211,7 +205,7 @@ def examine(trajectory: Trajectory, model: Record, limits: Limits) -> Feasibilit
     last = len(times) - 1
     for k in sorted(set(worst_at.tolist())):
         low, high = float(times[max(k - 1, 0)]), float(times[min(k + 1, last)])
-        # The gap between two stretches repeats what is seen elsewhere.
+        # The gap between two stretches repeats what is sampled elsewhere.
         step = look.between(low, high)
         for q in np.flatnonzero(worst_at == k).tolist():
             if look.worst[q] > worst[q]:
@@ -233,9 +227,7 @@ def examine(trajectory: Trajectory, model: Record, limits: Limits) -> Feasibilit
 
 
 def fits(trajectory: Trajectory, model: Record, limits: Limits) -> bool:
-    """Return whether all samples keep to the limits; a quicker look than `examine`, for
-    searches.
-    """
+    """Return whether all samples keep to the limits; faster than `examine`, for searches."""
     look = _Look(trajectory, model, limits)
     look.survey(look.grid()[0], stop=True)
     return bool((look.first < 0).all())
@@ -244,8 +236,9 @@ def fits(trajectory: Trajectory, model: Record, limits: Limits) -> bool:
 def check(
     trajectory: Trajectory, model: Record, limits: Limits, *, what: str, advice: str = ""
 ) -> Feasibility:
-    """Return the report of `examine`. Raises RefusedError for a breach, with numbers, time and
-    advice.
+    """Return the report of `examine`.
+
+    Raises RefusedError for a breach, with numbers, time and advice.
     """
     report = examine(trajectory, model, limits)
     if report.breach is not None:
@@ -254,7 +247,7 @@ def check(
 
 
 def refusal(report: Feasibility, breach: Extreme, what: str, advice: str = "") -> str:
-    """Return one line: what is asked, since when, what is allowed and by which parameter."""
+    """Return one line: what is demanded, from when, what is allowed and by which parameter."""
     q, since = breach.index, f"from {breach.first:.2f} s on"
     names = report.limits.source.get(q, "")
     if q < WALLS:

@@ -1,8 +1,8 @@
 """The 8 of Sec. 7: laps at a constant phase rate between smooth ramps.
 
-x = w/2 sin(phase), y = h/2 sin(2 phase), z and yaw = amplitude sin(phase) about a centre where
-it starts and ends at rest. Departs from print, which gives no time law: rest to rest in one
-lap of 8 s would ask for 37° of tilt, a constant rate for 8°.
+x = w/2 sin(phase), y = h/2 sin(2 phase), z and yaw = amplitude sin(phase) about a centre where it
+starts and ends at rest. Departs from print, which gives no time law: rest to rest in one lap of 8 s
+would need 37° of tilt, a constant rate only 8°.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ FIGURE_EIGHT = np.dtype(
 
 @compiled(inner=True)
 def circling(s: float, c: float, a: float, b: float, d: float, e: float) -> Derivatives:
-    """Return sin of an angle and four time derivatives, by Faa di Bruno.
+    """Return the sine of an angle and its four time derivatives, by Faa di Bruno's formula.
 
     Args:
-        s, c: its sine and cosine; for the cosine's derivatives give c and -s.
+        s, c: its sine and cosine; for the cosine's derivatives pass c and -s.
         a, b, d, e: the angle's time derivatives, first to fourth.
     """
     aa = a * a
@@ -52,7 +52,7 @@ def circling(s: float, c: float, a: float, b: float, d: float, e: float) -> Deri
 def figure_eight_at(eight: Any, t: float, reference: Any) -> None:
     """Write the reference at t (s) on one FIGURE_EIGHT record into one REFERENCE record.
 
-    One sine and one cosine: those of twice the phase follow from them.
+    One sine and one cosine are computed: those of twice the phase follow from them.
     """
     q, a, b, d, e = ramped_phase(t, eight.rate, eight.ramp, eight.total)
     s = math.sin(q)
@@ -75,9 +75,7 @@ def figure_eight_at(eight: Any, t: float, reference: Any) -> None:
 
 @compiled
 def sample_figure_eight(eights: Record, t: float, references: Record, step: float = 0.0) -> None:
-    """Write references[k] at t + k step (s) on eights[k], or on the last of them; shapes (M,),
-    (N,).
-    """
+    """Write references[k] at t + k step (s) on eights[k], or on the last one; shapes (M,), (N,)."""
     for k in range(references.shape[0]):
         figure_eight_at(eights[min(k, eights.shape[0] - 1)], t + k * step, references[k])
 
@@ -89,8 +87,9 @@ class FigureEight:
         center: (x, y, z) m.
         yaw: rad, the middle of the yaw's swing.
         width, height: m, the bounding box in x and y.
-        z_amplitude: m. yaw_amplitude: rad.
-        period: s a lap at the constant rate.
+        z_amplitude: m.
+        yaw_amplitude: rad.
+        period: s per lap at the constant rate.
         laps: whole laps of phase; the ramps are within the first and the last.
         ramp: s of each ramp, at most laps * period.
 
@@ -127,11 +126,12 @@ class FigureEight:
         duration: float = 8.0,
         **shape: float,
     ) -> FigureEight:
-        """Return a figure 8 from rest to rest in one lap of `duration` s: a ramp up to the middle,
-        a ramp down from it.
+        """Return a figure 8 from rest to rest in one lap of `duration` s.
+
+        It is a ramp up to the middle and a ramp down from it.
 
         Args:
-            shape: width, height, z_amplitude and yaw_amplitude, as of the class.
+            shape: width, height, z_amplitude and yaw_amplitude, as for the class.
         """
         return cls(center, yaw, period=0.5 * duration, laps=1, ramp=0.5 * duration, **shape)
 

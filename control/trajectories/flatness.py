@@ -1,8 +1,8 @@
-"""Inverse dynamics: the attitude, rates, thrust and torques that a reference asks for.
+"""Inverse dynamics: the attitude, rates, thrust and torques that a reference requires.
 
-Position and yaw are flat outputs of eqs. 2 and 3. The force m (r'' + g z_W) gives the thrust and
-with the yaw the attitude; its first and second derivative give the rates (Sec. 4); eq. 3 turned
-round gives the torques, and eq. 1 turned round the thrust of each motor.
+Position and yaw are flat outputs of eqs. 2 and 3. The force m (r'' + g z_W) gives the thrust and,
+with the yaw, the attitude; its first and second derivatives give the rates (Sec. 4); inverting eq.
+3 gives the torques, and inverting eq. 1 the thrust of each motor.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from quadrotor.vehicle_model import GRAVITY
 
 @compiled(inner=True)
 def wrench_of_reference(reference: Any, model: Any) -> tuple[Axes, Vector, Vector, Quaternion]:
-    """Return what one REFERENCE record demands of a vehicle with this MODEL record.
+    """Return what one REFERENCE record requires of a vehicle with this MODEL record.
 
     Returns the columns of R_wb, the body rate (rad/s) and its derivative in body axes, and the
     wrench: thrust (N) and torques (N m) about body axes. Not finite in free fall, r'' = -g z_W.

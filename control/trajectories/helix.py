@@ -1,4 +1,4 @@
-"""A circle that rises by as much in every lap."""
+"""A circle that rises by the same height in every lap."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from control.trajectories.circle import Circle, Nose, Side
 
 
 class Helix(Circle):
-    """Laps of a circle that climbs `rise` m a lap; at rest at both ends, C4.
+    """Laps of a circle that climbs `rise` m per lap; at rest at both ends, C4.
 
     Args:
         start: (x, y, z, yaw) m and rad, the lower end; the upper one for rise < 0.
-        rise: m a lap, of either sign.
-        radius, nose, side, period, laps, ramp: as of `circle.Circle`.
+        rise: m per lap, of either sign.
+        radius, nose, side, period, laps, ramp: as for `circle.Circle`.
 
     Raises ValueError for a ramp that does not fit.
     """

@@ -9,7 +9,7 @@ from quadrotor.records import Record
 
 
 class Hover:
-    """A fixed point and yaw for ever: a line of no length.
+    """A fixed point and yaw without end: a line of zero length.
 
     Args:
         position_w: (x, y, z) m.

@@ -25,9 +25,7 @@ def lap_rates(laps: int, period: float) -> tuple[float, float]:
 
 
 def lap_stretches(laps: int, period: float, ramp: float) -> tuple[Stretch, ...]:
-    """Return ramp up, at most one lap at the constant rate, ramp down: further laps repeat that
-    one.
-    """
+    """Return the ramps, and between them at most one lap: further ones repeat it."""
     end = laps * period + ramp
     steady = end - 2.0 * ramp
     shown = min(period, steady)

@@ -1,4 +1,4 @@
-"""The trajectories of a folder, loaded before the flight: one file, one trajectory."""
+"""The trajectories of a folder, loaded before the flight, one per file."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ LOADERS = {".csv": load_csv, ".py": load_python}
 
 
 def load_trajectory(path: Path) -> Polynomial:
-    """Load the trajectory of a .csv or .py file, and find when it asks most of the vehicle.
+    """Load the trajectory of a .csv or .py file, and find when it demands most of the vehicle.
 
-    Finding those times takes a dense look at all of it, which a start in flight could not afford.
-    Raises RefusedError or StorageError.
+    Finding those times takes a dense sampling of the whole path, which a start in flight could not
+    afford. Raises RefusedError or StorageError.
     """
     loader = LOADERS.get(path.suffix.lower())
     if loader is None:
@@ -34,12 +34,11 @@ def load_trajectory(path: Path) -> Polynomial:
 
 
 def load_folder(folder: Path) -> tuple[dict[str, Polynomial], list[str]]:
-    """Return name (the file's, without ending) -> trajectory, and one line for each that was
-    refused.
+    """Return name (the file's, without ending) -> trajectory, and one line for each refused file.
 
-    Takes .csv and .py files whose name starts with a letter or digit, not those of folders inside.
-    Never called in flight: it runs Python files and takes as long as they do.
-    Raises StorageError when the folder cannot be read.
+    Loads .csv and .py files whose name starts with a letter or digit, but not those of subfolders.
+    Never called in flight, as it runs Python files, which may take any time. Raises StorageError
+    when the folder cannot be read.
     """
     try:
         files = sorted(p for p in folder.iterdir() if p.suffix.lower() in LOADERS)

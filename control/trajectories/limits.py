@@ -13,7 +13,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number of `feasibility.survey` with its name, unit and limit for display."""
+    """A quantity of `feasibility.survey`, with name, unit and scale for display."""
 
     name: str
     unit: str
@@ -38,19 +38,18 @@ QUANTITIES = (
     Quantity("body rate", "rad/s"),
     Quantity("yaw torque", "N m"),
 )
-"""Quantities in the order of `feasibility.survey`, which is the order in which breaches are
-reported."""
+"""Quantities in the order of `feasibility.survey`, in which breaches are reported."""
 
 WALLS = 6
-"""The first six are the flight volume."""
+"""Number of quantities of the flight volume, which come first."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """The largest and least values allowed, SI; what is left out has no limit.
+    """The largest and least values allowed, SI; omitted ones have no limit.
 
     Args:
-        thrust_low, thrust_high: N a motor; leave a margin to the motors' own limits for the
+        thrust_low, thrust_high: N per motor; leave a margin to the motors' own limits for the
             feedback, see `with_margin`.
         tilt: rad.
         source: quantity index -> the name of the parameter that sets it, for messages.
@@ -72,7 +71,7 @@ class Limits:
     def as_array(self) -> Array:
         """Return (15,) in the order and with the signs of `feasibility.survey`."""
         (x0, y0, z0), (x1, y1, z1) = self.low_w, self.high_w
-        # A rounding error beyond a wall is no flight beyond it.
+        # A rounding error beyond a wall does not count.
         walls = [w + 1e-6 for w in (-x0, x1, -y0, y1, -z0, z1)]
         return np.array(
             [
@@ -91,8 +90,6 @@ class Limits:
 
 
 def with_margin(thrust_min: float, thrust_max: float, margin: float) -> tuple[float, float]:
-    """Return the motors' range (N) less `margin` (share of the range) at both ends, for the
-    feedback.
-    """
+    """Return the motors' range (N) less `margin`, a share of it, at both ends, for the feedback."""
     reserve = margin * (thrust_max - thrust_min)
     return thrust_min + reserve, thrust_max - reserve

@@ -13,15 +13,15 @@ from quadrotor.records import Record
 from quadrotor.rotations import wrap_angle
 
 RAMP_MIN = 0.3
-"""s: shorter ramps ask for more snap than the motors follow."""
+"""Shortest ramp, in s: shorter ones need more snap than the motors can follow."""
 
 
 class Line:
     """A straight line from `start` to `end`, turning the short way; C4, at rest at both ends.
 
-    Velocity, acceleration and jerk stay within their bounds, and each is reached unless another
-    or RAMP_MIN stands before it. The time-optimal profile of seven constant jerks would be
-    quicker, but its jerk jumps; the torques follow snap, which here is continuous.
+    Velocity, acceleration and jerk stay within their bounds, and each is reached unless another one
+    or RAMP_MIN prevents it. The time-optimal profile of seven constant jerks would be faster, but
+    its jerk jumps; the torques follow snap, which here is continuous.
 
     Args:
         start, end: (x, y, z, yaw) in m and rad, world axes.
@@ -64,6 +64,6 @@ class Line:
         sample_phase_curve(self._line, t, references, step)
 
     def stretches(self) -> tuple[Stretch, ...]:
-        """Return both ramps: between them nothing changes but the position."""
+        """Return both ramps: between them only the position changes."""
         end = self.duration
         return (0.0, self._ramp, 100), (end - self._ramp, end, 100)

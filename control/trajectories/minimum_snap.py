@@ -1,8 +1,8 @@
-"""Through way-points with the least snap, from rest to rest.
+"""A path through way-points with the least snap, from rest to rest.
 
 The integral of the squared snap is least among all paths of ninth-order pieces that pass the
-way-points at their times, rest at both ends and join C4; the yaw has the least acceleration in
-the same sense. A quadratic problem whose unknowns are the derivatives at the inner way-points
+way-points at their times, rest at both ends and join C4; the yaw has the least acceleration in the
+same sense. It is a quadratic problem whose unknowns are the derivatives at the inner way-points
 (Richter, Bry, Roy 2013): its normal equations are block-tridiagonal and are solved directly.
 """
 
@@ -24,8 +24,9 @@ _FACTOR_MIN = 1e-3
 
 
 def _cost(order: int) -> Array:
-    """Return the cost matrix (10, 10): the integral over 0..1 of the squared derivative, in
-    value-to-snap at both ends.
+    """Return the cost matrix (10, 10) of value-to-snap at both ends.
+
+    The cost is the integral over 0..1 of the squared derivative.
     """
     power = np.arange(ORDER + 1)
     falling = np.array([math.perm(n, order) for n in power], dtype=float)
@@ -40,9 +41,7 @@ _YAW_ACCELERATION = _cost(2)
 
 
 def check_way_points(waypoints: Array, times: Array) -> tuple[Array, Array]:
-    """Return both as arrays of floats. Raises ValueError for shapes, values or times that do not
-    fit.
-    """
+    """Return both as arrays of floats. Raises ValueError for invalid shapes, values or times."""
     points, at = np.asarray(waypoints, dtype=float), np.asarray(times, dtype=float)
     if points.ndim != 2 or points.shape != (len(at), 4) or len(at) < 2:
         raise ValueError(
@@ -61,9 +60,9 @@ def minimum_snap(waypoints: Array, times: Array) -> Polynomial:
 
     Args:
         waypoints: (S + 1, 4) x, y, z (m), yaw (rad, not wrapped).
-        times: (S + 1,) s, from 0, growing.
+        times: (S + 1,) s, from 0, increasing.
 
-    Raises ValueError when the shapes do not fit or the times do not grow from 0.
+    Raises ValueError when the shapes do not fit or the times do not increase from 0.
     """
     points, at = check_way_points(waypoints, times)
     spans = np.diff(at) / (at[-1] / (len(at) - 1))  # about 1: the powers below stay harmless
@@ -80,8 +79,9 @@ def _inner_derivatives(points: Array, spans: Array, cost: Array, power: int) -> 
     """Return (S - 1, D, 4): velocity to snap at the inner way-points, in the time units of `spans`.
 
     Args:
-        points: (S + 1, D). spans: (S,). cost: (10, 10) of a piece of unit span; a piece of span
-            T costs T^-power as much.
+        points: (S + 1, D).
+        spans: (S,).
+        cost: (10, 10) of a piece of unit span; a piece of span T costs T^-power as much.
     """
     scale = spans[:, None] ** np.array([0.0, 1.0, 2.0, 3.0, 4.0] * 2)
     pieces = cost * scale[:, :, None] * scale[:, None, :] * (spans**-power)[:, None, None]
@@ -97,9 +97,7 @@ def _inner_derivatives(points: Array, spans: Array, cost: Array, power: int) -> 
 
 
 def _block_tridiagonal(here: Array, onward: Array, right: Array) -> Array:
-    """Return x of a symmetric positive system with blocks here (N, 4, 4) and onward (N - 1, 4,
-    4).
-    """
+    """Return x of a symmetric positive system with blocks here (N, 4, 4), onward (N - 1, 4, 4)."""
     n = len(here)
     out = np.empty_like(right)
     carried = np.empty((max(n - 1, 0), _FREE, _FREE))
@@ -134,15 +132,15 @@ def within(
 ) -> Polynomial:
     """Return the path through way-points, as fast as the bounds allow for one division of the time.
 
-    Each piece gets the time that its length, its turn and the bounds suggest. Slowing a path of
-    least snap leaves it one of least snap, so one factor on all times then meets the tightest
-    bound exactly.
+    Each piece gets the time that its length, its turn and the bounds suggest. A path of least snap
+    that is slowed down is still one of least snap, so one factor on all times then meets the
+    tightest bound exactly.
 
     Args:
         waypoints: (S + 1, 4) x, y, z (m), yaw (rad, not wrapped); neighbours differ.
         speed, acceleration, yaw_rate, yaw_acceleration: bounds, SI, > 0.
 
-    Raises ValueError for way-points that do not fit.
+    Raises ValueError for invalid way-points.
     """
     points = np.asarray(waypoints, dtype=float)
     change = np.diff(points, axis=0)
@@ -151,7 +149,7 @@ def within(
         np.maximum(distance / speed, np.sqrt(distance / acceleration)),
         np.maximum(turn / yaw_rate, np.sqrt(turn / yaw_acceleration)),
     )
-    # From and to rest takes longer than passing by.
+    # Starting from rest and stopping take longer than passing by.
     spans[0], spans[-1] = 1.5 * spans[0], 1.5 * spans[-1]
     path = minimum_snap(points, np.concatenate([[0.0], np.cumsum(spans)]))
     seen = np.empty(64 * len(spans), REFERENCE)
@@ -163,5 +161,5 @@ def within(
         math.sqrt(float(np.abs(seen["yaw_acceleration"]).max()) / yaw_acceleration),
         _FACTOR_MIN,
     )
-    # The peaks between the samples are higher by less than this.
+    # The peaks between the samples are higher by less than this factor.
     return path.slowed(1.002 * factor)

@@ -1,9 +1,9 @@
 """Steps and doublets on one axis: the reference of a tuning test.
 
-The position (or the yaw) of the reference moves from one tick to the next, with all derivatives
-zero before and after: what then moves is the feedback alone, which is what gains are judged by.
-No vehicle can follow it; a smooth path would be followed by the feed-forward and say little of
-the gains.
+The position (or the yaw) of the reference jumps from one tick to the next, with all derivatives
+zero before and after: the response is that of the feedback alone, by which gains are judged. No
+vehicle can follow it; a smooth path would be followed by the feed-forward and show little of the
+gains.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from quadrotor.records import Record
 POSITION = ("x", "y", "z")
 AXES = (*POSITION, "yaw")
 LEVELS = {"step": (1.0, 0.0), "doublet": (1.0, -1.0, 0.0)}
-"""Levels over the amplitude, by shape, each held for one duration."""
+"""Levels relative to the amplitude, by shape, each held for one duration."""
 SHAPES = tuple(LEVELS)
 
 LEAD = 0.5
-"""s of rest before the first edge."""
+"""Rest, in s, before the first edge."""
 
 Point = tuple[float, float, float]
 
@@ -29,14 +29,14 @@ class Multistep:
 
     Args:
         point: x, y, z (m), yaw (rad) of the reference at rest.
-        axis: of `AXES`; x, y, z are the world's.
+        axis: one of `AXES`; x, y, z are the world's.
         amplitude: m or rad, of either sign.
         duration: s of each level.
         repeats: how often the shape is flown.
         lead: s of rest before the first edge.
 
     Attributes:
-        edges: (s, offset from then on in m or rad) in order; the first one is no edge but (0, 0).
+        edges: (s, offset from then on in m or rad) in order; the first one is the start (0, 0).
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Multistep:
 
     @property
     def span(self) -> tuple[float, float]:
-        """Return least and most offset (m or rad)."""
+        """Return the least and largest offset (m or rad)."""
         offsets = [offset for _, offset in self.edges]
         return min(offsets), max(offsets)
 
@@ -82,9 +82,9 @@ class Multistep:
         return (low[0], low[1], low[2]), (high[0], high[1], high[2])
 
     def sample(self, t: float, reference: Record) -> None:
-        """Fill `reference` (shape (1,)) for t (s): an edge falls on the first t not before it.
+        """Fill `reference` (shape (1,)) for t (s).
 
-        Times must not go back.
+        An edge takes effect at the first t not before it. Times must not decrease.
         """
         edges = self.edges
         while self._index + 1 < len(edges) and t >= edges[self._index + 1][0]:

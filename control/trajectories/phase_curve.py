@@ -1,7 +1,7 @@
 """Lines and circles over one ramped phase.
 
-Position = center + slope phase + cosine cos(phase) + sine sin(phase), axis by axis, and
-yaw = center + slope phase. One compiled function serves standing, lines, circles and helices.
+Position = center + slope phase + cosine cos(phase) + sine sin(phase), axis by axis, and yaw =
+center + slope phase. One compiled function serves hovering, lines, circles and helices.
 """
 
 from __future__ import annotations
@@ -56,8 +56,6 @@ def phase_curve_at(curve: Any, t: float, reference: Any) -> None:
 
 @compiled
 def sample_phase_curve(curves: Record, t: float, references: Record, step: float = 0.0) -> None:
-    """Write references[k] at t + k step (s) on curves[k], or on the last of them; shapes (M,),
-    (N,).
-    """
+    """Write references[k] at t + k step (s) on curves[k], or on the last one; shapes (M,), (N,)."""
     for k in range(references.shape[0]):
         phase_curve_at(curves[min(k, curves.shape[0] - 1)], t + k * step, references[k])

@@ -1,6 +1,6 @@
 """Polynomials of ninth order: from any motion to any motion, and through way-points.
 
-Ten coefficients an axis meet position to snap at both ends, so that pieces join C4.
+Ten coefficients per axis match position to snap at both ends, so that pieces join C4.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def sample_polynomial(
     """Write references at t + n step (s) into references[n], shape (N,).
 
     Args:
-        times: (S + 1,) s, ends of the segments, from 0, growing.
+        times: (S + 1,) s, ends of the segments, from 0, increasing.
         coefficients: (S, 4, 10) of powers of the share of each segment's time, axes x, y, z, yaw.
     """
     last = coefficients.shape[2] - 1
@@ -78,9 +78,7 @@ def sample_polynomial(
 
 
 def hermite(start: Array, end: Array, duration: float) -> Array:
-    """Return coefficients (4, 10) that meet `start` and `end`, each (4, 5): value to 4th
-    derivative.
-    """
+    """Return coefficients (4, 10) from `start` and `end`, each (4, 5): value to 4th derivative."""
     scale = duration ** np.arange(5.0)
     low = start * scale / np.array([1.0, 1.0, 2.0, 6.0, 24.0])
     high = np.linalg.solve(_HIGH, (end * scale).T - _LOW @ low.T).T
@@ -88,8 +86,9 @@ def hermite(start: Array, end: Array, duration: float) -> Array:
 
 
 def ends_to_coefficients() -> Array:
-    """Return the matrix (10, 10) to the coefficients of a piece of unit time from value to 4th
-    derivative at both ends.
+    """Return the matrix (10, 10) from value to 4th derivative at both ends to coefficients.
+
+    The piece has unit time.
     """
     units = np.eye(10)
     return np.array([hermite(u[None, :5], u[None, 5:], 1.0)[0] for u in units]).T
@@ -105,13 +104,13 @@ def motion_of(reference: Record) -> Array:
 
 
 class Polynomial:
-    """Segments of ninth order; after the last the end is held, which must be at rest.
+    """Segments of ninth order; after the last, the end is held, which must be at rest.
 
     Args:
-        times: (S + 1,) s, from 0, growing.
+        times: (S + 1,) s, from 0, increasing.
         coefficients: (S, 4, 10), see `hermite`.
-        extremes: times (s) known to hold extremes; a path of many segments is then looked at
-            there and, between them, no more densely than a look in flight affords.
+        extremes: times (s) known to hold extremes; a path of many segments is then checked densely
+            only there, and no more than a check in flight allows.
     """
 
     def __init__(self, times: Array, coefficients: Array, extremes: tuple[float, ...] = ()) -> None:
@@ -153,9 +152,7 @@ class Polynomial:
         sample_polynomial(self._times, self._coefficients, t, references, step)
 
     def stretches(self) -> tuple[Stretch, ...]:
-        """Return each segment where there are few; an even grid, finer at known extremes, where
-        there are many.
-        """
+        """Return each segment if there are few, else an even grid, finer at known extremes."""
         if len(self._coefficients) <= 20:
             return tuple((a, b, 48) for a, b in pairwise(self._times.tolist()))
         if not self.extremes:
@@ -165,10 +162,9 @@ class Polynomial:
 
 
 def to_rest(start: Record, end: tuple[float, float, float, float], duration: float) -> Polynomial:
-    """Return a polynomial from the reference `start`, moving or not, to rest at (x, y, z, yaw) in
-    `duration` s.
+    """Return a polynomial from the reference `start`, moving or not, to rest at (x, y, z, yaw).
 
-    Turns the short way.
+    It takes `duration` s and turns the short way.
     """
     motion = motion_of(start)
     goal = np.zeros((4, 5))
@@ -180,13 +176,13 @@ def to_rest(start: Record, end: tuple[float, float, float, float], duration: flo
 def through(waypoints: Array, times: Array) -> Polynomial:
     """Return a polynomial from rest through the way-points to rest.
 
-    Velocities in between are those of a Catmull-Rom spline, higher derivatives zero there.
+    Velocities in between are those of a Catmull-Rom spline; higher derivatives are zero there.
 
     Args:
         waypoints: (S + 1, 4) x, y, z (m), yaw (rad, not wrapped).
-        times: (S + 1,) s, from 0, growing.
+        times: (S + 1,) s, from 0, increasing.
 
-    Raises ValueError when the shapes do not fit or the times do not grow from 0.
+    Raises ValueError when the shapes do not fit or the times do not increase from 0.
     """
     points, at = np.asarray(waypoints, dtype=float), np.asarray(times, dtype=float)
     if points.ndim != 2 or points.shape != (len(at), 4) or len(at) < 2:

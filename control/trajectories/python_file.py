@@ -1,7 +1,8 @@
 """A trajectory from a Python file that defines `trajectory`.
 
-`trajectory` is an object of the `Trajectory` protocol, or a class or function that makes one when
-called without arguments. It is run once, when it is loaded: what flies is the table made of it.
+`trajectory` is an object of the `Trajectory` protocol, or a class or function that creates one when
+called without arguments. It is run once, when it is loaded: the vehicle flies the table made from
+it.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ def load_python(path: Path) -> Polynomial:
             "that offers duration (s) and sample(t, reference)"
         )
     made = space[NAME]
-    # A class has `sample` too, but none to call yet.
+    # A class has `sample` too, but not one that can be called yet.
     if isinstance(made, type) or not hasattr(made, "sample"):
         if not callable(made):
             raise RefusedError(

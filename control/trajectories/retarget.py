@@ -1,9 +1,9 @@
-"""Trajectories from any motion to rest at a goal: the present motion dies away while a line rises.
+"""Trajectories from any motion to rest at a goal: the present motion fades while a line rises.
 
-The sum of a stop (velocity polynomial of eighth order that meets velocity to snap) and a line
-from where that stop would end. Both get half of the acceleration, so the sum keeps to the limit;
-and as one fades the way the other grows, a goal straight ahead is flown at an even speed. A
-single polynomial of ninth order to the goal would overshoot in speed by half.
+The sum of a stop (velocity polynomial of eighth order that matches velocity to snap) and a line
+from the end of that stop. Both get half of the acceleration, so the sum keeps to the limit; and as
+one fades while the other grows, a goal straight ahead is flown at an even speed. A single
+polynomial of ninth order to the goal would overshoot in speed by half.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from control.trajectories.ramped_phase import RAMP_SLOPE
 from quadrotor.records import Record, new_reference
 
 STOP_MIN = 0.6
-"""s: shorter stops ask for more snap than the motors follow."""
+"""Shortest stop, in s: shorter ones need more snap than the motors can follow."""
 
 
 def stop(start: Record, duration: float) -> tuple[Polynomial, tuple[float, float, float, float]]:
-    """Return a polynomial from the motion of the reference `start` to rest in `duration` s, and its
-    end: x, y, z, yaw.
+    """Return a polynomial from the motion of `start` to rest in `duration` s, and its end.
 
-    The end is the one that needs no ninth power: each axis' last coefficient is affine in it.
+    The end (x, y, z, yaw) is the one that needs no ninth power: each axis' last coefficient is
+    affine in it.
     """
     motion, rest = motion_of(start), np.zeros((4, 5))
     at_zero = hermite(motion, rest, duration)[:, 9]
@@ -43,8 +43,7 @@ class Retarget:
     Args:
         start: REFERENCE, shape (1,).
         end: (x, y, z, yaw) in m and rad.
-        speed, acceleration, yaw_rate, yaw_acceleration: bounds; what `start` exceeds them by
-            is taken over.
+        speed, acceleration, yaw_rate, yaw_acceleration: bounds, which `start` may already exceed.
     """
 
     def __init__(

@@ -15,13 +15,13 @@ from quadrotor.records import Record
 Array = npt.NDArray[np.float64]
 
 SPACING = 0.02
-"""s between the rows of a table made from a trajectory."""
+"""Time, in s, between the rows of a table made from a trajectory."""
 
 DURATION_MAX = 600.0
-"""s."""
+"""Longest duration, in s."""
 
 REST = 1e-3
-"""Any derivative (SI) smaller than this at an end counts as rest."""
+"""Largest derivative (SI) at an end that counts as rest."""
 
 _CHAIN = ("position_w", "velocity_w", "acceleration_w", "jerk_w", "snap_w")
 _YAW_CHAIN = ("yaw", "yaw_rate", "yaw_acceleration")
@@ -32,11 +32,13 @@ def join(times: Array, motion: Array) -> Polynomial:
     """Return pieces of ninth order through a table; C4.
 
     Args:
-        times: (N,) s, from 0, growing. motion: (N, 4, 5) x, y, z, yaw, each to its 4th derivative.
+        times: (N,) s, from 0, increasing.
+        motion: (N, 4, 5) x, y, z, yaw, each to its 4th derivative.
     """
     scale = np.diff(times)[:, None, None] ** np.arange(5.0)
     ends = np.concatenate([motion[:-1] * scale, motion[1:] * scale], axis=2)
-    # Each piece about its own start: rounding of the place would come back over seconds^4.
+    # Each piece is relative to its own start: the position's rounding error would return over
+    # seconds^4.
     start = ends[:, :, 0].copy()
     ends[:, :, 0] = 0.0
     ends[:, :, 5] -= start
@@ -48,7 +50,7 @@ def join(times: Array, motion: Array) -> Polynomial:
 def check_rest(name: str, times: Array, motion: Array) -> None:
     """Raise RefusedError when a table (see `join`) does not start and end at rest.
 
-    What is within REST of it is set to rest.
+    Derivatives within REST of zero are set to zero.
     """
     for end, word in ((0, "starts"), (-1, "ends")):
         moving = np.abs(motion[end, :, 1:]).max(axis=0)
@@ -63,11 +65,10 @@ def check_rest(name: str, times: Array, motion: Array) -> None:
 
 
 def tabulate(name: str, trajectory: Trajectory) -> Polynomial:
-    """Return a trajectory with an end as pieces of ninth order: quick, and unable to fail in
-    flight.
+    """Return a finite trajectory as pieces of ninth order: fast, and unable to fail in flight.
 
-    Raises RefusedError when what it samples is not finite, not the derivative of what it says
-    it is, or not at rest at the ends.
+    Raises RefusedError when its samples are not finite, not consistent derivatives of each other,
+    or not at rest at the ends.
     """
     duration = float(trajectory.duration)
     if not 0.0 < duration <= DURATION_MAX:
@@ -75,7 +76,7 @@ def tabulate(name: str, trajectory: Trajectory) -> Polynomial:
             f"{name}: a duration of {duration:g} s; allowed above 0 to {DURATION_MAX:g} s"
         )
     count = max(2, round(duration / SPACING))
-    # Every second one lies between two rows of the table and only checks it.
+    # Every second sample lies between two rows of the table and only checks it.
     times = np.linspace(0.0, duration, 2 * count + 1)
     samples = sample_many(trajectory, times)
     for chain in (_CHAIN, _YAW_CHAIN):
@@ -99,9 +100,7 @@ def _check_finite(name: str, times: Array, samples: Record, field: str) -> None:
 
 
 def _check_derivative(name: str, times: Array, samples: Record, low: str, high: str) -> None:
-    """Check by Simpson's rule, over each piece of the table, that `high` is the derivative of
-    `low`.
-    """
+    """Check that `high` is the derivative of `low`, by Simpson's rule over each piece."""
     value = samples[low].reshape(len(times), -1)
     rate = samples[high].reshape(len(times), -1)
     span = float(times[2])

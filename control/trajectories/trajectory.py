@@ -14,18 +14,18 @@ from quadrotor.records import REFERENCE, Record
 
 Array = npt.NDArray[np.float64]
 Stretch = tuple[float, float, int]
-"""Start and end (s) and how many samples show it well."""
+"""Start and end (s), and the number of samples that represent it well."""
 
 UNKNOWN_RATE = 100.0
-"""Hz, sampling rate for checks of a trajectory that does not define its own."""
+"""Sampling rate, in Hz, for checks of a trajectory that does not define its own."""
 
 SAMPLES_MAX = 200_000
 
 COARSE_SAMPLES = 600
-"""Samples of a long path whose extremes are known: as many as fit between two ticks."""
+"""Number of samples of a long path whose extremes are known: as many as fit between two ticks."""
 
 NEIGHBOURHOOD = 0.1
-"""s to either side of a known extreme."""
+"""Time, in s, to either side of a known extreme that is sampled finely."""
 
 
 class Trajectory(Protocol):
@@ -33,7 +33,7 @@ class Trajectory(Protocol):
 
     @property
     def duration(self) -> float:
-        """Return the seconds until the last change; inf when it has none."""
+        """Return the seconds until the last change; inf when it has no end."""
         ...
 
     def sample(self, t: float, reference: Record) -> None:
@@ -46,23 +46,19 @@ class Trajectory(Protocol):
 
 @runtime_checkable
 class Surveyed(Protocol):
-    """A trajectory that can be looked at as a whole, in few calls: all built-in ones."""
+    """A trajectory that can be sampled as a whole in few calls: all built-in ones."""
 
     def sample_grid(self, t: float, step: float, references: Record) -> None:
         """Fill references[k] (shape (N,)) for t + k step (s)."""
         ...
 
     def stretches(self) -> tuple[Stretch, ...]:
-        """Return times that hold every extreme, in order; what lies between repeats what was
-        shown.
-        """
+        """Return times that contain every extreme, in order; the gaps repeat what they contain."""
         ...
 
 
 def grid_sampler(trajectory: Trajectory) -> Callable[[float, float, Record], None]:
-    """Return a function of t, step (s) and references (shape (N,)) that fills them at t + k
-    step.
-    """
+    """Return a function of t, step (s) and references (N,) that fills them at t + k step."""
     if isinstance(trajectory, Surveyed):
         return trajectory.sample_grid
     sample = trajectory.sample
@@ -75,8 +71,9 @@ def grid_sampler(trajectory: Trajectory) -> Callable[[float, float, Record], Non
 
 
 def stretches_of(trajectory: Trajectory) -> tuple[Stretch, ...]:
-    """Return where to look for the extremes of a trajectory. Raises ValueError when it has no
-    end.
+    """Return where to search for the extremes of a trajectory.
+
+    Raises ValueError when it has no end.
     """
     if isinstance(trajectory, Surveyed):
         return trajectory.stretches()
@@ -87,9 +84,7 @@ def stretches_of(trajectory: Trajectory) -> tuple[Stretch, ...]:
 
 
 def around(times: Sequence[float], duration: float) -> tuple[Stretch, ...]:
-    """Return an even grid over 0..duration (s) that is half as dense as UNKNOWN_RATE near some
-    times.
-    """
+    """Return an even grid over 0..duration (s), with half of UNKNOWN_RATE near some times."""
     step = max(2.0 / UNKNOWN_RATE, duration / COARSE_SAMPLES)
     ends = {0.0, duration}
     for t in times:
@@ -105,9 +100,7 @@ def around(times: Sequence[float], duration: float) -> tuple[Stretch, ...]:
 
 
 def sample_many(trajectory: Trajectory, times: Array) -> Record:
-    """Return references at `times` (s), shape (len(times),): for checks and plots, not for the
-    tick.
-    """
+    """Return references at `times` (s), shape (len(times),), for checks and plots only."""
     out = np.zeros(len(times), REFERENCE)
     for k, t in enumerate(times):
         trajectory.sample(float(t), out[k : k + 1])

@@ -1,8 +1,8 @@
 """A reference that follows a velocity command: sticks, braking and descending.
 
-Not a function of time but of the last reference: it starts from any motion without a jump in
-position to jerk. The commanded velocity is slewed at the acceleration limit and passed through
-a triple pole, whose impulse response is positive: the acceleration overshoots no limit.
+It is not a function of time but of the last reference: it starts from any motion without a jump in
+position to jerk. The commanded velocity is slewed at the acceleration limit and passed through a
+triple pole, whose impulse response is positive: the acceleration exceeds no limit.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from quadrotor.records import Record
 Array = npt.NDArray[np.float64]
 
 BANDWIDTH = 8.0
-"""rad/s, each of the three poles."""
+"""Bandwidth, in rad/s, of each of the three poles."""
 
 WALL_RATE = 0.8
-"""1/s: the speed towards a wall is at most this times the distance to it."""
+"""Factor, in 1/s: the speed towards a wall is at most this times the distance to it."""
 
 STEP_MAX = 0.05
-"""s: after a gap in the ticks the reference goes on from where it was."""
+"""Longest step, in s: after a gap in the ticks the reference continues from where it was."""
 
 REST = 1e-3
-"""m/s and rad/s; ten times as much of acceleration and a hundred times of jerk."""
+"""Rest, in m/s and rad/s; ten times as much for acceleration and a hundred times for jerk."""
 
 VELOCITY_FILTER = np.dtype(
     [
@@ -42,11 +42,9 @@ VELOCITY_FILTER = np.dtype(
 
 
 def new_velocity_filter(reference: Record, acceleration: float, yaw_acceleration: float) -> Record:
-    """Return a filter at rest relative to reference[0], commanded to stop, without walls; shape
-    (1,).
-    """
+    """Return a filter (1,) at rest relative to reference[0], commanded to stop, without walls."""
     out = np.zeros(1, VELOCITY_FILTER)
-    # Where the filter would be if it had produced this acceleration: snap starts near zero.
+    # The filter's state if it had produced this acceleration: snap starts near zero.
     out["slewed"][0, :3] = (
         reference["velocity_w"][0] + 3.0 * reference["acceleration_w"][0] / BANDWIDTH
     )
@@ -60,9 +58,9 @@ def new_velocity_filter(reference: Record, acceleration: float, yaw_acceleration
 
 @compiled
 def advance(velocity_filter: Record, dt: float, reference: Record) -> bool:
-    """Move reference[0] on by dt (s); both shape (1,). Snap is held over the step.
+    """Advance reference[0] by dt (s); both have shape (1,). Snap is constant over the step.
 
-    Returns whether it moves so little now that holding it would be no jump.
+    Returns whether its motion is so small that holding it would be no jump.
     """
     f = velocity_filter[0]
     r = reference[0]

@@ -1,4 +1,5 @@
 """Calibration and identification (Sec. 5 of the paper) as pure computation: samples in, result out.
 
-Every result has its quality; every error names what came, what was allowed and what to try.
+Every result includes its quality; every error states what was found, what is allowed and what to
+try.
 """

@@ -1,12 +1,12 @@
 """Matrix T and bias b of the accelerometer from poses held still (Sec. 5.2 of the paper).
 
-At rest T a_m - T b = g R^T z = g up_b: linear in T and T b, solved by least squares. Four poses
-that differ in direction determine it; how well, the condition number of [a_m^T, -1] says (5.7 for
-six faces, 141 for poses within 30 deg, whose noise it multiplies as much).
+At rest T a_m - T b = g R^T z = g up_b: linear in T and T b, solved by least squares. Four poses in
+different directions determine it; the condition number of [a_m^T, -1] shows how well (5.7 for six
+faces, 141 for poses within 30 deg, which multiply the noise by as much).
 
-A wrong attitude turns g up_b but leaves its length: along it the equation is as good as the
-sensor, across it only as good as the attitude. Weighted so, twelve poses within 70 deg leave 0.6
-of the error of print's plain least squares.
+A wrong attitude turns g up_b but keeps its length: along it the equation is as good as the sensor,
+across it only as good as the attitude. With corresponding weights, twelve poses within 70 deg leave
+0.6 of the error of the paper's plain least squares.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ Array = npt.NDArray[np.float64]
 POSES_MIN = 4
 CONDITION_MAX = 120.0
 RANK_TOLERANCE = 1e-3
-"""Least ratio of the smallest to the largest singular value; below, the poses lie in one plane."""
+"""Smallest ratio of the smallest to the largest singular value; below it the poses lie in one
+plane."""
 FORCE_ERROR = 0.01
-"""m/s^2, of a pose's mean: what is left of noise and counts."""
+"""Error of a pose's mean in m/s^2: the remainder of noise and quantisation."""
 FACES = {
     "upright": (0.0, 0.0, 1.0),
     "upside down": (0.0, 0.0, -1.0),
@@ -40,7 +41,7 @@ FACES = {
 }
 """World z in body axes (x forward, y left, z up) of the vehicle's six faces."""
 FACE_COSINE = 0.9
-"""A pose within 26 deg of a face is that face."""
+"""Cosine for a pose to count as a face: within 26 deg."""
 
 
 @dataclass(frozen=True)
@@ -62,10 +63,10 @@ class AccelerometerCalibration:
 
 @dataclass(frozen=True)
 class Coverage:
-    """The coverage of the poses so far: what they are good for.
+    """The coverage of the poses so far: how well they determine the result.
 
     Attributes:
-        next_face: the face whose pose would help most; empty when enough is known.
+        next_face: the face whose pose would help most; empty when the poses suffice.
     """
 
     rank: int
@@ -83,7 +84,7 @@ def coverage(measured: Array, condition_max: float = CONDITION_MAX) -> Coverage:
 def face_of(measured: Array) -> str:
     """Return the face whose up is nearest to a still accelerometer's reading (3,).
 
-    Raises MeasurementError when it stands on none of the six.
+    Raises MeasurementError when the vehicle rests on none of the six.
     """
     direction = measured / np.linalg.norm(measured)
     name = max(FACES, key=lambda face: float(direction @ np.array(FACES[face])))
@@ -103,13 +104,13 @@ def identify_accelerometer(
     attitude_error: float = math.radians(0.2),
     condition_max: float = CONDITION_MAX,
 ) -> AccelerometerCalibration:
-    """Identify T and b; where a pose has no attitude from a tracker, its face is taken for it.
+    """Identify T and b; a pose without an attitude from a tracker uses that of its face.
 
     Args:
         attitude_error: rad, standard deviation of the attitudes.
 
-    Raises MeasurementError for too few poses or one on no face, DegenerateGeometryError for
-    poses that do not determine the result; both say which pose is missing.
+    Raises MeasurementError for too few poses or one on no face, DegenerateGeometryError for poses
+    that do not determine the result; both name the missing pose.
     """
     measured = np.array([pose.measured for pose in poses]).reshape(-1, 3)
     state = coverage(measured, condition_max)
@@ -136,12 +137,12 @@ def identify_accelerometer(
 
 
 def _solve(measured: Array, ups: Array, across: float) -> tuple[Array, Array]:
-    """Solve the weighted equations for T and T b; `across` in m/s^2 is their error across up."""
+    """Solve the weighted equations for T and T b; `across` is their error across up in m/s^2."""
     system, rows, right = _system(measured), [], []
     for row, up in zip(system, ups, strict=True):
         along = np.outer(up, up)
         weight = along / FORCE_ERROR + (np.eye(3) - along) / max(across, FORCE_ERROR)
-        rows.append(np.kron(weight, row))  # of the rows of [T, T b], one after the other
+        rows.append(np.kron(weight, row))  # the rows of [T, T b] one after the other
         right.append(weight @ (GRAVITY * up))
     solution, *_ = np.linalg.lstsq(np.vstack(rows), np.concatenate(right), rcond=None)
     found = np.asarray(solution, dtype=np.float64).reshape(3, 4)
@@ -168,7 +169,7 @@ def _condition(measured: Array) -> tuple[int, float]:
 
 
 def _best_face(measured: Array) -> str:
-    """Return the face that, added, leaves the least uncertainty."""
+    """Return the face that, when added, leaves the least uncertainty."""
 
     def smallest(face: str) -> tuple[float, ...]:
         added = np.vstack([measured, GRAVITY * np.array(FACES[face])])

@@ -17,7 +17,7 @@ SAMPLES_MIN = 50
 
 @dataclass(frozen=True)
 class GyroscopeCalibration:
-    """A drift and how well it is known; all in rad/s, body axes."""
+    """A drift and its uncertainty; all in rad/s, body axes."""
 
     bias_b: Array  # (3,)
     deviation_b: Array  # (3,), of one sample
@@ -25,7 +25,7 @@ class GyroscopeCalibration:
 
     @property
     def error_b(self) -> Array:
-        """Return standard error (3,) of the bias."""
+        """Return the standard error (3,) of the bias."""
         error: Array = self.deviation_b / np.sqrt(self.samples)
         return error
 
@@ -38,7 +38,7 @@ def identify_gyroscope(
     Args:
         deviation_max: rad/s, largest standard deviation on any axis.
 
-    Raises MeasurementError when motors run, the samples are too few or were not still.
+    Raises MeasurementError when motors run, or the samples are too few or not still.
     """
     if motors_on:
         raise MeasurementError(

@@ -1,4 +1,4 @@
-"""Motion on a common grid: what lets two sensors of one flight be compared."""
+"""Motion on a common time grid, on which two sensors of one flight can be compared."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 STEP = 0.01
-"""s between points of the grid."""
+"""Step of the grid, s."""
 SMOOTH = 0.05
-"""s, standard deviation of the Gaussian that both sides are smoothed with."""
+"""Standard deviation of the Gaussian that smooths both signals, s."""
 
 
 def interpolated(at: Any, seconds: Any, values: Array) -> Array:
-    """Return columns at other times, linearly; values (N, K)."""
+    """Return the columns of values (N, K) at other times, interpolated linearly."""
     return np.stack([np.interp(at, seconds, one) for one in values.T], axis=1)
 
 
 def on_grid(grid: Array, seconds: Array, values: Array) -> Array:
-    """Return columns at the times of the grid, linearly and smoothed; values (N, K)."""
+    """Return the columns of values (N, K) on the grid, interpolated linearly and smoothed."""
     return smoothed(interpolated(grid, seconds, values))
 
 
@@ -36,7 +36,7 @@ def smoothed(values: Array, width: float = SMOOTH) -> Array:
 
 
 def speed(position: Array) -> Array:
-    """Return the speeds of positions on the grid, (N, 1)."""
+    """Return the smoothed speeds of positions on the grid, (N, 1)."""
     found = np.linalg.norm(np.gradient(position, STEP, axis=0), axis=1, keepdims=True)
     return smoothed(found, 2 * SMOOTH)
 
@@ -46,7 +46,7 @@ def common_grid(one: Array, other: Array) -> Array:
 
 
 def joined(mine: Array, one: Array, theirs: Array, other: Array) -> tuple[Array, Array]:
-    """Return both sides where they overlap."""
+    """Return both signals where they overlap."""
     inside = (mine >= theirs[0]) & (mine <= theirs[-1])
     return one[inside], interpolated(mine[inside], theirs, other)
 
@@ -58,19 +58,19 @@ def accelerations(position: Array) -> Array:
 
 
 def best_lag(one: Array, other: Array, most: int) -> tuple[float, float]:
-    """Return by how many points of the grid `other` is late, to a share of one, and how well both
-    then agree (correlation).
+    """Return the delay of `other` in fractional points of the grid, and the correlation at that
+    shift.
 
     Args:
-        one, other: (N, K) and (M, K), of which the products are summed over K.
-        most: largest shift looked for.
+        one, other: (N, K) and (M, K), whose products are summed over K.
+        most: largest shift searched.
     """
     a, b = one - one.mean(axis=0), other - other.mean(axis=0)
     size = len(a) + len(b)
     spectrum = np.fft.rfft(b, size, axis=0) * np.conj(np.fft.rfft(a, size, axis=0))
     found = np.fft.irfft(spectrum.sum(axis=1), size)
     shifts = np.arange(-most, most + 1)
-    # Against the energy of the part that overlaps, not of all.
+    # Normalised by the energy of the overlap, not of the whole.
     energy_a = np.concatenate([[0.0], np.cumsum((a**2).sum(axis=1))])
     energy_b = np.concatenate([[0.0], np.cumsum((b**2).sum(axis=1))])
     low = np.clip(np.maximum(0, -shifts), 0, len(a))
@@ -90,7 +90,7 @@ def best_lag(one: Array, other: Array, most: int) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Turn:
-    """The rotation and scale that best take vectors into others, and the share it explains."""
+    """The rotation and scale that best map vectors onto others, and the share that they explain."""
 
     matrix: Array  # (3, 3)
     scale: float
@@ -98,7 +98,7 @@ class Turn:
 
     @property
     def angle(self) -> float:
-        """Return its angle, rad."""
+        """Return the rotation's angle, rad."""
         return float(np.arccos(np.clip(0.5 * (np.trace(self.matrix) - 1.0), -1.0, 1.0)))
 
 

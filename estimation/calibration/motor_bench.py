@@ -1,8 +1,8 @@
-"""The motor bench: which references are held when, and what each step came to (Sec. 5.3).
+"""The motor bench: the schedule of references, and the mean response to each step (Sec. 5.3).
 
-References from 30 to 190 in steps of 10, held for 5 s, a rest of 10 s at low speed before each so
-that the propeller does not overheat. Force and torque of a step are means over the end of its
-hold, when the rotor has settled.
+References from 30 to 190 in steps of 10 are held for 5 s, with a rest of 10 s at low speed before
+each so that the motor does not overheat. Force and torque of a step are means over the end of
+its hold, when the rotor has settled.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from quadrotor.errors import MeasurementError
 Array = npt.NDArray[np.float64]
 
 SETTLING = 1.0
-"""s at the start of a hold that do not count: many time constants."""
+"""Seconds at the start of a hold that do not count: many time constants."""
 SAMPLES_MIN = 20
 
 
@@ -47,21 +47,21 @@ class BenchSchedule:
         return len(self.references) * (self.hold + self.rest)
 
     def reference(self, time: float) -> float:
-        """Return the counts at `time` (s since the start); the rest's after the end."""
+        """Return the counts at `time` (s since the start); after the end, those of the rest."""
         index, into = divmod(time, self.hold + self.rest)
         if into < self.rest or not 0 <= index < len(self.references):
             return float(self.rest_reference)
         return float(self.references[int(index)])
 
     def hold_of(self, index: int) -> tuple[float, float]:
-        """Start and end (s) of a step's hold."""
+        """Return start and end (s) of a step's hold."""
         end = (index + 1) * (self.hold + self.rest)
         return end - self.hold, end
 
 
 @dataclass(frozen=True)
 class BenchSteps:
-    """One row a step, all shapes (N,)."""
+    """One row per step, all shapes (N,)."""
 
     reference: Array  # counts
     force: Array  # N
@@ -98,10 +98,10 @@ def average_steps(schedule: BenchSchedule, time: Array, force: Array, torque: Ar
 
 
 def held_steps(time: Array, reference: Array, force: Array, torque: Array) -> BenchSteps:
-    """Find and average the steps of a recording of (N,) samples whose schedule is not known.
+    """Find and average the steps of a recording of (N,) samples whose schedule is unknown.
 
-    A step is a reference held for longer than it takes to settle; held several times, as a rest
-    is, its means are put together. Raises MeasurementError when nothing was held long enough.
+    A step is a reference held for longer than the settling time; if it is held several times, as a
+    rest is, its means are combined. Raises MeasurementError when no reference was held long enough.
     """
     changes = np.flatnonzero(np.diff(reference)) + 1
     found: dict[float, list[tuple[float, float, float, int]]] = {}

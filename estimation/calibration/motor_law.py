@@ -1,9 +1,9 @@
 """The law of motor, controller and propeller from a bench's steps (Sec. 5.3 of the paper).
 
-A rotor's speed is affine in the reference and its force quadratic in the speed, so that
-ref = alpha + beta sqrt(f); the paper's fit, ref quadratic in f, is given next to it, for it misses
-by counts what the root law meets (docs/deviations.md). The steps outside the range of flight are
-left out, as in print.
+A rotor's speed is affine in the reference and its force quadratic in the speed, so that ref = alpha
++ beta sqrt(f). The paper's fit, ref quadratic in f, is given for comparison: it misses by counts
+what the root law fits (docs/deviations.md). Steps outside the range of flight are left out, as in
+the paper.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from quadrotor.errors import MeasurementError
 Array = npt.NDArray[np.float64]
 
 USABLE = (30.0, 180.0)
-"""Counts: the range the paper keeps."""
+"""Usable range of references, in counts, as in the paper."""
 STEPS_MIN = 5
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Reference as a function of force, and how far it misses, in counts."""
+    """Reference as a function of force, with its errors in counts."""
 
     coefficients: tuple[float, ...]
-    residuals: Array  # (N,) of the steps used
+    residuals: Array  # (N,) of the used steps
 
     @property
     def worst(self) -> float:
@@ -44,11 +44,14 @@ class MotorCalibration:
     """The law f = (slope (ref + offset))^2 and the torque ratio.
 
     Attributes:
-        slope: sqrt(N) per count. offset: counts. torque_ratio: m.
+        slope: sqrt(N) per count.
+        offset: counts.
+        torque_ratio: m.
         root: ref = alpha + beta sqrt(f), coefficients (alpha, beta).
         quadratic: ref = a f^2 + b f + c, coefficients (a, b, c).
-        torque_residual: N m, largest miss of torque = torque_ratio * force.
-        steps: those used; thrust_min, thrust_max: N at the ends of the usable range.
+        torque_residual: N m, largest error of torque = torque_ratio * force.
+        steps: those used.
+        thrust_min, thrust_max: N at the ends of the usable range.
     """
 
     slope: float
@@ -63,7 +66,7 @@ class MotorCalibration:
 
 
 def identify_motor(steps: BenchSteps, usable: tuple[float, float] = USABLE) -> MotorCalibration:
-    """Fit the motor law to the steps. Raises MeasurementError when the steps are too few or their
+    """Fit the motor law to the steps. Raises MeasurementError when there are too few steps or their
     forces do not rise.
     """
     inside = (steps.reference >= usable[0]) & (steps.reference <= usable[1])

@@ -1,4 +1,4 @@
-"""Robust least squares over segments of a log, each with unknowns of its own that do not matter."""
+"""Robust least squares over segments of a log, each with its own nuisance unknowns."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 ROBUST = 3.0
-"""Times the median residual beyond which a pose counts less."""
+"""Multiple of the median residual beyond which a pose has less weight."""
 
 
 @dataclass(frozen=True)
@@ -32,10 +32,14 @@ def solve_segments(
     prior: tuple[float, ...],
     weights: Array | None,
 ) -> SegmentedFit:
-    """Return x that makes rest + columns @ x smallest, but for each segment's own basis.
+    """Return x that minimises rest + columns @ x, up to each segment's own basis.
 
     Args:
-        columns: (N, 3, K). rest: (N, 3). bases: of each segment, (n, B).
+        columns: (N, 3, K).
+        rest: (N, 3).
+        parts: rows of each segment.
+        bases: of each segment, (n, B).
+        prior: standard deviations of x before the fit, K.
         weights: (N,) of an earlier round.
     """
     weights = np.ones(len(rest)) if weights is None else weights
@@ -51,7 +55,7 @@ def solve_segments(
     every = np.concatenate(parts)
     J, y, w = np.concatenate(left), np.concatenate(right), weights[every]
     x, residual = np.zeros(J.shape[2]), y
-    for _ in range(2):  # the second with the noise that the first leaves
+    for _ in range(2):  # the second with the noise that remains after the first
         variance = max(float(np.average((residual**2).mean(axis=1), weights=w)), 1e-18)
         A = np.einsum("n,nik,nil->kl", w / variance, J, J) + np.diag(np.square(prior) ** -1.0)
         x = -np.linalg.solve(A, np.einsum("n,nik,ni->k", w / variance, J, y))

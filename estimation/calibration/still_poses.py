@@ -1,6 +1,6 @@
-"""Poses held still, found in a stream of samples: what the accelerometer is calibrated from.
+"""Detection of poses held still in a stream of samples, for the calibration of the accelerometer.
 
-A pose counts once the sensor has been still for the whole of a window, and again only after it
+A pose counts once the sensor has been still for a whole window, and another only after the sensor
 has been turned: a vehicle left on the bench gives one pose, not a hundred.
 """
 
@@ -17,16 +17,16 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StillPose:
-    """Means over the window."""
+    """One pose, with means over the window."""
 
-    measured: Array  # (3,) specific force as the sensor gave it, m/s^2, sensor axes
-    up_b: Array | None  # (3,) unit, world z in body axes, by the tracker; None without one
+    measured: Array  # (3,) raw specific force, m/s^2, sensor axes
+    up_b: Array | None  # (3,) unit, world z in body axes, by the tracker, or None
     deviation: float  # m/s^2, largest of the three axes
 
 
 @dataclass(frozen=True)
 class Stillness:
-    """The progress of the pose under way.
+    """The progress of the present pose.
 
     Attributes:
         share: of the window, 0…1; back to 0 whenever the sensor moves.
@@ -46,7 +46,7 @@ class StillPoses:
         force_deviation_max: m/s^2, largest standard deviation on any axis within the window.
         turn_max: rad/s, largest angular velocity.
         apart: rad, by how much a pose must differ from the last one.
-        saturation: m/s^2; at or beyond it on any axis, the sensor shows less than there is.
+        saturation: m/s^2; at or beyond it on any axis, the sensor is saturated.
     """
 
     def __init__(
@@ -73,9 +73,9 @@ class StillPoses:
     def add(
         self, measured: Array, angular_velocity_b: Array, up_b: Array | None = None
     ) -> Stillness:
-        """Add one sample: (3,) m/s^2, (3,) rad/s less the drift, (3,) by the tracker's attitude.
+        """Add one sample: (3,) m/s^2, (3,) rad/s without the drift, (3,) by the tracker's attitude.
 
-        When it completes a pose, that is the last one of `poses`.
+        When it completes a pose, the pose is the last one of `poses`.
         """
         moving = self._moving(measured, angular_velocity_b)
         if moving:
@@ -115,7 +115,9 @@ class StillPoses:
         return ""
 
     def _up(self) -> Array | None:
-        """Return the mean of the tracker's, when it was there at least half of the time."""
+        """Return the mean up by the tracker, or None when it was available for less than half of
+        the time.
+        """
         if 2 * self._with_up < self._count:
             return None
         mean = self._ups[: self._with_up].mean(axis=0)

@@ -1,12 +1,13 @@
 """The first-order lag between a motor's reference and its speed (Sec. 5.3 of the paper).
 
-speed' = (gain (ref + offset) - speed) / T, found by the output error: the model's whole course is
-compared with the recorded one. A regression from sample to sample would take the sensor's noise for
-a short time constant. Beside it stands the dead time of line and sensor, which a fit would take for
-lag: one for each step, as a busy line carries no two of them equally fast.
+speed' = (gain (ref + offset) - speed) / T, identified from the output error: the model's whole
+response is compared with the recorded one. A regression from sample to sample would mistake the
+sensor's noise for a short time constant. The dead time of line and sensor is identified as well,
+because a fit without it would count it as lag; each step has its own, as a busy line delays them
+differently.
 
-Reference and sensor have stamps and rates of their own. Between two changes of the reference the
-speed follows an exponential, known in closed form at any time: nothing is resampled.
+Reference and sensor have their own stamps and rates. Between two changes of the reference the speed
+follows an exponential, known in closed form at any time: nothing is resampled.
 """
 
 from __future__ import annotations
@@ -23,34 +24,37 @@ from quadrotor.errors import MeasurementError
 Array = npt.NDArray[np.float64]
 
 BOUNDS = (0.001, 0.5)
-"""s."""
+"""Bounds of the time constant, s."""
 FROM_FORCE = (
     "found from force alone: the sensor's own filter and the air's inertia count as lag of the "
     "motor; measure the speed to be sure"
 )
 DEAD_TIME = (-0.02, 0.1)
-"""s; below zero where the clocks of both are apart."""
+"""Bounds of the dead time, s; below zero when the two clocks differ."""
 SAMPLES_MIN = 50
 BEFORE = 0.1
-"""s of the recording before the first step of the reference: the motor must have settled by then,
-however it was started."""
+"""Seconds of the recording before the first step of the reference: the motor must have settled by
+then, however it was started."""
 AFTER = 0.6
-"""s after a step that are used for the lag."""
+"""Seconds after a step that are used for the lag."""
 STEP_MIN = 5.0
-"""Counts."""
+"""Smallest step of the reference, in counts."""
 APART = 0.2
-"""s between steps, and as many steps, for a dead time of each."""
+"""Smallest time in s between steps for separate dead times; their number is limited, too."""
 STEPS_MAX = 100
 JITTER_MAX = 0.005
-"""s, difference between the dead times of steps above which it is reported."""
+"""Difference in s between the dead times of steps above which it is reported."""
 
 
 @dataclass(frozen=True)
 class TimeConstant:
-    """Attributes:
-    seconds: the constant; error: its standard error.
-    rms: of the fit, in the units of what was recorded.
-    warning: what makes it doubtful; empty when it was found from speed.
+    """The time constant of a motor.
+
+    Attributes:
+        seconds: the constant.
+        error: its standard error, s.
+        rms: of the fit, in the unit of the recording.
+        warning: what makes it doubtful; empty when it was found from speed.
     """
 
     seconds: float
@@ -62,14 +66,14 @@ class TimeConstant:
 def lag_and_dead_time(
     reference_time: Array, reference: Array, time: Array, signal: Array, *, is_force: bool = False
 ) -> tuple[TimeConstant, float]:
-    """Return the time constant, and the dead time (s) it was found with.
+    """Return the time constant, and the dead time (s) that was found with it.
 
     Args:
         reference_time, reference: (M,) s and counts, each held until the next.
-        time, signal: (N,) s, and a speed in any unit, or a force in N whose root stands for it.
+        time, signal: (N,) s, and a speed in any unit, or a force in N whose root represents it.
 
     Raises MeasurementError for a recording that is too short, not finite or without a step, or
-    samples too slow for the lag.
+    whose samples are too slow for the lag.
     """
     changes = np.flatnonzero(np.diff(reference)) + 1
     if len(changes) == 0 or np.ptp(reference) < STEP_MIN:
@@ -83,7 +87,7 @@ def lag_and_dead_time(
     if apart:
         since = time[:, None] - begins
         inside &= ((since >= -BEFORE) & (since <= AFTER)).any(axis=1)
-    origin = begins[0]  # of an epoch's seconds, microseconds are lost
+    origin = begins[0]  # epoch seconds would lose microseconds
     at, shown = time[inside] - origin, signal[inside]
     if len(at) < SAMPLES_MIN:
         raise MeasurementError(
@@ -100,7 +104,7 @@ def lag_and_dead_time(
 
     def miss(unknowns: Array) -> Array:
         course = _course(at, begins + unknowns[1:], held, math.exp(unknowns[0]))
-        course -= course.mean()  # the gain is whatever fits best, and so is the offset
+        course -= course.mean()  # gain and offset are those that fit best
         left: Array = course * float(course @ shape / (course @ course)) - shape
         return left
 
@@ -148,8 +152,8 @@ def lag_and_dead_time(
 
 
 def _course(time: Array, begins: Array, held: Array, seconds: float) -> Array:
-    """Return the lagged reference at `time` (N,); references `held` (K + 1,), the first of them
-    since ever, the others from `begins` (K,) on.
+    """Return the lagged reference at `time` (N,); the references `held` (K + 1,) begin at `begins`
+    (K,), the first of them at minus infinity.
     """
     begins = np.concatenate([[-math.inf], begins])
     at_begin = np.empty(len(held))

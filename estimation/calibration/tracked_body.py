@@ -1,11 +1,10 @@
-"""The delay of a tracker's poses, and where the tracked body sits on the IMU, from both at once.
+"""The delay of a tracker's poses and the pose of the tracked body on the IMU, identified together.
 
-The gyroscope is integrated over short segments, each with a beginning of its own, so that its noise
-and bias do not add up. In each segment the tracker's attitudes, taken back by the delay and turned
-into the body, differ from the integral by one constant turn; what still changes tells the delay,
-its drift, the mounting and the bias, by least squares. With these attitudes the positions are
-linear in all else: lever arm, accelerometer bias and gravity, each segment with a place and a
-velocity of its own.
+The gyroscope is integrated over short segments, each with its own start, so that its noise and bias
+do not accumulate. In each segment the tracker's attitudes, corrected for delay and mounting, differ
+from the integral by one constant turn; any remaining change determines the delay, its drift, the
+mounting and the bias, by least squares. With these attitudes the positions are linear in all other
+unknowns: lever arm, accelerometer bias and gravity, and a position and velocity for each segment.
 """
 
 from __future__ import annotations
@@ -36,19 +35,20 @@ from quadrotor.vehicle_model import GRAVITY
 Array = npt.NDArray[np.float64]
 
 SEGMENT = 1.0
-"""s."""
+"""Length of a segment, s."""
 POSES_MIN = 8
-"""Poses that a segment needs."""
+"""Minimum number of poses in a segment."""
 SHORTEST = 10.0
-"""s that both have in common."""
+"""Shortest overlap of both signals, s."""
 STILL = 0.05
-"""rad/s rms: slower turning is lost in the tracker's noise."""
+"""Slowest rms angular velocity, rad/s: slower turning is lost in the tracker's noise."""
 FITS = 0.6
-"""Least share of the gyroscope's turning that the tracker's must explain."""
+"""Smallest share of the gyroscope's turning that the tracker's must explain."""
 TILTED = math.radians(30.0)
-"""Between the tracker's z and gravity: no laboratory's floor is so crooked."""
+"""Largest angle in rad between the tracker's z and gravity: no laboratory's floor is
+more tilted."""
 DELAY_MAX = 0.2
-"""s."""
+"""Largest delay, s."""
 ROUNDS = 8
 ATTITUDE_PRIOR = (0.2, 0.01, 1.0, 1.0, 1.0, 0.1, 0.1, 0.1)
 """Prior deviations of delay (s), drift, mounting (rad) and gyroscope bias (rad/s)."""
@@ -71,20 +71,20 @@ class Motion:
 
 @dataclass(frozen=True)
 class TrackedBody:
-    """The place of the tracked body on the vehicle, and how late its poses are stamped.
+    """The pose of the tracked body on the vehicle, and the delay of its poses.
 
     Each deviation is a standard deviation that allows for noise correlated within a segment.
     """
 
     delay: float  # s, in the middle of the log
     delay_deviation: float
-    drift: float  # s/s
+    drift: float  # s/s, of the delay
     drift_deviation: float
     matrix_bt: Array  # (3, 3), tracked body to vehicle's body
     turn_deviation: float  # rad, of the worst axis
     lever_b: Array  # (3,) m, of the tracked body's origin
     lever_deviation: float  # m, of the worst axis
-    world_tilt: float  # rad, of the tracker's z against gravity
+    world_tilt: float  # rad, between the tracker's z and gravity
     attitude_rms: float  # rad, of the residuals
     position_rms: float  # m
     seconds: float
@@ -92,7 +92,7 @@ class TrackedBody:
 
 
 def identify_tracked_body(motion: Motion) -> TrackedBody:
-    """Find delay, mounting and lever arm. Raises MeasurementError with what is missing."""
+    """Identify delay, mounting and lever arm. Raises MeasurementError with what is missing."""
     from scipy.spatial.transform import Rotation
 
     m = motion
@@ -148,8 +148,8 @@ def identify_tracked_body(motion: Motion) -> TrackedBody:
 def coarse_fit(
     time: Array, rate: Array, pose_time: Array, quaternion_wt: Array
 ) -> tuple[float, Turn]:
-    """Return the delay (s) and the turn of the tracker's angular velocity into the gyroscope's,
-    to a hundredth of a second. Raises MeasurementError for too little motion.
+    """Return the delay (s), to a hundredth of a second, and the turn from the tracker's angular
+    velocity to the gyroscope's. Raises MeasurementError for too little motion.
     """
     if len(pose_time) < 2 or len(time) < 2:
         raise MeasurementError("there are no poses of the tracker next to the IMU; is it running?")
@@ -174,7 +174,7 @@ def coarse_fit(
 
 
 def told_misfit(turn: Turn, motion: Motion) -> str:
-    """Return why attitudes are not those of a body that the IMU is fixed to; empty if they are."""
+    """Return why the attitudes are not those of a body fixed to the IMU; empty when they are."""
     m = motion
     if turn.explained < FITS:
         return (
@@ -219,7 +219,7 @@ def _lever(
 
 
 def _segments(at: Array, time: Array) -> list[Any]:
-    """Return the rows of the poses in each segment within the IMU's time."""
+    """Return the rows of the poses in each segment, within the IMU's time."""
     number = np.floor((at - at[0]) / SEGMENT).astype(int)
     number[(at < time[0]) | (at > time[-1])] = -1
     parts = [np.flatnonzero(number == k) for k in range(number.max() + 1)]
@@ -232,7 +232,7 @@ def _segments(at: Array, time: Array) -> list[Any]:
 
 
 def _integrated(time: Array, rate: Array) -> Array:
-    """Return the attitudes (N, 4) since the first sample, by doubling the reach of products."""
+    """Return the attitudes (N, 4) since the first sample, by doubling the span of the products."""
     phi = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time)[:, None]
     half = 0.5 * np.linalg.norm(phi, axis=1, keepdims=True)
     q = np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * phi], axis=1)

@@ -1,18 +1,18 @@
-"""Noise as it is met: factors on the variances that the parameters state, learnt from innovations.
+"""Adaptation of the noise: factors on the variances of the parameters, learnt from innovations.
 
-Innovations of a filter with the right noise are white and as large as it expects. Two things are
-held against that, for poses' positions, poses' attitudes and bearings apart:
+Innovations of a filter with the right noise are white and as large as it expects. Two deviations
+from this are evaluated, separately for poses' positions, poses' attitudes and bearings:
 
-- Successive innovations that point the same way say that the prediction moves away from what is
-  measured: the noise of the IMU is larger than stated (vibration, a lagging gyroscope). Those of a
-  position raise the accelerometer's, those of an attitude the gyroscope's.
-- Innovations too large that do not point the same way say that the measurement is noisier.
+- Successive innovations in the same direction show that the prediction drifts away from the
+  measurements: the noise of the IMU is larger than stated (vibration, a lagging gyroscope). Those
+  of a position raise the accelerometer's noise, those of an attitude the gyroscope's.
+- Innovations that are too large but not in the same direction show that the measurement is noisier.
 
-Each step is bounded whatever the innovation, so that less than half of the measurements being
-outliers raises little, and refused measurements count like used ones, so that a filter that
-believes too much in itself is talked out of it. A factor moves only once its evidence has summed to
-more than chance does, is at least 1 and at most LARGEST, and falls again when the cause is gone.
-Noise that is as stated is therefore left exactly as stated.
+Each step is bounded whatever the innovation, so that outliers, if they are less than half of the
+measurements, raise little. Refused measurements count like used ones, so that an overconfident
+filter is corrected. A factor changes only once its evidence has summed to more than chance does; it
+is at least 1 and at most LARGEST, and decreases again when the cause has disappeared. Noise that is
+as stated is therefore left exactly as stated.
 """
 
 from __future__ import annotations
@@ -25,29 +25,30 @@ from quadrotor.compiled import compiled
 from quadrotor.vectors import Vector, add, dot, scale, vector
 
 CHANCE = 1.0
-"""Evidence, in logarithms of a variance, that chance sums up to less than once in hours."""
+"""Evidence, in logarithms of a variance, that chance reaches less than once in hours."""
 LARGEST = 900.0
-"""The largest factor on a variance: noise 30 times as stated."""
+"""Largest factor on a variance: noise 30 times as stated."""
 LARGEST_BY_BEARINGS = 4.0
-"""The largest factor of the IMU that bearings alone raise: a beacon that is off moves the
-prediction away all the time, too, and then the IMU must not lose its say."""
+"""Largest factor on the IMU's variance from bearings alone. A misplaced beacon also draws the
+prediction away all the time, and the IMU must not lose its weight then."""
 PROCESS_PACE, MEASUREMENT_PACE = 0.06, 0.03
 """Largest change of the logarithm of a factor by one measurement."""
 HURRY = 3
-"""Measurements refused in a row, and times as fast the noise of poses then grows."""
+"""Number of refused measurements in a row, and factor by which the noise of poses then grows
+faster."""
 WHITE = 0.15
 """Correlation of successive innovations up to which they count as white."""
 USUAL_PAIR, USUAL_TRIPLE = 1.02, 1.87
-"""The squares of two, three numbers of unit variance that 3 of 5 exceed."""
+"""Sums of squares of two, and three, numbers of unit variance that 3 of 5 exceed."""
 FARTHEST = 3.0
-"""Deviations to which an innovation is cut before it is compared with the last."""
+"""Deviations at which an innovation is clipped before it is compared with the last."""
 FRESH_NS = 200_000_000
-"""Innovations farther apart in time are not compared."""
+"""Time in ns beyond which innovations are not compared."""
 
 
 @compiled(inner=True)
 def gather(m: Any, kind: int, step: float) -> None:
-    """Add a step to the evidence about one factor and set it."""
+    """Add a step to the evidence of one factor, and update the factor."""
     most = CHANCE + math.log(LARGEST)
     m.evidence[kind] = min(max(m.evidence[kind] + step, 0.0), most)
     m.noise_scale[kind] = math.exp(max(0.0, m.evidence[kind] - CHANCE))
@@ -55,9 +56,10 @@ def gather(m: Any, kind: int, step: float) -> None:
 
 @compiled(inner=True)
 def learn(m: Any, first: int, u: Vector, largest: float) -> bool:
-    """Adapt a noise of the IMU to three innovations, in deviations, of the position (`first` 0) or
-    the attitude (3), up to a factor `largest`; return whether they point the same way as the last
-    ones did.
+    """Adapt a noise of the IMU to three innovations, in deviations, up to a factor `largest`.
+
+    They are of the position (`first` 0) or the attitude (3). Returns whether they point in the same
+    direction as the last ones.
     """
     fresh = m.base_ns - m.last_ns < FRESH_NS
     squares, last_squares, product = 0.0, 0.0, 0.0
@@ -79,10 +81,11 @@ def learn(m: Any, first: int, u: Vector, largest: float) -> bool:
 @compiled(inner=True)
 def learn_from_pose(m: Any, whole: bool, of_process: bool) -> None:
     """Adapt to the innovation of a pose, or of a position, whose rows are linearised at the
-    prediction; the prior and the variances are those it is expected with.
+    prediction; prior and variances are those with which it is expected.
 
-    whole: whether it has an attitude. of_process: whether it says something about the noise of the
-    IMU, too.
+    Args:
+        whole: whether it has an attitude.
+        of_process: whether it also shows something about the noise of the IMU.
     """
     pace = MEASUREMENT_PACE * (HURRY if m.refused > HURRY else 1.0)
     for first in range(0, 6 if whole else 3, 3):
@@ -95,15 +98,15 @@ def learn_from_pose(m: Any, whole: bool, of_process: bool) -> None:
 
 @compiled(inner=True)
 def unit(m: Any, i: int) -> float:
-    """Return the innovation of one number of a pose in deviations."""
+    """Return the innovation of one number of a pose, in deviations."""
     deviations: float = m.rest[i] / math.sqrt(m.expected[i])
     return deviations
 
 
 @compiled(inner=True)
 def learn_from_bearings(m: Any, pairs: int) -> None:
-    """Adapt to the bearings of one frame: a noise of the IMU by the pose errors that they ask for
-    together, theirs by their squared distances from the prediction.
+    """Adapt to the bearings of one frame: the noise of the IMU by the pose error that they indicate
+    together, the noise of the bearings by their squared distances from the prediction.
     """
     aligned = False
     for first in (0, 3):

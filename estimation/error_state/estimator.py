@@ -44,29 +44,31 @@ from quadrotor.rotations import quaternion_from_euler, rotate
 Array = npt.NDArray[np.float64]
 
 ANCHOR_NS = 200_000_000
-"""Without a measurement for so long the covariance is brought to the present by itself."""
+"""Time in ns without a measurement after which the covariance is propagated to the
+present anyway."""
 JUMP_WAIT_NS, DRIFT_WAIT_NS = 500_000_000, 200_000_000
-"""LOST_REFUSALS measurements in a row, for so long, mean that the filter is wrong: when they were
-suddenly far from it, or when none were used for a while before. A start that fewer than FIT_UPDATES
-have confirmed is wrong as soon as RUN_LEAST contradict it together."""
+"""Times in ns for which LOST_REFUSALS measurements in a row must be refused until the filter counts
+as wrong: when they suddenly jumped away from it, and when none had been used for a while before. A
+start that fewer than FIT_UPDATES have confirmed is wrong as soon as RUN_LEAST contradict it
+together."""
 SHORTEST_RUN = 0.1
-"""s over which the motion of such poses is taken, at least."""
+"""Shortest time, in s, over which the motion of such poses is computed."""
 HEADING_SIGMA = math.radians(10.0)
-"""Deviation of the heading at which a vehicle on a marker alone is said to stand."""
+"""Assumed deviation of the heading, in rad, of a vehicle on a marker alone."""
 CALIBRATED = 0.001
-"""rad/s, deviation of the bias that a calibrated gyroscope keeps: without an attitude measured
-START's would leave the heading open within seconds."""
+"""Deviation, in rad/s, of the bias of a calibrated gyroscope: without measured attitudes, START's
+would leave the heading open within seconds."""
 ONE_PLACE_NS = 60_000_000
-"""Sweeps of the planes within it met the vehicle at nearly one place, for a start."""
+"""Time in ns; sweeps of the planes within it met the vehicle at nearly one place, for a start."""
 NOT_YET_CONSISTENT = 2.0 * FIT_CONSISTENCY
-"""Mean consistency a filter restarts with: measurements have to bring it down."""
+"""Mean consistency with which a filter restarts: measurements have to reduce it."""
 
 
 class ErrorStateEstimator(CompiledEstimator):
-    """Tightly coupled: each bearing, or pose, corrects state and biases by their covariance.
+    """Tightly coupled filter: each bearing, or pose, corrects state and biases by their covariance.
 
     Attributes:
-        restarts: a line for each time it was lost and started again; who tells them clears them.
+        restarts: a line for each time it was lost and restarted; the reader clears them.
     """
 
     name = "error_state"
@@ -85,7 +87,7 @@ class ErrorStateEstimator(CompiledEstimator):
         self.configure(parameters or EstimationParameters())
 
     def configure(self, parameters: EstimationParameters) -> None:
-        """Take new noise levels; state and covariance are kept."""
+        """Set new noise levels; state and covariance are kept."""
         p = parameters
         self._timeout = p.measurement_timeout
         self._noise = noise_record(p)
@@ -93,7 +95,9 @@ class ErrorStateEstimator(CompiledEstimator):
 
     @property
     def covariance(self) -> Array:
-        """Return (15, 15) of the error of `estimation.error_state.memory`, at the newest event."""
+        """Return the covariance (15, 15) of the error of `estimation.error_state.memory`, at the
+        newest event.
+        """
         covariance: Array = self._memory["covariance"][0].copy()
         return covariance
 
@@ -106,8 +110,8 @@ class ErrorStateEstimator(CompiledEstimator):
 
     @property
     def inconsistency(self) -> str:
-        """Return why its measurements contradict it, with numbers; empty while they do not, and
-        from a start to when there are enough of them to judge.
+        """Return why its measurements contradict it, with numbers; empty while they do not, or
+        while there are too few since a start.
         """
         return inconsistency_of(self._memory[0]) if self._initialized else ""
 
@@ -127,9 +131,10 @@ class ErrorStateEstimator(CompiledEstimator):
     def initialize(
         self, pose: Record, deviations: Array = START, velocity_w: Array | None = None
     ) -> None:
-        """Start again at a POSE_SAMPLE (1,), with the biases so far. Of a marker's position the
-        attitude is the one so far or, at the first start, level by the accelerometer with the
-        heading of the parameters.
+        """Restart at a POSE_SAMPLE (1,), with the present biases.
+
+        With a marker's position, the attitude is the present one or, at the first start, level by
+        the accelerometer with the heading of the parameters.
 
         Args:
             deviations: (15,) of the error, in its order.
@@ -154,8 +159,8 @@ class ErrorStateEstimator(CompiledEstimator):
             self._anchor()
 
     def take_heading(self) -> None:
-        """Start again where it is with the heading of the parameters if it runs on a marker alone:
-        nothing tells of a vehicle turned, or waiting for minutes, on the ground.
+        """Restart at the present position with the heading of the parameters if the filter runs on
+        a marker alone: a turn, or minutes of waiting, on the ground cannot be observed.
         """
         m = self._memory[0]
         if self._initialized and self._on_marker:
@@ -164,14 +169,14 @@ class ErrorStateEstimator(CompiledEstimator):
             self.initialize(pose_sample(int(m["stamp_ns"]), marker_w, NO_ATTITUDE))
 
     def _at_rest(self) -> Array:
-        """Return the quaternion that the newest specific force and the heading give."""
+        """Return the quaternion from the newest specific force and the heading parameter."""
         newest = int(self._memory["sample_next"][0] - 1) % SAMPLES
         x, y, z = self._memory["sample"][0, newest, 3:]
         level = (math.atan2(y, z), math.atan2(-x, math.hypot(y, z)))
         return quaternion_from_euler(*level, float(self._noise["heading"][0]))
 
     def predict(self, imu: Record, dt: float, state: Record) -> None:
-        """Advance by an IMU_SAMPLE (1,) that came `dt` s after the last; write the STATE (1,).
+        """Advance by an IMU_SAMPLE (1,) that follows the last one by `dt` s; write the STATE (1,).
 
         Before the first pose only the angular velocity is estimated.
         """
@@ -183,10 +188,10 @@ class ErrorStateEstimator(CompiledEstimator):
             self._anchor()
 
     def correct(self, pose: Record, estimate: Record) -> None:
-        """Apply a POSE_SAMPLE (1,), late or not; the first of all initializes.
+        """Apply a POSE_SAMPLE (1,), delayed or not; the very first one initializes.
 
-        What cannot be applied is counted in `ignored`. Raises MeasurementError when the pose is
-        not finite or its quaternion not unit.
+        A pose that cannot be applied is counted in `ignored`. Raises MeasurementError when the pose
+        is not finite or its quaternion not unit.
         """
         if not self._initialized:
             self.initialize(pose)
@@ -196,12 +201,12 @@ class ErrorStateEstimator(CompiledEstimator):
         self._apply(pose)
 
     def correct_bearings(self, bearings: Record, estimate: Record) -> None:
-        """Apply a BEARINGS_SAMPLE (1,), late or not, any number of beacons.
+        """Apply a BEARINGS_SAMPLE (1,), delayed or not, with any number of beacons.
 
-        Before any pose the first frame that determines one by itself starts the filter. What
-        cannot be applied is counted in `ignored`. Raises MeasurementError when a number is not
-        finite, a bearing not unit, or no pose was found to start from: UndeterminedStartError
-        when one from elsewhere would do (`initialize`).
+        Before any pose, the first frame that determines one by itself starts the filter. A frame
+        that cannot be applied is counted in `ignored`. Raises MeasurementError when a number is not
+        finite, a bearing not unit, or no start pose was found; UndeterminedStartError when a pose
+        from elsewhere would help (`initialize`).
         """
         if not self._take(bearings):
             raise self._refused(refuse_bearings(bearings))
@@ -211,10 +216,11 @@ class ErrorStateEstimator(CompiledEstimator):
             self._start_from(bearings)
 
     def correct_sweeps(self, sweeps: Record, estimate: Record) -> None:
-        """Apply a SWEEPS_SAMPLE (1,), late or not: the angles at which one plane met the sensors.
+        """Apply a SWEEPS_SAMPLE (1,), delayed or not: the angles at which one plane met the
+        sensors.
 
-        The first planes that determine a pose together start the filter. What cannot be applied is
-        counted in `ignored`. Raises MeasurementError when a number is not usable, and
+        The first planes that together determine a pose start the filter. A sample that cannot be
+        applied is counted in `ignored`. Raises MeasurementError when a number is unusable, and
         UndeterminedStartError while there is no pose to start from.
         """
         if not self._take(sweeps):
@@ -230,14 +236,14 @@ class ErrorStateEstimator(CompiledEstimator):
         kernels.report(self._memory, estimate)
 
     def warnings(self, rate: float) -> list[str]:
-        """Return a warning when no measurement comes; no gain depends on their rate (Hz)."""
+        """Return a warning when no measurements arrive; no gain depends on their rate (Hz)."""
         if math.isfinite(rate) and rate > 0.0:
             return []
         return ["no measurement comes: position and velocity are only predicted"]
 
     # ------------------------------------------------------------------ parts
     def _take(self, measurement: Record) -> bool:
-        """Make it the new measurement; False when it is none."""
+        """Store it as the new measurement; return False when it is invalid."""
         m, item = self._memory[0], measurement[0]
         if measurement.dtype == POSE_SAMPLE:
             taken = bool(kernels.take_pose(m, item))
@@ -248,7 +254,9 @@ class ErrorStateEstimator(CompiledEstimator):
         return bool(kernels.take_sweeps(m, item, plane_numbers(item)))
 
     def _apply(self, measurement: Record) -> None:
-        """Apply what was taken, now or when the IMU has come so far. Raises MeasurementError."""
+        """Apply the stored measurement, now or when the IMU has reached its time. Raises
+        MeasurementError.
+        """
         m = self._memory[0]
         if 0 < int(m["new_ns"] - m["stamp_ns"]) <= AHEAD_NS:
             self._waiting.append((int(m["new_ns"]), measurement.copy()))
@@ -272,7 +280,7 @@ class ErrorStateEstimator(CompiledEstimator):
                 self._failed = error
 
     def _settle(self, measurement: Record) -> None:
-        """Apply what was taken; when the filter is lost, start again from it.
+        """Apply the stored measurement; when the filter is lost, restart from it.
 
         Raises MeasurementError when it gives no start.
         """
@@ -292,7 +300,8 @@ class ErrorStateEstimator(CompiledEstimator):
         if tracked:
             if not agree:  # they contradict each other, too
                 return
-            # The velocity by which the poses left the prediction, in a world that was turned, too.
+            # The velocity at which the poses left the prediction; the world may have been turned,
+            # too.
             lasted = max(1e-9 * float(m["run_ns"] - m["run_start_ns"]), SHORTEST_RUN)
             missed_w = (m["run_last"] - m["run_first"])[:3] / lasted
             deviations = START.copy()
@@ -304,7 +313,7 @@ class ErrorStateEstimator(CompiledEstimator):
             self._start_from(measurement)
         m["restarted"], m["consistency"] = 1, NOT_YET_CONSISTENT
         m["innovation"] = innovation
-        m["outcomes"][outcome] -= 1  # counted as used by the start
+        m["outcomes"][outcome] -= 1  # it is counted as applied by the start
         apart = float(np.linalg.norm(m["now"][:3] - before[:3]))
         many = f"{count} measurements in {1e-9 * lost_ns:.1f} s"
         self.restarts.append(
@@ -313,12 +322,12 @@ class ErrorStateEstimator(CompiledEstimator):
         )
 
     def _anchor(self) -> None:
-        """Bring filter and covariance to the newest sample without a measurement."""
+        """Propagate filter and covariance to the newest sample without a measurement."""
         kernels.take_nothing(self._memory[0])
         apply_one(self._memory[0], self._noise[0])
 
     def _hold(self, frame: Any, outcome: int) -> None:
-        """Hold a frame of which not every bearing was used against the run of such frames."""
+        """Compare a frame of which not every bearing was used with the run of such frames."""
         m, count = self._memory[0], int(frame["count"])
         if outcome == Outcome.APPLIED and m["used"][:count].all():
             self._run.clear()
@@ -331,15 +340,13 @@ class ErrorStateEstimator(CompiledEstimator):
                 self._run.add(int(frame["stamp_ns"]), pose)
 
     def _start_from(self, bearings: Record) -> None:
-        """Start at the pose one frame gives by itself. Raises MeasurementError."""
+        """Start at the pose that one frame gives by itself. Raises MeasurementError."""
         frame = bearings[0]
         pose = start_by_bearings(frame)
         self._start_at(frame, pose, *(self._run.velocity() if self._run.long_enough else ()))
 
     def _start_from_sweeps(self, sweeps: Record, velocity_w: Array | None = None) -> None:
-        """Start at the pose that the newest sweeps of the planes give. Raises
-        UndeterminedStartError.
-        """
+        """Start at the pose that the planes' newest sweeps give. Raises UndeterminedStartError."""
         oldest_ns = int(sweeps["stamp_ns"][0]) - ONE_PLACE_NS
         frames = [one for one in self._sweeps.values() if one["stamp_ns"] > oldest_ns]
         self._start_at(sweeps[0], start_by_sweeps(frames), velocity_w)

@@ -1,6 +1,6 @@
-"""The error-state filter on its memory: predict, take a measurement, apply it.
+"""The error-state filter on its memory: predict, store a measurement, apply it.
 
-Item functions take one vehicle's records; the others all of (N,).
+Item functions take the records of one vehicle, the others all of (N,).
 """
 
 from __future__ import annotations
@@ -45,8 +45,10 @@ def predict_one(m: Any, sample: Any, g: Any, dt: float, out: Any) -> None:
     """Advance one filter by one IMU sample.
 
     Args:
-        m: ERROR_STATE_MEMORY item. sample: IMU_SAMPLE item. g: ERROR_STATE_NOISE item.
-        dt: s since the last sample, for the low-pass; the rest goes by stamps.
+        m: ERROR_STATE_MEMORY item.
+        sample: IMU_SAMPLE item.
+        g: ERROR_STATE_NOISE item.
+        dt: s since the last sample, for the low-pass; everything else uses stamps.
         out: STATE item, written.
     """
     x, new, old = m.now, m.sample[m.sample_next], m.sample[(m.sample_next - 1) & _MASK]
@@ -57,7 +59,7 @@ def predict_one(m: Any, sample: Any, g: Any, dt: float, out: Any) -> None:
         step = 0.0
         for i in range(3):
             m.filtered_rate_b[i] = new[i] - x[10 + i]
-        if m.initialized:  # by a pose before the first sample: it counts from here
+        if m.initialized:  # by a pose before the first sample: it counts from now
             m.base_ns = m.event_ns[0] = sample.stamp_ns
     m.stamp_ns = m.sample_ns[m.sample_next] = sample.stamp_ns
     m.sample_next = (m.sample_next + 1) & _MASK
@@ -75,8 +77,8 @@ def predict_one(m: Any, sample: Any, g: Any, dt: float, out: Any) -> None:
 
 @compiled
 def take_pose(m: Any, z: Any) -> bool:
-    """Make a POSE_SAMPLE item, with or without attitude, the new measurement; False when it is
-    none.
+    """Store a POSE_SAMPLE item, with or without attitude, as the new measurement; return False when
+    it is invalid.
     """
     p, q = z.position_w, z.quaternion_wb
     m.new_ns, m.new_kind, m.new_count = z.stamp_ns, POSE, 2
@@ -93,7 +95,7 @@ def take_pose(m: Any, z: Any) -> bool:
 
 @compiled
 def take_bearings(m: Any, z: Any) -> bool:
-    """Make a BEARINGS_SAMPLE item the new measurement; False when it is none."""
+    """Store a BEARINGS_SAMPLE item as the new measurement; return False when it is invalid."""
     m.new_ns, m.new_kind, m.new_count, m.new_sigma = z.stamp_ns, BEARINGS, z.count, z.sigma
     if not (1 <= z.count <= MAX_BEACONS and z.sigma > 0.0):
         return False
@@ -111,7 +113,7 @@ def take_bearings(m: Any, z: Any) -> bool:
 
 @compiled
 def take_sweeps(m: Any, z: Any, plane: Array) -> bool:
-    """Make a SWEEPS_SAMPLE item the new measurement; False when it is none.
+    """Store a SWEEPS_SAMPLE item as the new measurement; return False when it is invalid.
 
     Args:
         plane: (12,), the numbers of its plane.
@@ -137,17 +139,20 @@ def take_sweeps(m: Any, z: Any, plane: Array) -> bool:
 
 @compiled
 def take_nothing(m: Any) -> None:
-    """Make an event at the newest sample: due before the samples since the last one are gone."""
+    """Store an event without a measurement at the newest sample; needed before the samples since
+    the last event are overwritten.
+    """
     m.new_ns, m.new_kind, m.new_count = m.stamp_ns, NOTHING, 0
 
 
 @compiled
 def report(memory: Record, estimate: Record) -> None:
-    """Write biases, what the newest measurement showed, and variances after the newest event in
+    """Write biases, the result of the newest measurement, and variances after the newest event in
     time.
 
     Args:
-        memory: (N,) ERROR_STATE_MEMORY. estimate: (N,) ESTIMATE, written.
+        memory: (N,) ERROR_STATE_MEMORY.
+        estimate: (N,) ESTIMATE, written.
     """
     for k in range(memory.shape[0]):
         m, out, n = memory[k], estimate[k], memory[k].outcomes

@@ -1,7 +1,7 @@
-"""Poses that successive frames of bearings give by themselves, held against each other.
+"""Poses that successive frames of bearings give by themselves, compared with each other.
 
-A filter that such a run contradicts is wrong, not its measurements: what is mistaken for a beacon
-in one frame is not in the next.
+When such a run contradicts a filter, the filter is wrong, not the measurements: something mistaken
+for a beacon in one frame is not mistaken again in the next.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ Array = npt.NDArray[np.float64]
 
 
 class FrameRun:
-    """The newest frames, at most RUN_LEAST, whose poses agree each with the one before."""
+    """The newest frames, at most RUN_LEAST, each of which agrees with the previous one."""
 
     def __init__(self) -> None:
         self._poses: deque[tuple[int, PlanarPose]] = deque(maxlen=RUN_LEAST)
 
     @property
     def long_enough(self) -> bool:
-        """Return whether so many agree that a filter may start again from them."""
+        """Return whether enough frames agree for a filter to restart from them."""
         return len(self._poses) == RUN_LEAST
 
     def clear(self) -> None:
@@ -50,7 +50,7 @@ class FrameRun:
 
 
 def _agree(before_ns: int, before: PlanarPose, now_ns: int, now: PlanarPose) -> bool:
-    """Return whether a vehicle may have moved so from one pose to the next."""
+    """Return whether a vehicle may have moved this way from one pose to the next."""
     t = 1e-9 * (now_ns - before_ns)
     turn = quaternion_multiply(now.quaternion_wb, quaternion_conjugate(before.quaternion_wb))
     moved = norm(now.position_w - before.position_w), norm(quaternion_log(turn))

@@ -1,10 +1,9 @@
-"""The gate: how much a measurement is believed, by its distance from the prediction.
+"""The gate: the weight of a measurement by its distance from the prediction.
 
-Up to `gate` deviations it is believed as it is. Beyond, its variance is raised so that it moves the
-estimate the less the farther it is, and beyond FAR times as much it is refused. The prior may
-believe too much in itself, so the gate opens with the time since a measurement was last used, and
-refused poses are held against each other: a run of them that agree is what a lost filter starts
-again from.
+Up to `gate` deviations a measurement is used as it is. Beyond, its variance is raised so that its
+effect on the estimate decreases with distance, and beyond FAR times the gate it is refused. The
+prior may be overconfident, so the gate opens with the time since a measurement was last used, and
+refused poses are compared with each other: a lost filter restarts from a run of them that agree.
 """
 
 from __future__ import annotations
@@ -21,20 +20,20 @@ from quadrotor.compiled import compiled
 Array = npt.NDArray[np.float64]
 
 FAR, FAR_BEARINGS = 2.0, 1.0
-"""Times the gate, in deviations, beyond which a pose or a bearing is refused. A frame of bearings
-gives a new start by itself, and angles are never as many deviations off as positions: they are
-refused at the gate."""
+"""Multiples of the gate, in deviations, beyond which a pose or a bearing is refused. A frame of
+bearings gives a new start by itself, and angles are never as many deviations off as positions:
+bearings are refused at the gate."""
 OPEN_AFTER, OPEN_WITHIN = 0.1, 0.2
-"""s without a pose used after which the gate opens, and s for each further time its width, up to
-FAR times."""
+"""Seconds without a used pose after which the gate opens, and seconds for each further multiple of
+its width, up to FAR times."""
 RUN_LEAST = 4
-"""Refused poses that have to agree with each other for a start from them."""
+"""Number of refused poses that have to agree with each other for a start from them."""
 RUN_GAP = 0.5
-"""s between two poses of a run, at most."""
+"""Longest time, in s, between two poses of a run."""
 RUN_SPEED, RUN_RATE = 10.0, 3.0
-"""m/s, rad/s: how fast a lost estimate may leave the poses."""
+"""Fastest motion, m/s and rad/s, of a lost estimate relative to the poses."""
 RUN_DEVIATIONS = 6.0
-"""Deviations of two poses of a run from each other, on top of what speed and rate allow."""
+"""Largest deviations of two poses of a run from each other, in addition to speed and rate."""
 
 
 @compiled(inner=True)
@@ -62,8 +61,8 @@ def along(row: Array, error: Array) -> float:
 
 @compiled(inner=True)
 def chi_square(deviations: float) -> float:
-    """Return the chi-square of two degrees that is as improbable as so many deviations of a
-    Gaussian, nearly.
+    """Return the approximate chi-square of two degrees that is as improbable as this many
+    deviations of a Gaussian.
     """
     cube = 8.0 / 9.0 + deviations / 3.0
     return 2.0 * cube * cube * cube
@@ -71,11 +70,12 @@ def chi_square(deviations: float) -> float:
 
 @compiled(inner=True)
 def gate(m: Any, pairs: int, whole: bool, deviations: float) -> int:
-    """Mark in `used` the pairs of rows that the prior allows, and return how many; write
+    """Mark in `used` the pairs of rows that the prior allows, and return their number; write
     `distance`, `expected` and `doubt`.
 
     Args:
-        whole: to use all pairs or none, believed as the farthest of them. deviations: of the gate.
+        whole: whether to use all pairs or none, with the weight of the farthest of them.
+        deviations: of the gate.
     """
     P, gain = m.prior, m.gain
     waited = 1e-9 * (m.base_ns - m.measurement_ns)
@@ -107,7 +107,7 @@ def gate(m: Any, pairs: int, whole: bool, deviations: float) -> int:
 
 @compiled(inner=True)
 def run(m: Any, refused: bool) -> None:
-    """Hold a pose just linearised against the run of refused ones that agree with each other."""
+    """Compare a pose that was just linearised with the run of refused ones that agree."""
     if not refused:
         m.run_count = 0
         return

@@ -1,4 +1,4 @@
-"""The judgement of the error-state filter by its covariance and its innovations."""
+"""The judgement of the error-state filter from its covariance and its innovations."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from estimation.convergence import Convergence, Deviations
 from estimation.error_state.update import FIT_CONSISTENCY, FIT_UPDATES, LOST_REFUSALS
 
 FIT = Deviations(position=0.15, velocity=0.2, attitude=math.radians(3.0))
-"""Largest deviations to be flown on."""
+"""Largest deviations with which the estimate may be flown on."""
 REFUSED_MAX = 0.5
-"""Largest share of the last measurements refused of a filter that is consistent."""
+"""Largest share of refused measurements, lately, of a consistent filter."""
 
 
 def deviations_of(m: Any) -> Deviations:
-    """Return the standard deviations that the covariance of an ERROR_STATE_MEMORY item gives."""
+    """Return the standard deviations from the covariance of an ERROR_STATE_MEMORY item."""
     variances = np.diag(m["covariance"])
     position, attitude, velocity = np.sqrt(variances[:9].reshape(3, 3).sum(axis=1)).tolist()
     return Deviations(position, velocity, attitude)
 
 
 def convergence_of(m: Any) -> Convergence:
-    """Return whether a filter with a start and fresh measurements, an ERROR_STATE_MEMORY item, may
+    """Return whether an initialized filter with fresh measurements, an ERROR_STATE_MEMORY item, may
     be flown on.
     """
     applied = int(m["applied"])
@@ -47,7 +47,7 @@ def convergence_of(m: Any) -> Convergence:
 
 def inconsistency_of(m: Any) -> str:
     """Return why its measurements contradict an ERROR_STATE_MEMORY item, with numbers; empty while
-    they do not, and from a restart to when there are enough of them to judge.
+    they do not, or while there are too few since a restart.
     """
     if m["restarted"]:
         return ""

@@ -1,4 +1,4 @@
-"""The memory of the error-state filter between ticks, one record a vehicle.
+"""The memory of the error-state filter between ticks, one record per vehicle.
 
 A nominal state is one array (16,): position_w (m), velocity_w (m/s), quaternion_wb, gyroscope bias
 (rad/s), accelerometer bias (m/s^2). The error has 15 components, in this order:
@@ -9,7 +9,7 @@ A nominal state is one array (16,): position_w (m), velocity_w (m/s), quaternion
     9:12  gyroscope bias, rad/s, body axes
     12:15 accelerometer bias, m/s^2, body axes
 
-Measurements meet the first six only, so these stand in front.
+Measurements depend on the first six only, so these come first.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ ERRORS = 15
 POSE_ERRORS = 6
 NOMINAL = 16
 SAMPLES = 1024
-"""IMU samples kept for late measurements (a power of two): LATEST_NS at 1000 Hz, and the way there
-from the event before."""
+"""Number of IMU samples kept for delayed measurements (a power of two): LATEST_NS at 1000 Hz, and
+the time from the event before."""
 EVENTS = 384
-"""Measurements kept with what was known after each: LATEST_NS of poses at 500 Hz and of bearings
-at 120 Hz, the most that sensors are set to."""
+"""Number of measurements kept, each with the filter after it: LATEST_NS of poses at 500 Hz and of
+bearings at 120 Hz, the highest rates of the sensors."""
 ROWS = 2 * MAX_BEACONS
 PLANE_ROWS = 2
 
 NOTHING, POSE, BEARINGS, SWEEPS, MARKER = range(5)
-"""Kinds of an event. One that measures nothing only brings the filter to its time."""
+"""Kinds of an event. NOTHING only propagates the filter to its time."""
 
 FORCE, RATE, POSITION, ATTITUDE, BEARING = range(5)
 """Noises whose variance is adapted: of accelerometer, gyroscope, poses, bearings or sweeps."""
@@ -55,10 +55,10 @@ ERROR_STATE_MEMORY = np.dtype(
         ("sample_count", "i8"),
         ("sample_ns", "i8", SAMPLES),
         ("sample", "f8", (SAMPLES, 6)),  # rate (rad/s), specific force (m/s^2)
-        # A measurement about to be applied. Data of bearings: a row each, beacon_w (m) then
-        # bearing_b; of a pose: position_w in the first row, quaternion_wb in the second, which
-        # a marker has not; of sweeps:
-        # the plane in the first PLANE_ROWS, then a row each, sensor_b and angle.
+        # A measurement about to be applied. Data of bearings: one row each, beacon_w (m) then
+        # bearing_b; of a pose: position_w in the first row, quaternion_wb in the second, which a
+        # marker does not have; of sweeps: the plane in the first PLANE_ROWS, then one row each,
+        # sensor_b and angle.
         ("new_ns", "i8"),
         ("new_kind", "i8"),
         ("new_count", "i8"),
@@ -74,22 +74,22 @@ ERROR_STATE_MEMORY = np.dtype(
         ("event_data", "f8", (EVENTS, MAX_BEACONS, 6)),
         ("after_state", "f8", (EVENTS, NOMINAL)),
         ("after_covariance", "f8", (EVENTS, ERRORS, ERRORS)),
-        # What the newest measurement to arrive said.
+        # Results of the measurement that arrived last.
         ("innovation", "f8", POSE_ERRORS),  # before the correction: m, rad, in world axes
-        ("freedom", "i8"),  # numbers it gave: 2 a bearing, 6 a pose, 3 a marker; 0: it was refused
+        ("freedom", "i8"),  # numbers that were used: 2 a bearing, 6 a pose, 3 a marker; 0: refused
         ("nis", "f8"),  # normalised innovation squared, of `freedom` degrees
         ("consistency", "f8"),  # mean of nis / freedom over the last few dozen
         ("refused_share", "f8"),  # of the last few dozen measurements
         ("applied", "i8"),  # since the start
         ("refused", "i8"),  # since one was within the gate
-        ("refused_ns", "i8"),  # the first of them
+        ("refused_ns", "i8"),  # stamp of the first of them
         ("believed", "u1"),  # the newest one was within the gate
-        ("at_once", "u1"),  # the first of them came close behind one that was applied
-        ("restarted", "u1"),  # by measurements refused, and not consistent with them since
+        ("at_once", "u1"),  # the first of them followed closely after an applied one
+        ("restarted", "u1"),  # after refused measurements, and not consistent since
         ("outcomes", "i8", len(Outcome)),  # measurements since the reset, by Outcome
-        # Noise as it is met, by `adaptation`, in the order of FORCE to BEARING.
-        ("noise_scale", "f8", NOISES),  # factor on the variance stated
-        ("evidence", "f8", NOISES),  # for it
+        # Adapted noise, by `adaptation`, in the order of FORCE to BEARING.
+        ("noise_scale", "f8", NOISES),  # factor on the stated variance
+        ("evidence", "f8", NOISES),  # for the factor
         ("last_ns", "i8"),
         ("last_unit", "f8", POSE_ERRORS),  # innovation at that time in deviations, bounded
         # Refused poses that agree with each other, by `estimation.error_state.gate`.
@@ -98,14 +98,14 @@ ERROR_STATE_MEMORY = np.dtype(
         ("run_ns", "i8"),  # of the newest
         ("run_first", "f8", POSE_ERRORS),  # innovation of the first: m, rad, world axes
         ("run_last", "f8", POSE_ERRORS),  # of the newest
-        # Room to work in.
+        # Working memory.
         ("used", "u1", MAX_BEACONS),  # pairs of rows that passed the gate
         ("step", "f8", ERRORS),  # the correction
-        ("row", "f8", (ROWS, POSE_ERRORS)),  # Jacobian of each number measured
+        ("row", "f8", (ROWS, POSE_ERRORS)),  # Jacobian of each measured number
         ("rest", "f8", ROWS),  # its residual
         ("variance", "f8", ROWS),
         ("expected", "f8", ROWS),  # variance of the residual by prior and measurement
-        ("doubt", "f8", ROWS),  # variance added to it, the farther it is from its prediction
+        ("doubt", "f8", ROWS),  # variance added for its distance from the prediction
         ("distance", "f8", MAX_BEACONS),  # of a pair of rows from its prediction, chi-square of 2
         ("plane", "f8", 6 * PLANE_ROWS),
         ("prior", "f8", (ERRORS, ERRORS)),

@@ -6,8 +6,8 @@ world axes,
 
     dp' = dv,    dv' = phi x a - R db_a,    phi' = -R db_g,
 
-and the biases walk. Only a and R enter: not the yaw by itself, so a turned world gives turned
-answers. Between two samples, rate and force are linear in time.
+and the biases follow random walks. Only a and R enter, not the yaw by itself, so a turned world
+gives turned results. Between two samples, rate and force are linear in time.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ _MASK = SAMPLES - 1
 
 @compiled(inner=True)
 def move(x: Array, start_b: Vector, end_b: Vector, rate_b: Vector, dt: float) -> None:
-    """Advance a nominal state (16,) in place by samples with their biases.
+    """Advance a nominal state (16,) in place by samples that include their biases.
 
-    The force goes from start_b to end_b, the rate is held; the time dt is in s.
+    The force changes from start_b to end_b, the rate is held; the time dt is in s.
     """
     q = (x[6], x[7], x[8], x[9])
     bias = (x[13], x[14], x[15])
@@ -62,8 +62,11 @@ def spread(P: Array, x: Array, force_b: Vector, g: Any, noise_scale: Array, dt: 
     """Propagate the covariance P (15, 15) -> F P F^T + Q over dt (s) about the nominal state x
     (16,).
 
-    What a gyroscope bias does to the velocity within dt is left out: of second order in dt.
-    noise_scale: factors on the noise variances of g, by kind of noise.
+    The effect of a gyroscope bias on the velocity within dt is neglected: it is of second order in
+    dt.
+
+    Args:
+        noise_scale: factors on the noise variances of g, by kind of noise.
     """
     axes = axes_of((x[6], x[7], x[8], x[9]))
     a = to_world(axes, subtract(force_b, (x[13], x[14], x[15])))
@@ -89,13 +92,13 @@ def spread(P: Array, x: Array, force_b: Vector, g: Any, noise_scale: Array, dt: 
 
 @compiled(inner=True)
 def walk(m: Any, x: Array, from_ns: int, to_ns: int, g: Any, with_covariance: bool) -> None:
-    """Advance x (16,), and the covariance if wanted, along the samples kept.
+    """Advance x (16,), and optionally the covariance, along the stored samples.
 
-    A time before the oldest sample is met with the oldest, one after the newest with the newest.
+    A time before the oldest sample uses the oldest, one after the newest uses the newest.
     """
     stamps, samples = m.sample_ns, m.sample
     newest = (m.sample_next - 1) & _MASK
-    back, most = 0, max(0, m.sample_count - 1)  # how far the last sample not after from_ns is back
+    back, most = 0, max(0, m.sample_count - 1)  # steps back to the last sample not after from_ns
     while back < most:
         half = (back + most) // 2
         if stamps[(newest - half) & _MASK] > from_ns:

@@ -1,6 +1,6 @@
-"""Noise the error-state filter assumes, and its gate.
+"""The noise that the error-state filter assumes, and its gate.
 
-`estimation.parameters.noise_record` makes the record of all parameters.
+`estimation.parameters.noise_record` converts all parameters to a record.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ ERROR_STATE_NOISE = np.dtype(
 
 
 class ErrorStateParameters(Parameters):
-    """Defaults: the laboratory's IMU with its quantisation, a tracker of 1 mm and 0.2 deg."""
+    """Noise and gate. Defaults: the laboratory's IMU with its quantisation, a tracker of 1 mm and
+    0.2 deg.
+    """
 
     accelerometer_noise: float = parameter(0.0035, unit="m/s²/√Hz", ge=1e-05, le=1.0, step=0.0005)
     """white noise of the accelerometer, vibration included"""

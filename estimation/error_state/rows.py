@@ -1,16 +1,16 @@
-"""Measurements linearised: one row a number measured, on the six pose errors.
+"""Linearised measurements: one row per measured number, with respect to the six pose errors.
 
-A bearing x_b to a beacon at c, seen from p: with d the unit vector of c - p, rho its length and
-x = R x_b, the residual is the tangent vector at d that leads to x; its length is the angle. A
-position error dp and an attitude error phi (R_true = exp(phi) R) make it
+A bearing x_b to a beacon at c, seen from p: with d the unit vector of c - p, rho its length and x =
+R x_b, the residual is the tangent vector at d that leads to x; its length is the angle. With a
+position error dp and an attitude error phi (R_true = exp(phi) R) it is
 
     e = -(I - d d^T) dp / rho + d x phi + noise,   sigma on each tangent axis,
 
-so along a tangent axis t the row is (-t / rho, t x d). No perspective is divided by: bearings may
-point anywhere. Of a pose, e = (p_m - p, log(R_m R^T)) and the rows are those of the identity. The
-angle at which a plane of light met a sensor at p + R l has the row (g, R l x g), g being the
-angle's gradient by the sensor's place; the position of a marker at p + R l has such a row for each
-axis g of the world.
+so along a tangent axis t the row is (-t / rho, t x d). There is no division by a depth: bearings
+may point anywhere. For a pose, e = (p_m - p, log(R_m R^T)) and the rows are those of the identity.
+The angle at which a plane of light met a sensor at p + R l has the row (g, R l x g), where g is the
+angle's gradient with respect to the sensor's position; the position of a marker at p + R l has such
+a row for each axis g of the world.
 """
 
 from __future__ import annotations
@@ -48,12 +48,14 @@ from quadrotor.vectors import (
 
 Array = npt.NDArray[np.float64]
 NEAREST = 0.05
-"""m; a beacon nearer than this has no direction worth using."""
+"""Distance in m below which the direction to a beacon is not used."""
 
 
 @compiled(inner=True)
 def linearize(m: Any, slot: int, x: Array, g: Any) -> int:
-    """Write row, rest and variance of an event at the nominal state x (16,); how many pairs."""
+    """Write row, rest and variance of an event at the nominal state x (16,); return the number of
+    pairs.
+    """
     rows, rest, variance, data = m.row, m.rest, m.variance, m.event_data[slot]
     if m.event_kind[slot] == POSE:
         z = data[1]
@@ -84,7 +86,8 @@ def linearize(m: Any, slot: int, x: Array, g: Any) -> int:
         e = subtract(seen, scale(along, d))
         sine = length(e)
         e = scale(math.atan2(sine, along) / sine if sine > 1e-9 else 1.0, e)
-        # Any tangent axes do; these are those of Duff et al. (JCGT 2017), good everywhere.
+        # Any tangent axes work; these are those of Duff et al. (JCGT 2017), well conditioned
+        # everywhere.
         sign = math.copysign(1.0, d[2])
         a = -1.0 / (sign + d[2])
         t = (1.0 + sign * d[0] * d[0] * a, sign * d[0] * d[1] * a, -sign * d[0])
@@ -101,9 +104,9 @@ def linearize(m: Any, slot: int, x: Array, g: Any) -> int:
 
 @compiled(inner=True)
 def linearize_marker(m: Any, slot: int, x: Array, g: Any) -> int:
-    """Write row, rest and variance of a marker's position; how many pairs.
+    """Write row, rest and variance of a marker's position; return the number of pairs.
 
-    The last number has an empty row next to it; the rest of an attitude is 0, for runs.
+    The last number is paired with an empty row; the rest of an attitude is 0, for runs.
     """
     lever = to_world(axes_of((x[6], x[7], x[8], x[9])), (g.marker_x, g.marker_y, g.marker_z))
     for i in range(POSE_ERRORS):
@@ -122,9 +125,10 @@ def linearize_marker(m: Any, slot: int, x: Array, g: Any) -> int:
 
 @compiled(inner=True)
 def linearize_sweeps(m: Any, slot: int, x: Array) -> int:
-    """Write row, rest and variance of the sensors that one plane met, two a pair; how many pairs.
+    """Write row, rest and variance of the sensors that one plane met, two per pair; return the
+    number of pairs.
 
-    The last of an odd number has an empty row next to it.
+    The last of an odd number is paired with an empty row.
     """
     data, axes = m.event_data[slot], axes_of((x[6], x[7], x[8], x[9]))
     count = m.event_beacons[slot] - PLANE_ROWS

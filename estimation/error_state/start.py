@@ -1,4 +1,4 @@
-"""Starts of the error-state filter: the poses that measurements give alone, and its memory then."""
+"""Starts of the error-state filter: poses from measurements alone, and the initial memory."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from quadrotor.records import Record
 Array = npt.NDArray[np.float64]
 
 START = np.repeat([0.05, math.radians(3.0), 0.5, 0.01, 0.1], 3)
-"""Deviations at a start: m, rad, m/s (taken to be at rest), rad/s, m/s^2."""
+"""Deviations at a start: m, rad, m/s (assumed at rest), rad/s, m/s^2."""
 assert len(START) == ERRORS
 DETERMINED = 4
-"""Bearings to beacons in one plane that leave one pose."""
+"""Number of bearings to beacons in one plane that determine a unique pose."""
 HOW_TO_START = (
     "bring a fourth beacon in their plane into view, "
     "or run it as the shadow of an estimator on poses"
@@ -38,7 +38,7 @@ def pose_of_bearings(frame: Any) -> PlanarPose:
 
 
 def start_by_bearings(frame: Any) -> PlanarPose:
-    """Return the pose to start at by one BEARINGS_SAMPLE item. Raises MeasurementError, and
+    """Return the start pose from one BEARINGS_SAMPLE item. Raises MeasurementError, and
     UndeterminedStartError when the bearings leave the pose open.
     """
     count = int(frame["count"])
@@ -56,7 +56,7 @@ def start_by_bearings(frame: Any) -> PlanarPose:
 
 
 def start_by_sweeps(frames: Sequence[Any]) -> SweepPose:
-    """Return the pose to start at by SWEEPS_SAMPLE items of several planes. Raises
+    """Return the start pose from SWEEPS_SAMPLE items of several planes. Raises
     UndeterminedStartError.
     """
     try:
@@ -75,12 +75,14 @@ def begin(
     deviations: Array,
     velocity_w: Array | None,
 ) -> None:
-    """Begin again at a pose, with the biases so far; what was learnt of them stays.
+    """Restart at a pose, with the present biases and their covariance.
 
     Args:
         m: ERROR_STATE_MEMORY item, written in place.
-        position: (3,) m. quaternion: (4,), unit. velocity_w: (3,) m/s; at rest without one.
+        position: (3,) m.
+        quaternion: (4,), unit.
         deviations: (15,) of the error, in its order.
+        velocity_w: (3,) m/s; at rest without one.
     """
     bias, biases_covariance = m["now"][10:].copy(), m["covariance"][9:, 9:].copy()
     x = m["base"]

@@ -1,9 +1,9 @@
-"""Measurements in the order in which they were true, whatever the order they arrive in.
+"""Measurements in the order of their stamps, whatever the order in which they arrive.
 
-The filter proper stands at the newest event; what the tick reads is predicted from there along
-the IMU samples kept. A late measurement newer than the last one therefore costs no approximation
-and no second covariance. One that is older goes back to the filter as it was after its
-predecessor, which is kept with each event, and those after it are applied again.
+The filter proper is at the newest event; the state that a tick reads is predicted from there along
+the stored IMU samples. A delayed measurement newer than the last one therefore costs no
+approximation and no second covariance. For an older one the filter returns to its state after the
+preceding event, which is stored with each event, and applies the later ones again.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _APPLIED, _TOO_OLD, _NOT_NEWER, _AHEAD, _, _OUTLIER = (int(o) for o in Outcome)
 
 @compiled(inner=True)
 def insert(m: Any) -> int:
-    """Put the new measurement into the order; its position there, or minus an Outcome."""
+    """Insert the new measurement in order; return its position, or minus an Outcome."""
     order, stamps, count, stamp_ns = m.event_order, m.event_ns, m.event_count, m.new_ns
     if stamp_ns > m.stamp_ns:
         return -_AHEAD
@@ -40,7 +40,7 @@ def insert(m: Any) -> int:
         if stamps[before] < oldest or (full and position == 1):
             return -_TOO_OLD
     slot = count
-    if full:  # the oldest makes room
+    if full:  # the oldest one is overwritten
         slot = order[0]
         position -= 1
         for i in range(position):
@@ -60,10 +60,11 @@ def insert(m: Any) -> int:
 
 @compiled
 def apply_one(m: Any, g: Any) -> int:
-    """Apply the new measurement of an initialized filter, and predict to now; an Outcome, counted.
+    """Apply the new measurement of an initialized filter, and predict to now; return an Outcome,
+    which is counted.
 
     Args:
-        m: ERROR_STATE_MEMORY item; `take_pose`, `take_bearings` put the measurement there.
+        m: ERROR_STATE_MEMORY item; `take_pose`, `take_bearings` store the measurement in it.
         g: ERROR_STATE_NOISE item.
     """
     outcome = _apply(m, g)
@@ -86,7 +87,7 @@ def _apply(m: Any, g: Any) -> int:
         for i in range(ERRORS):
             for j in range(ERRORS):
                 P[i, j] = m.after_covariance[before, i, j]
-    # The last turn takes no event, only the time from the newest one to now.
+    # The last pass applies no event, and only propagates from the newest one to now.
     for k in range(position, m.event_count + 1):
         last = k == m.event_count
         event = order[min(k, m.event_count - 1)]

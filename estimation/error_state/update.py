@@ -1,10 +1,10 @@
 """Measurement update: scalar by scalar, iterated about the most probable pose.
 
 The rows of a measurement are independent, so each is a scalar update with innovation nu and
-variance s = h P h^T + r: P loses (P h)(P h)^T / s, which is symmetric to the last bit. When the
-correction bends the bearings by more than their linearisation is good for, as low above a beacon,
-the prior is taken up again and the measurement linearised at the pose found (the iterated filter,
-which is Gauss-Newton on prior and measurement together).
+variance s = h P h^T + r: P is reduced by (P h)(P h)^T / s, which is symmetric to the last bit. When
+the correction bends the bearings by more than their linearisation allows, as at low height above a
+beacon, the update restarts from the prior with the measurement linearised at the new pose (the
+iterated filter, which is Gauss-Newton on prior and measurement together).
 """
 
 from __future__ import annotations
@@ -24,20 +24,22 @@ from quadrotor.vectors import Vector, add, cross, dot, multiply, normalized, sca
 Array = npt.NDArray[np.float64]
 MAX_STEPS = 6
 STRAIGHT = 0.02
-"""rad: bearings moved by less need no other linearisation."""
+"""Angle in rad; bearings moved by less need no new linearisation."""
 MEMORY = 0.05
-"""Weight of the newest measurement in the mean consistency, and in the share refused."""
+"""Weight of the newest measurement in the mean consistency, and in the refused share."""
 SINGLE = 10.0
-"""Most that a single measurement counts in the mean consistency."""
+"""Largest contribution of a single measurement to the mean consistency."""
 LOST_REFUSALS = 8
-"""So many measurements refused in a row are no chance outliers any more."""
+"""Number of refused measurements in a row that are no longer chance outliers."""
 AT_ONCE_NS = 200_000_000
-"""Measurements refused from one to the next within it jumped; otherwise the estimate drifted."""
+"""Time in ns between the last used measurement and the first refused one; within it the
+measurements jumped, otherwise the estimate drifted."""
 FIT_UPDATES = 10
 FIT_CONSISTENCY = 3.0
-"""Measurements since the start, and their mean consistency, with which a filter is fit."""
+"""Measurements since the start, and their mean consistency, for a filter to be fit."""
 BROAD = 0.5
-"""m and rad: beyond what the bearings of one frame leave open, an innovation is not told."""
+"""Prior deviation in m and rad of a reported innovation: what the bearings of one frame leave open
+stays small."""
 
 
 @compiled(inner=True)
@@ -77,8 +79,8 @@ def absorb(m: Any, pairs: int) -> float:
 
 @compiled(inner=True)
 def reset(P: Array, phi: Array) -> None:
-    """Reset the covariance (15, 15) to that of the error left after the attitude was moved by phi
-    (3,).
+    """Convert the covariance (15, 15) to that of the error that remains after the attitude was
+    moved by phi (3,).
 
     exp(phi_true) exp(-phi) is exp(J (phi_true - phi)) with J = I + [phi] / 2 to first order.
     """
@@ -95,11 +97,12 @@ def reset(P: Array, phi: Array) -> None:
 
 @compiled(inner=True)
 def shift(m: Any, pairs: int, first: int, all_of_them: bool) -> Vector:
-    """Return three pose errors, 0:3 (m) or 3:6 (rad), by bearings alone, the others being right.
+    """Return three pose errors, 0:3 (m) or 3:6 (rad), from bearings alone, assuming that the others
+    are right.
 
-    The most probable one if no more was known of it than BROAD on each axis: what they leave open,
-    as a single bearing does the distance, stays near 0. It is not drawn to the filter's own
-    covariance, as the correction is.
+    This is the most probable error for a prior of BROAD on each axis: components that the bearings
+    leave open, as a single bearing does with the distance, stay near 0. Unlike the correction, it
+    is not drawn to the filter's own covariance.
     """
     axx, ayy, azz = 1.0 / BROAD**2, 1.0 / BROAD**2, 1.0 / BROAD**2
     axy, axz, ayz = 0.0, 0.0, 0.0
@@ -123,7 +126,9 @@ def shift(m: Any, pairs: int, first: int, all_of_them: bool) -> Vector:
 
 @compiled(inner=True)
 def tell_innovation(m: Any, pairs: int, kind: int, count: int) -> None:
-    """Write `innovation` of the rows linearised at the prediction; of all when none was used."""
+    """Write `innovation` from the rows linearised at the prediction; from all rows when none was
+    used.
+    """
     if kind in (POSE, MARKER):
         for i in range(POSE_ERRORS):
             m.innovation[i] = m.rest[i]
@@ -135,7 +140,7 @@ def tell_innovation(m: Any, pairs: int, kind: int, count: int) -> None:
 
 @compiled(inner=True)
 def believed(m: Any, pairs: int) -> int:
-    """Return 1 when a pair of rows is used as it is, within the gate; else 0."""
+    """Return 1 when a pair of rows is used unchanged, within the gate; else 0."""
     for k in range(pairs):
         if m.used[k] and m.doubt[2 * k] == 0.0:
             return 1
@@ -144,9 +149,7 @@ def believed(m: Any, pairs: int) -> int:
 
 @compiled(inner=True)
 def doubted(m: Any, pairs: int) -> float:
-    """Return the chi-square of the pairs used that are beyond the gate, as it was before they were
-    believed less.
-    """
+    """Return the chi-square of the used pairs beyond the gate, before their weight was reduced."""
     total = 0.0
     for k in range(pairs):
         if m.used[k] and m.doubt[2 * k] > 0.0:
@@ -156,9 +159,10 @@ def doubted(m: Any, pairs: int) -> float:
 
 @compiled(inner=True)
 def judge(m: Any, pairs: int, kind: int, count: int) -> None:
-    """Take note of what the newest measurement says about the filter, the gate having passed
-    `count` of its pairs. A frame most of whose bearings are refused counts as refused: one of four
-    fits by chance wherever a lost filter is.
+    """Evaluate the newest measurement, of which `count` pairs passed the gate.
+
+    A frame most of whose bearings are refused counts as refused: one of four fits by chance
+    wherever a lost filter is.
     """
     tell_innovation(m, pairs, kind, count)
     m.freedom, m.nis = min(2 * count, 3) if kind == MARKER else 2 * count, 0.0
@@ -173,7 +177,7 @@ def judge(m: Any, pairs: int, kind: int, count: int) -> None:
     elif few:
         m.refused += 1
     if kind in (POSE, MARKER):
-        # A tracker that jumped says nothing about the IMU.
+        # a jump of the tracker shows nothing about the IMU
         learn_from_pose(m, kind == POSE, count > 0 or m.at_once == 0)
         run(m, count == 0)
     else:
@@ -182,10 +186,11 @@ def judge(m: Any, pairs: int, kind: int, count: int) -> None:
 
 @compiled(inner=True)
 def fuse(m: Any, slot: int, g: Any, newest: bool) -> bool:
-    """Update base and covariance with one event at `base_ns`; False when it was an outlier.
+    """Update base and covariance with one event at `base_ns`; return False when it was an outlier.
 
     Args:
-        newest: to arrive: what it says is kept. The others are only applied again, in their order.
+        newest: whether it is the one that has just arrived and is evaluated. The others are only
+            applied again, in their order.
     """
     P, x, step, found, kind = m.covariance, m.base, m.step, m.found, m.event_kind[slot]
     if kind == NOTHING:
@@ -212,7 +217,7 @@ def fuse(m: Any, slot: int, g: Any, newest: bool) -> bool:
         bent = 0.0
         for i in range(ERRORS):
             step[i], found[i] = found[i], found[i] - step[i]
-        for k in range(pairs):  # by pairs, so that the choice of tangent axes decides nothing
+        for k in range(pairs):  # by pairs, so that the choice of tangent axes has no effect
             one, other = along(m.row[2 * k], found), along(m.row[2 * k + 1], found)
             bent = max(bent, one * one + other * other)
         displace(x, step, m.trial)

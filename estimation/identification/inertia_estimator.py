@@ -1,14 +1,14 @@
 """Adaptive estimation of the inertia (Sec. 5.4 of the paper: the scheme of eqs. 6 to 10 per axis).
 
-J_i omega_i' = tau_i + (J_j - J_k) omega_j omega_k + d_i, tau the torque of the rotors, d a constant
-disturbance. Filtered by P = a / (s + a) and washed out by s / (s + b), which takes d away,
-y = tau_fil / J and d/dt (1/J) = k (y - tau_fil / J) tau_fil, integrated exactly as for the mass.
+J_i omega_i' = tau_i + (J_j - J_k) omega_j omega_k + d_i, with tau the torque of the rotors and d a
+constant disturbance. Filtered by P = a / (s + a) and washed out by s / (s + b), which removes d, y
+= tau_fil / J and d/dt (1/J) = k (y - tau_fil / J) tau_fil, integrated exactly as for the mass.
 
-What print leaves out decides the result. The torque is that of the rotors, so the commanded
-thrusts go through the motors' lag first; without it J comes out up to 38 % too large. And k must
-suit the size of tau_fil, which the excitation sets and which differs by axis: k is a rate over the
-mean square of tau_fil, so that every axis forgets as fast. The gyroscopic term, which print
-neglects, is taken in with the estimates themselves.
+Details that the paper omits decide the result. The torque is that of the rotors, so the commanded
+thrusts first pass the motors' lag; without it J comes out up to 38 % too large. And k must suit the
+size of tau_fil, which depends on the excitation and the axis: k is a rate over the mean square of
+tau_fil, so that every axis forgets equally fast. The gyroscopic term, which the paper neglects, is
+included with the estimates themselves.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ INERTIA_MEMORY = np.dtype(
         ("root_thrusts", "f8", 4),  # sqrt(N), proportional to the rotors' speeds
         ("inverse_inertia_b", "f8", 3),  # 1/(kg m^2)
         ("torque_filtered_b", "f8", 3),  # N m
-        ("torque_slow_b", "f8", 3),  # N m, of the filtered one
-        ("torque_square_b", "f8", 3),  # N^2 m^2, mean of the washed out one's
-        ("rate_b", "f8", 3),  # rad/s, of the last step
+        ("torque_slow_b", "f8", 3),  # N m, of the filtered torque
+        ("torque_square_b", "f8", 3),  # N^2 m^2, mean square after the washout
+        ("rate_b", "f8", 3),  # rad/s, at the last step
         ("acceleration_filtered_b", "f8", 3),  # rad/s^2
-        ("acceleration_slow_b", "f8", 3),  # rad/s^2, of the filtered one
+        ("acceleration_slow_b", "f8", 3),  # rad/s^2, of the filtered acceleration
         ("mean_b", "f8", 3),  # kg m^2, of the estimate over the variance time
         ("variance_b", "f8", 3),  # kg^2 m^4
     ],
@@ -101,8 +101,8 @@ def inertia_record(
 
 
 def new_inertia_memory(inertia_b: Array, parameters: InertiaParameters) -> Record:
-    """Return one estimator at a guess (3,) in kg m^2, with the variance of knowing only the
-    clamps.
+    """Return one estimator at a guess (3,) in kg m^2, with the variance of a uniform distribution
+    between the clamps.
     """
     memory = np.zeros(1, INERTIA_MEMORY)
     memory["inverse_inertia_b"] = 1.0 / np.asarray(inertia_b)
@@ -118,8 +118,10 @@ def step(
     """Make one step of one estimator; all records have the shape (1,).
 
     Args:
-        state: STATE with the angular velocity now. actuators: ACTUATORS whose thrusts were
-            commanded since the last step. airborne: nothing is learnt while false. dt: s.
+        state: STATE with the present angular velocity.
+        actuators: ACTUATORS whose thrusts were commanded since the last step.
+        airborne: learning pauses while False.
+        dt: s.
     """
     g, m, rate = gains[0], memory[0], state[0].angular_velocity_b
     follow = -math.expm1(-dt / g.motor_time_constant)
@@ -149,7 +151,8 @@ def step(
             1.0 / m.inverse_inertia_b[j] - 1.0 / m.inverse_inertia_b[l]
         )
         m.torque_filtered_b[i] += share * (torque - m.torque_filtered_b[i])
-        # Exact for a rate linear in between: a (omega - omega_fil) is too small by a dt / 2.
+        # Exact for a rate that is linear in between: a (omega - omega_fil) is too small by a dt /
+        # 2.
         y = m.acceleration_filtered_b[i]
         y += share * ((rate[i] - m.rate_b[i]) / dt - y)
         m.rate_b[i], m.acceleration_filtered_b[i] = rate[i], y
@@ -173,7 +176,8 @@ class InertiaEstimator:
 
     Args:
         inertia_b: (3,) kg m^2, the first guess.
-        arm, torque_ratio: m. motor_time_constant: s.
+        arm, torque_ratio: m.
+        motor_time_constant: s.
     """
 
     def __init__(
@@ -195,7 +199,7 @@ class InertiaEstimator:
         self.reset(inertia_b)
 
     def reset(self, inertia_b: Array) -> None:
-        """Start again from a guess (3,), clamped."""
+        """Restart from a guess (3,), clamped."""
         p = self._parameters
         self._memory = new_inertia_memory(np.clip(inertia_b, p.inertia_min, p.inertia_max), p)
 
@@ -206,14 +210,16 @@ class InertiaEstimator:
 
     @property
     def deviation_b(self) -> Array:
-        """Return the deviation (3,) in kg m^2 of the estimate over the last variance time."""
+        """Return the standard deviation (3,) in kg m^2 of the estimate over the last
+        variance time.
+        """
         deviation: Array = np.sqrt(self._memory["variance_b"][0])
         return deviation
 
     @property
     def torque_b(self) -> Array:
-        """Return the root mean square (3,) in N m of the filtered torque lately: how much it is
-        excited.
+        """Return the recent root mean square (3,) in N m of the filtered torque: the strength of
+        the excitation.
         """
         torque: Array = np.sqrt(self._memory["torque_square_b"][0])
         return torque

@@ -1,15 +1,15 @@
 """Adaptive estimation of the mass from the vertical motion (Sec. 5.4, eqs. 6 to 10, corrected).
 
-With g > 0 the vertical dynamics are z_ddot + g = v / m, v the commanded thrust times z_B . z_W
-(print has the other sign, with which the mass turns negative). Filtered by P = a / (s + a) on
-both sides, y = a (z_dot - z_dot_fil) + g_fil = m_inv v_fil. The gradient rule
-d/dt m_inv = k e v_fil, e = y - m_inv v_fil, has the rate k v_fil^2 of about 165 1/s in hover:
-it is integrated exactly, since explicit Euler diverges below 82 Hz.
+With g > 0 the vertical dynamics are z_ddot + g = v / m, with v the commanded thrust times z_B . z_W
+(the paper has the other sign, with which the mass turns negative). Filtered by P = a / (s + a) on
+both sides, y = a (z_dot - z_dot_fil) + g_fil = m_inv v_fil. The gradient rule d/dt m_inv = k e
+v_fil, e = y - m_inv v_fil, has the rate k v_fil^2 of about 165 1/s in hover: it is integrated
+exactly, because explicit Euler diverges below 82 Hz.
 
-On the ground its reaction force carries the vehicle, so nothing is learnt there. All filters start
-again at lift-off, which is exact: P acting from that moment means v_fil = g_fil = 0 and
-z_dot_fil = z_dot. The result is thrust commanded over thrust needed, the mass divided by the
-thrust efficiency.
+On the ground the reaction force carries the vehicle, so learning is off. All filters restart at
+lift-off, which is exact: P acting from that moment means v_fil = g_fil = 0 and z_dot_fil = z_dot.
+The result is thrust commanded over thrust needed, which is the mass divided by the thrust
+efficiency.
 """
 
 from __future__ import annotations
@@ -74,7 +74,9 @@ def mass_record(parameters: MassParameters) -> Record:
 
 
 def new_mass_memory(mass: float, parameters: MassParameters, count: int = 1) -> Record:
-    """Return `count` estimators at `mass` (kg), with the variance of knowing only the clamps."""
+    """Return `count` estimators at `mass` (kg), with the variance of a uniform distribution between
+    the clamps.
+    """
     memory = np.zeros(count, MASS_MEMORY)
     memory["inverse_mass"] = 1.0 / mass
     memory["mean"] = mass
@@ -92,12 +94,14 @@ def step(
     dt: float,
     estimate: Record,
 ) -> None:
-    """Make one step of (N,) estimators; writes mass (kg) and mass_variance (kg^2) of (N,) ESTIMATE.
+    """Make one step of (N,) estimators; write mass (kg) and mass_variance (kg^2) of (N,) ESTIMATE.
 
     Args:
-        memory: (N,) MASS_MEMORY. gains: (1,) MASS_GAINS. state: (N,) STATE.
+        memory: (N,) MASS_MEMORY.
+        gains: (1,) MASS_GAINS.
+        state: (N,) STATE.
         actuators: (N,) ACTUATORS, whose wrench[0] is the thrust commanded since the last step.
-        airborne: nothing is learnt while false.
+        airborne: learning pauses while False.
         dt: s.
     """
     g = gains[0]
@@ -108,7 +112,7 @@ def step(
         elif not m.flying:
             m.flying = 1 if math.isfinite(speed) else 0
             m.thrust_filtered, m.gravity_filtered, m.velocity_filtered = 0.0, 0.0, speed
-        elif math.isfinite(speed + q[1] + q[2]):  # a NaN would stay, and the law may fly on it
+        elif math.isfinite(speed + q[1] + q[2]):  # a NaN would stay, and the control law may use it
             share = -math.expm1(-g.filter_pole * dt)
             thrust = actuators[k].wrench[0] * (1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2]))
             m.thrust_filtered += share * (thrust - m.thrust_filtered)
@@ -140,12 +144,12 @@ class MassEstimator:
         self.reset(mass)
 
     def configure(self, parameters: MassParameters) -> None:
-        """Take new gains; the estimate is kept."""
+        """Set new gains; the estimate is kept."""
         self._parameters = parameters.model_copy()
         self._gains = mass_record(parameters)
 
     def reset(self, mass: float) -> None:
-        """Start again from a guess (kg), clamped."""
+        """Restart from a guess (kg), clamped."""
         p = self._parameters
         self._memory = new_mass_memory(min(max(mass, p.mass_min), p.mass_max), p)
 
@@ -158,7 +162,7 @@ class MassEstimator:
     def converged(self) -> bool:
         """Return whether the deviation over the last variance time is below the threshold.
 
-        False until a flight has shown it: the variance only falls in the air.
+        It is False until a flight has shown it: the variance only decreases in the air.
         """
         return float(self._memory["variance"][0]) < self._parameters.converged_deviation**2
 

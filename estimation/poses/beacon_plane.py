@@ -1,6 +1,4 @@
-"""The quantities that a set of coplanar beacons fixes once for all frames: plane, axes, projective
-basis.
-"""
+"""Quantities of coplanar beacons that are constant over all frames: plane, axes, basis."""
 
 from __future__ import annotations
 
@@ -18,7 +16,7 @@ Array = npt.NDArray[np.float64]
 Four = tuple[int, int, int, int]
 
 FLATNESS = 1e-3
-"""Largest distance of a beacon from their plane, as a share of their extent."""
+"""Largest distance of a beacon from the common plane, as a share of the extent."""
 IN_LINE = 1e-3
 """Share of the extent within which beacons count as lying on one line."""
 
@@ -31,10 +29,10 @@ class BeaconPlane:
         beacons_w: (N, 3) m.
         center_w: (3,) m, their mean.
         axes: (3, 3) rows e1, e2 in the plane and e3 = e1 x e2, its normal; world axes.
-        extent: m, rms distance along e1: it makes the plane coordinates of order one.
+        extent: m, rms distance along e1: it scales the plane coordinates to order one.
         four: indices of the four whose homography starts the search.
-        homography: (4, 6) of those four, as `homography.homography_pose` takes it.
-        spanned: False when three of the four stand on one line: they have no homography.
+        homography: (4, 6) of those four, as used by `homography.homography_pose`.
+        spanned: False when three of the four are on one line: they have no homography.
     """
 
     beacons_w: Array
@@ -49,10 +47,12 @@ class BeaconPlane:
     def of(cls, beacons_w: npt.ArrayLike, ids: Sequence[int] | None = None) -> BeaconPlane:
         """Return the plane of beacons.
 
-        Args: beacons_w: (N, 3) m, N >= 4. ids: of the beacons, to check that none comes twice.
+        Args:
+            beacons_w: (N, 3) m, N >= 4.
+            ids: of the beacons, to check that none occurs twice.
 
-        Raises MeasurementError when malformed, DegenerateGeometryError when fewer than four, one
-        comes twice, all on one line, or not in one plane.
+        Raises MeasurementError when malformed, DegenerateGeometryError when there are fewer than
+        four, one occurs twice, all are on one line, or they are not in one plane.
         """
         beacons = _checked(beacons_w, ids)
         center: Array = beacons.mean(axis=0)
@@ -75,7 +75,9 @@ class BeaconPlane:
         return cls(beacons, center, axes, extent, four, homography, spanned)
 
     def others(self) -> list[BeaconPlane]:
-        """Return the same beacons with other fours that span: each without one of `four`."""
+        """Return the same beacons with other fours that span a plane: each without one
+        of `four`.
+        """
         plane = (self.beacons_w - self.center_w) @ self.axes[:2].T / self.extent
         found = []
         for left_out in self.four if len(plane) > 4 else ():
@@ -103,13 +105,13 @@ def _homography(
 
 
 def _widest_four(plane: Array) -> tuple[Four, float]:
-    """Return four of the points (N, 2) far from any three on a line, and their least triangle's
-    area.
+    """Return four of the points (N, 2), no three of them near a line, and the area of their
+    smallest triangle.
 
-    The farthest from the middle, the farthest from it, the one that makes the largest triangle
-    with both, and the one that makes the largest smallest triangle with those.
+    They are the farthest from the middle, the farthest from that one, the one that forms the
+    largest triangle with both, and the one whose smallest triangle with those is largest.
     """
-    order = np.lexsort(np.round(plane, 9).T)  # the same four in whatever order the beacons come
+    order = np.lexsort(np.round(plane, 9).T)  # the same four in any order of the beacons
     points = plane[order]
     i = int(np.argmax((points**2).sum(axis=1)))
     j = int(np.argmax(((points - points[i]) ** 2).sum(axis=1)))
@@ -151,7 +153,7 @@ def _checked(beacons_w: npt.ArrayLike, ids: Sequence[int] | None) -> Array:
 
 
 def require_distinct(ids: Sequence[int]) -> None:
-    """Raise DegenerateGeometryError when a beacon's id comes more than once."""
+    """Raise DegenerateGeometryError when a beacon's id occurs more than once."""
     if len(set(ids)) < len(ids):
         twice = sorted(one for one, times in Counter(ids).items() if times > 1)
         raise DegenerateGeometryError(

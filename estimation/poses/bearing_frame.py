@@ -1,12 +1,12 @@
-"""The one array, (13 + N, 6), in which a frame of N bearings is solved.
+"""The array, (13 + N, 6), in which a frame of N bearings is solved.
 
-One array instead of ten: to hand one over takes as long as half a Gauss-Newton step.
+It is one array instead of ten, because passing an array takes as long as half a Gauss-Newton step.
 
 | rows | columns 0 to 2 | columns 3 to 5 |
 |---|---|---|
 | 0 to 5 | covariance, all six columns | |
 | `POSITION` | position_w, m: of the prediction, then the pose's | residual, rad |
-| `ATTITUDE` | quaternion_wb in columns 0 to 3 | columns 4, 5: steps at most; 1 with a prediction |
+| `ATTITUDE` | quaternion_wb in columns 0 to 3 | columns 4, 5: step limit; 1 with a prediction |
 | `CENTER` | the plane's centre, m, world axes | three of the four beacons of the homography |
 | `PLANE`, 3 rows | M of the homography | e1, e2, e3, world axes |
 | `PLANE` + 3 | 1/c1, 1/c2, 1/c3 | extent, m; the fourth beacon; 1 when the four span the plane |

@@ -1,14 +1,15 @@
 """Gauss-Newton refinement of a pose on the bearings themselves, in compiled scalars.
 
-In world axes, with x = R_wb bearing, d the unit vector from r to the beacon and rho their
-distance, the residual of a beacon is e = x - d, a chord: monotone over the whole sphere. A move of
-r changes it by P / rho, P = I - d d^T, a rotation R <- exp(phi) R by -[x]. With v = d x x,
+In world axes, with x = R_wb bearing, d the unit vector from r to the beacon and rho their distance,
+the residual of a beacon is e = x - d, a chord, which is monotone over the whole sphere. A move of r
+changes it by P / rho, P = I - d d^T, a rotation R <- exp(phi) R by -[x]. With v = d x x,
 
     J^T J = [ sum P / rho^2      B       ]     J^T e = [ sum (x - (x . d) d) / rho ]
             [     B^T       sum I - x x^T ]             [ sum v                     ]
 
-with B = sum (d v^T - [x]) / rho. It is solved by the Schur complement of the rotation's block, both
-3 x 3 inverses in closed form. Rotations are stepped by Cayley's map, which is exp to third order.
+with B = sum (d v^T - [x]) / rho. It is solved by the Schur complement of the rotation's block, with
+both 3 x 3 inverses in closed form. Rotations are stepped by Cayley's map, which is exp to third
+order.
 """
 
 from __future__ import annotations
@@ -47,14 +48,15 @@ MAX_MOVE = 0.5
 MAX_TURN = 0.5
 """Largest step, rad."""
 SETTLED = 0.1
-"""A step that promises to lower the cost by less than the square of so many sigma is the last."""
+"""Limit in sigma: a step that is predicted to lower the cost by less than its square is
+the last."""
 UNSEEN = 1e-12
-"""Share of the information below which rounding has taken the rest."""
+"""Share of the information below which only rounding errors remain."""
 NEAR = 2.0
-"""Deviations of the position. A beacon nearer than that is seen from a distance, and perhaps from a
-side, that is not known: what it tells is no longer linear, and promises too much."""
+"""Distance in deviations of the position. The distance to a nearer beacon, and perhaps the side
+from which it is seen, is unknown: its information is no longer linear, and is overestimated."""
 NEAREST = 1e-9
-"""m; distances are taken as at least this."""
+"""Smallest distance used, m."""
 
 
 @compiled(inner=True)
@@ -67,11 +69,12 @@ def refine(
     Steps are clamped; one that raises the cost is halved.
 
     Args:
-        frame: (13 + N, 6), see `bearing_frame`; its first six rows are written: (J^T J)^-1 at the
-            pose found (for sigma 1), with what NEAR says.
-        r: m, from the plane's centre. q: unit.
-        sigma: rad, the size of the noise, which says when to stop.
-        steps: at most; 0 evaluates the pose given.
+        frame: (13 + N, 6), see `bearing_frame`. Its first six rows are written: (J^T J)^-1 at the
+            final pose (for sigma 1), with the correction for beacons within NEAR.
+        r: m, from the plane's centre.
+        q: unit.
+        sigma: rad, the size of the noise, for the stopping rule.
+        steps: maximum number of steps; 0 evaluates the given pose.
     """
     move, turn = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     kept_r, kept_q, cost = r, q, math.inf
@@ -99,7 +102,7 @@ def refine(
             s = 1.0 / max(1.0, length(move) / (MAX_MOVE * distance), length(turn) / MAX_TURN)
             move, turn = scale(s, move), scale(s, turn)
         r, q = add(kept_r, move), tilted(kept_q, turn)
-    if determined:  # by the newest pose that was kept, whatever became of the steps behind it
+    if determined:  # at the newest accepted pose, whatever the later steps gave
         blur2 = sigma * sigma * (S[0][0] + S[1][1] + S[2][2])
         if nearest2(frame, kept_r) < NEAR * NEAR * blur2:
             _, _, A, B, D, _, _ = normal_equations(frame, kept_r, kept_q, blur2)
@@ -112,11 +115,10 @@ def refine(
 def normal_equations(
     frame: Array, r: Vector, q: Quaternion, blur2: float = 0.0
 ) -> tuple[float, float, tuple[Vector, Vector], Rows, tuple[Vector, Vector], Vector, Vector]:
-    """Return cost (rad^2), mean distance (m), blocks of J^T J and parts of J^T e, as the module
-    says.
+    """Return cost (rad^2), mean distance (m), blocks of J^T J and parts of J^T e; see the module.
 
-    Symmetric blocks come as ((xx, yy, zz), (xy, xz, yz)). What bearings tell of the position is
-    taken as from distances larger by the variance blur2 (m^2).
+    Symmetric blocks are returned as ((xx, yy, zz), (xy, xz, yz)). The information of bearings about
+    the position is computed for distances enlarged by the variance blur2 (m^2).
     """
     axes = axes_of(q)
     zero = (0.0, 0.0, 0.0)
@@ -159,7 +161,7 @@ def normal_equations(
 
 @compiled(inner=True)
 def nearest2(frame: Array, r: Vector) -> float:
-    """Return squared distance (m^2) to the nearest beacon."""
+    """Return the squared distance (m^2) to the nearest beacon."""
     least = math.inf
     for k in range(len(frame) - SIGHTS):
         ray = subtract(vector(frame[SIGHTS + k]), r)
@@ -191,7 +193,9 @@ def inverse(
 
 @compiled(inner=True)
 def store_inverse(S: Rows, E: Rows, D: Rows, out: Array) -> None:
-    """Store [S, -S E; -E^T S, D + E^T S E] in the first rows of out, with what `inverse` gives."""
+    """Store [S, -S E; -E^T S, D + E^T S E], from the results of `inverse`, in the first rows of
+    out.
+    """
     X = (transposed(E, S[0]), transposed(E, S[1]), transposed(E, S[2]))
     for i in range(3):
         store(S[i], out[i])
@@ -203,7 +207,7 @@ def store_inverse(S: Rows, E: Rows, D: Rows, out: Array) -> None:
 
 @compiled(inner=True)
 def apply(rows: Rows, v: Vector) -> Vector:
-    """Return the product of the matrix of these rows and v."""
+    """Return the product of the matrix with these rows and v."""
     return dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)
 
 

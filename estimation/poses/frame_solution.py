@@ -1,4 +1,4 @@
-"""One frame of bearings to a pose, in compiled code: start, refinement, what is wrong with it."""
+"""The solution of one frame of bearings in compiled code: start, refinement, and its faults."""
 
 from __future__ import annotations
 
@@ -16,29 +16,30 @@ from quadrotor.vectors import add, length, normalized, quaternion, scale, store,
 Array = npt.NDArray[np.float64]
 
 FALSE_REFUSAL = 1e-7
-"""Probability that noise of the size stated makes a fit look like no pose."""
+"""Probability that noise of the stated size makes the fit of a true pose look wrong."""
 _NORMAL = 5.1993
-"""Deviations of a Gaussian beyond which it is with that probability, on one side."""
+"""Deviations that a Gaussian exceeds with that probability, on one side."""
 PLAUSIBLE = 2.0
-"""A fit found from a prediction is taken up to this many sigma; beyond, others are tried too."""
+"""Residual in sigma up to which a fit from a prediction is accepted; above it, others are tried
+too."""
 LIKELY = 2.0
-"""Other fours of more than four beacons are tried when the cost is so many deviations above its
-mean: the first led to a wrong minimum, or the noise is of the largest 4 %."""
+"""Deviations of the cost above its mean, beyond which other fours of more than four beacons are
+tried: the first led to a wrong minimum, or the noise is among the largest 4 %."""
 MAX_STEPS = 12
-"""Gauss-Newton steps; two do, except low above a beacon (1 in 3000 of the envelope)."""
+"""Most Gauss-Newton steps; two suffice, except low above a beacon (1 in 3000 of the envelope)."""
 UNIT = 0.01
 """Largest deviation of a bearing's length from 1."""
 
 SOLVED, SHAPE, NOT_FINITE, NOT_UNIT, BAD_SIGMA = 0, 1, 2, 3, 4
 BAD_PREDICTION, NO_START, UNSEEN, NO_FIT, DOUBTFUL = 5, 6, 7, 8, 9
-"""Results of `solve_frame`; the pose is written with SOLVED and DOUBTFUL."""
+"""Results of `solve_frame`; the pose is written for SOLVED and DOUBTFUL."""
 
 
 @compiled(inner=True)
 def chi_square(freedom: float) -> float:
-    """Return the chi-square that so many degrees exceed with probability FALSE_REFUSAL at most.
+    """Return the chi-square that this many degrees exceed with probability FALSE_REFUSAL at most.
 
-    Wilson and Hilferty's cube: 36.1 where 32.2 is exact for 2 degrees, 53.9 for 52.3 for 10.
+    By Wilson and Hilferty's cube: 36.1 where 32.2 is exact for 2 degrees, 53.9 for 52.3 for 10.
     """
     spread = 2.0 / (9.0 * freedom)
     cube = 1.0 - spread + _NORMAL * math.sqrt(spread)
@@ -47,10 +48,11 @@ def chi_square(freedom: float) -> float:
 
 @compiled
 def solve_frame(bearings_b: Array, frame: Array, sigma: float) -> int:
-    """Write the pose into `frame` (13 + N, 6), see `bearing_frame`; return what came of it.
+    """Write the pose into `frame` (13 + N, 6), see `bearing_frame`; return the result code.
 
     Args:
-        bearings_b: (N, 3) unit vectors, body axes. sigma: rad on each of two tangent axes.
+        bearings_b: (N, 3) unit vectors, body axes.
+        sigma: rad on each of two tangent axes.
     """
     count = len(frame) - SIGHTS
     if len(bearings_b) != count or bearings_b.shape[1] != 3:
@@ -77,7 +79,7 @@ def solve_frame(bearings_b: Array, frame: Array, sigma: float) -> int:
             return BAD_PREDICTION
     enough = 2.0 * count * (PLAUSIBLE * sigma) ** 2
     code, best, cost, kept_r, kept_q = NO_START, -1, math.inf, r, q
-    # From the prediction, from the homography, and back to the first if it was the better one.
+    # From the prediction, from the homography, and back to the first if that was the better one.
     for attempt in range(first, 3):
         steps = int(frame[ATTITUDE, 4])
         if attempt == 1:

@@ -1,22 +1,21 @@
 """Pose from four bearings to coplanar beacons by their homography, in closed form (Sec. 6.2).
 
 With a = (alpha, beta, 1) the plane coordinates of a beacon at c + L (alpha e1 + beta e2), its
-bearing is along G a, where G = [R_bw e1, R_bw e2, R_bw (c - r) / L] up to scale: print's H without
-the plane's distance d from the world origin, by which eq. 33 divides (0 is a normal case).
+bearing is along G a, where G = [R_bw e1, R_bw e2, R_bw (c - r) / L] up to scale: the paper's H
+without the plane's distance d from the world origin, by which eq. 33 divides (0 is a normal case).
 
-Four points map a projective basis to a projective basis, hence no null vector is searched: with
-a4 = A (c1, c2, c3), A = [a1 a2 a3], and X = [x1 x2 x3],
+Four points map a projective basis to a projective basis, so no null vector is searched: with a4 = A
+(c1, c2, c3), A = [a1 a2 a3], and X = [x1 x2 x3],
 
     G = X diag(m1, m2, m3) M,  M = diag(1/c1, 1/c2, 1/c3) A^-1,
 
-m_i = det X with x4 in the place of x_i (Cramer's rule times det X). M is the beacons' alone.
+m_i = det X with x4 in place of x_i (Cramer's rule times det X). M depends on the beacons alone. The
+sign of G puts the beacons along their bearings, not against them: sum x . (G a) > 0. The nearest
+orthonormal pair to the two projected columns is their polar factor, U = F (F^T F)^-1/2, whose 2 x 2
+root is in closed form; the mean of their singular values is the scale.
 
-The sign of G puts the beacons along their bearings, not against them: sum x . (G a) > 0. The
-nearest orthonormal pair to the two projected columns is their polar factor, U = F (F^T F)^-1/2,
-whose 2 x 2 root is closed; the mean of their singular values is the scale.
-
-B. Triggs, "Autocalibration from planar scenes" (1998), has the projective basis; Y. Ma et al.,
-"An Invitation to 3-D Vision" (2004), algorithm 5.2, is the four-point algorithm that print follows.
+B. Triggs, "Autocalibration from planar scenes" (1998), has the projective basis; Y. Ma et al., "An
+Invitation to 3-D Vision" (2004), algorithm 5.2, is the four-point algorithm that the paper follows.
 """
 
 from __future__ import annotations
@@ -62,7 +61,7 @@ def homography_pose(frame: Array) -> tuple[bool, Vector, Quaternion]:
     x23, x14 = cross(x2, x3), cross(x1, x4)
     m = (dot(x4, x23), dot(x3, x14), -dot(x2, x14))
     m4 = dot(x1, x23)
-    # Bearings are unit vectors, hence x . (G a) of each is its own factor.
+    # Bearings are unit vectors, so x . (G a) of each is its own factor.
     if dot(m, vector(frame[PLANE + 3])) + m4 < 0.0:
         m = scale(-1.0, m)
     y = (scale(m[0], x1), scale(m[1], x2), scale(m[2], x3))
@@ -92,7 +91,7 @@ def homography_pose(frame: Array) -> tuple[bool, Vector, Quaternion]:
 def quaternion_of(x: Vector, y: Vector, z: Vector) -> Quaternion:
     """Return the unit quaternion whose matrix has these columns; the largest component is positive.
 
-    The four candidates are one quaternion times four times each of its components; the longest is
+    The four candidates are the quaternion times four times each of its components; the longest is
     the best conditioned.
     """
     w2, x2 = 1.0 + x[0] + y[1] + z[2], 1.0 + x[0] - y[1] - z[2]

@@ -1,13 +1,13 @@
-"""The pose from bearings exactly as Sec. 6.2 prints it, for comparison with `planar_pose`.
+"""The pose from bearings exactly as printed in Sec. 6.2, for comparison with `planar_pose`.
 
 X2 = H X1, H = R + r n^T / d (after eq. 13); H from the bearing pairs by the four-point algorithm of
 the paper's reference [8] (Y. Ma et al., "An Invitation to 3-D Vision", algorithm 5.2: scale by the
-second singular value, sign by x2 . H x1 > 0, both of which print leaves out); then
-R = (m m' m'') (n n' n'')^T with m' = H n', m'' = H n'', m = m' x m'', and t = d (H - R), to be read
-as d (H - R) n, for H - R is a matrix. R is not made a rotation, n' and n'' are as good as any.
+second singular value, sign by x2 . H x1 > 0, both of which the paper omits); then R = (m m' m'') (n
+n' n'')^T with m' = H n', m'' = H n'', m = m' x m'', and t = d (H - R), to be read as d (H - R) n,
+because H - R is a matrix. R is not made a rotation, and the choice of n' and n'' is arbitrary.
 
-What print calls the body's pose, (W_R_B, r_B), is the inverse: it maps world to body. It is
-inverted here as the rotation it is taken for, (R^T, -R^T t), so that its error can be told.
+What the paper calls the body's pose, (W_R_B, r_B), is the inverse: it maps world to body. It is
+inverted here as if it were a rotation, (R^T, -R^T t), so that its error can be measured.
 """
 
 from __future__ import annotations
@@ -23,11 +23,13 @@ Array = npt.NDArray[np.float64]
 def literal_pose(
     beacons_w: Array, bearings_b: Array, normal_w: Array, d: float
 ) -> tuple[Array, Array]:
-    """Return position_w (3,) m, and R_wb (3, 3), a rotation only where there is no noise.
+    """Return position_w (3,) m, and R_wb (3, 3), which is a rotation only without noise.
 
     Args:
-        beacons_w: (N, 3) m, N >= 4, on the plane normal_w . X = d. bearings_b: (N, 3) unit.
-        normal_w: (3,) unit, world axes. d: m, of the plane from the world's origin.
+        beacons_w: (N, 3) m, N >= 4, on the plane normal_w . X = d.
+        bearings_b: (N, 3) unit.
+        normal_w: (3,) unit, world axes.
+        d: m, of the plane from the world's origin.
 
     Raises DegenerateGeometryError when d = 0 or the bearings do not determine H.
     """

@@ -2,8 +2,8 @@
 
 G. Terzakis and M. Lourakis, "A consistently fast and globally optimal solution to the
 perspective-n-point problem" (2020), SQPNP; T. Collins and A. Bartoli, "Infinitesimal plane-based
-pose estimation" (2014), IPPE. Both take image points, so a bearing must lie in front of a camera:
-its axis is the body's downward axis, or the bearings' mean direction, which leaves fewer behind.
+pose estimation" (2014), IPPE. Both need image points, so a bearing must lie in front of a camera:
+its axis is the body's downward axis, or the bearings' mean direction, which leaves fewer behind it.
 """
 
 from __future__ import annotations
@@ -26,12 +26,13 @@ DOWNWARD = np.diag([1.0, -1.0, -1.0])
 
 
 class OpenCVPose:
-    """A solver of OpenCV on one set of beacons.
+    """One of OpenCV's solvers on one set of beacons.
 
     Args:
-        beacons_w: (N, 3) m, as of `BeaconPlane.of`, whose errors it raises.
-        method: "SQPNP" or "IPPE". polish: "", "LM" or "VVS", OpenCV's refinements.
-        aimed: the camera looks along the bearings' mean instead of downward.
+        beacons_w: (N, 3) m, as for `BeaconPlane.of`, whose errors are raised.
+        method: "SQPNP" or "IPPE".
+        polish: "", "LM" or "VVS", OpenCV's refinements.
+        aimed: whether the camera looks along the bearings' mean instead of downward.
     """
 
     def __init__(
@@ -40,7 +41,7 @@ class OpenCVPose:
         import cv2
 
         self._plane = plane = BeaconPlane.of(beacons_w)
-        # IPPE wants the points at height 0 of their own axes.
+        # IPPE needs the points at height 0 of their own axes.
         self._points = (plane.beacons_w - plane.center_w) @ plane.axes.T
         self._points[:, 2] = 0.0
         self._flag: int = {"SQPNP": cv2.SOLVEPNP_SQPNP, "IPPE": cv2.SOLVEPNP_IPPE}[method]
@@ -56,7 +57,7 @@ class OpenCVPose:
         """Return position_w (3,) m and R_wb (3, 3) from (N, 3) unit vectors in body axes.
 
         Raises DegenerateGeometryError when a bearing is behind the camera, MeasurementError when
-        the solver finds nothing.
+        the solver finds no pose.
         """
         R_cb = _aimed_along(bearings_b.sum(axis=0)) if self._aimed else DOWNWARD
         seen = bearings_b @ R_cb.T
@@ -81,7 +82,7 @@ class OpenCVPose:
 
 
 def _aimed_along(direction_b: Array) -> Array:
-    """Return the rows of axes of a camera that looks along a direction of the body."""
+    """Return the axes, as rows, of a camera that looks along a direction of the body."""
     z = direction_b / math.sqrt(float(direction_b @ direction_b))
     x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
     x /= math.sqrt(float(x @ x))

@@ -1,9 +1,9 @@
 """Pose of the body from one frame of bearings to at least four coplanar beacons (Sec. 6.2).
 
-The homography of four beacons gives a start (`homography`), Gauss-Newton steps on all bearings,
-two as a rule, make the estimate efficient (`bearing_refinement`). Bearings may point anywhere on
-the sphere. What the beacons alone fix is prepared once (`beacon_plane`); a frame is one call of
-compiled code.
+The homography of four beacons gives a start (`homography`); Gauss-Newton steps on all bearings,
+usually two, make the estimate efficient (`bearing_refinement`). Bearings may point anywhere on the
+sphere. Everything that depends on the beacons alone is prepared once (`beacon_plane`); a frame is
+one call of compiled code.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _preparing = threading.Lock()
 
 
 class PlanarPose:
-    """A one-frame pose; its arrays are views of one."""
+    """A pose from one frame; its arrays are views of one."""
 
     __slots__ = ("_frame",)
 
@@ -63,16 +63,16 @@ class PlanarPose:
         """Return the covariance (6, 6) of position (m, world axes), then of the attitude error as a
         rotation vector.
 
-        The latter in rad, world axes, as geometry_msgs/PoseWithCovariance orders them.
+        The latter is in rad, world axes, in the order of geometry_msgs/PoseWithCovariance.
         """
         return self._frame[:6]
 
     @property
     def residual(self) -> float:
-        """Return rms angle between measured and predicted bearings, rad.
+        """Return the rms angle between measured and predicted bearings, rad.
 
-        With four beacons two degrees of freedom are left: nearly blind to a wrong one, so gate on
-        a prediction.
+        With four beacons two degrees of freedom are left, which hardly reveal a wrong one; so check
+        the pose against a prediction.
         """
         return float(self._frame[POSITION, 3])
 
@@ -88,8 +88,8 @@ class PlanarPoseSolver:
 
     Args:
         beacons_w: (N, 3) m, coplanar, not on one line, N >= 4.
-        ids: (N,) of the beacons, to check that none comes twice; optional.
-        steps: Gauss-Newton steps at most; 0 is the homography alone.
+        ids: (N,) of the beacons, to check that none occurs twice; optional.
+        steps: most Gauss-Newton steps; 0 is the homography alone.
 
     Raises MeasurementError when malformed, DegenerateGeometryError when the beacons determine no
     pose (`BeaconPlane.of`).
@@ -112,21 +112,22 @@ class PlanarPoseSolver:
             bearings_b: (N, 3) unit vectors in body axes, in the beacons' order.
             sigma: rad on each of two tangent axes.
             prediction: position_w (3,) and quaternion_wb (4,) of a filter. Near the beacons' own
-                plane the homography fails though the information is there: the search starts from
-                here, and from the homography too when what it finds explains the bearings badly.
+                plane the homography fails although the information exists: the search starts from
+                the prediction, and also from the homography when the result explains the bearings
+                badly.
 
-        Raises MeasurementError when the input is malformed or no pose fits,
-        DegenerateGeometryError when the bearings do not determine one.
+        Raises MeasurementError when the input is malformed or no pose fits, DegenerateGeometryError
+        when the bearings do not determine one.
         """
         frame = self._template.copy()
         if prediction is not None:
             frame[POSITION, :3], frame[ATTITUDE, :4] = prediction
             frame[ATTITUDE, 5] = 1.0
         if type(bearings_b) is not np.ndarray or not bearings_b.flags.carray:
-            bearings_b = _as_compiled_for(bearings_b)  # a list, a record's field, read-only
+            bearings_b = _as_compiled_for(bearings_b)  # a list, a record's field, or read-only
         try:
             code = self._kernel(bearings_b, frame, sigma)
-        except TypeError:  # single precision, one axis: whatever else was not compiled for
+        except TypeError:  # single precision, one axis, or anything else it was not compiled for
             code = self._kernel(_as_compiled_for(bearings_b), frame, float(sigma))
         if code == DOUBTFUL or (code >= NO_START and self._others):
             code, frame = self._better(code, frame, bearings_b, sigma)
@@ -137,7 +138,7 @@ class PlanarPoseSolver:
     def _better(
         self, code: int, frame: Array, bearings_b: Array, sigma: float
     ) -> tuple[int, Array]:
-        """Return the best of the pose found, or none, and those from other fours."""
+        """Return the best of the given pose, if any, and those from other fours."""
         bearings = _as_compiled_for(bearings_b)
         best = frame[POSITION, 3] if code == DOUBTFUL else math.inf
         for template in self._others:
@@ -199,7 +200,8 @@ class PlanarPoseSolver:
 def planar_pose(
     beacons_w: Array, bearings_b: Array, sigma: float, prediction: tuple[Array, Array] | None = None
 ) -> PlanarPose:
-    """Return `PlanarPoseSolver(beacons_w).solve(...)`, the solver kept by the beacons' positions.
+    """Return `PlanarPoseSolver(beacons_w).solve(...)`, with the solver cached by the beacons'
+    positions.
 
     Args:
         beacons_w: (N, 3) m, coplanar, not on one line, N >= 4.
@@ -229,14 +231,16 @@ def _template(plane: BeaconPlane, steps: int) -> Array:
 
 @lru_cache(maxsize=64)
 def _solver(beacon_bytes: bytes) -> PlanarPoseSolver:
-    """Return the solver kept by the bytes of the positions (N, 3): beacons stay in place from frame
-    to frame.
+    """Return the solver, cached by the bytes of the positions (N, 3): beacons stay in place from
+    frame to frame.
     """
     return PlanarPoseSolver(np.frombuffer(beacon_bytes).reshape(-1, 3))
 
 
 def _as_compiled_for(bearings_b: npt.ArrayLike) -> Array:
-    """Return an array of the one type the kernel is compiled for. Raises MeasurementError."""
+    """Return an array of the only type for which the kernel is compiled. Raises
+    MeasurementError.
+    """
     try:
         bearings = np.array(bearings_b, dtype=float, order="C")
     except (TypeError, ValueError) as error:
@@ -246,13 +250,13 @@ def _as_compiled_for(bearings_b: npt.ArrayLike) -> Array:
 
 @lru_cache(maxsize=1)
 def _ready_kernel() -> Any:
-    """Return the compiled frame, for contiguous double precision only.
+    """Return the compiled kernel, for contiguous double precision only.
 
-    Loaded before the first frame; another type of array, which would halt a flight for a second
-    to be compiled for, raises TypeError instead and is converted.
+    It is loaded before the first frame. Another type of array, whose compilation would halt a
+    flight for a second, raises TypeError instead and is converted.
     """
     kernel: Any = solve_frame
-    with _preparing:  # another thread may be compiling it, and may not any more once this one has
+    with _preparing:  # another thread may be compiling it, which is disabled afterwards
         if not kernel.signatures:
             kernel(np.zeros((4, 3)), np.zeros((SIGHTS + 4, 6)), 1.0)
         kernel.disable_compile()

@@ -1,12 +1,11 @@
-"""Position from one frame of bearings with the attitude given, as a filter knows it (Sec. 6.2).
+"""Position from one frame of bearings with a given attitude, such as a filter's (Sec. 6.2).
 
-Gyroscopes hold the attitude far better than one frame of bearings determines it: with it given,
-only the position is left, and three bearings, two in general, suffice.
+Gyroscopes hold the attitude far better than one frame of bearings determines it. With the attitude
+given, only the position is unknown, and three bearings, generally two, suffice.
 
 With x = R_wb bearing, d the unit vector from the position r to the beacon and rho their distance,
-the residual is x - d. A move of r changes it by P / rho, P = I - d d^T, hence
-J^T J = sum P / rho^2 and J^T e = sum (x - (x . d) d) / rho: only what is perpendicular to the ray
-counts.
+the residual is x - d. A move of r changes it by P / rho, P = I - d d^T, hence J^T J = sum P / rho^2
+and J^T e = sum (x - (x . d) d) / rho: only the components perpendicular to the ray count.
 """
 
 from __future__ import annotations
@@ -36,15 +35,15 @@ from quadrotor.vectors import (
 Array = npt.NDArray[np.float64]
 
 MAX_STEPS = 10
-"""Gauss-Newton steps; two or three do from a filter's position."""
+"""Most Gauss-Newton steps; two or three suffice from a filter's position."""
 MAX_MOVE = 0.5
 """Largest step, as a share of the mean distance to the beacons."""
 SETTLED = 1e-12
-"""A step that promises to lower the cost by less, rad^2 a beacon, is the last."""
+"""Limit in rad^2 per beacon: a step that is predicted to lower the cost by less is the last."""
 UNSEEN = 1e-12
-"""Determinant of the information over its trace cubed below which no position is determined."""
+"""Determinant of the information over its cubed trace below which no position is determined."""
 NEAREST = 1e-6
-"""m, the least distance used: at a beacon its bearing has no information."""
+"""Smallest distance used, m: a bearing to a beacon at this place has no information."""
 
 
 @compiled(inner=True)
@@ -64,18 +63,19 @@ def symmetric_inverse(
 def position_at_attitude(
     beacons_w: Array, bearings_b: Array, quaternion_wb: Array, start_w: Array, out: Array
 ) -> float:
-    """Compute into `out` (3,) m the position that explains the bearings best at this attitude, and
+    """Write the position that explains the bearings best at this attitude into `out` (3,) m, and
     return the cost.
 
     Args:
-        beacons_w: (N, 3) m, world; any N >= 2 beacons that do not stand in line with the position.
+        beacons_w: (N, 3) m, world; any N >= 2 beacons that are not in line with the position.
         bearings_b: (N, 3) unit vectors in body axes, same order.
         quaternion_wb: (4,) body to world, of any length above 0.
-        start_w: (3,) m, to search from, as a filter's position; `out` may be the same array.
+        start_w: (3,) m, start of the search, such as a filter's position; `out` may be the same
+            array.
 
     Returns the cost, the sum of squared angles (chords) between measured and predicted bearings,
-    rad^2. It is NaN when the input is not finite or the bearings do not determine a position;
-    `out` is then `start_w`.
+    rad^2. It is NaN when the input is not finite or the bearings do not determine a position; `out`
+    is then `start_w`.
     """
     axes = axes_of(normalized(quaternion(quaternion_wb)))
     start = vector(start_w)
@@ -99,14 +99,16 @@ def position_at_attitude(
 
 @compiled(inner=True)
 def position_covariance(beacons_w: Array, position_w: Array, sigma: float, out: Array) -> bool:
-    """Compute the covariance (3, 3) m^2, world axes, of such a position into `out`: sigma^2 (J^T
+    """Write the covariance (3, 3) m^2, world axes, of such a position into `out`: sigma^2 (J^T
     J)^-1.
 
     Args:
-        beacons_w: (N, 3) m. position_w: (3,) m. sigma: rad on each of two tangent axes.
+        beacons_w: (N, 3) m.
+        position_w: (3,) m.
+        sigma: rad on each of two tangent axes.
 
-    An error of the attitude given is not in it. False when the bearings do not determine a
-    position; `out` is then untouched.
+    An error of the given attitude is not included. Returns False when the bearings do not determine
+    a position; `out` is then unchanged.
     """
     r = vector(position_w)
     xx = xy = xz = yy = yz = zz = 0.0
@@ -131,7 +133,7 @@ def position_covariance(beacons_w: Array, position_w: Array, sigma: float, out: 
 def _step(
     beacons_w: Array, bearings_b: Array, axes: tuple[Vector, Vector, Vector], r: Vector
 ) -> tuple[float, float, Vector, float]:
-    """Return cost at r, what the step promises to take off it, the step, and its clamp (<= 1)."""
+    """Return cost at r, its predicted reduction by the step, the step, and its clamp (<= 1)."""
     xx = xy = xz = yy = yz = zz = 0.0
     g = (0.0, 0.0, 0.0)
     cost = total = 0.0

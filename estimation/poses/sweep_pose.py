@@ -1,7 +1,8 @@
 """The pose at which planes of light met a vehicle's sensors: the start of a filter on sweeps.
 
-Levenberg-Marquardt on all angles, from where the stations' axes pass each other nearest, level, at
-four headings; the best is kept. The planes have to have met it at nearly one place.
+Levenberg-Marquardt on all angles, from the point where the stations' axes are nearest to each
+other, level, at four headings; the best result is used. The planes must have met the vehicle at
+nearly one place.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ STEPS = 40
 WORST = 5.0
 """Largest rms residual of a pose, in deviations."""
 LEAST_KNOWN = 0.5
-"""m and rad: largest deviation of a pose that counts as determined."""
+"""Largest deviation, in m and rad, of a pose that counts as determined."""
 YAWS = np.radians([0.0, 90.0, 180.0, 270.0])
 
 
@@ -37,7 +38,7 @@ class SweepPose(NamedTuple):
 
 
 def sweep_pose(frames: Sequence[Record]) -> SweepPose:
-    """Return the pose that fits SWEEPS_SAMPLE items, one a plane.
+    """Return the pose that fits SWEEPS_SAMPLE items, one per plane.
 
     Raises DegenerateGeometryError when they leave it open or contradict each other.
     """
@@ -64,7 +65,7 @@ def sweep_pose(frames: Sequence[Record]) -> SweepPose:
 
 
 def _first_guess(planes: Sequence[Record]) -> Array:
-    """Return the place that the axes of the stations, each its x, pass nearest."""
+    """Return the point nearest to the axes of the stations, each its x."""
     left, right = np.zeros((3, 3)), np.zeros(3)
     for plane in planes:
         axis = matrices_of(plane["quaternion_wr"][None])[0, :, 0]

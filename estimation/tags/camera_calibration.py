@@ -1,7 +1,7 @@
 """A camera's intrinsics from pictures of a ChArUco board.
 
-Z. Zhang, "A flexible new technique for camera calibration" (2000); the board's corners are read,
-and the least squares solved, by OpenCV.
+Z. Zhang, "A flexible new technique for camera calibration" (2000); OpenCV detects the board's
+corners and solves the least squares.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ GRID = (8, 6)
 """Cells of the picture, across and down, for the coverage."""
 COVERAGE_MIN = 0.4
 RESIDUAL_MAX = 1.0
-"""Pixels rms."""
+"""Largest residual, pixels rms."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,12 @@ class Board:
 
 @dataclass(frozen=True, eq=False)
 class CameraCalibration:
-    """The intrinsics found, and how well.
+    """The calibrated intrinsics and their quality.
 
     Attributes:
-        residual: rms of the corners' distances from where the model puts them, pixels.
+        residual: rms distance of the corners from the model's, pixels.
         coverage: share of GRID's cells with a corner in them.
-        pictures: used.
+        pictures: number of pictures used.
         focal_deviation: standard deviation of the focal length, pixels.
     """
 
@@ -53,7 +53,7 @@ class CameraCalibration:
 
 
 def calibrate_camera(pictures: Iterable[Picture], board: Board) -> CameraCalibration:
-    """Return the intrinsics. Raises MeasurementError when they cannot be had from the pictures."""
+    """Return the intrinsics. Raises MeasurementError when the pictures do not determine them."""
     import cv2
 
     if not (min(board.columns, board.rows) >= 3 and 0.0 < board.marker < board.square):
@@ -76,7 +76,7 @@ def calibrate_camera(pictures: Iterable[Picture], board: Board) -> CameraCalibra
             pixels.append(seen)
     if len(points) < FEWEST_PICTURES:
         raise MeasurementError(
-            f"the board is seen in {len(points)} pictures, {FEWEST_PICTURES} are needed; look at "
+            f"the board is seen in {len(points)} pictures, {FEWEST_PICTURES} are needed; check "
             "its squares and the light, and take more"
         )
     height, width = shape
@@ -95,7 +95,7 @@ def calibrate_camera(pictures: Iterable[Picture], board: Board) -> CameraCalibra
     if not residual < RESIDUAL_MAX:
         raise MeasurementError(
             f"{residual:.1f} pixels are left, allowed {RESIDUAL_MAX:g}: the board is bent, or its "
-            "squares are not as told"
+            "squares are not as given"
         )
     found = Intrinsics(
         width, height, np.asarray(matrix, float), np.asarray(distortion, float).ravel()[:5]

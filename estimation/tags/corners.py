@@ -1,10 +1,10 @@
 """Corners of a tag to a few hundredths of a pixel, from its whole picture.
 
 A detector's corners of a small tag are off by half a pixel, because a window around a corner is
-soon as large as the tag's cells. The printed picture is known, and its inner edges say more than
-its outline: a blurred one of it is laid over the camera's, and the homography is stepped by
-Gauss-Newton on the differences in brightness. S. Baker and I. Matthews, "Lucas-Kanade 20 years
-on: a unifying framework" (2004), the inverse compositional step.
+quickly as large as the tag's cells. The printed picture is known, and its inner edges contain more
+information than its outline: a blurred copy of it is overlaid on the camera's picture, and the
+homography is refined by Gauss-Newton on the differences in brightness. S. Baker and I. Matthews,
+"Lucas-Kanade 20 years on: a unifying framework" (2004), the inverse compositional step.
 """
 
 from __future__ import annotations
@@ -23,23 +23,25 @@ Picture = npt.NDArray[np.uint8]
 PLACES = 4
 """Places at which a cell is compared, along each axis."""
 BLURS = (1.5, 1.5, 1.0, *(0.75,) * 6)
-"""Pixels, of the laid-over picture in each step: first more, to find what is a pixel off."""
+"""Blur of the overlaid picture in each step, pixels: larger at first, to correct errors
+of a pixel."""
 RIM = 0.2
 """Cells of the rim that are left out."""
 SETTLED = 1e-3
-"""A step that turns, shears or moves (cells) the tag by less is the last."""
+"""Limit below which a step that turns, shears or moves (cells) the tag is the last."""
 LEAST = 10.0
-"""Grey levels between black and white."""
+"""Smallest contrast, in grey levels between black and white."""
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 
 def refine_corners(grey: Picture, corners: Array, tag: Picture, lens: Intrinsics) -> Array | None:
-    """Return corners (4, 2), pixels, in the order of `TagDetector.detect`; None where the picture
+    """Return corners (4, 2), pixels, in the order of `TagDetector.detect`; None when the picture
     does not fit.
 
     The given ones must be within half a cell and a pixel.
 
-    Args: tag: its upright picture, a pixel a cell, with the border and the rim.
+    Args:
+        tag: its upright picture, one pixel per cell, with the border and the rim.
     """
     import cv2
 
@@ -68,7 +70,7 @@ def refine_corners(grey: Picture, corners: Array, tag: Picture, lens: Intrinsics
             down @ tag @ slope_u.T,
             slope_v @ tag @ over.T,
         )
-        # What lies around the rim may be of any brightness.
+        # The surroundings of the rim may have any brightness.
         inside = np.outer(down[:, 1:-1].sum(axis=1), over[:, 1:-1].sum(axis=1))
         both = -u * along_u - v * along_v
         moves = [along_u, u * along_u, v * along_u, along_v, u * along_v, v * along_v]
@@ -96,7 +98,7 @@ def _pixels(H: Array, places: Array, lens: Intrinsics) -> Array:
 
 
 def _smoothed(at: Array, cells: int, blur: float) -> tuple[Array, Array]:
-    """Return shares (places, cells) of the cells in a blurred picture, and their slopes."""
+    """Return the shares (places, cells) of the cells in a blurred picture, and their slopes."""
     x = (at[:, None] - (np.arange(cells + 1) - 0.5 * cells)) / blur
     slope = np.exp(-0.5 * x * x) / (np.sqrt(2.0 * np.pi) * blur)
     return -np.diff(0.5 * erf(x / np.sqrt(2.0)), axis=1), -np.diff(slope, axis=1)

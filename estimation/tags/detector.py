@@ -22,17 +22,17 @@ Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
 
 Tags = dict[int, Array]
-"""Corners (4, 2), pixels, of each tag seen."""
+"""Corners (4, 2), pixels, of each detected tag."""
 
 DEFAULT_FAMILY = "APRILTAG_36h11"
 
 READ_AT = 1920
-"""Pixels of width up to which a picture is enlarged to be read, by a whole number: OpenCV's
-detector needs about two pixels a cell, and a tag seen at 65 degrees has less than one."""
+"""Width in pixels up to which a picture is enlarged for detection, by a whole number: OpenCV's
+detector needs about two pixels per cell, and a tag seen at 65 degrees has less than one."""
 SHARPNESS = 2.0
-"""Share of what a Gaussian of 1 pixel takes away that is added again before."""
+"""Share of the detail removed by a Gaussian of 1 pixel that is added before detection."""
 READER = {
-    "adaptiveThreshConstant": 14,  # grey levels; edges are that much steeper when sharpened
+    "adaptiveThreshConstant": 14,  # grey levels; sharpened edges are that much steeper
     "perspectiveRemovePixelPerCell": 8,
     "perspectiveRemoveIgnoredMarginPerCell": 0.33,
     "errorCorrectionRate": 1.0,  # all bits that the family can correct
@@ -40,7 +40,7 @@ READER = {
 
 
 class TagDetector:
-    """Finds the tags of one family.
+    """Detects the tags of one family.
 
     Args:
         lens: of the camera.
@@ -61,11 +61,11 @@ class TagDetector:
         self._scale = max(1, READ_AT // lens.width)
 
     def detect(self, grey: Picture) -> list[tuple[int, Array]]:
-        """Return the tags in a picture: number and corners (4, 2) in pixels, in the order top
-        left, top right, bottom right, bottom left of the upright tag. One whose print does not
-        fit the picture is left out: its corners would be off by a pixel.
+        """Return the tags in a picture: number and corners (4, 2), in pixels.
 
-        Raises MeasurementError for a picture of another size than the lens's.
+        The corners are in the order top left, top right, bottom right, bottom left of the upright
+        tag. A tag whose print does not fit the picture is left out: its corners would be off by a
+        pixel. Raises MeasurementError for a picture of another size than the lens's.
         """
         size, wanted = grey.shape[::-1], (self._lens.width, self._lens.height)
         if size != wanted:
@@ -85,9 +85,11 @@ class TagDetector:
         return found
 
     def tags(self, grey: Picture) -> Tags:
-        """Return corners (4, 2), pixels, of each tag in a picture; what `detect` finds, by number.
+        """Return the corners (4, 2), pixels, of each tag in a picture: the result of `detect`, by
+        number.
 
-        Raises MeasurementError as it does; for a tag seen twice; for a black or white picture.
+        Raises MeasurementError as `detect` does, for a tag seen twice, and for a black or white
+        picture.
         """
         found = self.detect(grey)
         times = Counter(number for number, _ in found)
@@ -99,7 +101,7 @@ class TagDetector:
         mean = float(grey.mean())
         if not found and (what := wrong_exposure(mean)):
             raise MeasurementError(
-                f"the picture is {what} (mean grey level {mean:.0f} of 255): look at the lens's "
+                f"the picture is {what} (mean grey level {mean:.0f} of 255): check the lens's "
                 "cap, the light and the exposure"
             )
         return dict(found)
@@ -113,7 +115,7 @@ class TagDetector:
         return np.asarray(cv2.resize(sharp, None, fx=n, fy=n, interpolation=cv2.INTER_CUBIC))
 
     def picture(self, number: int) -> Picture:
-        """Return the tag as it is printed, a pixel a cell, with its white rim of one cell."""
+        """Return the tag as it is printed, one pixel per cell, with its white rim of one cell."""
         import cv2
 
         size = self._dictionary.markerSize + 2

@@ -7,5 +7,5 @@ DARK, BRIGHT = 12.0, 243.0
 
 
 def wrong_exposure(level: float) -> str:
-    """Return "black" or "white" for a mean grey level (0 to 255) beyond use, else ""."""
+    """Return "black" or "white" for a mean grey level (0 to 255) that is unusable, else ""."""
     return "black" if level <= DARK else "white" if level >= BRIGHT else ""

@@ -1,7 +1,7 @@
-"""The intrinsics of a camera, in the file that ROS's camera_info uses.
+"""The intrinsics of a camera, in the file format of ROS's camera_info.
 
-Model: focal lengths, principal point and D. C. Brown, "Close-range camera calibration" (1971),
-with OpenCV's coefficients k1, k2, p1, p2, k3. Pixel (0, 0) is the centre of the first one.
+Model: focal lengths, principal point and D. C. Brown, "Close-range camera calibration" (1971), with
+OpenCV's coefficients k1, k2, p1, p2, k3. Pixel (0, 0) is the centre of the first one.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Intrinsics:
     distortion: Array
 
     def save(self, path: Path) -> None:
-        """Write the file. Raises StorageError."""
+        """Write the intrinsics to a file. Raises StorageError."""
         from ruamel.yaml import YAML
 
         told = {
@@ -78,7 +78,7 @@ def load_intrinsics(path: Path) -> Intrinsics:
 
 
 def read_yaml(path: Path, needed: str) -> Any:
-    """Return what a YAML file says; `needed` ends the errors. Raises StorageError,
+    """Return the content of a YAML file; `needed` ends the error messages. Raises StorageError,
     MeasurementError.
     """
     from ruamel.yaml import YAML

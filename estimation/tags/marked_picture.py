@@ -1,7 +1,7 @@
-"""A camera's picture for people: small, with the tags that were found in it marked.
+"""A camera's picture for people: small, with the detected tags marked.
 
-The marks are drawn into the picture and not sent beside it, so that the page, the log, Foxglove and
-the replay all show the same, and the marks are always those of their picture.
+The marks are drawn into the picture instead of being sent next to it, so that the page, the log,
+Foxglove and the replay all show the same, and the marks always belong to their picture.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from estimation.tags.detector import Picture, Tags
 from quadrotor.errors import MeasurementError
 
 WIDEST = 640
-"""Pixels of width above which a picture is made smaller."""
+"""Width in pixels above which a picture is reduced."""
 QUALITY = 75
-"""Of the JPEG, percent: a rendered picture of 640 x 480 pixels takes 14 kB."""
+"""JPEG quality in percent: a rendered picture of 640 x 480 pixels has 14 kB."""
 USED, UNUSED, SHADE = (120, 220, 60), (40, 170, 255), (20, 20, 20)  # blue, green, red
 
 
 def marked_picture(grey: Picture, tags: Tags, used: Collection[int]) -> bytes:
-    """Return a JPEG of the picture with outline, first corner and number of each tag: green where
-    the tag is one of `used`, amber where nothing is known of it.
+    """Return a JPEG of the picture with outline, first corner and number of each tag: green if the
+    tag is one of `used`, amber if it is unknown.
 
     Raises MeasurementError when OpenCV cannot encode it.
     """

@@ -1,7 +1,7 @@
 """Bearings to beacons that are tags, in the pictures of a camera on the vehicle.
 
-A bearing is told from the body's origin and not from the lens: the tag's size gives its distance,
-so that its centre can be brought from the camera's axes into the body's.
+A bearing is given from the body's origin, not from the lens: the tag's size gives its distance, so
+that its centre can be transformed from the camera's axes to the body's.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from quadrotor.rotations import quaternion_from_euler, quaternion_to_matrix
 Array = npt.NDArray[np.float64]
 
 DOWN = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-"""R_bc of a camera that looks along the body's -z, the top of its picture forward."""
+"""R_bc of a camera that looks along the body's -z, with the top of its picture forward."""
 LEAST = 4
-"""Beacons in one picture that say whether they fit their places."""
+"""Minimum number of beacons in a picture that shows whether they fit their places."""
 
 
 class Mount(Strict):
@@ -46,12 +46,14 @@ class Mount(Strict):
 
 
 class BeaconTags(Strict):
-    """The camera and the tags that it sees, of a TOML file.
+    """The camera and its tags, from a TOML file.
 
     Attributes:
-        size: of the tags, m; sizes: of those of another size.
+        size: of the tags, m.
+        sizes: of those of another size.
         delay: s, from the middle of the exposure to the driver's stamp.
-        sigma: deg, of what the corners do not tell: stamps, the camera's axes, places of tags.
+        sigma: deg, of errors that the corners do not show: stamps, the camera's axes, places of
+            tags.
     """
 
     size: Size
@@ -64,7 +66,7 @@ class BeaconTags(Strict):
 
 class Sighting(NamedTuple):
     """The beacons in one picture: ids, unit vectors (N, 3) in body axes, rad on each of two tangent
-    axes, and where their centres are seen, (N, 2) pixels.
+    axes, and the pixels (N, 2) of their centres.
     """
 
     beacon_ids: list[int]
@@ -74,7 +76,7 @@ class Sighting(NamedTuple):
 
 
 def load_beacon_tags(path: Path) -> BeaconTags:
-    """Return what a file says. Raises StorageError, MeasurementError."""
+    """Return the content of a file. Raises StorageError, MeasurementError."""
     return read_tags(path, BeaconTags)
 
 
@@ -82,7 +84,7 @@ class TagBearings:
     """Finds the beacons in pictures. Raises MeasurementError for an unknown family.
 
     Attributes:
-        tags: seen in the newest picture.
+        tags: those in the newest picture.
     """
 
     def __init__(self, tags: BeaconTags, lens: Intrinsics) -> None:
@@ -92,8 +94,8 @@ class TagBearings:
         self._R_bc, self._lens_b = tags.camera.axes_b, np.array(tags.camera.position)
 
     def take(self, grey: Picture) -> Sighting:
-        """Return what is seen in a picture. Raises MeasurementError when the picture, a tag in it
-        or the intrinsics are wrong.
+        """Return the beacons in a picture. Raises MeasurementError when the picture, a tag in it or
+        the intrinsics are wrong.
         """
         self.tags = {}
         self.tags = self._detector.tags(grey)
@@ -101,12 +103,12 @@ class TagBearings:
 
     def seen(self, tags: Tags) -> Sighting:
         """Return the bearings to tags, at most as many as a frame holds. Raises MeasurementError
-        where one does not fit.
+        when one does not fit.
         """
         ids = sorted(tags)[:MAX_BEACONS]
         poses = [self._pose(number, tags) for number in ids]
         places_b = [self._lens_b + self._R_bc @ pose.position_c for pose in poses]
-        # All of a frame have one deviation: of its worst corner noise.
+        # All bearings of a frame have one deviation: that of the worst corner noise.
         corner = max(map(self._deviation, poses, places_b), default=0.0)
         centres = np.array([pose.position_c for pose in poses]).reshape(-1, 3)
         return Sighting(
@@ -117,8 +119,8 @@ class TagBearings:
         )
 
     def misfit(self, seen: Sighting, places_w: Mapping[int, Sequence[float] | Array]) -> float:
-        """Return by how much beacons leave the places they should have, pixels rms, of the camera
-        that fits best; NaN where too few of them are seen.
+        """Return the deviation of beacons from their places, pixels rms, for the camera pose that
+        fits best; NaN when too few of them are seen.
         """
         known = [k for k, number in enumerate(seen.beacon_ids) if number in places_w]
         if len(known) < LEAST:
@@ -134,7 +136,7 @@ class TagBearings:
         return poses[0]
 
     def _deviation(self, pose: TagPose, place_b: Array) -> float:
-        """Return the deviation of a bearing on each of two tangent axes, by the corner noise."""
+        """Return the deviation of a bearing on each of two tangent axes, from the corner noise."""
         covariance = NOISE**2 * np.linalg.inv(pose.information)[:3, :3]
         far = float(np.linalg.norm(place_b))
         along = self._R_bc.T @ place_b / far

@@ -1,4 +1,4 @@
-"""The poses that fit where the tags of a body, or of the world, are seen."""
+"""The poses that fit the observed tags of a body, or of the world."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from estimation.tags.tag_pose import TagPose, poses_of
 from quadrotor.errors import MeasurementError
 
 STILL_RESIDUAL_MAX, RESIDUAL_MAX = 0.5, 1.0
-"""Pixels; a pose of the camera, or of a body in motion, that leaves more is none."""
+"""Largest residual of a pose, in pixels: of the camera, and of a body in motion."""
 
 
 def fitting(
     what: str, places: dict[int, TagPlace], tags: Tags, lens: Intrinsics, allowed: float
 ) -> list[TagPose]:
-    """Return the poses of tags with known places, best first; none where no tag is seen.
+    """Return the poses of tags with known places, best first; none when no tag is seen.
 
-    Raises MeasurementError where none fits.
+    Raises MeasurementError when none fits.
     """
     seen = [number for number in places if number in tags]
     if not seen:

@@ -9,7 +9,7 @@ A TOML file. A tag's axes: x right and y up in its upright picture, z out of the
     position = [0, 0, 0.04]     # of its centre, body axes, m
     turn = [0, 0, 90]           # of its axes in the body's: roll, pitch, yaw, degrees
 
-    [world.10]                  # a tag with a known place: it says where the camera is
+    [world.10]                  # a tag with a known place, which locates the camera
     size = 0.3
     position = [1, 0, 0]
 """
@@ -60,7 +60,7 @@ class TagPlace(Strict):
 
 
 class CameraPlace(Strict):
-    """A camera that stands where it was measured to stand, its picture's rows level."""
+    """A camera at a measured position, whose picture's rows are level."""
 
     position: Triple
     looks_at: Triple
@@ -77,7 +77,7 @@ class CameraPlace(Strict):
 
 
 class TagLayout(Strict):
-    """All tags of a laboratory, and the camera's place unless tags of the world tell it."""
+    """All tags of a laboratory, and the camera's place unless tags of the world determine it."""
 
     family: str = DEFAULT_FAMILY
     bodies: dict[str, dict[int, TagPlace]]
@@ -107,7 +107,7 @@ def load_tags(path: Path) -> TagLayout:
 
 
 def read_tags(path: Path, kind: type[Told]) -> Told:
-    """Return what a TOML file of tags says. Raises StorageError, MeasurementError."""
+    """Return the content of a TOML file of tags. Raises StorageError, MeasurementError."""
     try:
         return kind.model_validate(tomllib.loads(path.read_text()))
     except OSError as error:
@@ -116,5 +116,5 @@ def read_tags(path: Path, kind: type[Told]) -> Told:
         first = error.errors()[0]
         where = "".join(f"{part}." for part in first["loc"])[:-1]
         raise MeasurementError(f"tags {path}: {where} {first['msg']}".replace("  ", " ")) from None
-    except ValueError as error:  # no TOML, or no text
+    except ValueError as error:  # invalid TOML, or not a text
         raise MeasurementError(f"tags {path}: {error}") from None

@@ -1,7 +1,7 @@
 """Poses of points with known places on a body, from their pixels.
 
 Starts: T. Collins and A. Bartoli, "Infinitesimal plane-based pose estimation" (2014), which gives
-both poses that a flat target may have, and G. Terzakis and M. Lourakis, "A consistently fast and
+both possible poses of a flat target, and G. Terzakis and M. Lourakis, "A consistently fast and
 globally optimal solution to the perspective-n-point problem" (2020) for points that are not in one
 plane. Each is refined by least squares on the pixels, through the lens's distortion.
 """
@@ -21,9 +21,9 @@ from quadrotor.rotations import hat, rotation_exp, rotation_log
 Array = npt.NDArray[np.float64]
 
 FLAT = 1e-3
-"""Share of the extent by which points may leave a plane and still count as in it."""
+"""Share of the extent by which points may leave a plane and still count as coplanar."""
 NOISE = 0.05
-"""Pixels on each axis, of the corners of `TagDetector`, whatever the lens's blur."""
+"""Noise of the corners of `TagDetector`, in pixels on each axis, for any blur of the lens."""
 CLEARLY = 9.0
 """Variances of the corner noise by which squared residuals must differ for one pose of a flat
 target to be clearly better than the other."""
@@ -34,9 +34,11 @@ class TagPose:
     """A body's pose in camera axes: x right, y down in the picture, z forward.
 
     Attributes:
-        position_c: (3,) m. R_cb: (3, 3).
-        residual: rms of the pixels' distances from where the pose puts them, pixels.
-        points_b: (N, 3) m, those it was found from. lens: of the camera.
+        position_c: (3,) m.
+        R_cb: (3, 3).
+        residual: rms distance of the pixels from those of the pose, pixels.
+        points_b: (N, 3) m, from which it was found.
+        lens: of the camera.
     """
 
     position_c: Array
@@ -67,10 +69,12 @@ class TagPose:
 
 
 def poses_of(points_b: Array, pixels: Array, lens: Intrinsics) -> list[TagPose]:
-    """Return the poses that fit, least residual first: two of a flat target as a rule; none where
-    the solver finds none before the camera.
+    """Return the poses that fit, smallest residual first: usually two for a flat target; none when
+    the solver finds none in front of the camera.
 
-    Args: points_b: (N, 3) m, N >= 4. pixels: (N, 2).
+    Args:
+        points_b: (N, 3) m, N >= 4.
+        pixels: (N, 2).
     """
     import cv2
 
@@ -96,7 +100,8 @@ def poses_of(points_b: Array, pixels: Array, lens: Intrinsics) -> list[TagPose]:
 def likeliest(poses: list[TagPose], R_cb: Array) -> TagPose:
     """Return the pose nearest in attitude to R_cb (3, 3), of those as good as the first.
 
-    Args: poses: as of `poses_of`, not empty.
+    Args:
+        poses: from `poses_of`, not empty.
     """
     best = poses[0]
 

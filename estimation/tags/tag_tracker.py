@@ -1,4 +1,4 @@
-"""Bodies' poses in the world, picture by picture, of one camera that stands still."""
+"""Bodies' poses in the world, picture by picture, from one fixed camera."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from quadrotor.rotations import quaternion_from_matrix
 
 Array = npt.NDArray[np.float64]
 PLACED_OVER = 30
-"""Pictures over which the tags of the world are averaged to place the camera."""
+"""Number of pictures over which the tags of the world are averaged to locate the camera."""
 MOVED = 2.0
-"""Pixels by which the tags of the world may leave their places."""
+"""Pixels by which the tags of the world may deviate from their places."""
 REMEMBERED = 15
-"""Pictures without a body, after which its last attitude says nothing."""
+"""Number of pictures without a body after which its last attitude is ignored."""
 
 
 class TagTracker:
-    """Places a camera by tags of known places, and bodies by their tags.
+    """Locates a camera by tags of known places, and bodies by their tags.
 
     Args:
         layout: of the tags.
@@ -33,9 +33,9 @@ class TagTracker:
 
     Attributes:
         numbers: of all tags in the layout.
-        tags: seen in the newest picture.
-        residual: pixels rms by which the tags of the body that fits worst are from their places, of
-            the newest picture; NaN without a body.
+        tags: those in the newest picture.
+        residual: deviation of the tags of the worst-fitting body from their places in the newest
+            picture, pixels rms; NaN without a body.
 
     Raises MeasurementError for an unknown family.
     """
@@ -46,8 +46,8 @@ class TagTracker:
         self.numbers = frozenset(layout.world).union(*layout.bodies.values())
         self.tags: Tags = {}
         self.residual = math.nan
-        self._seen: list[Tags] = []  # tags of the world while the camera is being placed
-        self._stood: Tags = {}  # where they were then
+        self._seen: list[Tags] = []  # tags of the world while the camera is being located
+        self._stood: Tags = {}  # their pixels at that time
         self._place: tuple[Array, Array] | None = None  # position_w and R_wc
         if layout.camera is not None:
             self._place = np.array(layout.camera.position), layout.camera.axes_w
@@ -83,11 +83,13 @@ class TagTracker:
         last, R_wb = self._attitude.get(name, (-REMEMBERED, np.eye(3)))
         if self._count - last < REMEMBERED:
             return likeliest(poses, R_wc.T @ R_wb)
-        # A vehicle not seen before is rather upright than not.
+        # A vehicle not seen before is probably upright.
         return likeliest(poses, max(poses, key=lambda pose: R_wc[2] @ pose.R_cb[:, 2]).R_cb)
 
     def _camera(self, tags: Tags) -> tuple[Array, Array]:
-        """Return position_w and R_wc of the camera. Raises MeasurementError while not known."""
+        """Return position_w and R_wc of the camera. Raises MeasurementError while they
+        are unknown.
+        """
         world = {number: tags[number] for number in self._layout.world if number in tags}
         if self._place is not None:
             off = [np.abs(world[n] - self._stood[n]).mean() for n in world if n in self._stood]

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vehicle.laws.contract import hovering
-from vehicle.laws.host import load
+from vehicle.laws.contract import hovering, load
 
 LAW = Path(__file__).with_name("geometric_pid.py")
 

@@ -1,4 +1,4 @@
-"""A flat spiral outwards, one metre above the floor: a trajectory made by a program.
+"""A flat curve that winds outwards, one metre above the floor: a trajectory made by a program.
 
 Copy this file into the folder the vehicle loads its trajectories from; it is then flown by
 `follow_trajectory` with trajectory = file, file = spiral. It is run once, when it is loaded.

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import tyro
 
@@ -13,41 +14,99 @@ from quadlab.data_folder import open_data_folder
 from quadrotor.checkout import ROOT
 from quadrotor.errors import StorageError, UsageError
 
-TEMPLATES = ROOT / "examples" / "laws"
-TEMPLATE = "geometric_pid"
-"""The example from which a new law is copied."""
+
+class Kind(NamedTuple):
+    """A kind of file that may be written: a copy of an example, and of its test if it has one.
+
+    Attributes:
+        template: file below examples, without its ending. folder: of the data folder.
+        fly: how it is flown, with {name}, {path} and {plugins}.
+        taken: the names that are built in.
+    """
+
+    template: str
+    folder: str
+    fly: str
+    taken: Callable[[], Collection[str]]
+
+
+def _laws() -> Collection[str]:
+    from vehicle.laws.laws import BUILT_IN, UDP
+
+    return *BUILT_IN, UDP
+
+
+def _estimators() -> Collection[str]:
+    from estimation import registry
+
+    return *registry.names(), "none"
+
+
+def _experiments() -> Collection[str]:
+    from console.experiments.catalogue import EXPERIMENTS
+
+    return EXPERIMENTS.keys()
+
+
+KINDS = {
+    "law": Kind(
+        "laws/geometric_pid",
+        "plugins",
+        "quadlab fly hover --set control.law={name}{plugins}",
+        _laws,
+    ),
+    "estimator": Kind(
+        "estimators/error_state_ekf",
+        "plugins",
+        "quadlab fly figure_eight --set estimation.estimator={name}{plugins}",
+        _estimators,
+    ),
+    "experiment": Kind("experiments/side_step", "experiments", "quadlab fly {path}", _experiments),
+    "trajectory": Kind(
+        "trajectories/spiral",
+        "trajectories",
+        "quadlab up, then follow_trajectory with trajectory = file, file = {name}",
+        tuple,
+    ),
+}
 
 
 @dataclass
 class New:
-    """Write a control law to start from, and a test for it; both run as they are."""
+    """Write a control law, an estimator, an experiment or a trajectory to start from; it runs as
+    it is."""
 
-    kind: Annotated[Literal["law"], tyro.conf.Positional]
-    """what to write: law (docs/extending/plugins.md)"""
+    kind: Annotated[Literal["law", "estimator", "experiment", "trajectory"], tyro.conf.Positional]
+    """what to write: law, estimator (docs/extending/plugins.md; a test comes with it), experiment
+    (docs/experiments.md), trajectory (docs/trajectories.md)"""
     name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")]
-    """its name, chosen by --set control.law=NAME: letters, digits and _"""
+    """its name, by which it is chosen, as --set control.law=NAME: letters, digits and _"""
     out: Folder = None
-    """folder to write to (default: plugins in the data folder, where the vehicle finds it)"""
+    """folder to write to (default: the one of the data folder where it is found)"""
 
     def run(self) -> int:
-        from vehicle.laws.laws import BUILT_IN, TESTS, UDP
-        from vehicle.processes.parent import PLUGINS
+        from vehicle.plugins.plugins import TESTS
 
+        kind = KINDS[self.kind]
         if not self.name.isidentifier() or self.name.startswith(("_", TESTS)):
             raise UsageError(
                 f"NAME {self.name!r}: use letters, digits and _, and begin with a letter but not "
                 f"with {TESTS}"
             )
-        if self.name in (*BUILT_IN, UDP):
-            raise UsageError(f"NAME {self.name!r} is a built-in law; choose another")
-        folder = self.out or open_data_folder(None) / PLUGINS
-        for template in (f"{TEMPLATE}.py", f"{TESTS}{TEMPLATE}.py"):
-            path = folder / template.replace(TEMPLATE, self.name)
-            _write(path, (TEMPLATES / template).read_text().replace(TEMPLATE, self.name))
-            print(path)
-        print(f"fly it:  quadlab fly hover --set control.law={self.name}", end="")
-        print(f" --plugins {folder}" if self.out else "")
-        print(f"test it: python -m pytest {folder / (TESTS + self.name + '.py')}")
+        if self.name in kind.taken():
+            raise UsageError(f"NAME {self.name!r} is a built-in {self.kind}; choose another")
+        folder = self.out or open_data_folder(None) / kind.folder
+        template = ROOT / "examples" / f"{kind.template}.py"
+        path, test = folder / f"{self.name}.py", folder / f"{TESTS}{self.name}.py"
+        tested = template.with_name(f"{TESTS}{template.name}")
+        for source, target in ((template, path), (tested, test)):
+            if source.exists():
+                _write(target, source.read_text().replace(template.stem, self.name))
+                print(target)
+        plugins = f" --plugins {folder}" if self.out else ""
+        print(f"fly it:  {kind.fly.format(name=self.name, path=path, plugins=plugins)}")
+        if tested.exists():
+            print(f"test it: python -m pytest {test}")
         return 0
 
 

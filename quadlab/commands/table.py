@@ -8,6 +8,7 @@ from typing import Protocol
 from quadlab.commands.calibrate import Calibrate
 from quadlab.commands.camera import Camera
 from quadlab.commands.doctor import Doctor
+from quadlab.commands.export import Export
 from quadlab.commands.fly import Fly
 from quadlab.commands.gains import Gains
 from quadlab.commands.link import LinkCommand
@@ -35,6 +36,7 @@ GROUPS: dict[str, dict[str, type[Command]]] = {
         "camera": Camera,
         "gains": Gains,
         "new": New,
+        "export": Export,
         "doctor": Doctor,
     },
     "Run one process (quadlab up starts what it needs)": {

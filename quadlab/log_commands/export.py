@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
@@ -11,16 +12,19 @@ import tyro
 from quadlab.commands.option_types import Folder
 from quadlab.log_commands.log_file import LogFile, check_log_file
 from quadlab.log_commands.progress import progress_of
+from quadrotor.errors import UsageError
 
 
 @dataclass
 class Export:
-    """Write a log as tables for other programs, times in s and ns, values in SI units."""
+    """Write a log as tables for other programs, times in s and ns, values in SI units; or as a
+    page that replays it without a server."""
 
     file: LogFile
     """the MCAP file"""
-    format: Literal["csv", "parquet", "mat"] = "csv"
-    """csv, parquet: a file a topic, units in its header or the fields' metadata; mat: one file"""
+    format: Literal["csv", "parquet", "mat", "page"] = "csv"
+    """csv, parquet: a file a topic, units in its header or the fields' metadata; mat: one file;
+    page: the replay page with the whole flight, opened from disk by a browser"""
     out: Folder = None
     """new folder for the files (default: next to the log, named after it and the format)"""
     topics: Annotated[tuple[str, ...], tyro.conf.arg(metavar="TOPIC")] = ()
@@ -36,6 +40,8 @@ class Export:
         check_log_file(self.file)
         folder = self.out or self.file.with_name(f"{self.file.stem}_{self.format}")
         topics = [part for word in self.topics for part in word.split(",") if part]
+        if self.format == "page":
+            return self._page(folder)
         with progress_of(f"exporting {self.file.name}") as progress:
             done = export(self.file, folder, self.format, topics, self.begin, self.end, progress)
         for line in done.problems:
@@ -48,3 +54,14 @@ class Export:
             print(path)
         print(f"{done.rows} rows in {len(done.files)} files")
         return 1 if done.problems else 0
+
+    def _page(self, folder: Path) -> int:
+        from web.replay.export import export_page
+
+        if self.topics or self.begin or self.end != math.inf:
+            raise UsageError("a page has the whole flight: leave out --topics, --from and --to")
+        with progress_of(f"exporting {self.file.name}") as progress:
+            files = export_page(self.file, folder, progress)
+        for path in files:
+            print(path)
+        return 0

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from quadlab.commands.option_types import File, Flag, Names, Settings
+from quadlab.data_folder import data_folder
 from quadlab.log_commands.log_file import check_log_file
 from quadlab.simulated.beacon_file import beacon_words
 from quadrotor.errors import LogFormatError, StorageError, UsageError
@@ -84,7 +85,10 @@ class Replay:
         from quadlab.replay.report import as_json, print_table, recorded_row, run_row, write_csv
         from quadlab.replay.run import replay
         from quadlab.replay.window import find_window
+        from vehicle.estimators.estimators import Estimators
+        from vehicle.processes.parent import PLUGINS
 
+        Estimators(data_folder(None) / PLUGINS).register()
         settings = [*beacon_words(self.beacons), *self.set]
         recording = read_recording(self.file)
         truth = self._truth(recording)

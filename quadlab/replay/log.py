@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from estimation import registry
 from flight_log.attached import json_value, logged_value
 from flight_log.columns.log_columns import LogColumns, read_columns
 from flight_log.columns.topic import Topic
@@ -22,6 +23,7 @@ from quadrotor.errors import LogFormatError, MeasurementError, ParameterError
 from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.plain_rotations import rotate
 from quadrotor.records import IMU_SAMPLE, STATE, Record
+from vehicle.estimators.choice import ESTIMATOR, NONE, SHADOW
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics import decode_bearings, decode_pose, decode_position, decode_sweeps
 from vehicle_link.topics.ticks import FROM_ROS, SECOND_NS, WORLD, layout
@@ -170,11 +172,13 @@ def _parameters(path: Path, attachments: Mapping[str, bytes]) -> FlightParameter
     attached = attachments.get(PARAMETERS)
     if attached is None:
         return parameters
-    store = ParameterStore(parameters)
     try:
         values = json_value(attached)
         if not isinstance(values, dict):
             raise ValueError("they are no names with values")
+        chosen = {str(values[name]) for name in (ESTIMATOR, SHADOW) if name in values}
+        registry.offer(sorted(chosen - {*registry.names(), NONE}))  # plugins of that vehicle
+        store = ParameterStore(parameters)
         store.preset({name: values[name] for name in store.names if name in values})
     except (ValueError, TypeError, ParameterError) as error:
         raise LogFormatError(

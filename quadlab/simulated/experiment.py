@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from quadlab.data_folder import open_data_folder
+from quadlab.data_folder import data_folder, open_data_folder
 from quadlab.settings import parse_settings
 from quadrotor.errors import QuadlabError, UsageError
 
@@ -56,11 +56,12 @@ def fly(
     """Fly an experiment on the simulated vehicle and judge its log.
 
     Args:
-            seed: of all noise. words: NAME=VALUE of parameters. out: folder of the log; None:
-                flights in the data folder. plugins: folder of control laws. true_state: whether the
-                controller gets the true state. print_instructions: of a guided procedure.
+        seed: seed of all noise. words: NAME=VALUE of parameters. out: folder of the log; None:
+            flights in the data folder. plugins: folder of users' laws and estimators. true_state:
+            whether the controller gets the true state. print_instructions: whether instructions of
+            a guided procedure are printed.
 
-        Raises QuadlabError; after the start, its message includes the path of the log.
+    Raises QuadlabError; after the start, its message includes the path of the log.
     """
     from console.experiments import watched
     from console.experiments.user_file import mistakes_told
@@ -69,6 +70,7 @@ def fly(
     from quadlab.simulated.parameters import FlightParameters
     from quadrotor.parameters import ParameterStore
     from vehicle.boards.kind import find_kind
+    from vehicle.estimators.estimators import Estimators
     from vehicle.flight.kernels import prepare
     from vehicle.processes.parent import PLUGINS
     from vehicle.simulator.betaflight.firmware import firmware_of
@@ -84,6 +86,8 @@ def fly(
     )
     ParameterStore(parameters).preset(kind.traits.parameters | {"simulator.imu_rate": kind.rate})
     parameters.seed(seed)
+    plugins = plugins or data_folder(None) / PLUGINS
+    Estimators(plugins).offer()
     values = parse_settings(parameters, words)
     if "beacons.layout" not in values:  # the vehicle gets the true layout
         parameters.beacons.layout = parameters.bearings.layout
@@ -105,7 +109,6 @@ def fly(
     # Load or compile everything that is needed, so that the figures are those of flying alone.
     _, later = prepare(lambda line: print(f"quadlab: {line}", file=sys.stderr, flush=True))
     typestore()
-    plugins = plugins or open_data_folder(None) / PLUGINS
     flight = SimulatedFlight(parameters, simulated, log, estimator, plugins, kind)
     if print_instructions:
         flight.on_progress = InstructionPrinter(flight)
@@ -120,7 +123,7 @@ def fly(
     finally:
         log.close()
         later.close()
-        flight.stack.steering.close()
+        flight.stack.close()
         simulated.close()
     wall, processor = time.perf_counter() - began, time.process_time() - processor
     result, proposal = judged(experiment, path, aborted)

@@ -33,7 +33,6 @@ from vehicle.estimators.navigation import COMPLAIN_NS
 from vehicle.flight.microcontroller_commands import Orders
 from vehicle.flight.modes import MOTORS_ON
 from vehicle.flight.stack import FlightStack
-from vehicle.laws.laws import Laws
 from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.topics import TOPICS, encode_joy
@@ -50,7 +49,7 @@ class SimulatedFlight(SimulatedGuide):
         simulated: the robot, made from `parameters.simulator`.
         log: receives every message.
         estimator: a plugin that replaces the vehicle's own.
-        plugins: folder of control laws.
+        plugins: folder of users' control laws and estimators.
         kind: of its board, whose options are `parameters.board` if it has any.
     """
 
@@ -66,7 +65,7 @@ class SimulatedFlight(SimulatedGuide):
         super().__init__(parameters, simulated, log)
         self.parameters = parameters
         self.stack = FlightStack(
-            parameters, estimator=estimator, laws=Laws(plugins), board=kind.traits
+            parameters, estimator=estimator, plugins=plugins, board=kind.traits
         )
         self.clock = StageClock()
         self._board = kind.connect(

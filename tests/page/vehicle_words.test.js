@@ -44,6 +44,8 @@ const LINES = [
   [{ status: { ...FLYING, flags: ["on_bearings", "not_real_time"] }, source: "poses", height: 1, error: 0 }, "Hovering at 1.00 m on bearings, 0 mm error, all well"],
   [{ status: { ...FLYING, behavior: "FOLLOW_TRAJECTORY", flags: ["battery_low"] }, source: "poses", height: 1.5, error: 0.02, problems: ["link degraded"] },
     "Flying a trajectory at 1.50 m on the tracker, 20 mm error, battery low and 1 more"],
+  [{ status: { ...FLYING, behavior: "FOLLOW_TRAJECTORY" }, source: "poses", height: 1.5, error: 0.02, trajectory: { elapsed: 9.4, duration: 27, laps: 3 } },
+    "Flying lap 2 of 3 at 1.50 m on the tracker, 00:09 of 00:27, 20 mm error, all well"],
   [{ status: { ...FLYING, behavior: "near_hovering", control_mode: "near_hovering" }, source: "poses", height: 1, error: 0.5 }, "Near-hovering at 1.00 m, all well"],
   [{ status: { ...FLYING, behavior: "my_own" } }, "My own, all well"],
   [{ status: GROUND, preflight: READY }, "On the ground, ready to arm, all well"],

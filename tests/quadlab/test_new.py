@@ -4,31 +4,56 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from console.experiments.user_file import load
+from control.trajectories.library import load_folder
+from estimation import registry
 from quadlab.__main__ import main
 from tests.support.lab import Lab, flight_parameters
+from vehicle.estimators.estimators import Estimators
 from vehicle.laws.laws import Laws
 
 
-def test_a_new_law_flies_and_passes_its_own_tests(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.fixture
+def no_names_left() -> Iterator[None]:
+    yield
+    registry.offer(())
+
+
+def test_a_new_law_and_a_new_estimator_fly_and_pass_their_own_tests(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], no_names_left: None
 ) -> None:
-    folder = tmp_path / "laws"
+    folder = tmp_path / "plugins"
     assert main(["new", "law", "mine", "--out", str(folder)]) == 0
     assert f"--set control.law=mine --plugins {folder}" in capsys.readouterr().out
+    assert main(["new", "estimator", "own", "--out", str(folder)]) == 0
+    assert f"--set estimation.estimator=own --plugins {folder}" in capsys.readouterr().out
     assert Laws(folder).names() == ("geometric", "near_hovering", "udp", "mine")
+    Estimators(folder).offer()
     words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(folder)]
     tested = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
-    assert "2 passed" in tested.stdout, tested.stdout
+    assert "4 passed" in tested.stdout, tested.stdout
     parameters = flight_parameters()
-    parameters.control.law = "mine"
+    parameters.control.law, parameters.estimation.estimator = "mine", "own"
     lab = Lab(parameters, plugins=folder).hovering(settling=3.0)
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.03)
     assert lab.parameter("control.law") == "mine"
-    lab.stack.steering.close()
+    assert lab.parameter("estimation.estimator") == "own"
+    lab.stack.close()
+
+
+def test_a_new_experiment_and_a_new_trajectory_are_found_where_they_are_written(
+    tmp_path: Path,
+) -> None:
+    for kind in ("experiment", "trajectory"):
+        assert main(["new", kind, "mine", "--out", str(tmp_path / kind)]) == 0
+    assert load(tmp_path / "experiment" / "mine.py").name == "mine"
+    trajectories, refused = load_folder(tmp_path / "trajectory")
+    assert (list(trajectories), refused) == (["mine"], [])
 
 
 @pytest.mark.parametrize(
@@ -37,6 +62,8 @@ def test_a_new_law_flies_and_passes_its_own_tests(
         (["law", "3x"], "begin with a letter"),
         (["law", "test_x"], "but not with test_"),
         (["law", "geometric"], "built-in law"),
+        (["estimator", "error_state"], "built-in estimator"),
+        (["experiment", "hover"], "built-in experiment"),
         (["lawn", "x"], "did you mean law"),
     ],
 )

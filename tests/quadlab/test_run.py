@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import importlib.util
+import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +19,7 @@ from quadrotor.errors import StorageError, UsageError
 from vehicle_link.messages import decode
 
 Z = "pose.pose.position.z"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @pytest.fixture(scope="module")
@@ -101,8 +105,41 @@ def test_importing_the_package_loads_nothing_of_it() -> None:
     assert done.stdout.split() == ["False", "False"]
 
 
+def example(name: str) -> Any:
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_example_reads_a_run(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
+    example("read_run").main(run)
+    told = capsys.readouterr().out
+    assert re.search(r"^highest point: 1\.\d+ m$", told, re.MULTILINE)
+    assert "position_rms_m" in told
+    assert "take_off" in told
+
+
+def test_the_example_of_a_batch_draws_how_error_grows_with_force(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture = tmp_path / "study.png"
+    example("batch_study").main(1, str(picture))
+    medians = [float(x) for x in re.findall(r"N: ([\d.]+) mm", capsys.readouterr().out)]
+    assert medians == sorted(medians)
+    assert len(medians) == 5
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_every_example_that_runs_alone_is_short() -> None:
+    for path in EXAMPLES.glob("*.py"):
+        assert len(path.read_text().splitlines()) <= 60, path.name
+
+
 def test_the_example_compares_gain_sets() -> None:
-    path = Path(__file__).parents[2] / "examples" / "compare_seeds.py"
+    path = EXAMPLES / "compare_seeds.py"
     words = [sys.executable, str(path), "1"]
     done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=120)
     rows = [line.split() for line in done.stdout.splitlines()]

@@ -62,6 +62,3 @@ def test_it_is_checked_flies_waits_for_a_slow_part_and_lands_alone_when_flight_i
     assert heights[0] == pytest.approx(1.0, abs=0.1)
     assert abs(heights[-1]) < 0.05
     assert 0.0 < max(-state["velocity_w"][0, 2] for state in later) < LANDING_SPEED
-    lab.hover()
-    lab.start("land")
-    lab.reach(mode="ready")

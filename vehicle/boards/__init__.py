@@ -1,1 +1,1 @@
-"""The boards that turn the flight stack's commands into turning motors, one folder a board."""
+"""The boards that turn the flight stack's commands into motor speeds, one folder per board."""

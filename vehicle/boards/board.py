@@ -1,9 +1,9 @@
-"""The interface of every board: what it takes, what it tells, and what it can do alone.
+"""The interface of every board: what it accepts, what it reports, and what it can do alone.
 
-A board is the hardware between the flight stack and the motors, with inertial sensors and a
-processor of its own. The control law ends at the highest level that the board takes: motor
-references where it hands the motors over, else body rates and collective thrust, whose inner loop
-is the board's.
+A board is the hardware between the flight stack and the motors, with inertial sensors and its own
+processor. The control law ends at the lowest level that the board accepts: motor references if it
+gives access to the motors, otherwise body rates and collective thrust, with the inner loop on the
+board.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ class BodyRates(msgspec.Struct, frozen=True):
     """A command of body rates and collective thrust."""
 
     rates_b: tuple[float, float, float]  # rad/s, body axes (x forward, y left, z up)
-    throttle: float  # 0…1, the share of full motor reference that gives the wanted thrust
+    throttle: float  # 0…1, the share of full motor reference that gives the commanded thrust
 
 
 MotorReferences = tuple[int, int, int, int]
 """Counts, 0…255, motors front, left, rear, right."""
 Command = MotorReferences | BodyRates | AttitudeCommand
-"""A command at one of the levels of `Takes`."""
+"""Command at one of the levels of `Takes`."""
 
 
 class RawSample(msgspec.Struct, frozen=True, order=True):
-    """One IMU sample as the sensors gave it; ordered by its stamp."""
+    """One IMU sample as the sensors gave it, ordered by its stamp."""
 
-    stamp_ns: int  # of the vehicle's clock
+    stamp_ns: int  # by the vehicle's clock
     accelerometer: tuple[int, int, int]  # counts, axes x, y, z; `imu` has zero and scale
     gyroscope: tuple[int, int, int]  # counts
     battery_voltage: float  # V
@@ -56,8 +56,8 @@ class Traits(msgspec.Struct, frozen=True):
 
     name: str
     takes: tuple[Takes, ...]
-    parameters: dict[str, ParameterValue] = {}  # where it needs other values than the defaults
-    tells_pressure: bool = True  # else only the board itself can descend by a barometer
+    parameters: dict[str, ParameterValue] = {}  # values that replace the defaults
+    tells_pressure: bool = True  # otherwise only the board itself can descend by a barometer
 
     @property
     def direct(self) -> Takes:
@@ -65,7 +65,7 @@ class Traits(msgspec.Struct, frozen=True):
         return Takes.MOTORS if Takes.MOTORS in self.takes else Takes.RATES
 
     def missing(self, needed: Takes) -> str:
-        """Return why it cannot be commanded at this level, "" when it can."""
+        """Return why the board cannot be commanded at this level, "" when it can."""
         if needed in self.takes:
             return ""
         taken = " or ".join(one.value for one in self.takes)
@@ -73,14 +73,15 @@ class Traits(msgspec.Struct, frozen=True):
 
 
 class Board(Protocol):
-    """One board, as the flight loop uses it; nothing here blocks.
+    """A board, as the flight loop uses it; no method blocks.
 
     Attributes:
-        failures: lines about requests given up, lost ports and whatever else an operator has to
-            know, for the caller to report and clear.
+        failures: lines about requests given up, lost ports and anything else that an operator has
+            to know, which the caller reports and clears.
         refused: number of samples with impossible values or times.
         late: number of samples dropped because they were older than the newest one.
-        newest_ms: the board's time, ms modulo 60 s, in the last sample of each port; -1 before.
+        newest_ms: the board's time, ms modulo 60 s, in the last sample of each port; -1 before the
+            first.
     """
 
     failures: list[str]
@@ -90,7 +91,7 @@ class Board(Protocol):
 
     @property
     def damaged(self) -> int:
-        """Return the number of runs of bytes that are no frames."""
+        """Return the number of byte sequences that are not valid frames."""
         ...
 
     @property
@@ -100,7 +101,7 @@ class Board(Protocol):
 
     @property
     def obstacle(self) -> str:
-        """Return the known reason why motors would not start; empty when they would."""
+        """Return the known reason why the motors would not start; empty when they would."""
         ...
 
     def filenos(self) -> Sequence[int]:
@@ -108,23 +109,25 @@ class Board(Protocol):
         ...
 
     def receive(self) -> list[RawSample]:
-        """Return the samples that arrived, oldest first. Raises LinkError when the last port is
-        lost.
+        """Return the samples that arrived, oldest first.
+
+        Raises LinkError when the last port is lost.
         """
         ...
 
     def command(self, command: Command) -> None:
-        """Send a command at a level that the board takes."""
+        """Send a command at a level that the board accepts."""
         ...
 
     def set_motor_state(self, state: MotorState) -> None:
-        """Request this motor state until it is reached; EMERGENCY leaves the landing to the
-        board.
+        """Request this motor state until it is reached.
+
+        EMERGENCY leaves the landing to the board.
         """
         ...
 
     def set_command_timeout(self, milliseconds: int) -> None:
-        """Request that the board lands by itself this long after the last command."""
+        """Request that the board lands by itself this many ms after the last command."""
         ...
 
     def service(self, now_s: float) -> None:

@@ -1,4 +1,4 @@
-"""The kinds of boards there are: those here, and those of other packages (`quadlab.boards`)."""
+"""The supported kinds of boards: built-in ones, and those of other packages (`quadlab.boards`)."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _HERE = {
 
 
 class Connect(Protocol):
-    """Makes a board of its ports and options; `rate` in Hz, of its samples.
+    """Factory of a board from its ports and options; `rate` is its sample rate in Hz.
 
-    `now_ns` is the clock of simulated time; None: the host's clock. `unfit` says why its motors
-    must not start, "" when the board fits its options.
+    `now_ns` is the clock of simulated time, None for the host's clock. `unfit` is the reason why
+    its motors must not start, "" when the board matches its options.
     """
 
     def __call__(
@@ -40,10 +40,10 @@ class Connect(Protocol):
 
 
 class Check(Protocol):
-    """Compares a board with its options before the flight; `say` takes a line for the operator.
+    """Comparison of a board with its options before a flight; `say` receives lines for operators.
 
-    Returns the lines that a person has to enter on the board, none when it fits; a board that
-    cannot be flown at all is told as one such line. Raises LinkError when it does not answer.
+    Returns the lines that a person has to enter on the board, none when it matches. A board that
+    cannot be flown is reported as one such line. Raises LinkError when it does not answer.
     """
 
     def __call__(
@@ -52,23 +52,23 @@ class Check(Protocol):
 
 
 class Kind(msgspec.Struct, frozen=True):
-    """One kind of board: the entry point of a package names such an object."""
+    """Kind of board: the object to which the entry point of a package refers."""
 
     traits: Traits
     connect: Connect
     options: type[Parameters] | None = None
-    rate: int = 500  # Hz, of its samples unless said
-    bauds: tuple[int, ...] = (BAUD_RATE, BAUD_RATE)  # of its ports, the most it has
-    poll_ms: int = 50  # how often it is to be served at least; a board that is asked needs more
-    check: Check | None = None  # None: nothing about it can be set wrong
+    rate: int = 500  # default sample rate, Hz
+    bauds: tuple[int, ...] = (BAUD_RATE, BAUD_RATE)  # for its ports, of which it may have fewer
+    poll_ms: int = 50  # longest time between two `service` calls; a polled board needs less
+    check: Check | None = None  # None: it has no settings that can be wrong
 
     @property
     def is_asked(self) -> bool:
-        """Return whether it gives samples only when it is asked for them."""
+        """Return whether the board gives samples only on request."""
         return self.poll_ms * self.rate < 1000
 
     def configured(self, values: Mapping[str, ParameterValue]) -> Parameters | None:
-        """Return its options with these values, None where it has none. Raises ParameterError."""
+        """Return its options with these values, None if it has none. Raises ParameterError."""
         if self.options is None:
             return None
         options = self.options()
@@ -77,7 +77,7 @@ class Kind(msgspec.Struct, frozen=True):
 
 
 def find_kind(name: str) -> Kind:
-    """Return a kind of board. Raises UsageError when there is none of this name."""
+    """Return the kind of board with this name. Raises UsageError when it is unknown."""
     if name in _HERE:
         here: Kind = import_module(_HERE[name]).KIND
         return here

@@ -1,9 +1,4 @@
-"""Whole motor references whose mean is the wanted one.
-
-A count of one motor is 0.7 rad/s² of roll. Rounding each tick independently lets the vehicle wander
-in a limit cycle of some millimetres; here the rounding error is carried over to the next tick
-(first-order noise shaping), at frequencies far above the motors' bandwidth.
-"""
+"""Rounding of motor references to whole counts that keeps their mean."""
 
 from __future__ import annotations
 
@@ -27,17 +22,17 @@ def _round(wanted: Array, carry: Array) -> tuple[int, int, int, int]:
             raise ValueError("a motor reference is not finite")
         whole = np.rint(exact)
         wanted[i] = int(min(max(whole, 0.0), REFERENCE_MAX))
-        # No error is carried over for what no motor could deliver.
+        # The rounding error of a saturated reference is not carried over.
         carry[i] = exact - whole if wanted[i] == whole else 0.0
     return int(wanted[0]), int(wanted[1]), int(wanted[2]), int(wanted[3])
 
 
 class ReferenceRounding:
-    """One vehicle's carried fractions, each within half a count."""
+    """Motor rounding of one vehicle, with carried errors within half a count."""
 
     def __init__(self) -> None:
         self._carry = np.zeros(4)
-        _round(np.zeros(4), self._carry)  # compiled here, not in the first flight
+        _round(np.zeros(4), self._carry)  # compiled now rather than in the first flight
 
     def round(self, wanted: Array) -> tuple[int, int, int, int]:
         """Return counts 0..255 for `wanted` (4,), which is overwritten with them.

@@ -9,7 +9,7 @@ from estimation.calibration.gyroscope import GyroscopeCalibration, identify_gyro
 
 
 class GyroCalibration:
-    """Collects N samples, then returns their bias or raises the reason why there is none.
+    """Collector of N samples that returns their bias, or raises the reason why there is none.
 
     Args:
         samples: N, the number of samples.
@@ -26,8 +26,8 @@ class GyroCalibration:
     ) -> GyroscopeCalibration | None:
         """Add one sample (3,) in rad/s; return the result once there are N, else None.
 
-        Raises MeasurementError when motors run or the vehicle moved during the N samples; then it
-        starts over.
+        Raises MeasurementError and starts over when motors run or the vehicle moved during the N
+        samples.
         """
         if motors_on:
             self._count = 0

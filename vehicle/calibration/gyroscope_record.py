@@ -1,4 +1,4 @@
-"""Converts the gyroscope drift found by the flight process to a calibration record."""
+"""Conversion of the gyroscope drift found by the flight process to a calibration record."""
 
 from __future__ import annotations
 

@@ -60,9 +60,7 @@ def _accelerometer_bias(axis: str) -> float:
 
 
 class ImuCalibration(Parameters):
-    """The calibration that turns the microcontroller's counts into specific force and angular
-    velocity.
-    """
+    """Calibration from the microcontroller's counts to specific force and angular velocity."""
 
     accelerometer_scale: float = parameter(
         0.0039, unit="g", ge=0.0001, le=0.1, flight_step=0.0001, step=1e-05
@@ -94,7 +92,7 @@ class ImuCalibration(Parameters):
     """nominal gyroscope reading at rest; the drift about it is found at each start"""
 
     def record(self) -> Record:
-        """Return the calibration as one CALIBRATION record, shape (1,), with no gyroscope drift."""
+        """Return the calibration as one CALIBRATION record, shape (1,), without gyroscope drift."""
         out = np.zeros(1, CALIBRATION)
         out["accelerometer_scale"] = self.accelerometer_scale * GRAVITY
         out["accelerometer_zero"] = self.accelerometer_zero
@@ -136,7 +134,7 @@ def _apply(
 
 
 def calibrate(raw: RawSample, calibration: Record, sample: Record | None = None) -> Record:
-    """Return the IMU_SAMPLE (1,) of a raw sample, by a CALIBRATION record; in `sample` if given."""
+    """Return the IMU_SAMPLE (1,) of a raw sample, in `sample` if given, by a CALIBRATION record."""
     if sample is None:
         sample = np.zeros(1, IMU_SAMPLE)
     _apply(raw.stamp_ns, raw.accelerometer, raw.gyroscope, calibration, sample)
@@ -151,7 +149,7 @@ class ImuCalibrator:
         self.configure(parameters)
 
     def configure(self, parameters: ImuCalibration) -> None:
-        """Set new parameters; the gyroscope drift found at the start is kept."""
+        """Set new parameters, keeping the gyroscope drift found at the start."""
         self._calibration = parameters.record()
         self._calibration["gyroscope_bias_b"] = self._gyroscope_bias_b
 

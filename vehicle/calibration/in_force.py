@@ -1,4 +1,4 @@
-"""The stored calibrations in force at a start of the vehicle, and the values they set."""
+"""The stored calibrations that apply at a start of the vehicle, and the values they set."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class StartValues:
     """The initial parameter values that result from the stored calibrations.
 
     Attributes:
-        values: parameters to start with, those given by hand among them.
-        refused: stamps (ns) of records that are not in force.
+        values: parameters to start with, including those given by hand.
+        refused: stamps (ns) of records that do not apply.
         lines: lines for the log, each with whether it is a warning.
     """
 
@@ -35,8 +35,8 @@ def start_values(
 ) -> StartValues:
     """Combine calibrations with the values given on the command line (`--set`), which win.
 
-    A record is applied completely or not at all. One whose values the parameters no longer allow
-    is refused; the others are applied.
+    A record is applied completely or not at all. A record whose values the parameters no longer
+    allow is rejected; the others are applied.
 
     Args:
         newest: the newest record of each name, oldest first.
@@ -89,7 +89,7 @@ def _check(
     before: Mapping[str, ParameterValue],
     given: Mapping[str, ParameterValue],
 ) -> None:
-    """Raise ParameterError when values may not be set, or not together with the others."""
+    """Raise ParameterError when values are not allowed, alone or together with the others."""
     store = ParameterStore(new_parameters())
     for name, value in values.items():
         store.check(name, value)

@@ -2,11 +2,12 @@
 
 `calibrations/history.jsonl` in the data folder is append-only; each line is synced to disk before
 it is reported as stored. A line that is not a record, because of a power cut or another writer, is
-moved to `set_aside.jsonl` next to it. The gyroscope's drift, which the vehicle finds and uses
-before anyone accepts it, replaces a file: `at_start.json` at each start, `on_request.json` on
-request. In the history it would add a line at each start.
+moved to `set_aside.jsonl` next to it. The gyroscope's drift, which the vehicle uses as soon as it
+is found, before anyone accepts it, replaces a file: `at_start.json` at each start,
+`on_request.json` on request. In the history it would add a line at each start.
 
-Only the comms process writes; the parent process reads and repairs it before it starts comms.
+Only the comms process writes; the parent process reads and repairs the store before it starts
+comms.
 """
 
 from __future__ import annotations
@@ -30,11 +31,11 @@ Say = Callable[[str], None]
 
 
 class CalibrationStore:
-    """The calibration records in memory and on disk; thread-safe.
+    """Calibration records in memory and on disk; thread-safe.
 
     Args:
         data: the vehicle's data folder.
-        say: takes a line about unusable content.
+        say: called with a line about unusable content.
     """
 
     def __init__(self, data: Path, say: Say) -> None:
@@ -48,8 +49,10 @@ class CalibrationStore:
             self._load()
 
     def newest_first(self) -> list[CalibrationRecord]:
-        """Return the history and the drift found at start-up, in the order of storage, as a clock
-        may have been wrong. A drift found on request is included only once it is accepted.
+        """Return the history and the drift found at start-up, in the order of storage.
+
+        Stamps do not decide the order, because a clock may have been wrong. A drift found on
+        request is included only once it is accepted.
         """
         return self._with_found(AT_START)[::-1]
 
@@ -78,8 +81,9 @@ class CalibrationStore:
             self._history.append(record)
 
     def replace(self, file: str, record: CalibrationRecord) -> None:
-        """Replace the found drift: AT_START or ON_REQUEST. Raises StorageError; it is in use
-        nevertheless.
+        """Replace the found drift in the file AT_START or ON_REQUEST.
+
+        Raises StorageError when it is not stored; the drift is in use nevertheless.
         """
         with self._lock:
             self._found[file] = record
@@ -129,7 +133,9 @@ class CalibrationStore:
     ) -> None:
         count = "a line" if len(foreign) == 1 else f"{len(foreign)} lines"
         try:
-            for line in foreign:  # copied first: a crash in between duplicates, never loses them
+            for (
+                line
+            ) in foreign:  # appended first: a crash in between may duplicate lines, not lose any
                 _append(self._folder / SET_ASIDE, line + b"\n")
             _replace(path, b"".join(map(encoded, kept)))
         except OSError as error:

@@ -3,8 +3,8 @@
     flights = fly_batch([Scenario(seed=k) for k in range(1000)], duration=27.0, hover=8.0)
     print(flights.summary())
 
-Each vehicle has its own truth, beliefs, gains, noise and trajectory. A flight depends on its
-scenario alone: the same in any batch, order and number of threads.
+Each vehicle has its own truth, model, gains, noise and trajectory. A flight depends only on its
+scenario: it is the same in any batch, order and number of threads.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ from vehicle.simulator.sensors import new_sensors
 Array = npt.NDArray[np.float64]
 
 JUDGE_PERIOD = 0.01
-"""s between two moments of the errors' means."""
+"""Time, in s, between two moments at which errors are evaluated."""
 CALIBRATION_SAMPLES = 500
-"""Default of the vehicle's `safety.gyro_samples`."""
+"""Number of calibration samples: the default of the vehicle's `safety.gyro_samples`."""
 
 
 def _eight() -> FigureEight:
@@ -51,17 +51,17 @@ class Scenario:
     """One vehicle and its flight.
 
     Attributes:
-        truth: the true vehicle, its IMU's noise and biases; its seed and rate are not used.
-        model: what the controller believes; None for the truth.
-        tracker: the poses it gets; its seed is not used.
-        trajectory: flown after the hover that `fly_batch` begins with.
-        seed: of all random numbers of this flight, any whole number.
-        offset_w: m, where it starts from the trajectory's beginning.
+        truth: the true vehicle, and its IMU's noise and biases; its seed and rate are not used.
+        model: the controller's vehicle model; None for the truth.
+        tracker: settings of the simulated tracker; its seed is not used.
+        trajectory: flown after the hover with which `fly_batch` begins.
+        seed: seed of all random numbers of this flight, any whole number.
+        offset_w: m, offset of the start from the trajectory's beginning.
         disturbance_w: N, a constant force.
-        true_state: the laws are given the truth; no sensors, no estimator.
-        whole_references: motor references are whole counts, as on the serial line.
-        ground: the plant has a floor at z = 0.
-        calibrated: the gyroscope's bias is measured at rest before the flight, Sec. 5.1.
+        true_state: whether the laws get the true state, without sensors and estimator.
+        whole_references: whether motor references are whole counts, as on the serial line.
+        ground: whether the plant has a floor at z = 0.
+        calibrated: whether the gyroscope's bias is measured at rest before the flight, Sec. 5.1.
     """
 
     truth: SimulatorParameters = field(default_factory=SimulatorParameters)
@@ -83,12 +83,12 @@ class Scenario:
 class BatchResult:
     """The outcome of each flight, in the order of the scenarios; all shapes begin with (N,).
 
-    A crashed flight has its figures up to the crash.
+    The figures of a crashed flight end at the crash.
 
     Attributes:
         outcome: OUTCOME records.
         final: the true STATE records at the end, or at the crash.
-        history: HISTORY records (N, K), NaN after a crash; None when none was asked for.
+        history: HISTORY records (N, K), NaN after a crash; None when none was requested.
     """
 
     outcome: Record
@@ -101,12 +101,12 @@ class BatchResult:
         return crashed
 
     def of_flown(self, name: str) -> Array:
-        """Return one figure of the OUTCOME, of the flights that did not crash."""
+        """Return one figure of the OUTCOME, for the flights that did not crash."""
         values: Array = self.outcome[name][~self.crashed]
         return values
 
     def summary(self) -> str:
-        """Return one line for people: how many crashed, and medians and worst of the others."""
+        """Return one line of text: how many crashed, and medians and worst values of the others."""
         text = f"{len(self.outcome)} flights, {int(self.crashed.sum())} crashed"
         if self.crashed.all():
             return text
@@ -127,14 +127,14 @@ def fly_batch(
     history_rate: float | None = None,
     threads: int | None = None,
 ) -> BatchResult:
-    """Fly every scenario for `duration` s; compiles at the first call.
+    """Fly every scenario for `duration` s; the first call compiles.
 
     Args:
-        hover: s at the trajectory's start before it begins; the errors are judged after it.
+        hover: s at the start of the trajectory before it begins; errors are evaluated after it.
         control_rate: Hz of IMU samples and onboard steps.
         substep: s, the longest integration step of the plant.
-        history_rate: Hz of the sampled histories; None keeps none.
-        threads: None for all cores. The results do not depend on it.
+        history_rate: Hz of the sampled histories; None for no history.
+        threads: number of threads, None for all cores. The results do not depend on it.
 
     Raises OutOfBoundsError.
     """
@@ -156,10 +156,10 @@ def fly_batch(
 
     def work() -> None:
         onboard, wanted = fresh.copy(), np.empty(4)
-        # Copies of this thread's own: neighbours in an array share cache lines, and two cores
+        # Each thread has its own copies: neighbours in an array share cache lines, and two cores
         # that write to one wait for each other at every step.
         case, plant, judged = _apart(CASE), _apart(PLANT), _apart(OUTCOME)
-        while (k := next(turn)) < size:  # one at a time: no thread waits for another's share
+        while (k := next(turn)) < size:  # one at a time, so that threads finish together
             one = slice(k, k + 1)
             onboard[:], case[:], plant[:], judged[:] = fresh, cases[one], plants[one], outcome[one]
             fly(
@@ -191,7 +191,7 @@ def fly_batch(
 
 
 def _apart(kind: np.dtype[np.void]) -> Record:
-    """Return one record, shape (1,), that shares no cache line with anything."""
+    """Return one record, shape (1,), that shares no cache line with other data."""
     room = np.zeros(2 * 128 + kind.itemsize, np.uint8)
     start = -room.ctypes.data % 128
     return room[start : start + kind.itemsize].view(kind)
@@ -210,9 +210,7 @@ def _clock(duration: float, rate: float) -> tuple[int, int]:
 
 
 def prepare(scenarios: Sequence[Scenario]) -> tuple[Record, Record]:
-    """Return CASE and PLANT records, shape (N,), each vehicle at its start, rotors turning for
-    hover.
-    """
+    """Return CASE and PLANT records (N,), each vehicle at its start with rotors at hover speed."""
     size = len(scenarios)
     cases, plants = np.zeros(size, CASE), np.zeros(size, PLANT)
     cases["random"] = seeded([one.seed for one in scenarios])

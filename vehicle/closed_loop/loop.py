@@ -1,4 +1,4 @@
-"""One flight as one compiled call: plant, sensors, filters, laws, and what became of it."""
+"""One flight as one compiled call: plant, sensors, filters and laws, and the flight's outcome."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Item = Any
 """One record `array[k]` inside compiled code."""
 
 CRASH_DISTANCE = 2.0
-"""m from the reference: the flight is lost."""
+"""Distance, in m, from the reference beyond which the flight is lost."""
 CRASH_LEAN = 1.5
 """Largest 1 - z_B . z_W: beyond 120° of tilt the flight is lost."""
 
@@ -33,10 +33,10 @@ CASE = np.dtype(
         ("sensors", SENSORS),
         ("tracker", TRACKER),
         ("random", "u8", 4),
-        ("drawn", "f8", 6),  # room for one sample's random numbers
+        ("drawn", "f8", 6),  # buffer for one sample's random numbers
         ("calibration_samples", "i8"),  # of the gyroscope, before the flight
-        ("true_state", "i8"),  # 1: the laws are given the truth
-        ("whole_references", "i8"),  # 1: motors take whole counts
+        ("true_state", "i8"),  # 1: the laws get the true state
+        ("whole_references", "i8"),  # 1: motors accept whole counts only
         ("gyroscope_bias_b", "f8", 3),  # rad/s, found by the calibration
     ],
     align=True,
@@ -47,13 +47,13 @@ OUTCOME = np.dtype(
     [
         ("crashed", "i8"),
         ("crash_time", "f8"),  # s, NaN when it did not
-        ("position_rms", "f8"),  # m, true position against the reference
+        ("position_rms", "f8"),  # m, true position minus the reference
         ("position_max", "f8"),  # m
         ("yaw_rms", "f8"),  # rad
-        ("estimate_rms", "f8"),  # m, true position against the estimate
+        ("estimate_rms", "f8"),  # m, true position minus the estimate
         ("saturated_share", "f8"),  # of the control periods, 0..1
         ("tilt_max", "f8"),  # rad
-        ("moments", "i8"),  # how many were judged
+        ("moments", "i8"),  # number of moments evaluated
     ],
     align=True,
 )
@@ -84,9 +84,7 @@ def copy_state(x: Any, state: Item) -> None:
 
 @compiled(inner=True)
 def _begin(c: Item, p: Item, v: Item) -> None:
-    """Take the gyroscope's mean at rest as its bias (Sec. 5.1), and start the filter at the true
-    pose.
-    """
+    """Set the gyroscope's bias to its mean at rest (Sec. 5.1); start the filter at the truth."""
     bias, rate, n = c.gyroscope_bias_b, v.imu.angular_velocity_b, c.calibration_samples
     for _ in range(n):
         read_imu(p, c.sensors, v.estimator.gyroscope_bias_b, c.random, c.drawn, v.imu)
@@ -105,7 +103,7 @@ def _begin(c: Item, p: Item, v: Item) -> None:
 def _judge(x: Any, v: Item, r: Item, weight: int) -> bool:
     """Add `weight` (0 or 1) times this moment to the sums of the OUTCOME record r.
 
-    Returns True when the flight is lost: far from the reference, upside down, or no number.
+    Returns True when the flight is lost: far from the reference, upside down, or not finite.
     """
     square = missed = 0.0
     for i in range(3):
@@ -130,7 +128,7 @@ def _judge(x: Any, v: Item, r: Item, weight: int) -> bool:
 
 @compiled(inner=True)
 def _finish(r: Item, ticks: int, saturated: int) -> None:
-    """Turn sums into means; NaN where nothing was judged."""
+    """Turn sums into means; NaN if no moment was evaluated."""
     r.position_rms = math.sqrt(r.position_rms / r.moments)
     r.yaw_rms = math.sqrt(r.yaw_rms / r.moments)
     r.estimate_rms = math.sqrt(r.estimate_rms / r.moments)
@@ -141,7 +139,7 @@ def _finish(r: Item, ticks: int, saturated: int) -> None:
 
 @compiled(inner=True)
 def _keep(t: float, x: Any, v: Item, h: Item) -> None:
-    """Keep one HISTORY record."""
+    """Store one HISTORY record."""
     h.time = t
     for i in range(13):
         h.truth[i] = x[i]
@@ -169,18 +167,18 @@ def fly(
     judge_every: int,
     keep_every: int,
 ) -> None:
-    """Fly `ticks` control periods; records of shape (1,), all but settings written.
+    """Fly `ticks` control periods; records have shape (1,), and all but settings are written.
 
     One period: sample the sensors, step the laws, hold their motor references over `substeps`
     Runge-Kutta steps of the plant. The trajectory and the OUTCOME begin after `hover_ticks`.
 
     Args:
-        wanted, carry: (4,) counts, the motor references and what rounding owes them.
+        wanted, carry: (4,) counts, the motor references and their carried rounding errors.
         history: (K,) HISTORY, one each `keep_every` ticks until it is full.
         judge_every: ticks between two moments of the OUTCOME's errors.
     """
     c, p, v, r = case[0], plant[0], onboard[0], outcome[0]
-    s, airborne = c.settings, ticks > 0  # a plain True would be a type of its own to compile
+    s, airborne = c.settings, ticks > 0  # a plain True would be compiled as another type
     period = 1e-9 * period_ns
     dt = period / substeps
     share = motor_share(p.model.motor_time_constant, dt)

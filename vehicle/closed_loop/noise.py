@@ -1,9 +1,9 @@
-"""Random numbers inside compiled loops: one small generator a vehicle, kept in its record.
+"""Random numbers inside compiled loops: one small generator per vehicle, stored in its record.
 
-xoshiro256++ (Blackman, Vigna 2021), started by splitmix64 as its authors advise, and normal
-numbers by the ziggurat (Marsaglia, Tsang 2000) with 256 layers and a position independent of
-the layer (Doornik 2005). A vehicle's numbers depend on its seed alone: not on its place in a
-batch, nor on the number of threads.
+xoshiro256++ (Blackman, Vigna 2021), seeded by splitmix64 as its authors advise, and normal numbers
+by the ziggurat (Marsaglia, Tsang 2000) with 256 layers and a position independent of the layer
+(Doornik 2005). A vehicle's numbers depend only on its seed: not on its place in a batch, nor on the
+number of threads.
 """
 
 from __future__ import annotations
@@ -27,9 +27,7 @@ _R17, _R23, _R41, _R45, _R19 = (np.uint64(n) for n in (17, 23, 41, 45, 19))
 
 
 def _ziggurat() -> tuple[Array, Array]:
-    """Return right edges (257,) of the layers, bottom first, and each edge over the one below
-    it.
-    """
+    """Return right edges (257,) of the layers, bottom first, and each edge over the one below."""
     density = math.exp(-0.5 * TAIL * TAIL)
     area = TAIL * density + math.sqrt(0.5 * math.pi) * math.erfc(TAIL / math.sqrt(2.0))
     edges = np.zeros(LAYERS + 1)
@@ -44,9 +42,7 @@ EDGES, INNER = _ziggurat()
 
 
 def seeded(seeds: list[int]) -> Words:
-    """Return generators, shape (len(seeds), 4), from whole numbers: splitmix64's next four
-    words.
-    """
+    """Return generators (len(seeds), 4) from whole numbers: the next four words of splitmix64."""
     out = np.empty((len(seeds), 4), np.uint64)
     for k, seed in enumerate(seeds):
         for i in range(4):
@@ -56,7 +52,7 @@ def seeded(seeds: list[int]) -> Words:
 
 @compiled
 def word(s: Words) -> np.uint64:
-    """Return the next 64 random bits of one generator (4,), which moves on."""
+    """Return the next 64 random bits of one generator (4,), and advance it."""
     a, b, c, d = s[0], s[1], s[2], s[3]
     sum_ = a + d
     out: np.uint64 = ((sum_ << _R23) | (sum_ >> _R41)) + a

@@ -30,7 +30,7 @@ SETTINGS = np.dtype(
     [
         ("estimation", ESTIMATION_GAINS),
         ("control", CONTROL),
-        ("model", MODEL),  # what the controller believes
+        ("model", MODEL),  # the controller's model
         ("eight", FIGURE_EIGHT),
         ("observer", OBSERVER),
     ],
@@ -93,9 +93,7 @@ def steer(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
 
 @compiled(inner=True)
 def onboard_one(v: Item, s: Item, imu: Item, t: float, airborne: bool, dt: float) -> None:
-    """Make one step of the ONBOARD record v by SETTINGS s, from an IMU_SAMPLE dt (s) after the
-    last.
-    """
+    """Step the ONBOARD record v by SETTINGS s, with an IMU_SAMPLE dt (s) after the last."""
     predict_one(v.estimator, imu, s.estimation, dt, v.state)
     steer(v, s, t, airborne, dt)
 

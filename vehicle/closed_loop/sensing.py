@@ -1,6 +1,4 @@
-"""The measurements of the truth for the vehicle's filters: counted IMU samples and late, noisy
-poses.
-"""
+"""Simulated measurements for the vehicle's filters: quantised IMU samples and late, noisy poses."""
 
 from __future__ import annotations
 
@@ -29,7 +27,7 @@ Item = Any
 """One record `array[k]` inside compiled code."""
 
 UNDER_WAY = 16
-"""Poses that can be between the tracker and the vehicle at one time."""
+"""Largest number of poses that can be between the tracker and the vehicle at one time."""
 
 TRACKER = np.dtype(
     [
@@ -38,9 +36,9 @@ TRACKER = np.dtype(
         ("position_noise", "f8"),  # m
         ("attitude_noise", "f8"),  # rad
         ("drop_out", "f8"),  # share of poses lost
-        ("next_ns", "i8"),  # when the next pose is taken
-        ("taken", "i8"),  # poses so far
-        ("given", "i8"),  # of them, how many arrived
+        ("next_ns", "i8"),  # time of the next pose
+        ("taken", "i8"),  # number of poses so far
+        ("given", "i8"),  # number of these that have arrived
         ("pose", POSE_SAMPLE, UNDER_WAY),
     ],
     align=True,
@@ -48,8 +46,9 @@ TRACKER = np.dtype(
 
 
 def new_tracker(parameters: TrackerParameters) -> Record:
-    """Return a TRACKER record, shape (1,). Raises OutOfBoundsError for a delay of too many
-    poses.
+    """Return a TRACKER record, shape (1,).
+
+    Raises OutOfBoundsError when the delay covers too many poses.
     """
     p = parameters
     if p.delay * p.rate > UNDER_WAY - 1:
@@ -67,11 +66,11 @@ def new_tracker(parameters: TrackerParameters) -> Record:
 
 @compiled(inner=True)
 def read_imu(p: Item, s: Item, bias_b: Any, random: Any, drawn: Any, imu: Item) -> None:
-    """Write an IMU_SAMPLE of a PLANT record by SENSORS s, without the known gyroscope bias (3,)
-    rad/s.
+    """Write the IMU_SAMPLE of a PLANT record by SENSORS s, less the known gyroscope bias.
 
-    `drawn` (6,) is room for the random numbers: drawn one after the other, by one copy of their
-    code.
+    Args:
+        bias_b: (3,) rad/s.
+        drawn: (6,), buffer for the random numbers, drawn in a loop to compile their code only once.
     """
     normals(random, drawn)
     for i in range(3):
@@ -90,10 +89,11 @@ def read_imu(p: Item, s: Item, bias_b: Any, random: Any, drawn: Any, imu: Item) 
 def track(
     t: Item, p: Item, stamp_ns: int, random: Any, drawn: Any, memory: Item, gains: Item, out: Item
 ) -> None:
-    """Take a pose of a PLANT record when one is due; give the filter those that have arrived.
+    """Measure a pose of a PLANT record when one is due; pass those that arrived to the filter.
 
     Args:
-        t: TRACKER. drawn: (6,), room for random numbers.
+        t: TRACKER.
+        drawn: (6,), buffer for random numbers.
         memory, gains, out: ESTIMATOR_MEMORY, ESTIMATION_GAINS and ESTIMATE of the filter.
     """
     if stamp_ns >= t.next_ns:

@@ -14,11 +14,11 @@ def bearing_pose(seen: Record, beacons: KnownBeacons, state: Record | None) -> b
     """Return the encoded `bearing_pose` of one frame.
 
     Args:
-        seen: BEARINGS_SAMPLE (1,); places are taken from `beacons`.
-        state: STATE of shape (1,) to start the search from, which is what makes poses near
-            the beacons' own plane possible; None when there is none.
+        seen: BEARINGS_SAMPLE (1,); places are read from `beacons`.
+        state: STATE of shape (1,) from which the search starts, which makes poses near the beacons'
+            own plane possible; None when there is none.
 
-    Raises MeasurementError; DegenerateGeometryError when too few beacons are seen, one comes
+    Raises MeasurementError; DegenerateGeometryError when too few beacons are seen, one appears
     twice, or they do not determine a pose.
     """
     frame = beacons.with_positions(seen)

@@ -1,7 +1,7 @@
-"""The service `calibrate`: calibrations taken over, kept, and found.
+"""The service `calibrate`: apply, store and find calibrations.
 
-Flight applies values and finds the drift, and never touches the disk; this process owns the file.
-What cannot be kept is not in force either: the values before are put back.
+Flight applies values and finds the drift, and never accesses the disk; this process owns the file.
+A calibration that cannot be stored is not used either: the previous values are restored.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ TYPE = SERVICES["calibrate"]
 ANSWER_BYTES = 64_000
 """Largest size of the records in one answer: one fragment of the link."""
 GYROSCOPE_PATIENCE_S = 5.0
-"""Longer than the samples take."""
+"""Margin, in s, added to the time for the samples before a request times out."""
 FOUND_KEPT = 8
 KEEPER = "calibration keeper"
 
@@ -33,14 +33,14 @@ Say = Callable[[int, str], None]
 
 
 class Calibrations:
-    """The calibrations behind the service; `answer` runs on its threads, `found` on that of comms.
+    """Calibrations behind the service; `answer` runs on its threads, `found` on that of comms.
 
     Args:
         now_ns: the vehicle's clock.
-        say: takes (level, text) of an event.
-        gyroscope_s: s that the samples for a drift take now.
-        refused: stamps of records that did not come into force at the start.
-        since_ns: the vehicle's start; a drift from before is gone.
+        say: called with (level, text) of an event.
+        gyroscope_s: returns the time, in s, that the samples for a drift take now.
+        refused: stamps of records that were rejected at the start.
+        since_ns: start of the vehicle; an older drift is no longer in use.
     """
 
     def __init__(
@@ -79,27 +79,26 @@ class Calibrations:
         return new(f"{TYPE}_Response", accepted=True, records=texts)
 
     def found(self, found: mailbox.GyroscopeFound) -> None:
-        """Take flight's outcome of a calibration of the gyroscope."""
+        """Handle flight's result of a gyroscope calibration."""
         if found.request_id:
             with self._is_found:
                 self._found[found.request_id] = found
-                while len(self._found) > FOUND_KEPT:  # no one waited for the oldest any more
+                while len(self._found) > FOUND_KEPT:  # the oldest were abandoned
                     del self._found[next(iter(self._found))]
                 self._is_found.notify_all()
         elif not found.reason:
-            # Not on this thread: a disk may take a second, and telemetry waits for none.
+            # In another thread: a disk access may take a second, and telemetry must not wait for
+            # it.
             threading.Thread(target=self._keep_at_start, args=(found,), name=KEEPER).start()
 
     def in_force_json(self) -> bytes:
-        """Return the calibrations in force as JSON for the onboard log: by name, as the station's
-        runs have them.
-        """
+        """Return the calibrations in use as JSON for the onboard log, by name as in the runs."""
         in_force = {record.name: record.model_dump(mode="json") for record in self._in_force()}
         return json.dumps({"in_force": in_force, "problem": ""}, indent=1).encode()
 
     # ------------------------------------------------------------------ actions
     def _in_force(self) -> list[CalibrationRecord]:
-        """Return the calibrations in force, oldest first."""
+        """Return the calibrations in use, oldest first."""
         return [
             record
             for record in self._store.newest()
@@ -142,15 +141,14 @@ class Calibrations:
             "requester": requester or proposed.requester,
             "stamp_ns": self._now_ns(),
         }
-        # Read back as it will be: what JSON cannot carry (not a number) must not get into the file.
+        # Parsed as it will be read: values that JSON cannot carry (not a number) must not reach the
+        # file.
         record = parse_stored(encoded(proposed.model_copy(update=written)).rstrip())
         self._store.append(record)
         return record
 
     def _put_back(self, reply: mailbox.Reply, error: QuadlabError) -> QuadlabError:
-        """Put the previous calibration back and return the error to answer with; the vehicle flies
-        on what it had.
-        """
+        """Restore the previous calibration and return the error to answer with."""
         if not reply.previous:
             return error
         try:
@@ -180,7 +178,7 @@ class Calibrations:
         record = gyroscope_record(found)
         try:
             self._store.replace(ON_REQUEST, record)
-        except StorageError as error:  # nothing is lost before the next start, where it is anyhow
+        except StorageError as error:  # harmless: the drift is found again at the next start
             self._say(mailbox.WARN, str(error))
         return record
 

@@ -1,4 +1,4 @@
-"""Commands through the inbox ring, and their replies back to whoever waits."""
+"""Commands to the flight process through the inbox ring, and the return of its replies."""
 
 from __future__ import annotations
 
@@ -20,23 +20,24 @@ from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.replica import ParameterReplica
 
 REPLY_TIMEOUT_S = 1.0
-FETCH_PATIENCE_S = 1.5  # less than a parameter client waits
+FETCH_PATIENCE_S = 1.5  # shorter than the timeout of a parameter client
 
 
 class FlightMailbox:
-    """The producer's side of the rings to flight, shared by all threads of this process."""
+    """The sending side of the rings to flight, shared by all threads of this process."""
 
     def __init__(self, rings: Rings) -> None:
         self._inbox = rings.inbox
         self._measured = {ring.dtype: ring for ring in (rings.poses, rings.bearings)}
         self._lock = threading.Lock()
         self._waiting: dict[str, tuple[threading.Event, list[mailbox.Reply]]] = {}
-        # The process id keeps replies to a comms process that died from being taken for ours.
+        # The process id distinguishes our replies from those to a comms process that died.
         self._ids = (f"{os.getpid()}-{k}" for k in itertools.count())
 
     def send(self, message: mailbox.Inbound | Request | Record) -> bool:
-        """Put a message, POSE_SAMPLE or BEARINGS_SAMPLE (1,) into its ring without waiting; False
-        when there is no room.
+        """Push a message, POSE_SAMPLE or BEARINGS_SAMPLE (1,) into its ring without waiting.
+
+        Returns False when the ring is full.
         """
         if isinstance(message, np.ndarray):
             with self._lock:
@@ -50,8 +51,8 @@ class FlightMailbox:
     ) -> mailbox.Reply:
         """Send the command that `make` builds for a request id, and wait for its reply.
 
-        Raises NoAnswerError when the flight process does not answer in time. Not for the thread
-        that calls `deliver`.
+        Raises NoAnswerError when the flight process does not answer in time. Must not be called on
+        the thread that calls `deliver`.
         """
         with self._lock:
             request_id = next(self._ids)
@@ -77,7 +78,7 @@ class FlightMailbox:
         return replies[0]
 
     def deliver(self, reply: mailbox.Reply) -> None:
-        """Wake who waits for this reply; no one may, if it came too late."""
+        """Wake the thread that waits for this reply; there is none if it arrived too late."""
         waiting = self._waiting.get(reply.request_id)
         if waiting is not None:
             answered, replies = waiting
@@ -88,7 +89,7 @@ class FlightMailbox:
 class FlightParameters:
     """The flight process's parameters, as the parameter services show and change them.
 
-    The flight process checks and applies; the replica follows what it says.
+    The flight process checks and applies changes; the replica follows what it reports.
     """
 
     def __init__(self, flight: FlightMailbox, preset: Mapping[str, ParameterValue]) -> None:
@@ -97,7 +98,7 @@ class FlightParameters:
         store.preset(preset)
         self._descriptions = store.descriptions()
         self.replica = ParameterReplica(store.values())
-        """A copy that has the values of the start until flight has reported its own."""
+        """A copy that has the initial values until flight has reported its own."""
         self._fetched = threading.Event()
         self._fetch_id = f"{os.getpid()}-all"
 
@@ -106,13 +107,13 @@ class FlightParameters:
 
     @property
     def complete(self) -> bool:
-        """Return whether the replica holds flight's values, not only those of the start."""
+        """Return whether the replica holds flight's values rather than the initial ones."""
         return self._fetched.is_set()
 
     def values(self) -> dict[str, ParameterValue]:
-        """Return flight's values; waits for them when this process has just started.
+        """Return flight's values; wait for them when this process has just started.
 
-        Raises LinkError when flight does not tell them: old ones would be a lie.
+        Raises LinkError when flight does not report them, as the initial ones may be wrong.
         """
         if not self._fetched.wait(FETCH_PATIENCE_S):
             raise LinkError(
@@ -136,15 +137,15 @@ class FlightParameters:
         return reply.applied, reply.revision
 
     def fetch(self) -> None:
-        """Ask for all values: a comms process that was restarted has missed changes."""
+        """Request all values: a comms process that was restarted has missed changes."""
         self._flight.send(mailbox.ChangeParameters(self._fetch_id, "comms", {}))
 
     def deliver(self, reply: mailbox.Reply) -> None:
-        """Take over all values if this is the reply to `fetch`."""
+        """Load all values if this is the reply to `fetch`."""
         if reply.request_id == self._fetch_id:
             self.replica.load(reply.applied, reply.revision)
             self._fetched.set()
 
     def changed(self, change: ParameterChange) -> None:
-        """Take over a change that the flight process applied."""
+        """Apply a change that the flight process reported."""
         self.replica.apply({change.name: change.new}, change.revision)

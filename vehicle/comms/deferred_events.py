@@ -1,7 +1,7 @@
-"""Publish why the vehicle braked or landed while no station heard it, once one hears it again.
+"""Publish warnings from while no station was connected, once one is connected again.
 
-What it says at such a moment reaches its log and its terminal; the link it could be heard by is the
-very thing that is gone, and a station that is started again was not there.
+Warnings at such a moment reach the vehicle's log and terminal, but not a station: the link is lost,
+or the station was not running.
 """
 
 from __future__ import annotations
@@ -13,25 +13,25 @@ from vehicle.processes import mailbox
 from vehicle_link.topics import DELAYED_PREFIX
 
 MOST = 8
-"""Warnings that are told; of more the newest."""
+"""Largest number of warnings that are published; the newest are kept."""
 SILENT = 0.3
-"""s without a station, from which on what is said may not be heard."""
+"""Seconds without a station after which events may not be received."""
 SETTLED = 3.0
-"""s with a station, after which whoever listens to it listens again."""
+"""Seconds with a station after which its clients have reconnected."""
 
 
 class Unheard:
-    """Used by one thread; times in s of one monotonic clock."""
+    """Queue of warnings that no station received. Used by one thread; times in s, monotonic."""
 
     def __init__(self) -> None:
         self._kept: deque[tuple[int, str]] = deque(maxlen=MOST)
         self._heard_since = math.inf
 
     def said(self, event: mailbox.Event, silence: float) -> bool:
-        """Return whether it is kept: a warning that may not be heard.
+        """Store the event if it is a warning that may not be received; return whether it is stored.
 
         Args:
-            silence: since the station was heard; inf before the first time.
+            silence: s since the last message of the station; inf before the first.
         """
         is_kept = event.level >= mailbox.WARN and SILENT < silence < math.inf
         if is_kept:
@@ -39,7 +39,7 @@ class Unheard:
         return is_kept
 
     def due(self, now: float, silence: float) -> tuple[int, str] | None:
-        """Return level and text of what is to be reported now; to be asked again and again."""
+        """Return level and text of the report that is due, None if there is none; poll it."""
         if silence > SILENT:
             self._heard_since = math.inf
             return None

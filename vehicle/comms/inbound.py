@@ -1,12 +1,12 @@
-"""Messages of the station's side: poses, bearings, sticks, references and heartbeats, into the
-flight's inbox.
+"""Forward messages of the station to the flight process's inbox: poses, bearings, sticks,
+references and heartbeats.
 
-All stamps are of the vehicle's clock already. What is older than 200 ms is ignored, as is what
-is from the future by as much; both are said once in five seconds at most.
+All stamps are already of the vehicle's clock. Messages older than 200 ms, or stamped as far in the
+future, are ignored; either is reported at most once in five seconds.
 
-One station has the vehicle: the first whose heartbeats come, until they fail for 1 s. Another's do
-not count, and it sends nothing else while our heartbeats name the one. Each topic has one source
-as well, whoever publishes it: two tracking systems are never mixed.
+One station holds the vehicle: the first whose heartbeats arrive, until they fail for 1 s. Those of
+another are ignored, and it sends nothing else while our heartbeats name the holder. Each topic also
+has one source, whoever publishes it: two tracking systems are never mixed.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Say = Callable[[int, str], None]
 
 
 class SaidSometimes:
-    """Lets one line in five seconds and subject through and counts the others into the next."""
+    """Rate limiter of warnings: one per five seconds and subject, with a count of the others."""
 
     def __init__(self, say: Say, clock: VehicleClock) -> None:
         self._say = say
@@ -59,15 +59,15 @@ class SaidSometimes:
 
 
 class Inbound:
-    """Callbacks of the subscriptions; each may run in a thread of its own.
+    """Callbacks of the subscriptions; each may run in its own thread.
 
     Args:
-        bearing_pose: takes (payload, stamp in ns) of a one-frame pose.
-        log: takes (topic, payload, stamp in ns) of everything that was not ignored.
+        bearing_pose: called with (payload, stamp in ns) of a one-frame pose.
+        log: called with (topic, payload, stamp in ns) of every message that was not ignored.
 
     Attributes:
-        newest_state: STATE of the newest tick, shape (1,), which starts the search for a
-            one-frame pose; replaced by the comms thread, None before the first tick.
+        newest_state: STATE of the newest tick, shape (1,), from which the search for a one-frame
+            pose starts; replaced by the comms thread, None before the first tick.
     """
 
     def __init__(
@@ -103,10 +103,10 @@ class Inbound:
         }
 
     def prepare(self) -> threading.Thread:
-        """Make the solver of one-frame poses ready, in a thread: it may have to compile.
+        """Prepare the solver of one-frame poses in a thread, as it may have to compile.
 
-        Called once ticks come: until then flight's own compiling needs the processor. Bearings
-        that come before it is ready give no pose.
+        Called once ticks arrive: until then flight's own compiling needs the processor. Bearings
+        that arrive before it is ready give no pose.
         """
         if self._preparing is None:
             self._preparing = threading.Thread(target=self._make_solver, daemon=True)
@@ -118,8 +118,9 @@ class Inbound:
         self._solves = True
 
     def lay_out(self, text: str) -> None:
-        """Take over the beacons' positions from the text of the parameter beacons.layout. Raises
-        MeasurementError.
+        """Set the beacons' positions from the text of the parameter beacons.layout.
+
+        Raises MeasurementError.
         """
         if text != self._layout:
             self._layout, self._beacons = text, KnownBeacons(parse_layout(text))
@@ -132,7 +133,7 @@ class Inbound:
 
     @property
     def holder(self) -> int:
-        """Return the instance of the station that has the vehicle; 0 when none is connected."""
+        """Return the instance of the station that holds the vehicle; 0 when none is connected."""
         return self._station.current(monotonic_ns()) or 0
 
     def take(self, topic: str, payload: bytes, source: bytes = b"") -> None:
@@ -186,7 +187,8 @@ class Inbound:
         if before is None:
             self._say(mailbox.INFO, f"station {short_id(instance)} has the vehicle")
         self._heard_ns = now_ns
-        # The station's own stamp may precede its time synchronisation: what counts is when.
+        # The station's own stamp may precede its time synchronisation, so the time of arrival
+        # counts.
         self._send(mailbox.Heartbeat(self._clock.now_ns()))
 
     def _bearings(self, payload: bytes) -> None:
@@ -214,6 +216,6 @@ class Inbound:
 
     def _send(self, message: mailbox.Measurement | Record) -> None:
         if not self._clock.started:
-            return  # flight is still starting: no one empties its inbox
+            return  # flight is still starting: its inbox is not read yet
         if not self._flight.send(message):
             self._complain("flight inbox", "full; measurements are lost")

@@ -1,9 +1,9 @@
-"""The vehicle's end of the lane, wired: keys by a service, topics out and in.
+"""The vehicle's end of the datagram lane: a service for its keys, and topics in both directions.
 
-Poses and bearings are subscribed to over Zenoh only while the station that has the vehicle is not
-heard by the lane, so that they cross the radio once. Heartbeats and sticks come both ways always;
-of both the first counts, and nothing older than what came. The lane alone keeps the order between
-topics: over Zenoh each has a thread of its own.
+Poses and bearings are subscribed to over Zenoh only while nothing arrives by the lane from the
+station that holds the vehicle, so that they cross the radio once. Heartbeats and sticks always
+arrive both ways; the first copy counts, and older ones are dropped. Only the lane preserves the
+order between topics: over Zenoh each topic has its own thread.
 """
 
 from __future__ import annotations
@@ -30,15 +30,17 @@ log = logging.getLogger(__name__)
 ONE_WAY = ("tracker_pose", "tracker_position", "bearings")
 """Topics that are subscribed to over Zenoh only while the lane is silent."""
 SILENT_AFTER = 0.3
-"""s without a heartbeat by the lane: several of them are missing."""
+"""Seconds without a heartbeat by the lane, after which several are missing."""
 LOOK = 0.05  # s
 
 
 class CommsLane:
-    """Args:
-    port: UDP; another when it is taken.
-    came: told of all that came by the lane once it, and what its sender sent before it, has been
-        handed on.
+    """Lane of one vehicle.
+
+    Args:
+        port: UDP port; another one if it is in use.
+        came: called with each message of the lane, after it and those that its sender sent before
+            it have been handled.
     """
 
     def __init__(
@@ -60,28 +62,29 @@ class CommsLane:
             node.serve(door, SERVICES[LANE], self._granting(topics))
 
     def send(self, publishers: Mapping[str, Publisher], beats_every: int = 1) -> None:
-        """Send what these publish by the lane too, as far as it belongs to the lane's topics.
+        """Send the publications of these publishers by the lane too, if their topics belong to it.
 
         Args:
-            beats_every: of the heartbeats sent by it, one in so many goes over Zenoh too.
+            beats_every: of the heartbeats sent by the lane, one in this many is also sent over
+                Zenoh.
         """
         for name in TO_STATION:
             publishers[name].also_send = partial(self._lane.send, name)
         publishers["vehicle_heartbeat"].send_one_in = beats_every
 
     def take(self, topic: str, callback: Callable[[Received], None]) -> None:
-        """Deliver each message of a topic once and in order, whichever way it comes first."""
+        """Deliver each message of a topic once and in order, by whichever way it arrives first."""
         self._take[topic] = threading.Lock(), callback
         if topic not in ONE_WAY:
             self._subscribe(self._node, topic)
 
     def start(self) -> None:
-        """Subscribe to the rest, as `take` has been told of all."""
+        """Subscribe to the other topics, after `take` was called for all of them."""
         self.look()
         self._looking.start()
 
     def heard(self) -> None:
-        """Note that the station that has the vehicle was received by the lane."""
+        """Note that the station that holds the vehicle was received by the lane."""
         self._heard = monotonic()
 
     def _subscribe(self, node: Node, topic: str) -> None:
@@ -95,13 +98,13 @@ class CommsLane:
                 log.info("lane: %s", error)
 
     def look(self) -> None:
-        """Subscribe over Zenoh to what the lane does not bring, and to nothing that it brings."""
+        """Subscribe over Zenoh to the topics that the lane does not deliver, and to no others."""
         is_heard = monotonic() - self._heard < SILENT_AFTER
         if is_heard and self._over_zenoh is not None:
             self._over_zenoh.close()
             self._over_zenoh = None
         elif not is_heard and self._over_zenoh is None:
-            # A node of its own, because a node closes as a whole.
+            # A separate node, because a node can only be closed as a whole.
             name = f"{self._node.name}_measurements"
             node = Node(self._node.session, self._node.namespace, name)
             for topic in filter(self._take.__contains__, ONE_WAY):
@@ -109,9 +112,7 @@ class CommsLane:
             self._over_zenoh = node
 
     def _granting(self, topics: tuple[str, ...]) -> Callable[[Message], Message]:
-        """Return a service that grants new keys each time it is asked; `topics` is what their owner
-        may send.
-        """
+        """Return a service that grants new keys on each request, to send only `topics` with."""
         return lambda request: self._lane.grant(int(request.instance), topics)
 
     def close(self) -> None:
@@ -131,6 +132,6 @@ class CommsLane:
         if taken is None:
             return
         one_at_a_time, callback = taken
-        with one_at_a_time:  # what came the other way has been handed on, not only seen
+        with one_at_a_time:  # a message from the other way has been handled, not only received
             if self._newest.is_newer(topic, received):
                 callback(received)

@@ -9,7 +9,7 @@ SILENT_NS = 1_000_000_000
 
 
 class FirstHeard(Generic[Key]):
-    """Pure: fed with times of any steady clock, ns. Of one thread."""
+    """Selector of the first source received; times in ns of any steady clock. Not thread-safe."""
 
     def __init__(self, silent_ns: int = SILENT_NS) -> None:
         self._silent_ns = silent_ns
@@ -17,14 +17,12 @@ class FirstHeard(Generic[Key]):
         self._heard_ns = 0
 
     def heard(self, key: Key, now_ns: int) -> bool:
-        """Return whether this source is listened to; it is from now on, if there is no other
-        one.
-        """
+        """Return whether to accept this source; it is selected when there is no other."""
         if self.current(now_ns) not in (None, key):
             return False
         self._key, self._heard_ns = key, now_ns
         return True
 
     def current(self, now_ns: int) -> Key | None:
-        """Return the source listened to; None when it has been silent for too long."""
+        """Return the selected source; None when it has been silent for too long."""
         return self._key if now_ns - self._heard_ns < self._silent_ns else None

@@ -1,8 +1,8 @@
 """The comms process: Zenoh and the onboard log, next to the flight process and unable to delay it.
 
-One thread drains what flight sends, about every 10 ms; Zenoh's threads bring what the station
-sends. Run as `python -m vehicle.comms.process CONFIG` by vehicle.processes.parent,
-which starts it again when it dies.
+One thread drains flight's messages, about every 10 ms; Zenoh's threads deliver the station's. Run
+as `python -m vehicle.comms.process CONFIG` by vehicle.processes.parent, which restarts it when it
+dies.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from vehicle.comms.publishers import LinkRadio
 from vehicle.comms.self_checks import SelfChecks
 from vehicle.comms.services import serve
 from vehicle.comms.vehicle_clock import VehicleClock
+from vehicle.estimators.estimators import Estimators
 from vehicle.onboard_log.files import OnboardFiles
 from vehicle.onboard_log.onboard_log import OnboardLog, microcontroller_facts
 from vehicle.onboard_log.parameters import log_parameters
@@ -36,7 +37,7 @@ from vehicle.onboard_log.reader import OnboardReader
 from vehicle.onboard_log.ring import Fetched
 from vehicle.processes import mailbox
 from vehicle.processes.config import TICK_SLOTS, CommsConfig, Rings, open_rings
-from vehicle.processes.parent import GIVEN_UP
+from vehicle.processes.parent import GIVEN_UP, PLUGINS
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link import topics
 from vehicle_link.clock import monotonic_ns
@@ -55,16 +56,17 @@ STATION_LOST_S = 1.0
 FETCH_PERIOD_NS = 1_000_000_000
 CLOSE_PATIENCE_S = 0.5
 TICKS_KEPT = TICK_SLOTS // 2
-"""Ticks kept until they are in the file: room for the flight process comes first."""
+"""Largest number of ticks kept until they are in the file: flight needs the room first."""
 
 
 class Comms:
-    """The comms process: everything of it, wired."""
+    """The comms process with all its parts."""
 
     def __init__(self, config: CommsConfig, rings: Rings, node: Node) -> None:
         self._rings = rings
         self._clock = VehicleClock()
         self._flight = FlightMailbox(rings)
+        Estimators(Path(config.data) / PLUGINS).offer()
         self._parameters = FlightParameters(self._flight, config.parameters)
         self._events: deque[mailbox.Event] = deque()
         self._bearing_poses: deque[tuple[bytes, int]] = deque()
@@ -94,7 +96,7 @@ class Comms:
             fetched=fetched,
             written=rings.ticks.free,
         )
-        before = rings.ticks.read_before()  # by a comms process that died: not in its file
+        before = rings.ticks.read_before()  # of a comms process that died: not in its file
         if len(before):
             self._log.ticks(before, int(before["imu"]["stamp_ns"][-1]))
         self._publisher = Publisher(
@@ -134,12 +136,12 @@ class Comms:
         wait_s = self._longest_wait_s
         while not stopping.wait(wait_s):
             self.drain()
-            # In step with the ticks: a packet leaves as soon as its last tick is there.
+            # In step with the ticks: a packet leaves as soon as its last tick arrives.
             wait_s = min(self._longest_wait_s, max(SHORTEST_WAIT_S, self._publisher.next_packet_s))
         self.drain()
 
     def drain(self) -> None:
-        """Take everything flight has sent and pass it on."""
+        """Read everything flight has sent and pass it on."""
         read_ns = monotonic_ns()
         ticks = self._rings.ticks.read()
         if (too_many := len(self._rings.ticks) - TICKS_KEPT) > 0:  # the disk is slow
@@ -157,7 +159,7 @@ class Comms:
         for message in self._rings.outbox.pop_all():
             self._dispatch(mailbox.decode_outbound(message))
         if self._notices and self._inbound.station_silence < STATION_LOST_S:
-            for level, text in self._notices:  # not before: no one would have read them
+            for level, text in self._notices:  # not earlier, as no one could read them
                 self._events.append(mailbox.Event(self._clock.now_ns(), level, text))
             self._notices.clear()
         if told := self._unheard.due(read_ns * 1e-9, self._inbound.station_silence):
@@ -172,7 +174,7 @@ class Comms:
         self._watch_drops()
 
     def close(self) -> None:
-        """Close the log and send the last events; the session is closed by its maker."""
+        """Close the log and send the last events; the caller closes the session."""
         self._log.close()
         self._radio.close()
         self._lane.close()
@@ -182,7 +184,7 @@ class Comms:
             self._flight.deliver(message)
             self._parameters.deliver(message)
             if self._parameters.complete:
-                self._log.start()  # not before: its files begin with the parameters
+                self._log.start()  # not earlier: its files begin with the parameters
                 values = self._parameters.values()
                 self._inbound.lay_out(str(values["beacons.layout"]))
                 self._publisher.estimator = str(values[FLOWN_ON])
@@ -211,8 +213,8 @@ class Comms:
         return lambda received: self._inbound.take(topic, received.payload, received.gid)
 
     def _came_by_lane(self, topic: str, received: Received) -> None:
-        """Note a heartbeat of the station that has the vehicle: its poses of before are with
-        flight, and need not come over Zenoh.
+        """Note a heartbeat of the station that holds the vehicle: its earlier poses have reached
+        flight, and need not be sent over Zenoh.
         """
         if topic == "station_heartbeat":
             beat = topics.decode_heartbeat(received.payload)
@@ -239,7 +241,7 @@ class Comms:
 
 
 def main(argument: str) -> int:
-    """Exit status: 0 stopped by a signal, GIVEN_UP when it cannot start."""
+    """Run the process; return 0 after a signal, GIVEN_UP when it cannot start."""
     config = msgspec.json.decode(argument, type=CommsConfig)
     speak_for(config.name)
     die_with_parent(config.parent)
@@ -262,7 +264,7 @@ def main(argument: str) -> int:
     comms = Comms(config, open_rings(config.rings), Node(session, f"/{config.name}", "vehicle"))
     comms.run(stopping)
     comms.close()
-    # Tells the station at once that we leave; with a peer that is gone it could take 10 s.
+    # Notifies the station at once; when the peer has vanished this could take 10 s.
     closing = threading.Thread(target=session.close, daemon=True)
     closing.start()
     closing.join(CLOSE_PATIENCE_S)

@@ -1,7 +1,7 @@
 """Messages that leave the vehicle: telemetry packets, the slow topics at their rates, heartbeats.
 
-Everything is encoded once and goes to the onboard log too. While the station is not received, the
-radio gets at most five messages a second of each topic, as a probe; the log still gets all.
+Everything is encoded once and also written to the onboard log. While the station is not received,
+each topic sends at most five messages a second by radio, as a probe; the log still gets all.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from vehicle_link.parameters.change import ParameterChange
 
 NOMINAL_RATE = 500.0  # Hz, until the loop has measured its own
 PROBE_NS = 200_000_000
-STALE_NS = 200_000_000  # ticks older than this are for the log only
+STALE_NS = 200_000_000  # older ticks are only logged
 FLOWN_ON = "estimation.estimator"
-"""The parameter that names the estimator of the topic `estimator`."""
+"""Name of the parameter that selects the estimator of the topic `estimator`."""
 
 _STABLE = ~int(
     Flag.SATURATED | Flag.TILT_LIMITED
@@ -39,13 +39,13 @@ _STATUS_OFFSET = offset_of(TICK, "status")
 
 
 class Radio(Protocol):
-    """One publisher a topic; `put` may take a millisecond."""
+    """One publisher per topic; `put` may take a millisecond."""
 
     def put(self, topic: str, payload: bytes, source_ns: int) -> None: ...
 
 
 class Log(Protocol):
-    """Keeps every message; `topic` without namespace."""
+    """Log of every message; `topic` without namespace."""
 
     def message(
         self, topic: str, type_name: str, payload: bytes, source_ns: int, log_ns: int
@@ -59,12 +59,12 @@ class Clock(Protocol):
 
 
 class Publisher:
-    """Owned by the comms thread; `event`, `parameter_change` and `bearing_pose` as well.
+    """Publisher of all topics, for the comms thread alone.
 
     Args:
-        radio: None in simulated time, where no one listens: only the log is served.
-        packets: of telemetry a second. No other topic comes more often; where there are fewer than
-            usual, half as often at most, heartbeats apart.
+        radio: None in simulated time, where nothing listens: only the log is written.
+        packets: telemetry packets a second. No other topic is sent more often; if there are fewer
+            packets than usual, at most half as often, except heartbeats.
     """
 
     def __init__(
@@ -92,9 +92,9 @@ class Publisher:
         self._probe_ns: dict[str, int] = {}
         self._status_key: tuple[int, ...] = ()
         self.station_lost = False
-        self.instance, self.holder = 0, 0  # of the vehicle, of the station that has it
+        self.instance, self.holder = 0, 0  # of the vehicle, and of the station that holds it
         self.estimator = ""
-        """The one flown on, as `FLOWN_ON` says; followed from its changes."""
+        """The estimator in use, initially by `FLOWN_ON`, then by its changes."""
 
     def ticks(self, ticks: Record) -> None:
         """Publish the ticks read just now, shape (N,), N ≥ 1, oldest first."""
@@ -102,7 +102,7 @@ class Publisher:
         newest = int(stamps[-1])
         if self._radio is not None:
             oldest = newest - STALE_NS
-            fresh = ticks if stamps[0] >= oldest else ticks[stamps >= oldest]  # a copy takes long
+            fresh = ticks if stamps[0] >= oldest else ticks[stamps >= oldest]  # copying is slow
             self._telemetry(self._radio, fresh)
         last = ticks[-1:]
         key = _status_key(ticks)
@@ -118,9 +118,7 @@ class Publisher:
 
     @property
     def next_packet_s(self) -> float:
-        """Return time until the ticks of the next telemetry packet are there, seen from the last
-        read.
-        """
+        """Return the s from the last read until the next telemetry packet's ticks exist."""
         return (self._packet_size - self._pending_count) / self._tick_rate
 
     @property
@@ -129,9 +127,10 @@ class Publisher:
         return self._tick_rate
 
     def heartbeat(self) -> None:
-        """Call often; sends at its rate, with or without ticks.
+        """Send a heartbeat when one is due, with or without ticks; call it often.
 
-        By the computer's time: simulated time may stand still until one has been heard.
+        It uses the computer's clock, as simulated time may not advance until a heartbeat has
+        arrived.
         """
         now_ns = self._clock.now_ns()
         if self._radio is not None and self._due("vehicle_heartbeat", time.monotonic_ns()):
@@ -165,7 +164,7 @@ class Publisher:
         size = self._packet_size = samples_a_packet(self._tick_rate, self._packets)
         if self._pending_count < size:
             return
-        # By their bytes: numpy's concatenate takes long to see that all are of one type.
+        # Joined as bytes: numpy's concatenate takes long to find that all have the same type.
         joined = b"".join(some.tobytes() for some in self._pending)
         waiting = np.frombuffer(joined, self._pending[0].dtype)
         for start in range(0, len(waiting) - size + 1, size):
@@ -190,9 +189,7 @@ class Publisher:
         )
 
     def _due(self, topic: str, now_ns: int) -> bool:
-        """Return True once a period of the topic; deadlines are kept, so the mean rate is the
-        rate.
-        """
+        """Return True once per period of the topic, with deadlines that keep the mean rate."""
         period = _PERIOD_NS[topic]
         shortest = self._beat_ns if topic == "vehicle_heartbeat" else self._shortest_ns
         period = max(period, shortest)
@@ -201,7 +198,7 @@ class Publisher:
             late = 0
         if late < 0:
             return False
-        # More than a period late: start a new row of deadlines instead of catching up.
+        # More than a period late: restart the deadlines instead of catching up.
         self._due_ns[topic] = now_ns + period - (late if late < period else 0)
         return True
 
@@ -221,19 +218,17 @@ class Publisher:
 
 
 def samples_a_packet(tick_rate: float, packets: int = PACKETS_A_SECOND) -> int:
-    """Return how many samples a packet takes to make so many packets a second, as far as one
-    datagram holds them.
-    """
+    """Return the samples per packet for this many packets a second, within one datagram."""
     return max(1, min(telemetry.SAMPLES_A_PACKET, round(tick_rate / packets)))
 
 
 def flag_names(flags: int) -> Sequence[str]:
-    """Return lower-case names of the flags that are set."""
+    """Return the lower-case names of the flags that are set."""
     return [flag.name.lower() for flag in Flag if flags & flag and flag.name]
 
 
 def _status_key(ticks: Record) -> tuple[int, ...]:
-    """Return what of the newest tick's status is published when it changes."""
+    """Return those fields of the newest status that are published as soon as they change."""
     mode, behavior, armed, airborne, control_mode, flags, revision = _STATUS.unpack_from(
         ticks[-1:].tobytes(), _STATUS_OFFSET
     )

@@ -1,7 +1,7 @@
-"""The vehicle's publishers on the link, one a topic.
+"""The vehicle's publishers on the link, one per topic.
 
-Best-effort topics are put at once (1 ms at most). Reliable ones may have to wait for a congested
-link, so they leave through a queue and a thread of their own.
+Best-effort topics are published at once (1 ms at most). Reliable ones may have to wait for a
+congested link, so they go through a queue and a separate thread.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ WAITING_MAX = 1000
 
 
 class LinkRadio:
-    """Publishes every topic of the table that the vehicle sends."""
+    """Publishers of every topic of the table that the vehicle sends."""
 
     def __init__(self, node: Node) -> None:
-        self.lost = 0  # reliable messages, of a link that stood still
+        self.lost = 0  # number of reliable messages lost, as the link was stalled
         rows = [topic for topic in TOPICS.values() if topic.sender == "vehicle"]
         self.publishers = {row.name: node.advertise(row) for row in rows}
         """Publishers by topic."""
@@ -29,7 +29,7 @@ class LinkRadio:
         self._thread.start()
 
     def put(self, topic: str, payload: bytes, source_ns: int) -> None:
-        """Send, now or as soon as the link takes it."""
+        """Send now, or as soon as the link has capacity."""
         if topic not in self._patient:
             self.publishers[topic].put(payload, source_ns)
             return
@@ -39,7 +39,7 @@ class LinkRadio:
             self.lost += 1
 
     def close(self, timeout_s: float = 0.5) -> None:
-        """Send what waits, as far as the time allows."""
+        """Send the queued messages, as far as the time allows."""
         try:
             self._queue.put_nowait(None)
         except queue.Full:

@@ -1,7 +1,7 @@
-"""The checks of the vehicle's own computer when the station asks: rights, disk, certificate.
+"""The checks of the vehicle's own computer for the station: privileges, disk, certificate.
 
-Asked at the station's start and from the Set-up page. Refused while the vehicle is armed; while
-its flight loop is silent, and so may be flying, the disk is left alone.
+Requested at the station's start and from the Set-up page. Refused while the vehicle is armed; while
+its flight loop is silent, and so may be flying, the disk is not accessed.
 """
 
 from __future__ import annotations
@@ -31,20 +31,21 @@ from vehicle_link.topics import SERVICES
 
 PLACE: Place = "vehicle"
 VERSION = "version"
-"""The check whose `found` the station compares with its own revision."""
+"""Name of the check whose `found` the station compares with its own revision."""
 
 
 STOP_BYTES = OnboardLogParameters().stop_bytes
 
 HEARD = 0.5
-"""s after which the flight loop's last word on whether it is armed is no longer believed."""
+"""Seconds after which the flight loop's last report of whether it is armed is out of date."""
 
 
 class Log(Protocol):
-    """The onboard log, as far as it is checked.
+    """The part of the onboard log that is checked.
 
-    problem: why the last flight has no whole log, empty when it has.
-    stop_bytes: of free space, below which nothing is logged.
+    Attributes:
+        problem: why the last flight's log is incomplete, empty when it is complete.
+        stop_bytes: free space, in bytes, below which nothing is logged.
     """
 
     problem: str
@@ -56,13 +57,13 @@ class Log(Protocol):
 def self_checks(
     data: Path, *, disarmed: bool, identity: Identity = THE_ONE, log: Log | None = None
 ) -> list[Check]:
-    """Check the computer this runs on.
+    """Check the computer that this process runs on.
 
     Args:
         data: the vehicle's data folder.
-        disarmed: known to be; else the disk is not looked at.
+        disarmed: whether it is known to be disarmed; if not, the disk is not accessed.
         identity: of the microcontroller.
-        log: the vehicle's own.
+        log: the vehicle's own log.
     """
     disk = Check(
         "log's disk",
@@ -89,7 +90,7 @@ def self_checks(
 
 
 def log_check(problem: str) -> Check:
-    """Check whether the last flight was logged."""
+    """Check whether the last flight was logged completely."""
     if not problem:
         return Check("onboard log", "ok", "nothing was lost", place=PLACE)
     advice = "make room on the vehicle's disk, leave the log's folder alone; arming tries again"
@@ -97,7 +98,11 @@ def log_check(problem: str) -> Check:
 
 
 class SelfChecks:
-    """Serves `checks`; `answer` runs in the service's own thread. Args: `clock`, s, steady."""
+    """Service `checks`; `answer` runs in the service's own thread.
+
+    Args:
+        clock: s, steady.
+    """
 
     def __init__(
         self,
@@ -110,7 +115,7 @@ class SelfChecks:
         self._told: tuple[float, bool] | None = None
 
     def heard(self, armed: bool) -> None:
-        """Take over whether the flight loop's newest tick is armed."""
+        """Store whether the flight loop's newest tick is armed."""
         self._told = (self._clock(), armed)
 
     @property
@@ -120,7 +125,7 @@ class SelfChecks:
         return None if told is None or self._clock() - told[0] > HEARD else told[1]
 
     def answer(self, request: Message) -> Message:
-        """Check each time: the station keeps what was found."""
+        """Run the checks on each request; the station stores the results."""
         armed = self.armed
         if armed:
             raise RefusedError("the vehicle is armed; checks are made on the ground")

@@ -1,7 +1,7 @@
-"""The services the vehicle offers on the link: commands, parameters, time.
+"""The services that the vehicle offers on the link: commands, parameters, time.
 
-Commands are idempotent by request id; what the flight process refuses is an answer with its
-reason, and a flight process that does not answer an error: no one knows what became of it.
+Commands are idempotent by request id. A refusal by the flight process is an answer with its reason;
+a flight process that does not answer is an error, as the outcome is unknown.
 """
 
 from __future__ import annotations
@@ -24,8 +24,7 @@ from vehicle_link.transport.idempotent import Idempotent, prepare
 from vehicle_link.transport.node import Node
 
 CALIBRATIONS = 3
-"""Calibration requests answered at once: the history must not wait for a gyroscope that is being
-calibrated."""
+"""Calibration requests answered at once: the history must not wait for a running calibration."""
 
 
 def serve(
@@ -50,7 +49,7 @@ def serve(
 def serve_command(
     node: Node, service: str, handler: Callable[[Message], Message], at_once: int
 ) -> None:
-    """Serve a command, once a request id."""
+    """Serve a command, executing it once per request id."""
     prepare(SERVICES[service])
     node.serve(service, SERVICES[service], Idempotent(handler), at_once=at_once)
 

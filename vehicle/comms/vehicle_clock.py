@@ -1,9 +1,9 @@
-"""The vehicle's clock as the comms process knows it.
+"""The comms process's estimate of the vehicle's clock.
 
-The clock belongs to the microcontroller; comms sees only the stamps of ticks, some milliseconds
-old when it reads them. The least delayed reading of the last seconds (the largest stamp minus
-monotonic time) is the best one, and host time fills in between: the answer is behind the true
-clock by the smallest delay seen, some 0.1 ms.
+The clock belongs to the microcontroller; comms sees only the stamps of ticks, some milliseconds old
+when it reads them. The least delayed reading of the last seconds (the largest stamp minus monotonic
+time) is the best one, and host time fills in between: the estimate is behind the true clock by the
+smallest delay seen, some 0.1 ms.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from collections import deque
 from vehicle_link import clock
 
 WINDOW_NS = 5_000_000_000
-"""Readings older than this are forgotten: 50 ppm of drift make 0.25 ms in it."""
+"""Age, in ns, after which readings are dropped: 50 ppm of drift make 0.25 ms in it."""
 
 
 class VehicleClock:
-    """One thread observes, any thread asks."""
+    """Clock that one thread updates and any thread reads."""
 
     def __init__(self) -> None:
-        # Until the first tick the host's epoch, which is where the vehicle's clock starts.
+        # Until the first tick, the host's epoch, at which the vehicle's clock starts.
         self._offset_ns = clock.time_ns() - clock.monotonic_ns()
         self._readings: deque[tuple[int, int]] = deque()  # (read, offset), offsets falling
         self.started = False
 
     def observe(self, stamp_ns: int, read_ns: int) -> None:
-        """Observe the newest tick's stamp, read at this monotonic time."""
+        """Use the newest tick's stamp, read at this monotonic time."""
         readings, offset = self._readings, stamp_ns - read_ns
         while readings and readings[-1][1] <= offset:
             readings.pop()
@@ -37,9 +37,9 @@ class VehicleClock:
         self.started = True
 
     def now_ns(self) -> int:
-        """Return nanoseconds of the vehicle's clock."""
+        """Return the vehicle's time, in ns."""
         return clock.monotonic_ns() + self._offset_ns
 
     def at_ns(self, monotonic_ns: int) -> int:
-        """Return the vehicle's clock at a monotonic time."""
+        """Return the vehicle's time, in ns, at a monotonic time."""
         return monotonic_ns + self._offset_ns

@@ -24,7 +24,7 @@ AGREEMENT = Difference(position=0.25, velocity=0.4, attitude=math.radians(6.0))
 """Largest difference between an estimate and the one in use for a hand-over in flight."""
 ESTIMATOR, SHADOW, SOURCE = "estimation.estimator", "estimation.shadow", "estimation.source"
 SHADOW_SOURCE = "estimation.shadow_source"
-RESCUE = "estimation.rescue"
+RESCUE, BUILT_IN = "estimation.rescue", "estimation.plugin.built_in"
 NONE, SAME = "none", "same"
 
 
@@ -86,7 +86,10 @@ class Seats:
             make: makes an estimator of this name on this source.
         """
         there, active = list(self.in_parallel()), self.active
-        if not active.is_(choice.name, choice.source):
+        beneath = active.beneath
+        if beneath is not None and beneath.is_(choice.name, choice.source):
+            active = beneath
+        elif not active.is_(choice.name, choice.source):
             taker = next((one for one in there if one.is_(choice.name, choice.source)), None)
             if taker is not None:
                 there.append(active)
@@ -103,7 +106,8 @@ class Seats:
             shadow = shadow or make(name, source)
         if choice.source != POSES:
             poses = [one for one in there if one.source == POSES and one is not shadow]
-            reserve = poses[-1] if poses else make(choice.name, POSES)
+            reserve = poses[-1] if poses else make((active.beneath or active).name, POSES)
+            reserve = reserve.beneath or reserve
         return Seats(active, shadow, reserve)
 
 
@@ -128,12 +132,19 @@ def check(
         SOURCE: parameters.source,
         SHADOW_SOURCE: parameters.shadow_source,
         RESCUE: parameters.rescue,
+        BUILT_IN: parameters.plugin.built_in,
     }
     if not values.keys() & present.keys():
         return {}
     wanted = {name: str(values.get(name, present[name])) for name in present}
     extra: dict[str, ParameterValue] = {}
     active = seats.active
+    for one in seats.all():
+        if one.beneath is not None and one.beneath.name != wanted[BUILT_IN]:
+            raise RefusedError(
+                f"{BUILT_IN} stays {one.beneath.name} while {one.name} runs on it; "
+                "choose another estimator first"
+            )
     back = wanted[SOURCE] == POSES != active.source
     if armed and back and seats.reserve is not None and ESTIMATOR not in values:
         extra[ESTIMATOR] = wanted[ESTIMATOR] = seats.reserve.name
@@ -142,7 +153,7 @@ def check(
     if armed and moves and not in_place:
         taker = _taker(seats, wanted)
         _check_taker(taker, active, state)
-        if SHADOW not in values:
+        if SHADOW not in values and taker is not active.beneath:
             # The previous one stays as the shadow; on poses it is the reserve anyway.
             extra[SHADOW] = wanted[SHADOW] = _left(active, wanted)
             if wanted[SHADOW] != NONE and wanted[SOURCE] != active.source:
@@ -155,7 +166,7 @@ def check(
                 f"choose another, or {NONE}"
             )
         extra[SHADOW] = wanted[SHADOW] = NONE
-    _compile(seats, _choice(wanted), armed)
+    _compile(seats, _choice(wanted), wanted[BUILT_IN], armed)
     return extra
 
 
@@ -178,8 +189,8 @@ def _taker(seats: Seats, wanted: Mapping[str, str]) -> Runner:
     can.
     """
     name, source = wanted[ESTIMATOR], wanted[SOURCE]
-    for one in seats.in_parallel():
-        if one.is_(name, source):
+    for one in (seats.active.beneath, *seats.in_parallel()):
+        if one is not None and one.is_(name, source):
             return one
     running = ", ".join(str(one) for one in seats.in_parallel()) or NONE
     raise RefusedError(
@@ -201,8 +212,9 @@ def _check_taker(taker: Runner, active: Runner, state: Record) -> None:
         raise RefusedError(f"estimator {taker} is {apart} away from {active}; allowed {AGREEMENT}")
 
 
-def _compile(seats: Seats, choice: Choice, armed: bool) -> None:
+def _compile(seats: Seats, choice: Choice, built_in: str, armed: bool) -> None:
     running = {(one.name, one.source != POSES) for one in seats.all()}
+    running |= {(one.beneath.name, one.source != POSES) for one in seats.all() if one.beneath}
     asked = [(choice.name, choice.source != POSES)]
     if seats.active.plugged and choice.name == seats.active.name:
         asked.clear()  # of unknown make: nothing to compile
@@ -212,6 +224,11 @@ def _compile(seats: Seats, choice: Choice, armed: bool) -> None:
         asked.append((choice.name, False))
     for name, bearings in asked:
         if (name, bearings) in running or (name, True) in running:
+            continue
+        if name not in registry.names():
+            if armed:
+                raise RefusedError(f"estimator {name} is started on the ground: disarm first")
+            registry.prepare(built_in, bearings)
             continue
         if not registry.ready(name, bearings):
             if armed:

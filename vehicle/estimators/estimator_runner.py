@@ -35,12 +35,20 @@ class Runner:
     def __str__(self) -> str:
         return f"{self.name} on {self.source}"
 
+    @property
+    def beneath(self) -> Runner | None:
+        """Return the built-in one beneath a plugin."""
+        found: Runner | None = getattr(self.estimator, "beneath", None)
+        return found
+
     def is_(self, name: str, source: str) -> bool:
         return self.name == name and self.source == source
 
     def feed(self, source: str) -> None:
         """Use measurements of another source from now on."""
         self.source = source
+        if self.beneath is not None:
+            self.beneath.source = source
 
     def wants(self, measurement: Record, now_ns: int, timeout_ns: int) -> bool:
         """Return whether the estimator takes this POSE_SAMPLE or BEARINGS_SAMPLE.

@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 
 from bearing_sim.beacons import PAPER_BEACONS, Beacons
 from bearing_sim.known_beacons import KnownBeacons
-from estimation import registry
 from estimation.convergence import difference
 from estimation.estimator import Estimator, TakesHeading
 from estimation.parameters import EstimationParameters
@@ -20,8 +19,10 @@ from quadrotor.parameters import ParameterValue
 from quadrotor.records import POSE_SAMPLE, Record, beacon_ids_of
 from vehicle.estimators.agreement_watch import AgreementWatch
 from vehicle.estimators.bearings_watch import BearingsWatch
-from vehicle.estimators.choice import Choice, Seats, check
+from vehicle.estimators.choice import ESTIMATOR, SHADOW, Choice, Seats, check
 from vehicle.estimators.estimator_runner import BEARINGS, POSES, Runner
+from vehicle.estimators.estimators import Estimators
+from vehicle.estimators.external import ExternalEstimator
 from vehicle.estimators.fade import Fade
 from vehicle.estimators.frame_inspection import inspected
 from vehicle.estimators.heading_watch import HeadingWatch
@@ -44,9 +45,11 @@ class Navigation:
         set.
         beacons: the positions of the bearings' ids.
         fallback: parameters of the fallback from bearings to the tracker.
+        estimators: those there are.
 
     Attributes:
         seats: the running estimators.
+        externals: those of them that are plugins with a process.
         active: the estimator in use.
         source: its source: "poses", "bearings" or "both".
         agreement: reports whether measurements agree with it.
@@ -62,8 +65,10 @@ class Navigation:
         plugin: Estimator | None = None,
         beacons: Beacons = PAPER_BEACONS,
         fallback: FallBackParameters | None = None,
+        estimators: Estimators | None = None,
     ) -> None:
         p = self._parameters = parameters
+        self._estimators = estimators or Estimators()
         self.watch = BearingsWatch(fallback or FallBackParameters())
         self.agreement = AgreementWatch(say)
         self.heading = HeadingWatch(say)
@@ -75,12 +80,14 @@ class Navigation:
         self._queue: list[Record] = []
         self._complained_ns = self._timely_ns = -(1 << 62)
         self._rate = MeasurementRate()
-        plugged = plugin is not None
-        if plugin is None:
-            registry.prepare(p.estimator, p.source != POSES)
-            plugin = registry.create(p.estimator, p)
         self._choice: Choice | None = None
-        self.seats = Seats(Runner(p.estimator, p.source, plugin, plugged))
+        self.externals: tuple[ExternalEstimator, ...] = ()
+        if plugin is None:
+            for name, value in ((ESTIMATOR, p.estimator), (SHADOW, p.shadow)):
+                self._estimators.check(name, value)
+            self.seats = Seats(self._make(p.estimator, p.source))
+        else:
+            self.seats = Seats(Runner(p.estimator, p.source, plugin, plugged=True))
         self.place(beacons)
         self.configure(p)
 
@@ -181,11 +188,18 @@ class Navigation:
         for runner in self.seats.all():
             runner.estimator.reset()
 
+    def close(self) -> None:
+        """End the processes of plugins."""
+        for external in self.externals:
+            external.close()
+
     # ------------------------------------------------------------------ choices
     def check(
         self, values: Mapping[str, ParameterValue], state: Record, armed: bool
     ) -> dict[str, ParameterValue]:
         """Return the parameters that a change implies; see `choice.check`. Raises RefusedError."""
+        for name in values.keys() & {ESTIMATOR, SHADOW}:
+            self._estimators.check(name, str(values[name]))
         return check(self.seats, self._parameters, values, state, armed)
 
     def place(self, beacons: Beacons) -> None:
@@ -221,11 +235,17 @@ class Navigation:
 
     # ------------------------------------------------------------------ parts
     def _make(self, name: str, source: str) -> Runner:
-        registry.prepare(name, source != POSES)  # does nothing when `check` has prepared it
-        return Runner(name, source, registry.create(name, self._parameters))
+        return self._estimators.start(name, source, self._parameters)
 
     def _remember_seats(self) -> None:
-        runners = self.seats.all()
+        runners, before = self.seats.all(), self.externals
+        found = [one.estimator for one in runners if isinstance(one.estimator, ExternalEstimator)]
+        self.externals = tuple(found)
+        for external in found:
+            external.flown = external is self.seats.active.estimator
+        for external in before:
+            if external not in found:
+                external.close()
         self._in_parallel = self.seats.in_parallel()
         self._takes_poses = any(one.source != BEARINGS for one in runners)
         self._takes_bearings = any(one.source != POSES for one in runners)
@@ -306,7 +326,9 @@ class Navigation:
         what = "shadow" if runner is seats.shadow else "reserve"
         setattr(seats, what, None)
         self._remember_seats()
-        self._say(f"{what} {runner.name} stopped: {type(error).__name__}: {error}", mailbox.WARN)
+        is_plugin = isinstance(runner.estimator, ExternalEstimator)  # whose reason is whole
+        why = str(error) if is_plugin else f"{type(error).__name__}: {error}"
+        self._say(f"{what} {runner.name} stopped: {why}", mailbox.WARN)
 
     def _say_unknown(self, ids: list[int]) -> None:
         line = f"no known beacon among {ids}"

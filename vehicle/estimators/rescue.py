@@ -1,8 +1,10 @@
-"""The rescue of a flight on an estimator that its measurements contradict.
+"""The rescue of a flight on an estimator that its measurements contradict, or on a plugin that
+failed.
 
 The shadow on the same measurements takes over in the tick in which the estimator in use is found
 inconsistent, if it has itself converged, and hands back once the other has been consistent again
-for a while. A tracker that jumps contradicts both, so it changes nothing.
+for a while. A tracker that jumps contradicts both, so it changes nothing. A plugin that failed is
+not given the flight again.
 """
 
 from __future__ import annotations
@@ -14,7 +16,8 @@ from estimation.convergence import difference
 from estimation.parameters import EstimationParameters
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
-from vehicle.estimators.choice import AGREEMENT, ESTIMATOR, SAME, SHADOW, SHADOW_SOURCE
+from vehicle.estimators.choice import AGREEMENT, ESTIMATOR, NONE, SAME, SHADOW, SHADOW_SOURCE
+from vehicle.estimators.external import ExternalEstimator
 from vehicle.estimators.navigation import Navigation
 from vehicle.flight.modes import Flag
 from vehicle.processes import mailbox
@@ -59,8 +62,14 @@ class Rescue:
         self.flags = 0
 
     def look(self, now_ns: int) -> Change | None:
-        """Return the change that is due; called after measurements were taken."""
+        """Return the change that is due; called after measurements were taken, and in each tick
+        while a plugin runs.
+        """
         navigation, p = self._navigation, self._parameters
+        if isinstance(navigation.active, ExternalEstimator) and navigation.active.failure:
+            return self._without(navigation.active)
+        if not navigation.measured:
+            return None
         shadow = navigation.shadow_on_same_source
         if self._rescued is not None and (shadow is None or shadow.estimator is not self._rescued):
             self._end()  # another choice was made meanwhile
@@ -82,6 +91,14 @@ class Rescue:
         values = {ESTIMATOR: shadow.name, SHADOW: p.estimator, SHADOW_SOURCE: SAME}
         apart = difference(shadow.state, self._state)
         line = f"{shadow.name} took over from {p.estimator}, {apart} apart: {why}"
+        return Change(line, mailbox.WARN, values)
+
+    def _without(self, plugin: ExternalEstimator) -> Change:
+        beneath, p = plugin.beneath, self._parameters
+        values: dict[str, ParameterValue] = {ESTIMATOR: beneath.name}
+        if p.shadow == beneath.name and p.shadow_source in (SAME, beneath.source):
+            values[SHADOW] = NONE
+        line = f"estimator {plugin.name} disengaged, {beneath.name} took over: {plugin.failure}"
         return Change(line, mailbox.WARN, values)
 
     def _hand_back(self, now_ns: int) -> Change | None:

@@ -23,11 +23,11 @@ from vehicle.safety.supervisor import Supervisor
 
 WITHOUT_A_POSE = ("near_hovering", "emergency_landing")
 WITH_HEADING = ("follow_trajectory", "excite", "external")
-"""Behaviors that fly a plan, refused while the heading is unknown."""
+"""Behaviors that fly a plan; they are refused while the heading is unknown."""
 
 
 class CommandHandler:
-    """Carries out commands between two ticks of one flight stack."""
+    """Handler of the commands to one flight stack, between two of its ticks."""
 
     def __init__(
         self,
@@ -52,8 +52,9 @@ class CommandHandler:
         self._supervisor, self._ground = supervisor, ground
 
     def handle(self, command: mailbox.Command) -> mailbox.Reply:
-        """Handle a command and return the reply; a refusal changes nothing and is logged with the
-        requester.
+        """Handle a command and return the reply.
+
+        A refusal changes nothing and is logged with the requester.
         """
         applied: dict[str, ParameterValue] = {}
         previous: dict[str, ParameterValue] = {}
@@ -89,7 +90,7 @@ class CommandHandler:
     def _calibrate(
         self, command: mailbox.Calibrate
     ) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
-        """Calibrate, and return (applied, before)."""
+        """Apply a calibration; return the values applied and those before."""
         self._require_rest("calibration not applied")
         configuration = self._configuration
         checked = configuration.check(command.values)
@@ -219,9 +220,7 @@ class CommandHandler:
             self._land(f"emergency land by {command.requester}")
 
     def _land(self, why: str) -> None:
-        """Land as `safety.emergency_land` specifies; it replaces a milder landing that is under
-        way.
-        """
+        """Land as `safety.emergency_land` specifies, replacing a milder landing in progress."""
         modes = self._modes
         chosen = self._parameters.safety.emergency_land
         if modes.mode is Mode.EMERGENCY_LAND and chosen == "land":

@@ -52,7 +52,7 @@ def check_steps(store: ParameterStore, values: Mapping[str, ParameterValue]) -> 
 
 
 class Configuration:
-    """Changes the parameters of one flight stack, between two ticks.
+    """Parameters of one flight stack, which are changed between two ticks.
 
     Attributes:
         store: the vehicle's parameters, written here only.
@@ -83,8 +83,10 @@ class Configuration:
         self.configure()
 
     def check(self, values: Mapping[str, ParameterValue]) -> dict[str, ParameterValue]:
-        """Return the values to set, with those that must change along with them. Raises
-        QuadlabError."""
+        """Return the values to set, with those that must change along with them.
+
+        Raises QuadlabError.
+        """
         store = self.store
         checked = {name: store.check(name, value) for name, value in values.items()}
         check_pairs(store.values() | checked)

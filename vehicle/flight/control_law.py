@@ -1,7 +1,7 @@
 """The control law in use and its vehicle model, which follows the battery voltage and the mass.
 
-A built-in law is changed on the ground only: the integrals of one mean nothing to another. An
-external law runs above a built-in one, and the two may change places in flight.
+A built-in law is changed on the ground only, as the integrals of one mean nothing to another. An
+external law runs on top of a built-in one, and the two may be exchanged in flight.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from vehicle.laws.laws import BUILT_IN, LAW, SHADOW_LAW, Laws, base_of
 SETTLING = 1.0
 """s, time constant of the filtered battery voltage that the model follows (without ripple)."""
 GRAM = 0.001
-"""kg by which the mass must change before a law without `weigh` is configured again."""
+"""Change of the mass, in kg, from which a law without `weigh` is configured again."""
 STEP = 0.05
-"""V by which the voltage must change before the model is updated: 0.3 % of a 4-cell battery."""
+"""Change of the voltage, in V, from which the model is updated: 0.3 % of a 4-cell battery."""
 
 
 @runtime_checkable
 class Weighed(Protocol):
-    """A law whose mass can be updated in each tick; others are configured again."""
+    """Law whose mass can be updated in each tick; others are configured again."""
 
     def weigh(self, mass: float) -> None:
         """Set the vehicle's mass, in kg."""
@@ -40,7 +40,7 @@ class Weighed(Protocol):
 
 @runtime_checkable
 class Compensating(Protocol):
-    """A law that compensates the estimated disturbance; others ignore it."""
+    """Law that compensates the estimated disturbance; others ignore it."""
 
     @property
     def disturbance(self) -> Record:
@@ -53,14 +53,15 @@ class Steering:
 
     Args:
         control, model: parameters, read again by each `configure`.
-        plugin: a law used in place of the one named in the parameters, until another is set.
-        laws: those there are.
+        plugin: a law that replaces the one named in the parameters until another one is set.
+        laws: the available laws.
 
-    Raises RefusedError when the parameters name another.
+    Raises RefusedError when the parameters name an unknown law.
 
     Attributes:
-        model: MODEL, shape (1,), with the mass in use; updated in place, so others hold a view.
-        mass: kg, the same.
+        model: MODEL, shape (1,), with the mass in use; updated in place, as others hold a view of
+            it.
+        mass: mass in use, kg.
         gains: CONTROL, shape (1,), of the parameters; updated in place.
         observer: the disturbance observer; off unless the parameters switch it on.
         external: the external law that is flown or runs as the shadow.
@@ -121,13 +122,13 @@ class Steering:
         self._remodel()
 
     def close(self) -> None:
-        """End the external law."""
+        """Close the external law."""
         if self.external is not None:
             self.external.close()
             self.external = None
 
     def _choose(self) -> None:
-        """Take the laws that the parameters name; those that run already go on."""
+        """Select the laws that the parameters name; those already running continue."""
         base_name = base_of(self._name)
         if base_name != self._base_name:
             self._base_name, self._base = base_name, BUILT_IN[base_name]()
@@ -142,9 +143,7 @@ class Steering:
         self.controller = self.external or self._base
 
     def follow_battery(self, voltage: float, dt: float) -> bool:
-        """Take one reading (V) and the time (s) since the last; return whether the model was made
-        again.
-        """
+        """Process one reading (V), `dt` (s) after the last; return whether the model changed."""
         if self._parameters.battery_exponent == 0.0 or not voltage > 0.0:
             return False
         if self._voltage is None:

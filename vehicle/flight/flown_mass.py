@@ -69,8 +69,6 @@ class FlownMass(MassEstimator):
             self.reset(start)
 
     def begin_flight(self) -> None:
-        """Begin a flight at arming: the estimate left by the end of the last flight is not
-        used.
-        """
+        """Begin a flight at arming, without the estimate left by the end of the last flight."""
         if self.used:
             self.reset(self._start)

@@ -24,7 +24,7 @@ AT_START = "start"
 
 
 class GyroscopeStart:
-    """Finds the gyroscope bias of a vehicle at rest (Sec. 5.1 of the paper)."""
+    """Search for the gyroscope bias of a vehicle at rest (Sec. 5.1 of the paper)."""
 
     def __init__(
         self,
@@ -44,14 +44,16 @@ class GyroscopeStart:
         self._motors_reported = False
 
     def begin(self, request: mailbox.CalibrateGyroscope) -> None:
-        """Start to find the bias again; the present one stays in use until then. Raises
-        RefusedError."""
+        """Start to find the bias again; the present one stays in use until then.
+
+        Raises RefusedError.
+        """
         why = f"gyroscope calibration by {request.requester}; keep the vehicle still"
         self._modes.move(Mode.STARTING, why)
         self._request, self._running = request, None
 
     def step(self, sample: RawSample) -> None:
-        """Take one sample: at start-up until a bias is found, on request for one attempt."""
+        """Process one sample: at start-up until a bias is found, on request for one attempt."""
         motors_on = sample.motor_state in TURNING
         if motors_on and self._request is None:  # restarted during a landing
             if not self._motors_reported:

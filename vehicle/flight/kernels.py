@@ -1,4 +1,4 @@
-"""Compiles every function of the tick before the first sample is used.
+"""Compile every function of the tick before the first sample is used.
 
 Compiling takes seconds on one core, so on a machine without cached code (the first start, or after
 a change) a second process compiles some of the parts, and each finished part is logged. Cached code
@@ -100,12 +100,14 @@ LATER: Parts = {
 """Parts that only comms or the choice of another estimator or law needs: compiled in the background
 at idle priority."""
 HELPED = "controller"
-"""The parts compiled by the second process; the rest takes about the same time."""
+"""Part that the second process compiles; the rest takes about the same time."""
 
 
 class Later:
-    """The parts of LATER: loaded at once when cached, else compiled in the background and loaded
-    once that is done and the motors are off. An estimator can then be chosen in flight.
+    """The parts of LATER, loaded at once when cached. Otherwise they are compiled in the background
+    and loaded once that is done and the motors are off.
+
+    An estimator can then be chosen in flight.
     """
 
     def __init__(self) -> None:
@@ -115,13 +117,14 @@ class Later:
 
     @property
     def arrived(self) -> bool:
-        """Return whether the background compilation has ended and `load` has not been called
-        since."""
+        """Return whether the background compilation has ended and was not loaded yet."""
         return self._process is not None and self._process.poll()
 
     def load(self) -> list[str]:
-        """Load the cached code, in some 0.1 s; return the parts. A part that failed to compile in
-        the background is compiled when it is chosen, on the ground.
+        """Load the cached code, in some 0.1 s; return the parts.
+
+        A part that failed to compile in the background is compiled when it is chosen, on the
+        ground.
         """
         parts, self._kept = self._kept, []
         if self.arrived:
@@ -142,15 +145,15 @@ class Later:
 
 
 def prepare(say: Callable[[str], None]) -> tuple[list[str], Later]:
-    """Compile what is missing, load the rest, fly the hop.
+    """Compile the missing parts, load the others, and fly the warm-up hop.
 
     Call it before asking for real-time priority, which a child process would inherit.
 
     Args:
-        say: takes a line when something has to be compiled, and one for each part.
+        say: called with a line when something has to be compiled, and one for each part.
 
     Returns what was refused in the hop (what follows it would compile in flight), and the parts
-    compiled in the background: close it at the end.
+    compiled in the background, which the caller closes at the end.
     """
     later = Later()
     missing = [part for part, (module, _) in PARTS.items() if not kept(module)]
@@ -166,8 +169,8 @@ def prepare(say: Callable[[str], None]) -> tuple[list[str], Later]:
 
 @contextmanager
 def _without_garbage_collection() -> Iterator[None]:
-    """Switch the garbage collector off: a compiler makes few cycles and many objects, and
-    scanning them takes 7 % of its time.
+    """Switch the garbage collector off: a compiler makes few cycles and many objects, and scanning
+    them takes 7 % of its time.
     """
     gc.disable()
     try:
@@ -192,7 +195,7 @@ def _compile(missing: list[str], say: Callable[[str], None]) -> None:
 
 
 def compile_parts(names: list[str]) -> None:
-    """Compile the named parts in a process of its own."""
+    """Compile the named parts in a separate process."""
     with _without_garbage_collection():
         for name in names:
             (PARTS | LATER)[name][1]()

@@ -47,10 +47,10 @@ class LoopCounts:
 
 
 class Lateness:
-    """Collects one pair of times per tick and returns statistics once a second.
+    """Collector of one pair of times per tick; returns statistics once a second.
 
     Attributes:
-        histogram: (8,) ticks by lateness since the start, renewed once a second.
+        histogram: (8,) ticks by lateness since the start, updated once a second.
     """
 
     def __init__(self) -> None:
@@ -63,10 +63,12 @@ class Lateness:
         self._last_minimum = np.iinfo(np.int64).max
 
     def add(self, now_ns: int, stamp_ns: int) -> LoopStatistics | None:
-        """Count one tick that began at `now_ns` (monotonic) on the sample of `stamp_ns` (vehicle's
-        clock).
+        """Count one tick that began at `now_ns` (monotonic).
 
         Returns the statistics of the second that ended with the previous sample, else None.
+
+        Args:
+            stamp_ns: of its sample, by the vehicle's clock.
         """
         finished = None
         if self._count and (now_ns - self._start_ns >= SECOND_NS or self._count == CAPACITY):
@@ -101,8 +103,7 @@ class Lateness:
 
 
 def _gaps(stamps: npt.NDArray[np.int64]) -> tuple[int, int]:
-    """Return the sample period (ns) and how many samples are missing between the first and the
-    last.
+    """Return the sample period (ns) and the number of samples missing between the first and last.
 
     Stamps are whole milliseconds, so the period is the mean of the ordinary differences; an
     ordinary one is up to 1.5 times their median (2 and 3 ms alternate at 400 Hz).

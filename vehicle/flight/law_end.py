@@ -1,4 +1,4 @@
-"""The end of the control law: its wrench becomes a command at the level that the board takes."""
+"""The end of the control law: its wrench becomes a command at the level that the board accepts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vehicle.flight.control_law import Steering
 from vehicle.flight.tick_record import TickRecord
 
 RATE_MAX = math.radians(300.0)
-"""rad/s, the fastest turn that is commanded about each axis."""
+"""Fastest rotation, in rad/s, that is commanded about each axis."""
 
 
 def law_end(level: Takes, tick: TickRecord, steering: Steering) -> Callable[[], Command]:
@@ -29,5 +29,5 @@ def law_end(level: Takes, tick: TickRecord, steering: Steering) -> Callable[[], 
         )
         return BodyRates((x, y, z), throttle)
 
-    rates()  # compiled here, not in the first flight
+    rates()  # compile now rather than in the first flight
     return rates

@@ -1,4 +1,4 @@
-"""The flight loop: samples of the microcontroller in, motor commands out, a ring each way.
+"""The flight loop: samples of the microcontroller in, motor commands out, rings in both directions.
 
 There is no network, no log file, no logging and no garbage collection here; output goes through
 rings that never block this thread.
@@ -31,8 +31,8 @@ SECOND_NS = 1_000_000_000
 NOTHING_YET = LoopStatistics(0.0, 0.0, 0.0, 0.0, 0.0)
 NEEDS_SAMPLES = mailbox.Arm | mailbox.StartBehavior | mailbox.Bench | mailbox.CalibrateGyroscope
 MESSAGES_A_TICK = 32
-"""Messages taken from each ring in a tick; more wait for the next tick: a flood of messages must
-not delay the motors."""
+"""Largest number of messages read from each ring in a tick; more wait for the next tick, as a flood
+of messages must not delay the motors."""
 
 
 class Stack(Protocol):
@@ -58,15 +58,15 @@ class Stack(Protocol):
 
 
 class FlightLoop:
-    """Runs one tick per sample: read the inbox, tick, send the references, write the rings.
+    """Loop with one tick per sample: read the inbox, tick, send references, write the rings.
 
     Args:
         pacer: waits for the next sample.
         later: parts compiled in the background, loaded on the ground.
-        progress: notified of the samples that were processed, where simulated time waits for that.
+        progress: notified of the samples that were processed, if simulated time waits for that.
 
     Attributes:
-        lateness: of the ticks.
+        lateness: statistics of the ticks.
         counts: totals since the start.
     """
 
@@ -105,12 +105,12 @@ class FlightLoop:
         self._stopping = True
 
     def run(self) -> None:
-        """Run until `stop`. Raises LinkError when the last port is gone."""
+        """Run until `stop`. Raises LinkError when the last port is lost."""
         while not self._stopping:
             self.once()
 
     def once(self) -> None:
-        """Wait for bytes, or until a sample is overdue; tick on every sample they complete."""
+        """Wait for bytes, or until a sample is overdue; run a tick for every complete sample."""
         self._pacer.wait()
         began_ns = now_ns = monotonic_ns()
         samples = self._mcu.receive()
@@ -123,7 +123,7 @@ class FlightLoop:
         self._watch_silence(bool(samples))
         if self._silent:
             self._drain_inbox()
-        self._orders.send(None)  # a command between ticks may have changed the wanted motor state
+        self._orders.send(None)  # a command between ticks may have changed the motor state
         self._orders.keep(monotonic())
         if self._mcu.failures:
             for failure in self._mcu.failures:
@@ -135,7 +135,7 @@ class FlightLoop:
             self._progress.served(began_ns)
 
     def _tick(self, sample: RawSample, began_ns: int) -> int:
-        """Run the tick that began when the loop woke for its sample. Returns when it ended."""
+        """Run the tick that began when the loop woke for its sample; return the time of its end."""
         stack = self._stack
         self._drain_inbox()
         self._orders.send(stack.tick(sample))
@@ -166,7 +166,7 @@ class FlightLoop:
 
     def _drain_inbox(self) -> None:
         inbox = self._rings.inbox
-        if waiting := len(inbox):  # mostly nothing waits
+        if waiting := len(inbox):  # the inbox is usually empty
             for _ in range(min(waiting, MESSAGES_A_TICK)):
                 message = inbox.pop()
                 if message is not None:
@@ -188,7 +188,7 @@ class FlightLoop:
 
     def _reply(self, command: mailbox.Command) -> mailbox.Reply:
         if isinstance(command, mailbox.ChangeParameters) and not command.parameters:
-            # An empty change asks for all values: how a comms process starts its copy.
+            # An empty change requests all values, with which a comms process starts its copy.
             store = self._stack.store
             return mailbox.Reply(command.request_id, True, "", store.values(), store.revision)
         if self._silent and isinstance(command, NEEDS_SAMPLES):

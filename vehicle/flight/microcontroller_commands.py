@@ -9,7 +9,7 @@ from vehicle_link.serial.ids import MotorState
 
 
 class Ordering(Protocol):
-    """The part of vehicle.flight.mode_machine.ModeMachine that commands come from."""
+    """The part of vehicle.flight.mode_machine.ModeMachine that commands depend on."""
 
     @property
     def motor_state_wanted(self) -> MotorState: ...
@@ -21,7 +21,7 @@ class Ordering(Protocol):
 
 
 class Orders:
-    """Sends one vehicle's commands to its board."""
+    """Sender of one vehicle's commands to its board."""
 
     def __init__(self, modes: Ordering, board: Board) -> None:
         self._modes, self._board = modes, board
@@ -29,7 +29,7 @@ class Orders:
         self._timeout_ms = 0
 
     def send(self, command: Command | None) -> None:
-        """Send the command that a tick returned, and the wanted motor state. Raises LinkError."""
+        """Send a tick's command, and the requested motor state. Raises LinkError."""
         modes = self._modes
         if modes.motor_state_wanted is not self._motor_state:
             self._motor_state = modes.motor_state_wanted
@@ -38,7 +38,7 @@ class Orders:
             self._board.command(command)
 
     def keep(self, now_s: float) -> None:
-        """Repeat what has not been echoed yet; `now_s` is from any monotonic clock."""
+        """Repeat commands without an echo; `now_s` is from any monotonic clock."""
         timeout_ms = self._modes.command_timeout_ms
         if timeout_ms != self._timeout_ms:
             self._timeout_ms = timeout_ms

@@ -1,5 +1,5 @@
-"""Mode changes of the flight stack: from arming to motors off, the control mode, and the
-vehicle's own decisions.
+"""Mode changes of the flight stack: from arming to motors off, the control mode, and the vehicle's
+own decisions.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class ModeMachine:
     Attributes:
         mode: the mode of the vehicle as a whole; changed by `move`.
         control_mode: which side computes the motor references, and from what; changed by
-        `steer_by`.
-        motor_state_wanted: the motor state the microcontroller should have.
+            `steer_by`.
+        motor_state_wanted: the motor state that the microcontroller should have.
         lost_ports: number of lost serial ports in the last report.
         obstacle: why the microcontroller would not start the motors; "" if it would.
     """
@@ -117,7 +117,7 @@ class ModeMachine:
         if reaction is Reaction.CUT:
             self.move(Mode.CUT, why, mailbox.ERROR)
         elif self.control_mode is ControlMode.EMERGENCY:
-            return  # the microcontroller lands on its own: nothing else is obeyed
+            return  # the microcontroller lands on its own and obeys nothing else
         elif reaction is Reaction.EMERGENCY:
             self.hand_over(why)
         elif reaction is Reaction.DESCEND:
@@ -126,7 +126,7 @@ class ModeMachine:
             if self.mode is Mode.ARMED:
                 self.land(why)
         elif self._behaviors.name not in _BRAKING:
-            # Its inertial sensors are good enough to stop by, not to land by.
+            # The inertial sensors are good enough to stop by, not to land by.
             age = self._navigation.active.measurement_age
             if age <= self._safety.pose_land_after:
                 self._override("brake")
@@ -143,8 +143,9 @@ class ModeMachine:
         self._override("land")
 
     def descend(self, why: str) -> None:
-        """Descend level by the barometer; the microcontroller holds the angles. Without a
-        barometer's pressure the board lands on its own.
+        """Descend level by the barometer, with the microcontroller holding the angles.
+
+        Without the barometer's pressure the board lands on its own.
         """
         if self.control_mode is ControlMode.EMERGENCY:
             return
@@ -186,5 +187,5 @@ class ModeMachine:
         """Start `behavior` by the vehicle's own decision; allowed from any flight behavior."""
         try:
             self._behaviors.request(behavior, {}, self._tick.state, armed=True, airborne=True)
-        except QuadlabError as error:  # never seen; nothing else would land the vehicle
+        except QuadlabError as error:  # never observed; nothing else would land the vehicle
             self.hand_over(f"{behavior} refused: {error}")

@@ -16,7 +16,7 @@ LANDING = (BehaviorName.LAND, BehaviorName.EMERGENCY_LANDING)
 
 
 class ModelInUse:
-    """One mass, model and disturbance shared by control law, feed-forward and touch-down."""
+    """Mass, model and disturbance shared by control law, feed-forward and touch-down."""
 
     def __init__(
         self,
@@ -40,7 +40,8 @@ class ModelInUse:
         """Update the model after one tick.
 
         Args:
-            since: s since the last tick. dt: the same, limited to the longest step of the laws.
+            since: s since the last tick.
+            dt: the same, limited to the longest step of the laws.
         """
         tick, steering, mass = self._tick, self._steering, self._mass
         airborne = self._ground.airborne
@@ -57,12 +58,11 @@ class ModelInUse:
 
     @property
     def _direct(self) -> bool:
-        """Return whether the thrusts are the law's own, not the microcontroller's."""
+        """Return whether the thrusts are those of our control law, not the microcontroller's."""
         return self._modes.control_mode is ControlMode.DIRECT
 
     def _weighs(self, airborne: bool) -> bool:
-        """Return whether the commanded thrust alone carries the vehicle, as the mass estimate
-        requires.
+        """Return whether only the commanded thrust carries the vehicle, as the estimate requires.
 
         An estimate that is only displayed depends on ground contact alone.
         """

@@ -28,13 +28,13 @@ LEGAL_MOVES: dict[Mode, frozenset[Mode]] = {
 }
 
 FLYING = (Mode.ARMED, Mode.EMERGENCY_LAND)
-"""Modes in which behaviors or their landing turn the motors."""
+"""Modes in which behaviors, or the landing that replaces them, turn the motors."""
 MOTORS_ON = (*FLYING, Mode.BENCH)
 """Modes that the status reports as armed."""
 
 
 def check_move(current: Mode, wanted: Mode) -> None:
-    """Raise RefusedError when the table has no such move."""
+    """Raise RefusedError when the table has no such change."""
     if wanted not in LEGAL_MOVES[current]:
         allowed = ", ".join(sorted(m.name.lower() for m in LEGAL_MOVES[current]))
         raise RefusedError(
@@ -58,7 +58,7 @@ CONTROL_MOVES: dict[ControlMode, frozenset[ControlMode]] = {
 
 
 def check_control_move(current: ControlMode, wanted: ControlMode) -> None:
-    """Raise RefusedError when the table has no such move."""
+    """Raise RefusedError when the table has no such change."""
     if wanted is not current and wanted not in CONTROL_MOVES[current]:
         raise RefusedError(
             f"cannot go from {_words(current)} to {_words(wanted)} mode: "
@@ -88,5 +88,5 @@ class Flag(IntFlag):
     TRACKER_JUMPED = 2048  # refused poses agree with each other
     ESTIMATE_DRIFTED = 4096  # measurements moved away from the prediction gradually
     BEACON_OFF = 8192  # bearings of one beacon do not fit the others
-    RESCUED = 16384  # flown on the shadow: the estimator chosen is inconsistent
-    HEADING_UNKNOWN = 32768  # on a marker alone: no motion told of the heading for too long
+    RESCUED = 16384  # flown on the shadow: the chosen estimator is inconsistent
+    HEADING_UNKNOWN = 32768  # on a marker alone, with too little motion to observe the heading

@@ -1,7 +1,7 @@
 """Bench tests of one motor: which requests are allowed, and when a test stops by itself.
 
 They identify a motor (Sec. 5.3 of the paper) with propellers off or the vehicle fixed. The request
-must be repeated; a requester that disappears must not leave a motor turning.
+must be repeated: when the requester disappears, the motor stops.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vehicle.safety.parameters import SafetyParameters
 from vehicle_link.serial.ids import MotorState
 
 REFERENCE_MAX = 200
-"""Counts; the last step of the bench test is 190, and the wire would allow 255."""
+"""Largest reference, in counts; the bench test's last step is 190, the wire allows 255."""
 TURN_TIME = 1.0
 """s, time constant of the measured turn: drift and vibration decay, a tumble remains."""
 
@@ -39,10 +39,10 @@ class Bench:
     """The motor on the bench.
 
     Args:
-        impossible: why the board turns no single motor; "" when it does.
+        impossible: why the board cannot turn a single motor; "" when it can.
 
     Attributes:
-        motor: 1…4, 0 when none is.
+        motor: 1…4, 0 when none is on the bench.
         reference: counts.
     """
 
@@ -62,7 +62,7 @@ class Bench:
         return one, two, three, four
 
     def turn(self, motor: int, reference: int, stamp_ns: int) -> None:
-        """Run a motor for `safety.bench_timeout` from now; `check_bench` has allowed it."""
+        """Run a motor for `safety.bench_timeout` from now; the caller has called `check_bench`."""
         if self.motor and motor != self.motor:
             raise RefusedError(f"bench refused: {self} is on the bench; end that (motor 0) first")
         self.motor, self.reference, self._asked_ns = motor, reference, stamp_ns
@@ -76,7 +76,7 @@ class Bench:
     def fault(
         self, sample: RawSample, battery_spent: bool, motors_had_time: bool, obstacle: str
     ) -> str:
-        """Return why battery or microcontroller do not allow turning motors; "" if they do.
+        """Return why the battery or the microcontroller forbids turning motors; "" if they do not.
 
         Args:
             motors_had_time: whether the motors have had time to start.
@@ -94,7 +94,7 @@ class Bench:
         return ""
 
     def over(self, stamp_ns: int, angular_velocity_b: npt.NDArray[np.float64], dt: float) -> str:
-        """Return why the motor has to stop now, or "" when it may go on; called once a tick.
+        """Return why the motor has to stop now, or "" when it may continue; called once per tick.
 
         Args:
             angular_velocity_b: (3,) rad/s.

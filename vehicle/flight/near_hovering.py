@@ -1,7 +1,7 @@
 """Commands for flight in the microcontroller's near-hovering mode.
 
-The microcontroller holds angles and yaw rate by its own estimate. Climb rates are controlled here,
-by the barometer, and so is the descent when no other estimate on board can be trusted.
+The microcontroller holds angles and yaw rate by its own estimate. The climb rate is controlled
+here, by the barometer, as is the descent when no other estimate on board can be trusted.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from vehicle.flight.control_law import Steering
 from vehicle_link.serial.attitude_command import THRUST_SHARE_MAX, THRUST_SHARE_MIN, AttitudeCommand
 
 AVERAGE = 0.5
-"""s over which the thrust is averaged; the mode begins with this average as hover thrust."""
+"""Time, in s, of the thrust average that is the hover thrust when the mode begins."""
 
 
 class NearHoveringParameters(Parameters):
@@ -32,10 +32,10 @@ class NearHoveringParameters(Parameters):
 
 
 class NearHovering:
-    """Makes the command for the microcontroller in each tick of near-hovering mode.
+    """Control of the microcontroller in near-hovering mode: one command per tick.
 
     Args:
-        parameters: kept, read at each tick.
+        parameters: read at each tick.
 
     Attributes:
         altitude: height and climb rate by the barometer, updated in every mode.
@@ -45,8 +45,8 @@ class NearHovering:
         self.parameters = parameters
         self.altitude = BarometricHeight()
         self._share = 0.0  # share of the stick thrust, averaged
-        self._lift: float | None = None  # integral of the climb rate's control, a share
-        self._hover = 1.0  # share that hovered when the mode began
+        self._lift: float | None = None  # integral of the climb rate control, a share
+        self._hover = 1.0  # share of the stick thrust in hover when the mode began
 
     def observe(self, thrust: float, dt: float) -> None:
         """Observe the thrust (N) of a tick that was flown by another mode."""
@@ -58,7 +58,7 @@ class NearHovering:
         """Return the command for the board.
 
         Args:
-            steering: gives the mass and the motors' law.
+            steering: provides the mass and the motors' law.
         """
         p = self.parameters
         if self._lift is None:

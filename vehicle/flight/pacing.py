@@ -18,11 +18,11 @@ POLL_MS = 50
 DRIFT = 10_000
 """Relative difference between the microcontroller's and the host's clock: 100 ppm."""
 GIVE_UP_NS = 1_000_000_000
-"""Delay beyond which samples are skipped, not caught up: the machine slept."""
+"""Delay, in ns, from which samples are skipped, not caught up: the machine was suspended."""
 
 
 class Deadlines:
-    """Counts periods without a sample by the deadlines that pass.
+    """Counter of the periods without a sample, by the deadlines that pass.
 
     A sample is due at its stamp plus the least delay of any sample so far, which follows the drift
     of the two clocks.
@@ -40,7 +40,7 @@ class Deadlines:
         self._told = 0  # deadlines passed since the last sample
 
     def met(self, stamp_ns: int, now_ns: int) -> None:
-        """Note that the tick on the sample of `stamp_ns` (vehicle's clock) began at `now_ns`."""
+        """Note that the tick for the sample of `stamp_ns` (vehicle's clock) began at `now_ns`."""
         period_ns, delay_ns = self.period_ns, now_ns - stamp_ns
         if self.overdue_ns is None:
             self._delay_ns = delay_ns
@@ -65,7 +65,7 @@ class Deadlines:
 
 
 class Pacer(Protocol):
-    """Waits for the next sample on behalf of the loop."""
+    """Timing of the loop: waits for the next sample."""
 
     deadlines: Deadlines
 
@@ -74,7 +74,7 @@ class Pacer(Protocol):
 
 
 class Ports(Protocol):
-    """The part of vehicle.boards.board.Board that is read here."""
+    """The part of vehicle.boards.board.Board that is used here."""
 
     @property
     def lost_ports(self) -> int: ...
@@ -83,7 +83,7 @@ class Ports(Protocol):
 
 
 class PortPacer:
-    """Waits for bytes of the board's ports, `poll_ms` at most."""
+    """Pacer that waits for bytes of the board's ports, `poll_ms` at most."""
 
     def __init__(self, ports: Ports, period_ns: int, poll_ms: int = POLL_MS) -> None:
         self._poll_ms = poll_ms
@@ -101,7 +101,7 @@ class PortPacer:
         self._poll.poll(timeout_ms)
 
     def _listen(self) -> None:
-        """Poll the remaining ports only: a lost one would wake the loop forever."""
+        """Poll only the remaining ports: a lost one would wake the loop forever."""
         self._lost_ports = self._ports.lost_ports
         self._poll = select.poll()
         for descriptor in self._ports.filenos():
@@ -123,7 +123,7 @@ class Robot(Protocol):
 
 
 class MemoryPacer:
-    """Generates each sample before it is due, then sleeps until then.
+    """Pacer that generates each sample before it is due, then sleeps until then.
 
     Args:
         start_ns: when the first sample is due, on the host's steady clock.

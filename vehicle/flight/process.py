@@ -38,12 +38,12 @@ if TYPE_CHECKING:
 PORT_PATIENCE_S = 10.0
 TOLD_AT_ONCE = frozenset({PortProblem.BUSY, PortProblem.FORBIDDEN})
 TOLD_AFTER_S = 2.0
-"""Delay before a missing port is reported: a simulator usually makes it soon."""
+"""Seconds after which a missing port is reported: a simulator usually creates it soon."""
 CHECK_AGAIN_S = 0.5
 SHOWN = 3
-"""Settings of a board that are named in one line; the terminal has all of them."""
+"""Largest number of a board's settings that one line names; the terminal shows all of them."""
 SOON_NS = 20_000_000
-"""Delay before the first sample in memory."""
+"""Delay, in ns, before the first sample in memory."""
 
 
 def fly(config: FlightConfig) -> None:
@@ -53,8 +53,8 @@ def fly(config: FlightConfig) -> None:
 
     refusals, later = prepare(say)
 
+    from vehicle.estimators.estimators import Estimators
     from vehicle.flight.stack import FlightStack
-    from vehicle.laws.laws import Laws
     from vehicle.parameters import new_parameters
 
     rings = open_rings(config.rings)
@@ -65,13 +65,13 @@ def fly(config: FlightConfig) -> None:
         unfit = why_unfit(ports[0], options, kind.check)
         for port in ports:
             port.close()
-        ports = open_ports(config.ports, bauds=kind.bauds)  # the board restarted: USB is another
+        ports = open_ports(config.ports, bauds=kind.bauds)  # restarted: its USB device is a new one
+    plugins = Path(config.plugins) if config.plugins else None
+    Estimators(plugins).offer()
     parameters = new_parameters()
     ParameterStore(parameters).preset(kind.traits.parameters | config.parameters)
     progress = ProcessProgress(config.name)
-    plugins = Path(config.plugins) if config.plugins else None
-    laws = Laws(plugins, waits=progress.in_lockstep)
-    stack = FlightStack(parameters, laws=laws, board=kind.traits)
+    stack = FlightStack(parameters, plugins=plugins, waits=progress.in_lockstep, board=kind.traits)
     if config.trajectories:
         load_trajectories(stack, Path(config.trajectories))
     for refusal in refusals:
@@ -84,9 +84,9 @@ def fly(config: FlightConfig) -> None:
     freeze_garbage()
     # No delays from here on: the arrival of the first samples sets the vehicle's clock.
     for ring in (rings.inbox, rings.poses, rings.bearings):
-        ring.pop_all()  # the senders of commands from before the start have timed out
+        ring.pop_all()  # the senders of earlier commands have timed out
     for port in ports:
-        while port.read():  # samples from before are old
+        while port.read():  # earlier samples are out of date
             pass
     mcu, pacer = _connect(ports, robot, config, kind, options, unfit)
     loop = FlightLoop(
@@ -106,7 +106,7 @@ def fly(config: FlightConfig) -> None:
     signal.signal(signal.SIGINT, stop)
     loop.run()
     later.close()
-    stack.steering.close()
+    stack.close()
 
 
 def _in_process(rate: int, stack: FlightStack) -> InProcessRobot:
@@ -117,10 +117,10 @@ def _in_process(rate: int, stack: FlightStack) -> InProcessRobot:
 
 
 def why_unfit(port: Port, options: Parameters | None, check: Check) -> str:
-    """Return why the board must not be armed, "" when it fits its options.
+    """Return why the board must not be armed, "" when its settings match the options.
 
-    Waits for a board that is silent or still lands by itself, to which nothing is sent meanwhile:
-    sticks would end its landing.
+    Waits for a board that is silent or still landing by itself; nothing is sent to it in the
+    meantime, as sticks would end its landing.
     """
     told = ""
     while True:
@@ -211,7 +211,7 @@ def open_ports(
 
 
 def main(argument: str) -> int:
-    """Run the process; the exit status is 0 after a signal, 1 after a failure."""
+    """Run the process; return the exit status, 0 after a signal, 1 after a failure."""
     config = msgspec.json.decode(argument, type=FlightConfig)
     speak_for(config.name)
     die_with_parent(config.parent)

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 PRIORITY = 50  # SCHED_FIFO: above every ordinary thread, below the kernel's interrupt threads
-# ONFAULT: pages stay once touched; locking all that is mapped would take 300 MB for nothing.
+# ONFAULT: only touched pages are locked; locking all that is mapped would take 300 MB.
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 
 
 @dataclass(frozen=True, slots=True)
 class RealTime:
-    """The real-time rights that were granted."""
+    """The real-time privileges that were granted."""
 
     scheduled: bool  # SCHED_FIFO
     locked: bool  # no page of this process is ever swapped out
@@ -57,7 +57,7 @@ def locked_kilobytes(status: Path = Path("/proc/self/status")) -> int:
 
 
 def freeze_garbage() -> None:
-    """Freeze and stop garbage collection: one of 300 k objects stops the loop for 66 ms."""
+    """Freeze and stop garbage collection: collecting 300 k objects stops the loop for 66 ms."""
     gc.collect()
     gc.freeze()
     gc.disable()

@@ -15,7 +15,7 @@ from vehicle.safety.supervisor import Situation
 
 
 class SituationReader:
-    """Fills one Situation in each tick.
+    """Collector of one Situation per tick.
 
     Args:
         volume: limits of the flight volume, read in each tick.

@@ -1,12 +1,14 @@
 """One vehicle's flight stack: the whole tick on one screen.
 
-Data goes one way: sample -> estimator -> state -> supervisor -> behavior -> reference ->
+Data flows one way: sample -> estimator -> state -> supervisor -> behavior -> reference ->
 controller -> thrusts -> command for the board. The tick is clocked by the stamps of the IMU and
 never reads a clock, so the same code flies in real time, faster, and in replay, with identical
-results for identical input. Only the caller's thread may touch it.
+results for identical input. Only the caller's thread may use it.
 """
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 
@@ -24,6 +26,7 @@ from vehicle.boards.board import Command, RawSample, Takes, Traits
 from vehicle.boards.mikrokopter.microcontroller import TRAITS
 from vehicle.calibration.imu import ImuCalibrator
 from vehicle.estimators.bearings_guard import BearingsGuard, WayBack
+from vehicle.estimators.estimators import Estimators
 from vehicle.estimators.navigation import Navigation
 from vehicle.estimators.rescue import Rescue
 from vehicle.flight.commands import CommandHandler
@@ -50,7 +53,7 @@ from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Supervisor
 
 LONGEST_STEP = 0.05
-"""s, the longest step of laws and behaviors, also after a longer gap between samples."""
+"""Longest step, in s, of laws and behaviors, also after a longer gap between samples."""
 
 
 class FlightStack:
@@ -60,8 +63,9 @@ class FlightStack:
         parameters: the vehicle's parameter tree; this stack becomes its only writer.
         estimator, controller: plugins, any object with the protocol's methods; defaults are the
             estimator and the law that the parameters name.
-        laws: the control laws there are; default: the built-in ones and `udp`.
-        board: the board that the commands are for.
+        plugins: folder of users' control laws and estimators; may be missing.
+        waits: whether simulated time waits for the answers of those.
+        board: traits of the board that receives the commands.
     """
 
     def __init__(
@@ -69,13 +73,14 @@ class FlightStack:
         parameters: VehicleParameters,
         estimator: Estimator | None = None,
         controller: Controller | None = None,
-        laws: Laws | None = None,
+        plugins: Path | None = None,
+        waits: bool = True,
         board: Traits = TRAITS,
     ) -> None:
         p = self.parameters = parameters
         tick = self._tick = TickRecord()
         outbox = self._outbox = Outbox(tick)
-        self.steering = Steering(p.control, p.model, controller, laws)
+        self.steering = Steering(p.control, p.model, controller, Laws(plugins, waits))
         self.mass = FlownMass(p.mass, p.model.mass)
         self.behaviors = BehaviorMachine(p.behavior)
         self.supervisor = Supervisor(p.safety)
@@ -84,7 +89,10 @@ class FlightStack:
         self.ground = GroundContact()
         self.bench = Bench(p.safety, board.missing(Takes.MOTORS))
         beacons = parse_layout(p.beacons.layout)
-        self.navigation = Navigation(p.estimation, outbox.say, estimator, beacons, p.fallback)
+        estimators = Estimators(plugins, waits)
+        self.navigation = Navigation(
+            p.estimation, outbox.say, estimator, beacons, p.fallback, estimators
+        )
         self.guard = BearingsGuard(p, tick.state, self.navigation, self.behaviors, self.ground)
         self.rescue = Rescue(p.estimation, self.navigation, tick.state)
         self.modes = ModeMachine(
@@ -165,7 +173,7 @@ class FlightStack:
 
     # ------------------------------------------------------------------ the tick
     def tick(self, sample: RawSample) -> Command | None:
-        """Take one IMU sample and return the command for the board, None while there is none."""
+        """Process one IMU sample; return the command for the board, None if there is none."""
         since = self._tick.begin(sample.stamp_ns)
         if since <= 0.0:
             return None
@@ -177,7 +185,9 @@ class FlightStack:
 
         airborne = self.ground.airborne
         self.navigation.step(tick.imu, since, tick.state, tick.estimate)
-        if self.navigation.measured:
+        if self.navigation.externals:
+            self._tell_of_estimators()
+        if self.navigation.measured or self.navigation.externals:
             self._rescue()
         self.model.step(sample, since, dt)
         pose_age = self.navigation.measurement_age(self._tick.stamp_ns)
@@ -232,14 +242,14 @@ class FlightStack:
         return command
 
     def _level(self, level: Level, dt: float) -> Command:
-        """Return a command to the board, which holds the angles."""
+        """Return a command for the board to hold the angles itself."""
         self._tick.motors_off()
         command = self.near_hovering.command(level, self.steering, dt)
         self._tick.wrench[0] = command.thrust
         return command
 
     def _turn_on_bench(self, sample: RawSample, dt: float) -> tuple[int, int, int, int] | None:
-        """Return the references of one tick in mode BENCH, None when it is over."""
+        """Return the references of one tick in mode BENCH, None when the test is over."""
         bench, modes, tick = self.bench, self.modes, self._tick
         why = bench.fault(
             sample, self.supervisor.battery_spent, modes.motors_had_time, modes.obstacle
@@ -258,7 +268,7 @@ class FlightStack:
         return self.commands.handle(command)
 
     def measure(self, measurement: mailbox.Measurement | Record) -> None:
-        """Take one message, POSE_SAMPLE or BEARINGS_SAMPLE (1,); it acts at the next tick."""
+        """Process one message, POSE_SAMPLE or BEARINGS_SAMPLE (1,), which acts at the next tick."""
         if isinstance(measurement, np.ndarray):
             self.navigation.measure(measurement)
         elif isinstance(measurement, mailbox.Joy):
@@ -271,9 +281,10 @@ class FlightStack:
     def loop_statistics(
         self, statistics: LoopStatistics, counts: LoopCounts, rate: float, real_time: bool
     ) -> None:
-        """Store the loop's own statistics: over the last second, and since its start.
+        """Store the loop's statistics over the last second, and since its start.
 
-        Args: `rate` in Hz, the nominal one.
+        Args:
+            rate: nominal rate, Hz.
         """
         self._status_writer.loop(statistics, counts, rate, real_time)
 
@@ -281,7 +292,12 @@ class FlightStack:
         """Add a line for the log and the page."""
         self._outbox.say(text, level)
 
-    # ------------------------------------------------------------------ what others read
+    def close(self) -> None:
+        """End the processes of plugins."""
+        self.steering.close()
+        self.navigation.close()
+
+    # ------------------------------------------------------------------ outputs
     @property
     def record(self) -> Record:
         """Return TICK (1,), filled by each tick."""
@@ -354,7 +370,7 @@ class FlightStack:
             self.modes.land(way.why)
 
     def _rescue(self) -> None:
-        """Change to the shadow, or back from it, when that is due."""
+        """Change to the shadow estimator, or back from it, when that is due."""
         change = self.rescue.look(self._tick.stamp_ns)
         if change is None:
             return
@@ -362,9 +378,15 @@ class FlightStack:
         self.configuration.apply(change.values, "vehicle")
         self.navigation.take_over(self._tick.state)
 
+    def _tell_of_estimators(self) -> None:
+        for external in self.navigation.externals:
+            for line in external.news(self.modes.mode in FLYING):
+                self.say(line)
+
     def _watch_law(self, law: ExternalLaw) -> None:
-        """Tell when an external law is ready; end one that failed, for which the built-in one
-        flew that very tick.
+        """Report when an external law is ready; disable one that failed.
+
+        In the tick of the failure the built-in law has already taken over.
         """
         if law.becomes_ready():
             self.say(f"law {law.name} is ready")
@@ -377,7 +399,7 @@ class FlightStack:
         self.configuration.apply({LAW: GEOMETRIC, SHADOW_LAW: NONE}, "vehicle")
 
     def _follow_altitude(self, sample: RawSample, dt: float) -> None:
-        """Estimate the altitude by the barometer in every mode: it may be needed at any time."""
+        """Estimate the altitude by the barometer in every mode, as it may be needed at any time."""
         altitude = self.near_hovering.altitude
         if self.ground.airborne:
             altitude.step(sample.pressure, self._tick.specific_force_b.item(2), dt)

@@ -1,4 +1,4 @@
-"""Writes the STATUS field of the tick's record."""
+"""Write the STATUS field of the tick's record."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from vehicle_link.serial.ids import MotorState
 
 _ROW = ("mode", "behavior", "armed", "airborne", "control_mode", "flags")
 _SUSPECT = ("suspect_beacon", "suspect_offset", "suspect_left_out")
-# As plain numbers: an IntFlag costs half a microsecond an operation.
+# Plain numbers, as an IntFlag costs half a microsecond per operation.
 _GYRO_UNCALIBRATED, _NO_POSE = int(Flag.GYRO_UNCALIBRATED), int(Flag.NO_POSE)
 _SATURATED, _TILT_LIMITED = int(Flag.SATURATED), int(Flag.TILT_LIMITED)
 _NOT_REAL_TIME = int(Flag.NOT_REAL_TIME)
 
 
 class StatusWriter:
-    """Writes changed fields; those that change in each tick through views made once."""
+    """Writer of the status: changed fields, and by stored views those that always change."""
 
     def __init__(
         self,
@@ -77,7 +77,7 @@ class StatusWriter:
         """
         self._voltage[0], self._pressure[0] = sample.battery_voltage, sample.pressure
         mode, control_mode = self._modes.mode, self._modes.control_mode
-        # An emergency is reported once the microcontroller confirms it: operators wait for that.
+        # An emergency is reported once the microcontroller confirms it, as operators wait for that.
         if control_mode is not ControlMode.EMERGENCY or sample.motor_state != MotorState.ON:
             self._control_mode = control_mode
         navigation, airborne = self._navigation, self._ground.airborne

@@ -9,7 +9,7 @@ from quadrotor.plain_rotations import tilt_of
 from quadrotor.records import ACTUATORS, Record, new_tick
 
 LONGEST_GAP = 1.0
-"""s, the longest time that estimators predict: beyond it the motion is unknown, and a stamp that
+"""Longest time, in s, that estimators predict: beyond it the motion is unknown, and a stamp that
 jumps must not destroy the estimate."""
 NOMINAL_STEP = 0.002
 
@@ -24,9 +24,10 @@ class TickRecord:
         record: TICK (1,); imu, state, reference, actuators, estimate and status are its fields.
         specific_force_b: (3,) m/s², measured by the IMU.
         position_w, velocity_w: (3,) m and m/s, of the estimated state.
-        innovation_w: (3,) m, from the predicted to the newest measured position.
+        innovation_w: (3,) m, measured minus predicted position.
         agreement: (1,), a number of `estimation.outcome.Agreement`.
-        motor_references: (4,) counts, wanted by the control law. wrench: (4,) N and N m.
+        motor_references: (4,) counts, commanded by the control law.
+        wrench: (4,) N and N m.
         scaling: (1,), below 1 while the motors saturate.
     """
 
@@ -60,12 +61,13 @@ class TickRecord:
 
     @property
     def saturated(self) -> bool:
-        """Return whether the motors could not produce the wrench that the control law wanted."""
+        """Return whether the motors could not produce the wrench commanded by the control law."""
         return bool(self.scaling.item() < 1.0)
 
     def begin(self, stamp_ns: int) -> float:
-        """Begin a tick and return the time (s) since the last one; 0 for a sample that is not
-        newer, which makes no tick.
+        """Begin a tick and return the time (s) since the last one.
+
+        Returns 0 for a sample that is not newer, which does not begin a tick.
         """
         since = (stamp_ns - self.stamp_ns) * 1e-9 if self.stamp_ns else NOMINAL_STEP
         if since <= 0.0:
@@ -79,6 +81,6 @@ class TickRecord:
         self.actuators[...] = self._motors_off
 
     def rest(self) -> None:
-        """Write a tick without flight: no motor is commanded, the reference follows the state."""
+        """Write a tick on the ground: no motor is commanded, the reference follows the state."""
         stand(self.state, self.reference)
         self.motors_off()

@@ -1,4 +1,4 @@
-"""Compiles every law before the first sample is used.
+"""Compile every law before the first sample is used.
 
 A temporary stack flies one short hop through all behaviors, which calls everything the tick may
 call once, with the argument types used in flight. From numba's cache this takes 0.3 s.
@@ -69,7 +69,7 @@ class _Hop:
 
 
 def warm_up() -> list[str]:
-    """Fly the hop and return what was refused in it: what follows would compile in flight."""
+    """Fly the hop; return what was refused, as what follows a refusal would compile in flight."""
     hop = _Hop()
     stack = hop.stack
     refused = [] if hop.until(lambda: stack.mode is Mode.READY) else ["not ready"]

@@ -1,26 +1,17 @@
-"""The input and output of an external control law: vectors of float64, little-endian, in SI units,
-without padding. A UDP packet and a call of a Python law have the same content."""
+"""The input and output of an external control law; see `vehicle.plugins.contract`."""
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from pathlib import Path
+from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from quadrotor.records import Record
+from vehicle.plugins import host
+from vehicle.plugins.contract import Array, Contract, Field, as_attributes, layout
 
-Array = npt.NDArray[np.float64]
-
-
-class Field(NamedTuple):
-    """One named vector: how many numbers it has, their unit, what they are."""
-
-    name: str
-    size: int
-    unit: str
-    meaning: str
-
+__all__ = ["INPUT", "LAW", "OUTPUT", "Array", "Field", "Input", "Law", "hovering", "load"]
 
 INPUT = (
     Field("time", 1, "s", "since the law was chosen"),
@@ -49,9 +40,11 @@ OUTPUT = (
 )
 
 
-def layout(fields: tuple[Field, ...]) -> np.dtype[np.void]:
-    """Return the fields as a packed structured type of little-endian doubles."""
-    return np.dtype([(f.name, "<f8") if f.size == 1 else (f.name, "<f8", f.size) for f in fields])
+def names_of(field: Field) -> list[str]:
+    """Return the names of a field's numbers as FMUs have them, counted from 1."""
+    return (
+        [field.name] if field.size == 1 else [f"{field.name}[{k + 1}]" for k in range(field.size)]
+    )
 
 
 INPUT_TYPE, OUTPUT_TYPE = layout(INPUT), layout(OUTPUT)
@@ -92,10 +85,21 @@ class Law(Protocol):
         ...
 
 
-def as_input(x: Record) -> Input:
-    """Return INPUT_TYPE (1,) as what a law receives: fields as attributes."""
-    found: Input = x.view(np.recarray)[0]
-    return found
+def step(law: Law, x: Input, out: Record) -> None:
+    """Write the law's answer to x into OUTPUT_TYPE (1,)."""
+    if x.reset:
+        law.reset()
+    thrust, torque_b = law.step(x)
+    out["time"], out["thrust"], out["torque_b"] = x.time, thrust, torque_b
+
+
+LAW = Contract("law", INPUT_TYPE, OUTPUT_TYPE, step, (".py", host.FMU))
+
+
+def load(source: str | Path) -> Law:
+    """Return a law; see `vehicle.plugins.host.load`."""
+    law: Law = host.load(LAW, source)
+    return law
 
 
 def hovering(mass: float = 1.308, height: float = 1.0) -> Input:
@@ -110,4 +114,5 @@ def hovering(mass: float = 1.308, height: float = 1.0) -> Input:
     x["inertia_b"] = (0.0154, 0.0154, 0.0250)
     x["quaternion_wb"] = (1.0, 0.0, 0.0, 0.0)
     x["position_w"] = x["reference_position_w"] = (0.0, 0.0, height)
-    return as_input(x)
+    made: Input = as_attributes(x)
+    return made

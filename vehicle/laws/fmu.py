@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from quadrotor.errors import RefusedError, UsageError
-from vehicle.laws.contract import INPUT, OUTPUT, Array, Field, Input
+from vehicle.laws.contract import INPUT, OUTPUT, Array, Field, Input, names_of
 
 EXTRA = "scripts/setup fmu"
 
@@ -46,7 +46,7 @@ class FmuLaw:
         outputs = {n: v for n, v in variables.items() if v.causality == "output"}
         self._inputs = [(f, r) for f in INPUT if (r := _references(f, inputs))]
         found = {f.name: _references(f, outputs) for f in OUTPUT}
-        known = {n for f in INPUT for n in _names(f)} | {f.name for f in INPUT}
+        known = {n for f in INPUT for n in names_of(f)} | {f.name for f in INPUT}
         unknown = sorted(inputs.keys() - known)
         if unknown:
             raise UsageError(
@@ -105,11 +105,6 @@ class FmuLaw:
         return list(map(float, self._get(references, nValues=size)))  # an array of FMI 3
 
 
-def _names(field: Field) -> list[str]:
-    """Return the names of a vector's numbers, counted from 1."""
-    return [f"{field.name}[{k + 1}]" for k in range(field.size)]
-
-
 def _references(field: Field, variables: dict[str, Any]) -> list[int]:
     """Return the value references of a field, none when the FMU has not all of it.
 
@@ -117,7 +112,7 @@ def _references(field: Field, variables: dict[str, Any]) -> list[int]:
     """
     whole = variables.get(field.name)
     if whole is None:
-        numbers = [variables.get(name) for name in _names(field)]
+        numbers = [variables.get(name) for name in names_of(field)]
         return [one.valueReference for one in numbers if one is not None] if all(numbers) else []
     size = math.prod(int(d.start) for d in whole.dimensions if d.start) if whole.dimensions else 1
     if size != field.size:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.metadata import entry_points
 from pathlib import Path
 
 from control.controller import GeometricController
 from control.near_hovering import NearHoveringController
 from control.parameters import GEOMETRIC, NEAR_HOVERING, NONE, PluginBounds
 from quadrotor.errors import QuadlabError, RefusedError
+from vehicle.laws.contract import LAW as CONTRACT
 from vehicle.laws.external import ExternalLaw
-from vehicle.laws.host import FMU, GROUP
-from vehicle.laws.links import Link, NoLink, ProcessLink, UdpLink
+from vehicle.plugins.links import Link, NoLink, UdpLink
+from vehicle.plugins.plugins import Plugins
 
 BUILT_IN: dict[str, Callable[[], GeometricController]] = {
     GEOMETRIC: GeometricController,
@@ -20,8 +20,6 @@ BUILT_IN: dict[str, Callable[[], GeometricController]] = {
 }
 LAW, SHADOW_LAW = "control.law", "control.shadow_law"
 UDP = "udp"
-TESTS = "test_"
-"""Files that begin so are tests of laws."""
 
 
 def base_of(name: str) -> str:
@@ -38,12 +36,11 @@ class Laws:
     """
 
     def __init__(self, folder: Path | None = None, waits: bool = True) -> None:
-        self._folder, self._waits = folder, waits
-        self._packaged = entry_points(group=GROUP)  # once: it reads many files, too slow in flight
+        self._plugins = Plugins(CONTRACT, folder, waits, (*BUILT_IN, UDP, NONE))
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all laws, built-in ones first."""
-        return (*BUILT_IN, UDP, *sorted(self._sources()))
+        return (*BUILT_IN, UDP, *self._plugins.names())
 
     def check(self, law: str, shadow: str) -> None:
         """Raise RefusedError for a law that is not there, and for two external ones."""
@@ -55,13 +52,9 @@ class Laws:
             if name not in self.names():
                 raise RefusedError(
                     f"{parameter} = {name!r} is not a law; there are {', '.join(self.names())}; "
-                    f"put NAME.py or NAME.fmu into {self._folder or 'the folder plugins'}"
+                    f"put NAME.py or NAME.fmu into {self._plugins.folder or 'the folder plugins'}"
                 )
-            if len(self._sources().get(name, ())) > 1:
-                raise RefusedError(
-                    f"{parameter} = {name}: two files or packages have this name, "
-                    f"{' and '.join(Path(one).name for one in self._sources()[name])}; rename one"
-                )
+            self._plugins.check(parameter, name)
         if law not in BUILT_IN and shadow not in (NONE, law):
             raise RefusedError(
                 f"{SHADOW_LAW} = {shadow} next to {LAW} = {law}: one external law runs at a "
@@ -71,23 +64,12 @@ class Laws:
     def start(self, name: str, base: GeometricController, bounds: PluginBounds) -> ExternalLaw:
         """Return the law, whose process is starting; one that cannot start has failed already."""
         link: Link
-        try:
-            if name == UDP:
-                link = UdpLink(bounds.udp_peer, bounds.udp_port, self._waits)
-            else:
-                link = ProcessLink(self._sources()[name][0], self._waits)
-        except QuadlabError as error:
-            link = NoLink(str(error))
-        return ExternalLaw(name, link, base, self._waits)
-
-    def _sources(self) -> dict[str, list[str]]:
-        """Return what `vehicle.laws.host.load` takes, by the name of the law."""
-        found: dict[str, list[str]] = {}
-        folder = self._folder
-        for path in sorted(folder.iterdir()) if folder is not None and folder.is_dir() else ():
-            is_law = path.suffix in (".py", FMU) and path.stem.isidentifier()
-            if is_law and not path.stem.startswith(("_", TESTS)):
-                found.setdefault(path.stem, []).append(str(path))
-        for point in self._packaged:
-            found.setdefault(point.name, []).append(f"{GROUP}={point.value}")
-        return {name: files for name, files in found.items() if name not in (*BUILT_IN, UDP, NONE)}
+        waits = self._plugins.waits
+        if name != UDP:
+            link = self._plugins.start(name)
+        else:
+            try:
+                link = UdpLink(CONTRACT, bounds.udp_peer, bounds.udp_port, waits)
+            except QuadlabError as error:
+                link = NoLink(str(error))
+        return ExternalLaw(name, link, base, waits)

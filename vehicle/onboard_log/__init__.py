@@ -1,1 +1,1 @@
-"""The log on board: every tick while armed, kept in a ring of files that survive a power cut."""
+"""The onboard log: every tick while armed, in a ring of files that survive a power cut."""

@@ -1,5 +1,7 @@
-"""SHA-256 of closed onboard logs: a gigabyte takes seconds, so a thread of low priority does it
-in pieces, and who asks comes again."""
+"""SHA-256 of closed onboard logs, computed in pieces by a thread of low priority.
+
+A gigabyte takes seconds, so the caller asks again until the result is available.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,7 @@ class Checksums:
         self._thread: threading.Thread | None = None
 
     def ask(self, path: Path, identity: int, size: int) -> bytes:
-        """Return 32 bytes, or none while they are being made."""
+        """Return the checksum (32 bytes), or no bytes while it is being computed."""
         key = path.name, identity, size
         with self._lock:
             if key in self._found:
@@ -43,13 +45,13 @@ class Checksums:
         return b""
 
     def _run(self) -> None:
-        with suppress(OSError):  # of this thread alone, as Linux has it
+        with suppress(OSError):  # Linux sets the priority of this thread alone
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
         while True:
             key, path = self._wanted.get()
             try:
                 digest = _sha256(path)
-            except OSError:  # gone, which the next question is told
+            except OSError:  # removed, which the next request reports
                 digest = b""
             with self._lock:
                 self._pending.discard(key)
@@ -63,5 +65,5 @@ def _sha256(path: Path) -> bytes:
     made = hashlib.sha256()
     with path.open("rb", buffering=0) as stream:
         while piece := stream.read(PIECE_BYTES):
-            made.update(piece)  # lets others have the interpreter
+            made.update(piece)  # releases the interpreter lock
     return made.digest()

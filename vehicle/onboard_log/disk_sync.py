@@ -1,7 +1,6 @@
-"""A thread that sends what was written of a log to the disk itself once a second: a power cut takes
-no more.
+"""A thread that flushes a log to the disk once a second, to limit the loss by a power cut.
 
-In a thread of its own, through a descriptor of its own: a slow disk holds up no one who writes.
+It has its own file descriptor, so that a slow disk does not block the writers.
 """
 
 from __future__ import annotations
@@ -17,11 +16,12 @@ PERIOD_S = 1.0
 
 
 class DiskSync:
-    """A thread that flushes one file to the disk, from now until `end`.
+    """Thread that flushes one file to the disk, from now until `end`.
 
     Attributes:
         problem: why something did not reach the disk, in words.
-        count, slowest: times it was sent, and the longest, s.
+        count: number of flushes.
+        slowest: duration of the longest flush, s.
     """
 
     def __init__(self, path: Path, period_s: float = PERIOD_S) -> None:
@@ -34,14 +34,14 @@ class DiskSync:
         self._thread.start()
 
     def end(self) -> None:
-        """End soon; who closes the file sends the rest."""
+        """Request the thread to end; the closing of the file flushes the rest."""
         self._ended.set()
 
     def _run(self) -> None:
         try:
             file = os.open(self.path, os.O_RDONLY | os.O_CLOEXEC)
             try:
-                sync_folder(self.path.parent)  # its name, too
+                sync_folder(self.path.parent)  # the file's name must reach the disk too
                 while not self._ended.wait(self._period_s):
                     began = time.perf_counter()
                     os.fdatasync(file)

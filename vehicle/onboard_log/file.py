@@ -1,4 +1,4 @@
-"""One onboard log while it is written, and what other threads may know of it meanwhile."""
+"""One onboard log while it is being written, and the part of it that other threads may read."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from vehicle_link import topics
 from vehicle_link.messages import definition, type_hash
 
 PIECE = 50
-"""Ticks, or messages, written at once, at most: 70 kB of ticks."""
+"""Largest number of ticks, or messages, per write: 70 kB of ticks."""
 LONGEST_NS = 1_000_000_000
 
 
@@ -44,14 +44,14 @@ class Batch(NamedTuple):
 
 
 class Written:
-    """One file, as far as it is written; any thread may ask.
+    """The written part of one file; thread-safe.
 
     Args:
-        start_ns: of its first tick.
-        place: of its first chunk.
+        start_ns: stamp of its first tick.
+        place: offset of its first chunk.
 
     Attributes:
-        closed: nothing will be added.
+        closed: whether the file is complete.
     """
 
     def __init__(self, path: Path, start_ns: int, place: int) -> None:
@@ -62,24 +62,25 @@ class Written:
         self._stamps = array("q", [start_ns - 1])
 
     def mark(self, stamp_ns: int, place: int) -> None:
-        """Mark that ticks up to `stamp_ns` are before `place`, where a chunk begins, and later ones
-        are not.
+        """Note that ticks up to `stamp_ns` are before the offset `place`, where a chunk begins.
+
+        Later ticks are after it.
         """
-        self._places.append(place)  # first: whoever finds the stamp finds the place
+        self._places.append(place)  # first: a reader that finds the stamp also finds the place
         self._stamps.append(stamp_ns)
 
     @property
     def end_ns(self) -> int:
-        """Return newest tick in the file."""
+        """Return the stamp of the newest tick in the file."""
         return self._stamps[-1]
 
     def place_before(self, stamp_ns: int) -> int:
-        """Return where to begin to read for ticks from `stamp_ns` on."""
+        """Return the offset from which to read for ticks from `stamp_ns` on."""
         return self._places[max(0, bisect_left(self._stamps, stamp_ns) - 1)]
 
 
 def prepare(vehicle: str) -> None:
-    """Make what is made on first use: 0.3 s of the interpreter, better spent on the ground."""
+    """Compute cached values in advance: 0.3 s of the interpreter, better spent on the ground."""
     provenance()
     list(_tick_messages(np.zeros(1, TICK), vehicle))
     for topic in topics.TOPICS.values():
@@ -96,9 +97,9 @@ def runs(ticks: Record) -> Iterator[Record]:
 
 
 class OnboardFile:
-    """Made, written and closed by the log's own thread.
+    """One onboard log, created, written and closed by the log's own thread.
 
-    What is added is written by `write`, all at once: that takes a third of the time.
+    `write` writes everything that was added in one go, in a third of the time.
 
     Raises:
         StorageError: here and in every method.
@@ -126,7 +127,7 @@ class OnboardFile:
 
     @property
     def size(self) -> int:
-        """Return bytes in the file so far."""
+        """Return the number of bytes in the file so far."""
         return self._writer.size
 
     def add_ticks(self, batch: Batch) -> None:
@@ -141,11 +142,11 @@ class OnboardFile:
         self._messages.append(LogMessage(name, type_name, payload, log_ns, source_ns))
 
     def write(self) -> None:
-        """Write what was added to the kernel, in one or more chunks of its own."""
+        """Pass everything that was added to the kernel, in one or more separate chunks."""
         batches, messages = self._ticks, self._messages
         self._ticks, self._messages = [], []
         if batches:
-            # numpy's concatenate looks at all fields again each time: 60 µs.
+            # numpy's concatenate examines all fields again each time: 60 µs.
             ticks = np.frombuffer(b"".join(batch.ticks.tobytes() for batch in batches), TICK)
             received = np.repeat(
                 np.array([batch.log_ns for batch in batches], np.int64),
@@ -196,14 +197,14 @@ class OnboardFile:
         self._mark()
 
     def _mark(self) -> None:
-        """Mark the place wherever a chunk was closed: it holds all ticks so far."""
+        """Note the place wherever a chunk was closed: it holds all ticks so far."""
         if self._writer.size != self._size:
             self._size = self._writer.size
             self.written.mark(self._newest_ns, self._size)
 
 
 def _tick_messages(ticks: Record, vehicle: str) -> Iterator[tuple[str, npt.NDArray[np.void]]]:
-    """Yield topic and (N,) messages."""
+    """Yield (topic, messages (N,))."""
     yield "state", topics.state_messages(ticks, vehicle)
     yield "reference", topics.reference_messages(ticks)
     yield "imu", topics.imu_messages(ticks, vehicle)

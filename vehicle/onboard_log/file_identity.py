@@ -1,4 +1,4 @@
-"""The identity of a file's content: a file that is replaced under its name is another one."""
+"""The identity of a file's content: a file that replaces another of its name gets a new one."""
 
 from __future__ import annotations
 
@@ -12,18 +12,14 @@ _BIRTH_PLACE = 80  # of stx_btime in struct statx, whose mask is its first numbe
 
 
 def identity_of(file: int) -> int:
-    """Return 64 bits from inode and time of creation of an open file; inodes alone are used
-    again.
-    """
+    """Return 64 bits from inode and creation time of an open file, as inodes alone are reused."""
     inode = os.fstat(file).st_ino
     made = hashlib.blake2b(struct.pack("<Qqi", inode, *_birth(file)), digest_size=8)
     return int.from_bytes(made.digest(), "little")
 
 
 def _birth(file: int) -> tuple[int, int]:
-    """Return the s and ns of creation since the epoch; zeros where system or disk do not report
-    them.
-    """
+    """Return the s and ns of creation since the epoch; zeros if system or disk report none."""
     buffer = ctypes.create_string_buffer(256)
     try:
         failed = _statx(file, b"", _EMPTY_PATH, _BIRTH, buffer)

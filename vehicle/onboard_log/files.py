@@ -1,7 +1,7 @@
-"""The vehicle's own logs as files: which there are, and their bytes.
+"""The vehicle's own logs as files: their list and their bytes.
 
-Services `onboard_files` and `onboard_part`, with answers of some kilobytes: what flies goes first.
-A request at background priority is answered at that.
+Services `onboard_files` and `onboard_part`, with answers of a few kilobytes, as flight data has
+priority. A request at background priority is answered at that priority.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from vehicle_link.transport.idempotent import prepare
 from vehicle_link.transport.node import Node
 
 PART_BYTES = 2800
-"""Bytes of a file in one answer: two packets on the radio."""
+"""Largest number of bytes of a file in one answer: two packets on the radio."""
 FILES_MAX = 100
-"""Files in an answer, the newest: 10 kB."""
+"""Largest number of files in an answer, the newest ones: 10 kB."""
 FACTS_KEPT = 1000
 
 
 class Facts(NamedTuple):
-    """One file as it is now; of a torn one the times are not known."""
+    """One file as it is now; the times of a torn one are unknown."""
 
     name: str
     identity: int
@@ -54,8 +54,12 @@ class Facts(NamedTuple):
 
 
 class OnboardFiles:
-    """Args: the folder; `written` tells the files of this process (`OnboardLog.files`), `mending`
-    when a torn one is mended (`OnboardLog.mending`)."""
+    """Services for the logs in a folder.
+
+    Args:
+        written: returns the files of this process (`OnboardLog.files`).
+        mending: returns when a torn file is repaired (`OnboardLog.mending`).
+    """
 
     def __init__(
         self,
@@ -77,7 +81,7 @@ class OnboardFiles:
             node.serve(service, SERVICES[service], answer)
 
     def files(self, request: Message) -> Message:
-        """Answer which logs there are. Raises StorageError."""
+        """Answer with the list of logs. Raises StorageError."""
         found = [facts.message() for facts in self._newest()]
         return new(
             f"{SERVICES['onboard_files']}_Response",
@@ -115,7 +119,7 @@ class OnboardFiles:
             try:
                 with self._open(name) as file:
                     found.append(self._facts(name, file))
-            except QuadlabError:  # mended or removed meanwhile, or no log at all
+            except QuadlabError:  # repaired or removed in the meantime, or not a log
                 continue
         return found
 
@@ -174,7 +178,7 @@ class OnboardFiles:
         )
 
     def _refuse_torn(self, facts: Facts) -> None:
-        """Raise RefusedError for a torn log: its bytes will be others when it is mended."""
+        """Raise RefusedError for a torn log, as its bytes change when it is repaired."""
         if not facts.closed and not facts.start_ns:
             raise RefusedError(f"{facts.name} was torn, and {self._mending()}; ask again later")
 
@@ -192,7 +196,7 @@ def _names(folder: Path) -> list[str]:
         with os.scandir(folder) as entries:
             for entry in entries:
                 if entry.name.endswith(".mcap"):
-                    with suppress(FileNotFoundError):  # just mended or removed
+                    with suppress(FileNotFoundError):  # just repaired or removed
                         found.append((entry.stat(follow_symlinks=False).st_mtime_ns, entry.name))
     except FileNotFoundError:
         return []

@@ -1,8 +1,9 @@
-"""Torn onboard logs are mended while the vehicle stands disarmed and its disk has room.
+"""Repair of torn onboard logs while the vehicle is disarmed and its disk has room.
 
-By a process of the lowest priority, which is ended when the vehicle is armed: reading a long flight
-takes minutes of processor. What a killed vehicle left is mended at its next start as well
-(vehicle.onboard_log.recovery); here is tried again what failed there, for lack of room as a rule.
+It runs in a process of the lowest priority, which is stopped when the vehicle is armed: reading a
+long flight takes minutes of processor time. Logs of a killed vehicle are also repaired at its next
+start (vehicle.onboard_log.recovery); here failed repairs, usually for lack of room, are tried
+again.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ from vehicle.processes.mailbox import INFO, WARN
 from vehicle_link.jobs import IDLE, Job
 
 FIRST_S = 60.0
-"""Delay from the first tick on the ground: the parent mends first, what it finds at the start."""
+"""Delay, in s, from the first tick on the ground: the parent repairs the logs of the start first.
+"""
 PERIOD_S = 10.0
-"""Between two looks at the disk's room, and after the first try; then twice as long each time."""
+"""Time, in s, between two checks of the disk's room, and after the first try; then it doubles."""
 TRIES = 8
-"""Tries for one list of torn files; the last comes 20 min after the first."""
+"""Largest number of tries for one list of torn files; the last comes 20 min after the first."""
 PATIENCE_S = 1.0
 
 LATER = "is repaired at the vehicle's next start"
@@ -31,23 +33,23 @@ NOW = "is being repaired"
 
 
 def start_mending(paths: Sequence[Path], told: Callable[[str], None]) -> Job[None]:
-    """Start a process that mends these files and reports what it found."""
+    """Start a process that repairs these files and reports a line for each."""
     return Job(mend_logs, list(paths), niceness=IDLE, report=told)
 
 
 class Mending:
-    """Looked after by the onboard log's thread.
+    """Repair of torn logs, driven by the onboard log's thread.
 
     Args:
         data: the data folder.
-        say: takes (level, text) of an event.
-        free: asks the free space of a folder, in bytes.
-        keep: gives what must stay free next to the copy, in bytes: the next flight is to be logged.
+        say: called with (level, text) of an event.
+        free: returns the free space of a folder, in bytes.
+        keep: returns the bytes that must stay free next to the copy, to log the next flight.
         clock: s, steady.
         begin: starts a process for these files, which reports each.
 
     Attributes:
-        how: when a torn log is mended, in words that follow its name; from any thread.
+        how: when a torn log is repaired, in words that follow its name; from any thread.
     """
 
     def __init__(
@@ -75,7 +77,7 @@ class Mending:
         self._due_s, self._tries, self.how = self._clock(), 0, SOON
 
     def look(self, on_ground: bool) -> list[Path]:
-        """Begin, end or go on waiting, at once; which files were just mended or removed."""
+        """Start, stop or check the repair without waiting; return the files repaired or removed."""
         if self._process is not None:
             return self._look_at(self._process, on_ground)
         if not on_ground:
@@ -88,7 +90,7 @@ class Mending:
         return []
 
     def close(self) -> None:
-        """End the process; what it has not finished stays as it was."""
+        """Stop the process; files that it has not finished stay unchanged."""
         process, self._process = self._process, None
         if process is not None:
             process.stop(PATIENCE_S)
@@ -102,7 +104,7 @@ class Mending:
                 return
             need = max(path.stat().st_size for path in self._torn) + self._keep()
             free = self._free(self._data)
-        except (StorageError, OSError):  # removed meanwhile, or a disk that the log tells of
+        except (StorageError, OSError):  # removed meanwhile, or a disk error that the log reports
             return
         if free < need:
             self.how = (
@@ -115,7 +117,7 @@ class Mending:
             return
         try:
             self._process, self._cut = self._begin(self._torn, self._tell), False
-        except JobError:  # no memory or process left: later
+        except JobError:  # not enough memory or processes: try later
             return
         self.how = NOW
 

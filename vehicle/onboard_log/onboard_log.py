@@ -1,7 +1,7 @@
 """The onboard log: every tick from arming to half a second after disarming, in its own thread.
 
-Callers only append to a bounded buffer, so a slow disk costs log lines (counted and said), never
-telemetry. The file holds the standard topics, as the station's recording does.
+Callers only append to a bounded buffer, so a slow disk costs log lines (counted and reported),
+never telemetry. The file holds the standard topics, as the station's recording does.
 """
 
 from __future__ import annotations
@@ -28,25 +28,26 @@ BUFFER_BYTES = 32_000_000
 AFTER_DISARMING_NS = 500_000_000
 CHECK_NS = 1_000_000_000
 PERIOD_S = 0.035
-"""Between two writes, of 0.7 ms each: what a killed process loses of other topics than ticks."""
-FILES_KEPT = 4  # of which places are known
+"""Time, in s, between two writes of 0.7 ms each; of the topics other than ticks, a killed process
+loses as much."""
+FILES_KEPT = 4  # whose places are stored
 
 Say = Callable[[int, str], None]
 
 
 class OnboardLog:
-    """Starts and ends files by the ticks' `armed`.
+    """Log that begins and ends a file with the ticks' `armed`.
 
     Args:
-        data: the data folder; files go to `onboard/` in it.
+        data: the data folder; files are written to `onboard/` in it.
         vehicle: name, the namespace of the topics.
-        attachments: name → gives what is attached to each file, as it is when that begins.
-        say: takes (level, text) of an event; called from this log's thread.
-        facts: for the metadata `quadlab.run`, next to what is known here.
-        limits: gives the parameters of the log.
-        fetched: tells which files the station reads.
-        free: asks the free space of a folder, in bytes.
-        written: told of how many more ticks nothing is left to do.
+        attachments: name → returns the content to attach to each file when it begins.
+        say: called with (level, text) of an event, on this log's thread.
+        facts: for the metadata `quadlab.run`, in addition to what is known here.
+        limits: returns the parameters of the log.
+        fetched: tracks which files the station reads.
+        free: returns the free space of a folder, in bytes.
+        written: called with the number of further ticks that are written or discarded.
     """
 
     def __init__(
@@ -80,16 +81,18 @@ class OnboardLog:
         self._started = False
         self._file: OnboardFile | None = None
         self._files: deque[Written] = deque(maxlen=FILES_KEPT)
-        self.problem = ""  # why nothing is written, if it should be
+        self.problem = ""  # why nothing is written although it should be
         self._stopped = False  # by an error or a full disk, until the next arming
         self._disarmed_ns = 0
         self._checked_ns = 0
-        self._untidy = True  # the ring is to be looked at, when next on the ground
+        self._untidy = True  # whether to tidy the ring when next on the ground
         self._thread = threading.Thread(target=self._run, name="onboard log", daemon=True)
 
     def start(self) -> None:
-        """Write from now on, what was buffered until now as well; calls after the first do
-        nothing. Wait with it until `attachments` know what flight's parameters are."""
+        """Start writing, including what is buffered; further calls have no effect.
+
+        Call it once `attachments` can return flight's parameters.
+        """
         if not self._started:
             self._started = True
             self._thread.start()
@@ -103,7 +106,7 @@ class OnboardLog:
     def message(
         self, topic: str, type_name: str, payload: bytes, source_ns: int, log_ns: int
     ) -> None:
-        """Log any other topic, from any thread; kept while a file is open."""
+        """Log a message of any other topic, from any thread; it is written while a file is open."""
         self._append(Message(topic, type_name, payload, source_ns, log_ns), len(payload), 1)
 
     @property
@@ -113,11 +116,11 @@ class OnboardLog:
 
     @property
     def mending(self) -> str:
-        """Return when a torn log is mended, in words that follow its name."""
+        """Return when a torn log is repaired, in words that follow its name."""
         return self._mending.how
 
     def files(self) -> list[Written]:
-        """Return the newest ones of this process, oldest first; from any thread."""
+        """Return the newest files of this process, oldest first; from any thread."""
         return list(self._files)
 
     def close(self, timeout_s: float = 5.0) -> None:
@@ -127,7 +130,7 @@ class OnboardLog:
         self._thread.join(timeout_s)
 
     def _append(self, item: Batch | Message, size: int, count: int) -> bool:
-        """Append, and return False when there is no room."""
+        """Append, and return False when the buffer is full."""
         with self._lock:
             if self._buffered + size > BUFFER_BYTES:
                 self._lost += count
@@ -137,9 +140,7 @@ class OnboardLog:
         return True
 
     def _take(self) -> tuple[list[Batch | Message], int, int]:
-        """Take the queued items; return also how much of all had no room, and how many of
-        those were ticks.
-        """
+        """Remove and return the queued items, the number lost in all, and the ticks among those."""
         with self._lock:
             items, lost, ticks = self._buffer, self._lost, self._lost_ticks
             self._buffer, self._buffered, self._lost, self._lost_ticks = [], 0, 0, 0
@@ -163,13 +164,13 @@ class OnboardLog:
         self._mending.close()
 
     def _look_after(self, on_ground: bool) -> None:
-        """Look after the files that are closed, and those that could not be."""
+        """Maintain the closed files, and those that could not be closed."""
         if on_ground and self._untidy:
             self._tidy()
         for path in self._mending.look(on_ground):
             self._untidy = True
             for written in self.files():
-                if written.path == path:  # its places are another file's
+                if written.path == path:  # its places refer to another file
                     self._files.remove(written)
 
     def _store(self, items: Iterable[Batch | Message]) -> None:
@@ -223,8 +224,9 @@ class OnboardLog:
         self._say(INFO, f"onboard log {self._file.path.name} started")
 
     def _free_name(self, stem: str) -> str:
-        """Return a free name: a comms process killed at arming leaves a file that begins with the
-        same tick.
+        """Return an unused name.
+
+        A comms process killed at arming leaves a file that begins with the same tick.
         """
         names = itertools.chain([stem], (f"{stem}_{number}" for number in itertools.count(2)))
         return next(name for name in names if not (self.folder / f"{name}.mcap").exists())
@@ -233,7 +235,7 @@ class OnboardLog:
         for name, content in self._attachments.items():
             try:
                 yield name, content()
-            except QuadlabError as error:  # the ticks matter more
+            except QuadlabError as error:  # not reason enough to lose the ticks
                 self._say(WARN, f"onboard log without {name}: {error}")
 
     def _add_ticks(self, batch: Batch) -> None:
@@ -251,7 +253,7 @@ class OnboardLog:
         self._file.add_ticks(batch)
 
     def _check_space(self, now_ns: int) -> bool:
-        """Check the free space once a second; return whether this time. Raises StorageError."""
+        """Check the free space once a second; return whether it did. Raises StorageError."""
         if 0 <= now_ns - self._checked_ns < CHECK_NS:
             return False
         self._checked_ns = now_ns
@@ -306,7 +308,5 @@ class OnboardLog:
 
 
 def microcontroller_facts(identity: Identity) -> dict[str, str]:
-    """Return the microcontroller's identity for a file's metadata: the motors started with no
-    other.
-    """
+    """Return the microcontroller's identity for a file's metadata: motors start with no other."""
     return {"robot_id": str(identity.robot_id), "firmware_revision": str(identity.firmware)}

@@ -28,6 +28,6 @@ class OnboardLogParameters(Parameters):
 
 
 def log_parameters(values: Mapping[str, ParameterValue]) -> OnboardLogParameters:
-    """Return the log's parameters out of all the vehicle's values by name."""
+    """Return the log's parameters from all of the vehicle's values by name."""
     own = {name.removeprefix(PREFIX): v for name, v in values.items() if name.startswith(PREFIX)}
     return OnboardLogParameters.model_validate(own)

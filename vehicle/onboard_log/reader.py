@@ -1,7 +1,7 @@
-"""Answers questions about the onboard log: numbers of every tick between two instants.
+"""Queries of the onboard log: numbers of every tick between two instants.
 
-On a thread of the comms process, with small answers: the log's own thread, the radio and above
-all the flight process go on next to it.
+They run on a thread of the comms process, with small answers, next to the log's own thread, the
+radio and the flight process.
 """
 
 from __future__ import annotations
@@ -20,15 +20,20 @@ from vehicle_link.transport.idempotent import prepare
 TYPE = SERVICES["onboard_log"]
 COLUMNS_MAX = 48
 VALUES_MAX = 16_000
-"""Numbers in an answer: 64 kB, one fragment of the link."""
+"""Largest number of values in an answer: 64 kB, one fragment of the link."""
 PATIENCE_S = 0.3
-"""Time for which an answer waits for ticks that are on their way to the file: chunks take 40 ms."""
+"""Time, in s, for which an answer waits for ticks on their way to the file: chunks take 40 ms."""
 LOOK_S = 0.02
 LONGEST_NS = 120_000_000_000
 
 
 class OnboardReader:
-    """Args: `log` may be written meanwhile; `wait(s)` between two looks at it."""
+    """Service `onboard_log`.
+
+    Args:
+        log: may be written at the same time.
+        wait: waits this many s between two reads.
+    """
 
     def __init__(
         self, log: OnboardLog, vehicle: str, wait: Callable[[float], None] = time.sleep
@@ -39,7 +44,7 @@ class OnboardReader:
         prepare(TYPE)
 
     def answer(self, request: Message) -> Message:
-        """Answer as the service's handler. Raises RefusedError, UsageError or StorageError."""
+        """Answer a request of the service. Raises RefusedError, UsageError or StorageError."""
         start_ns, end_ns = int(request.start_ns), int(request.end_ns)
         if not 0 <= end_ns - start_ns <= LONGEST_NS:
             raise RefusedError(
@@ -54,7 +59,7 @@ class OnboardReader:
         written = self._file_of(start_ns)
         waited = 0.0
         while True:
-            is_whole = written.closed  # before reading: what follows is then all there is
+            is_whole = written.closed  # before reading: the file cannot grow afterwards
             found = self._read(written, request, rows)
             enough = len(found.stamps_ns) >= rows or found.written_ns >= end_ns
             if enough or is_whole or found.ended or waited >= PATIENCE_S:
@@ -62,7 +67,7 @@ class OnboardReader:
             self._wait(LOOK_S)
             waited += LOOK_S
         reached = found.written_ns >= end_ns or is_whole or found.ended
-        # As many as were asked for: there may be more of them behind.
+        # With as many as were requested there may be more.
         complete = reached and len(found.stamps_ns) < rows
         return new(
             f"{TYPE}_Response",
@@ -87,7 +92,7 @@ class OnboardReader:
         )
 
     def _file_of(self, start_ns: int) -> Written:
-        """Return the newest file that began before this instant, or the oldest one known."""
+        """Return the newest file that began before this instant, or else the oldest one known."""
         files = self._log.files()
         if not files:
             why = self._log.problem or "it is written while the vehicle is armed"

@@ -1,4 +1,4 @@
-"""Onboard logs that were not closed: found and mended, at the next start or on the ground."""
+"""Onboard logs that were not closed: found and repaired, at the next start or on the ground."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from flight_log.index import holds_nothing
 from quadrotor.errors import QuadlabError
 
 FOLDER = "onboard"
-"""Inside the data folder."""
+"""Name of the folder in the data folder."""
 
 
 def torn_logs(data: Path) -> list[Path]:
-    """Return onboard logs that were never closed. Raises StorageError."""
+    """Return the onboard logs that were never closed. Raises StorageError."""
     folder = data / FOLDER
     return [path for path in sorted(folder.glob("*.mcap")) if not is_closed(path)]
 
 
 def recover_logs(paths: list[Path]) -> Iterator[str]:
-    """Mend each; yields one line a file. A file that cannot be mended stays as it is."""
+    """Repair each file and yield one line for it. A file that cannot be repaired is unchanged."""
     for path in paths:
         try:
             if holds_nothing(path) and not is_being_written(path):
@@ -39,7 +39,7 @@ def recover_logs(paths: list[Path]) -> Iterator[str]:
 
 
 def mend_logs(paths: list[Path], report: Callable[[str], None]) -> None:
-    """Recover them in a process of its own; SIGTERM leaves a torn file as it was."""
+    """Repair logs in a separate process; SIGTERM leaves a torn file unchanged."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     for line in recover_logs(paths):
         report(line)

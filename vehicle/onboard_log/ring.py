@@ -1,6 +1,6 @@
-"""The ring of onboard logs: the oldest go when they are too old, too many, or the disk too full.
+"""The ring of onboard logs: the oldest are removed when they are too old or the disk is too full.
 
-Never one that is not closed, never the newest, and never one that was just being fetched.
+Logs that are not closed, that were just being fetched, or that are the newest are never removed.
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle_link.machine_checks import kernel_clock
 
 FETCHED_S = 300.0
-"""A log that was read within is left: the station may be fetching it."""
+"""Time, in s, for which a log is kept after it was read: the station may be fetching it."""
 DAY_S = 86_400.0
 CLOCK_SET_S = 1_577_836_800.0
-"""Logs from before 2020 were written by a clock that was not set: their age is not known."""
+"""Start of 2020, in s since the epoch: logs from before then were written with a clock that was not
+set, so their age is unknown."""
 
 
 def free_bytes(folder: Path) -> int:
@@ -30,7 +31,7 @@ def free_bytes(folder: Path) -> int:
 
 
 def is_clock_right() -> bool:
-    """Return whether the kernel calls its clock synchronised."""
+    """Return whether the kernel reports its clock as synchronised."""
     try:
         return kernel_clock()[0]
     except (OSError, AttributeError):
@@ -63,7 +64,14 @@ class _Log:
 
 
 class Ring:
-    """Args: the folder of the logs; `free`, `now` (s since the epoch) and `clock_right` of it."""
+    """Ring of logs in a folder.
+
+    Args:
+        fetched: tracks which files the station reads.
+        free: returns the free space of a folder, in bytes.
+        now: s since the epoch.
+        clock_right: returns whether the clock is synchronised.
+    """
 
     def __init__(
         self,
@@ -95,7 +103,7 @@ class Ring:
         for path in self._folder.glob("*.mcap"):
             try:
                 stat = path.stat()
-            except FileNotFoundError:  # just mended or removed
+            except FileNotFoundError:  # just repaired or removed
                 continue
             found.append(_Log(path, stat.st_size, stat.st_mtime))
         return sorted(found, key=lambda log: (log.written, log.path.name))
@@ -105,7 +113,7 @@ class Ring:
             try:
                 if not self._fetched.lately(log.path.name) and is_closed(log.path):
                     yield log
-            except StorageError:  # gone
+            except StorageError:  # missing
                 continue
 
     def _reason(self, log: _Log, total: int, keep: OnboardLogParameters) -> str:

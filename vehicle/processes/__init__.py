@@ -1,1 +1,1 @@
-"""The processes of one vehicle: their parent, and the shared memory that joins them."""
+"""The processes of one vehicle: their parent, and the shared memory that connects them."""

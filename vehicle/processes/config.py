@@ -1,6 +1,4 @@
-"""The configuration that the vehicle's parent process gives its two children, and the rings it
-makes for them.
-"""
+"""The configuration that the vehicle's parent process passes to its children, and their rings."""
 
 from __future__ import annotations
 
@@ -40,7 +38,7 @@ class FlightConfig(msgspec.Struct, frozen=True):
 
     parent: int  # process id
     rings: RingDescriptors
-    ports: list[str]  # of the microcontroller; none: a simulated vehicle in this very process
+    ports: list[str]  # of the microcontroller; none: a simulated vehicle in this process
     rate: int = DEFAULT_RATE  # Hz
     parameters: dict[str, ParameterValue] = {}  # set before the start
     trajectories: str = ""  # folder of trajectory files, may be missing
@@ -48,11 +46,11 @@ class FlightConfig(msgspec.Struct, frozen=True):
     identity: Identity = THE_ONE
     name: str = "quad1"
     board: str = MIKROKOPTER
-    board_options: dict[str, ParameterValue] = {}  # of its kind, set before the start
+    board_options: dict[str, ParameterValue] = {}  # of this kind of board, set before the start
 
 
 PACKETS_A_SECOND, FEWEST_PACKETS = 100, 12
-"""Usual and lowest rate of telemetry; several vehicles on one computer send fewer."""
+"""Usual and lowest rate of telemetry packets; several vehicles on one computer send fewer."""
 
 
 class CommsConfig(msgspec.Struct, frozen=True):
@@ -65,11 +63,11 @@ class CommsConfig(msgspec.Struct, frozen=True):
     link_port: int
     parameters: dict[str, ParameterValue] = {}
     identity: Identity = THE_ONE
-    started_ns: int = 0  # of the vehicle; comms may be started again
-    refused_calibrations: list[int] = []  # stamps (ns) of records that are not in force
-    notices: list[tuple[int, str]] = []  # (level, text) of events of the start
-    packets: int = PACKETS_A_SECOND  # of telemetry a second
-    instance: int = 0  # of the vehicle's parent process: it outlives a restart of comms
+    started_ns: int = 0  # start of the vehicle; comms may be restarted later
+    refused_calibrations: list[int] = []  # stamps (ns) of records that do not apply
+    notices: list[tuple[int, str]] = []  # (level, text) of events at the start
+    packets: int = PACKETS_A_SECOND  # telemetry packets a second
+    instance: int = 0  # of the vehicle's parent process; unchanged by a restart of comms
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +82,7 @@ class Rings:
 
 
 def create_rings() -> RingDescriptors:
-    """Make the shared memory, once a vehicle process."""
+    """Create the shared memory, once per vehicle process."""
     return RingDescriptors(
         ticks=create(TICK_SLOTS, TICK.itemsize, "ticks"),
         inbox=create(INBOX_SLOTS, INBOX_SLOT_SIZE, "inbox"),

@@ -1,8 +1,8 @@
-"""The messages that the comms process puts into the flight process's mailbox, and the answers.
+"""The messages between the comms process and the flight process.
 
-msgpack by msgspec: 1 µs each, so the flight loop can drain them between ticks. Poses and bearings
-are records in rings of their own (vehicle.processes.config). Stamps are nanoseconds of the
-vehicle's clock.
+They are encoded as msgpack by msgspec: 1 µs each, so the flight loop can drain them between ticks.
+Poses and bearings are records in separate rings (vehicle.processes.config). Stamps are nanoseconds
+of the vehicle's clock.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ StartBehavior = commands.StartBehavior
 
 
 class Calibrate(commands.Request, frozen=True, tag="calibrate"):
-    """Apply a calibration's values, all or none; on the ground with motors off only.
+    """Apply a calibration's values, all or none; only on the ground with motors off.
 
-    Empty values ask whether it could be done now.
+    Empty values ask whether that is possible now.
     """
 
     values: dict[str, ParameterValue]
 
 
 class CalibrateGyroscope(commands.Request, frozen=True, tag="calibrate_gyroscope"):
-    """Find the drift again; accepted, a GyroscopeFound of this request id follows."""
+    """Find the drift again; if accepted, a GyroscopeFound with this request id follows."""
 
 
 class Joy(msgspec.Struct, frozen=True, tag="joy"):
@@ -43,16 +43,14 @@ class Joy(msgspec.Struct, frozen=True, tag="joy"):
 
 
 class ExternalReference(msgspec.Struct, frozen=True, tag="external_reference"):
-    """A reference that another program wants flown at this time: REFERENCE's 18 numbers, all
-    finite.
-    """
+    """Reference that another program requests for this time: REFERENCE's 18 numbers, all finite."""
 
     stamp_ns: int
     numbers: tuple[float, ...]
 
 
 class Heartbeat(msgspec.Struct, frozen=True, tag="heartbeat"):
-    """The station was heard at this time."""
+    """Reception of the station at this time."""
 
     stamp_ns: int
 
@@ -80,11 +78,11 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     applied: dict[str, ParameterValue] = {}
     revision: int = 0
     previous: dict[str, ParameterValue] = {}
-    """The values before, as the answer to Calibrate."""
+    """The values before the change, in the answer to Calibrate."""
 
 
 class Event(msgspec.Struct, frozen=True, tag="event"):
-    """One line for the log and the page; levels as rcl_interfaces/Log (20 info, 30, 40)."""
+    """One line for the log and the page; levels as in rcl_interfaces/Log (20 info, 30, 40)."""
 
     stamp_ns: int
     level: int
@@ -96,10 +94,10 @@ class GyroscopeFound(msgspec.Struct, frozen=True, tag="gyroscope_found"):
 
     Attributes:
         request_id: empty at the start of the vehicle, where `requester` is "start".
-        reason: why the drift stays as it was; empty when there is a new one.
+        reason: why the drift is unchanged; empty when there is a new one.
         deviation_b: of one sample.
-        deviation_max: largest that was allowed.
-        seconds: that it took.
+        deviation_max: largest allowed deviation.
+        seconds: duration of the calibration.
         voltage: V, of the battery.
     """
 
@@ -116,7 +114,7 @@ class GyroscopeFound(msgspec.Struct, frozen=True, tag="gyroscope_found"):
 
 
 Told = Event | ParameterChange | GyroscopeFound
-"""Messages that a stack sends without being asked."""
+"""Messages that a stack sends without a request."""
 Outbound = Reply | Told
 
 INFO, WARN, ERROR = 20, 30, 40

@@ -1,7 +1,7 @@
-"""`quadlab vehicle`: makes the rings, runs flight and comms as two processes, and watches them.
+"""`quadlab vehicle`: create the rings, run flight and comms as two processes, and monitor them.
 
-A comms process that dies is started again and finds the rings as they were; when flight dies the
-vehicle ends, for then the microcontroller's emergency mode has taken over.
+A comms process that dies is restarted and finds the rings unchanged; when flight dies the vehicle
+ends, because the microcontroller's emergency mode has taken over.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ from vehicle_link.serial.identity import THE_ONE, Identity
 
 PATIENCE_S = 5.0
 GIVEN_UP = 3  # exit status of a comms process that cannot work with its configuration
-STABLE_S = 5.0  # a comms process that lived this long is started again after the short pause
+STABLE_S = 5.0  # lifetime of a comms process after which the next restart follows the short pause
 SHORT_PAUSE_S, LONG_PAUSE_S = 0.1, 2.0
 TRAJECTORIES, PLUGINS = "trajectories", "plugins"
-"""Folder, inside the data folder, of the user's trajectory files."""
+"""Names of the folders, in the data folder, of the user's trajectory files and control laws."""
 
 
 class _Children:
@@ -65,7 +65,7 @@ class _Children:
         self.comms = self._start("vehicle.comms.process", self._comms_config)
 
     def stop(self) -> None:
-        """Stop the children by SIGTERM, patience, SIGKILL: nothing stays."""
+        """Stop the children by SIGTERM, then by SIGKILL after a delay; none is left."""
         both = (self.flight, self.comms)
         for process in both:
             if process.poll() is None:
@@ -79,7 +79,7 @@ class _Children:
                 process.wait()
 
     def _start(self, module: str, config: msgspec.Struct) -> subprocess.Popen[bytes]:
-        # A group of its own: Ctrl-C in the terminal is for the parent, which then ends both.
+        # A separate group: Ctrl-C in the terminal reaches only the parent, which then ends both.
         return subprocess.Popen(
             [sys.executable, "-m", module, msgspec.json.encode(config).decode()],
             cwd=ROOT,
@@ -90,7 +90,7 @@ class _Children:
 
 
 class _Signals:
-    """SIGTERM, SIGINT and SIGCHLD, waited for without polling."""
+    """SIGTERM, SIGINT and SIGCHLD, without polling."""
 
     WATCHED = (signal.SIGTERM, signal.SIGINT, signal.SIGCHLD)
 
@@ -102,7 +102,7 @@ class _Signals:
         self._wakeup_before = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
 
     def wait(self, timeout_s: float | None) -> None:
-        """Wait until the next signal, or until the time is over."""
+        """Wait until the next signal or the timeout."""
         ready, _, _ = select.select([self._reader], [], [], timeout_s)
         if ready:
             os.read(self._reader, 64)
@@ -131,7 +131,7 @@ def run_vehicle(
     board: str = MIKROKOPTER,
     board_options: Mapping[str, ParameterValue] | None = None,
 ) -> int:
-    """Run until SIGTERM or SIGINT (0), or until the flight process ends by itself (1).
+    """Run until SIGTERM or SIGINT (returns 0), or until the flight process ends by itself (1).
 
     Call it from the main thread.
 
@@ -139,13 +139,13 @@ def run_vehicle(
         ports: the microcontroller's serial ports, one or two; none for a simulated vehicle inside
             the flight process.
         data: folder for certificates and onboard logs.
-        link_port: UDP port the station dials.
-        settings: parameter values to start with, over those of stored calibrations.
-        rate: ticks a second, which the ports must carry.
-        identity: of the microcontroller; motors do not start with another.
-        packets: of telemetry a second, FEWEST_PACKETS to PACKETS_A_SECOND.
-        board: its kind.
-        board_options: values of the options of its kind.
+        link_port: UDP port to which the station connects.
+        settings: initial parameter values, which override those of stored calibrations.
+        rate: ticks a second, which the ports must sustain.
+        identity: identity of the microcontroller; motors start with no other.
+        packets: telemetry packets a second, FEWEST_PACKETS to PACKETS_A_SECOND.
+        board: name of the kind of board.
+        board_options: values of the options of that kind.
     """
     speak_for(name)
     rings = create_rings()
@@ -200,14 +200,14 @@ def run_vehicle(
 def _with_calibrations(
     data: Path, settings: dict[str, ParameterValue]
 ) -> tuple[dict[str, ParameterValue], list[int], list[tuple[int, str]]]:
-    """Return (values to start with, stamps of records not in force, what to report) of stored
-    calibrations.
+    """Return (values to start with, stamps of rejected records, events) of stored calibrations.
 
-    What is wrong with them is told here too: no one else may be there to read it.
+    Problems are also printed here, as no station may be connected to read them.
     """
     if not (data / FOLDER).exists():
         return settings, [], []
-    # Here, for it brings the whole tree along, and a vehicle that was never calibrated needs none.
+    # Imported here, as it imports the whole parameter tree, which a vehicle without calibrations
+    # does not need.
     from vehicle.calibration.in_force import start_values
 
     unusable: list[str] = []
@@ -240,13 +240,13 @@ def _watch(children: _Children, signals: _Signals, recovery: _Recovery) -> int:
 
 
 class _Recovery:
-    """Mends torn onboard logs here, where nothing else needs the processor's attention."""
+    """Repair of torn onboard logs in this process, where nothing else needs the processor."""
 
     def __init__(self, data: Path) -> None:
         self._data = data
 
     def start(self) -> None:
-        """List the torn files now, before comms opens a new one; mend them in the background."""
+        """List the torn files now, before comms opens a new one; repair them in the background."""
         if not any((self._data / "onboard").glob("*.mcap")):
             return
         from vehicle.onboard_log.recovery import torn_logs  # mcap and rosbags: only needed here

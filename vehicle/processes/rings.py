@@ -1,11 +1,12 @@
-"""Single-producer single-consumer rings in shared memory: what joins flight and comms.
+"""Single-producer single-consumer rings in shared memory, which connect flight and comms.
 
-A ring is an anonymous file (memfd) that a child process inherits by its descriptor. The
-producer owns `head` and `dropped`, the consumer owns `tail`; each is a 64-bit counter that only
-grows, so full and empty cannot be confused and no lock is shared. The producer never waits: into
-a full ring nothing is written and the loss is counted. Counters live in the memory, so a
-consumer that is restarted goes on where the dead one stopped. A consumer may also read records
-and free their slots later, when they are safe; what it had only read when it died is there still.
+A ring is an anonymous file (memfd) that a child process inherits by its descriptor. The producer
+owns `head` and `dropped`, the consumer owns `tail`; each is a 64-bit counter that only grows, so
+full and empty cannot be confused and no lock is shared. The producer never waits: when the ring is
+full, nothing is written and the loss is counted. Counters are in the shared memory, so a consumer
+that is restarted continues where the previous one stopped. A consumer may also read records and
+free their slots later, when they are stored safely; records that it had read but not freed when it
+died are still available.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def fence() -> None:
 
 
 class _Ring:
-    """Counters and memory common to both kinds."""
+    """Counters and memory common to both kinds of ring."""
 
     def __init__(self, fd: int, slots: int, slot_size: int) -> None:
         self.fd = fd
@@ -61,18 +62,16 @@ class _Ring:
 
     @property
     def dropped(self) -> int:
-        """Return how many messages the producer could not place, since the ring was made."""
+        """Return how many messages the producer had to drop, since the ring was created."""
         return self._words[DROPPED]
 
     @property
     def pushed(self) -> int:
-        """Return how many messages were placed, since the ring was made."""
+        """Return how many messages were pushed, since the ring was created."""
         return self._words[HEAD]
 
     def __len__(self) -> int:
-        """Return the number of messages that wait; exact for the two ends, a snapshot for anyone
-        else.
-        """
+        """Return the number of waiting messages; exact for the two ends, else a snapshot."""
         return self._words[HEAD] - self._words[TAIL]
 
 
@@ -122,7 +121,7 @@ class ByteRing(_Ring):
         return message
 
     def pop_all(self) -> list[bytes]:
-        """Return all messages that wait now, oldest first."""
+        """Return all messages that are waiting now, oldest first."""
         messages: list[bytes] = []
         for _ in range(len(self)):
             message = self.pop()
@@ -133,9 +132,7 @@ class ByteRing(_Ring):
 
 
 class RecordRing(_Ring):
-    """A ring of numpy records of one dtype: consumed by `pop` and `pop_all`, or by `read` and
-    `free`.
-    """
+    """Ring of numpy records of one dtype, consumed by `pop`, `pop_all`, or `read` and `free`."""
 
     def __init__(self, fd: int, dtype: np.dtype[np.void], slots: int) -> None:
         super().__init__(fd, slots, dtype.itemsize)
@@ -169,14 +166,14 @@ class RecordRing(_Ring):
         return record
 
     def pop_all(self) -> Record:
-        """Return a read-only copy of all records that wait now, oldest first, shape (N,)."""
+        """Return a read-only copy of all records that are waiting now, oldest first, shape (N,)."""
         head = self._words[HEAD]
         records = self._copy(self._words[TAIL], head)
         self._words[TAIL] = head
         return records
 
     def read(self) -> Record:
-        """Read as `pop_all` does, but keep the slots taken until `free`."""
+        """Read as `pop_all` does, but keep the slots occupied until `free`."""
         words = self._words
         head = words[HEAD]
         records = self._copy(max(words[READ], words[TAIL]), head)
@@ -184,19 +181,20 @@ class RecordRing(_Ring):
         return records
 
     def read_before(self) -> Record:
-        """Return what was read and not freed, shape (N,); for a consumer that was started again."""
+        """Return records read but not freed, shape (N,), for a consumer that was restarted."""
         return self._copy(self._words[TAIL], max(self._words[READ], self._words[TAIL]))
 
     def free(self, count: int) -> None:
-        """Free the oldest `count` records read, which are safe; from any thread."""
+        """Free the oldest `count` records read, which are stored safely; from any thread."""
         with self._freeing:
             early = min(count, self._ahead)
             self._ahead -= early
             self._words[TAIL] += count - early
 
     def free_ahead(self, count: int) -> None:
-        """Make room for the producer before the oldest records read are safe; `free` them all the
-        same.
+        """Make room for the producer before the oldest records read are stored safely.
+
+        `free` them nevertheless.
         """
         with self._freeing:
             self._ahead += count
@@ -205,7 +203,7 @@ class RecordRing(_Ring):
     def _copy(self, tail: int, head: int) -> Record:
         fence()
         first, count = tail % self.slots, head - tail
-        # Bytes, because numpy copies structured rows field by field, forty times slower.
+        # As bytes, because numpy copies structured rows field by field, forty times slower.
         data = self._bytes(first, min(count, self.slots - first))
         if first + count > self.slots:
             data += self._bytes(0, first + count - self.slots)

@@ -1,4 +1,4 @@
-"""Lines on the terminal, with the name of the vehicle: several may share one."""
+"""Lines on the terminal, with the name of the vehicle, as several may share one terminal."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ class _Terminal:
         self._speaker = "vehicle"
 
     def speak_for(self, name: str) -> None:
-        """Name the vehicle in all lines of this process from now on."""
+        """Prefix all further lines of this process with the name of the vehicle."""
         self._speaker = f"vehicle {name}"
 
     def say(self, line: str) -> None:
-        """Print one line to the terminal, in one piece: other processes write there, too."""
+        """Print one line to the terminal in one write, as other processes also write to it."""
         sys.stderr.write(f"{self._speaker}: {line}\n")
         sys.stderr.flush()
 

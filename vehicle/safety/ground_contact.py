@@ -3,32 +3,32 @@
 from __future__ import annotations
 
 TAKEN_OFF = 0.03
-"""m above the place of arming; larger than the noise of a pose."""
+"""Height, in m above the place of arming, that is a take-off; larger than a pose's noise."""
 LEARN = 3.0
-"""s, time constant of the average lift per newton, which begins with a plain mean."""
+"""Time constant, in s, of the average lift per newton, which begins with a plain mean."""
 LEAST = 1.0
-"""s of flight before that average is used for comparison."""
+"""Flight time, in s, after which that average is used for comparison."""
 
 
 class GroundContact:
-    """Detects whether the vehicle is on the ground; stamps in ns of the vehicle's clock.
+    """Detector of ground contact; stamps in ns of the vehicle's clock.
 
     Ground contact shows in the accelerometer, independently of the estimate: the ground carries
     what the commanded thrust does not. The lift per newton of commanded thrust is learnt in flight,
-    so that a wrong mass, a full battery or worn propellers do not look like the ground.
+    so that a wrong mass, a full battery or worn propellers are not mistaken for the ground.
     """
 
     def __init__(self) -> None:
         self.airborne = False
         self.ground_z = 0.0
         self.carried = 0.0
-        """s for which the ground has carried its share of the weight."""
+        """Time, in s, for which the ground has carried its share of the weight."""
         self._landed_ns: int | None = None
         self._flown = 0.0
         self._lift_per_newton = 0.0
 
     def arm(self, z: float) -> None:
-        """Set the ground to this height (m) of the vehicle."""
+        """Set the height of the ground to this height (m) of the vehicle."""
         self.ground_z = z
         self.carried = self._flown = self._lift_per_newton = 0.0
 
@@ -44,8 +44,9 @@ class GroundContact:
         """Update with one sample in the air.
 
         Args:
-            lift: m/s², specific force along z_B. thrust: N, commanded.
-            share: of the lift in the air; an excess by more than this is ground contact.
+            lift: m/s², specific force along z_B.
+            thrust: N, commanded.
+            share: share of the lift in the air; an excess by more than this is ground contact.
         """
         if not thrust > 0.0:
             return
@@ -58,7 +59,7 @@ class GroundContact:
         self._lift_per_newton = learnt + (ratio - learnt) * dt / min(LEARN, self._flown)
 
     def touch_down(self, stamp_ns: int) -> bool:
-        """Set that the vehicle has landed; return whether that is new."""
+        """Note that the vehicle has landed; return whether that is new."""
         self.airborne = False
         if self._landed_ns is not None:
             return False

@@ -1,7 +1,7 @@
 """The vehicle's own reactions to failures.
 
-The supervisor has no side effects: it takes stamps and measurements and returns a reaction with
-its reason. Triggers, thresholds and reactions are parameters; docs/safety.md has their table.
+The supervisor has no side effects: it processes stamps and measurements, and returns a reaction
+with its reason. Triggers, thresholds and reactions are parameters; docs/safety.md has their table.
 """
 
 from __future__ import annotations
@@ -17,14 +17,12 @@ _DEGREE = 3.141592653589793 / 180.0
 
 
 class Reaction(IntEnum):
-    """The reactions in order of severity: a more severe one replaces a milder one, never the
-    reverse.
-    """
+    """The reactions in order of severity; only a more severe one replaces another."""
 
     NONE = 0
     BRAKE = 1  # stop and hover
-    LAND = 2  # down under control, which needs a pose
-    DESCEND = 3  # level and down by the barometer, angles held by the microcontroller
+    LAND = 2  # land under control, which needs a pose
+    DESCEND = 3  # descend level by the barometer, with angles held by the microcontroller
     EMERGENCY = 4  # the microcontroller lands on its own
     CUT = 5  # motors off
 
@@ -40,7 +38,7 @@ class Situation:
     """The supervisor's inputs in one tick; one object is reused."""
 
     airborne: bool = False
-    by_microcontroller: bool = False  # it holds the angles; the estimate is not used
+    by_microcontroller: bool = False  # it holds the angles, without the estimate
     voltage: float = 16.0  # V
     pose_age: float = 0.0  # s
     innovation: float = 0.0  # m, distance of the newest pose from its prediction
@@ -53,17 +51,17 @@ class Situation:
 
 
 class Supervisor:
-    """Monitors a flight; each cause reacts at most once per flight."""
+    """Monitor of a flight; each cause reacts at most once per flight."""
 
     def __init__(self, parameters: SafetyParameters) -> None:
         self._parameters = parameters
         self._received_ns = _NEVER
-        self._received_since_ns: int | None = _NEVER  # without a silence; None: silent
+        self._received_since_ns: int | None = _NEVER  # start of unbroken reception; None: silent
         self._braked_ns: int | None = None
-        self._since: dict[str, int] = {}  # cause -> stamp from which on its condition has held
+        self._since: dict[str, int] = {}  # cause -> stamp since which its condition has held
         self._said: set[str] = set()
         self.flags = Flag.NONE
-        self.battery_spent = False  # for long enough to react, flying or not
+        self.battery_spent = False  # for long enough to react, whether flying or not
 
     def heartbeat(self, stamp_ns: int) -> None:
         """Note that the station's heartbeat arrived at this time of the vehicle's clock."""
@@ -105,7 +103,7 @@ class Supervisor:
         return verdict
 
     def _on_the_tilt(self, stamp_ns: int, tilt: float) -> Verdict | None:
-        """Judge the tilt, given in degrees."""
+        """Check the tilt, given in degrees."""
         p = self._parameters
         if tilt > p.tilt_cut:
             return self._once("cut", p.tilt_cut_reaction, f"turned over: tilt {tilt:.0f} deg")
@@ -114,7 +112,7 @@ class Supervisor:
         return None
 
     def _on_the_estimate(self, stamp_ns: int, now: Situation) -> Verdict | None:
-        """Judge the causes that count only while the estimate is in use."""
+        """Check the causes that apply only while the estimate is in use."""
         p, verdict = self._parameters, None
         # A NaN must count as lost: comparisons with NaN are false.
         lost = not now.innovation <= p.innovation_max
@@ -128,10 +126,11 @@ class Supervisor:
         return verdict
 
     def _without_pose(self, stamp_ns: int, pose_age: float) -> bool:
-        """Return whether poses are missing on a working link. When the link returns after a
-        second, a heartbeat may arrive a moment before the first pose, which then has
-        `link_timeout` to follow; but an intermittent link does not extend the flight without
-        poses beyond that of a lost link.
+        """Return whether poses are missing on a working link.
+
+        When the link returns after a second, a heartbeat may arrive a moment before the first pose,
+        which then has `link_timeout` to follow; but an intermittent link does not extend the flight
+        without poses beyond that of a lost link.
         """
         p = self._parameters
         if pose_age <= p.pose_land_after or self._received_since_ns is None:
@@ -140,7 +139,7 @@ class Supervisor:
         return settled or pose_age > p.pose_land_after + p.link_land_after
 
     def _on_the_place(self, stamp_ns: int, now: Situation) -> Verdict | None:
-        """Judge the causes that count while the position is known, in any control mode."""
+        """Check the causes that apply while the position is known, in any control mode."""
         p, verdict = self._parameters, None
         if self._lasts("volume", now.outside > p.volume_margin, stamp_ns, p.volume_delay):
             why = f"{now.outside:.1f} m outside the flight volume"

@@ -20,7 +20,8 @@ Item = Any
 """One record `array[k]` inside compiled code."""
 
 ROTOR_RADIUS, ROTOR_HEIGHT = 0.127, 0.15
-"""m (Sec. 2); of the rotors' plane over the body's origin, where the feet are folded."""
+"""Radius, and height of the rotors' plane over the body's origin, where the feet are folded, in m
+(Sec. 2)."""
 
 _SHAPED = 1.0 - math.sqrt(3.0)
 
@@ -75,8 +76,9 @@ def drag_of_rotors(p: Item, motion: Motion) -> tuple[Vector, Vector]:
 
 @compiled(inner=True)
 def inflow_gain(p: Item) -> float:
-    """Return the thrust over that in air at rest: a rotor that climbs has less of it, for each
-    blade meets the air at a smaller angle.
+    """Return the thrust relative to that in air at rest.
+
+    A climbing rotor has less thrust, as each blade meets the air at a smaller angle.
     """
     if p.inflow_loss <= 0.0:
         return 1.0
@@ -87,7 +89,7 @@ def inflow_gain(p: Item) -> float:
 
 @compiled(inner=True)
 def ground_gain(share: float, height: float) -> float:
-    """Return the thrust over that far from the ground, at a height (m) of the body's origin.
+    """Return the thrust relative to that far from the ground, at a height (m) of the body's origin.
 
     I. C. Cheeseman, W. E. Bennett, "The effect of the ground on a helicopter rotor in forward
     flight", 1955: 1 / (1 - (R / 4z)^2), here times `share`, with z of the rotors.

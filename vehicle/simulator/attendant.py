@@ -10,11 +10,11 @@ from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 ACTIONS = ("swap_battery", "reset")
 PATIENCE = 0.8
-"""s the loop has to carry out a request."""
+"""Time, in s, within which the loop has to carry out a request."""
 
 
 class Attendant:
-    """Passes requests to the loop, the only one that changes the plant; thread-safe."""
+    """Queue of requests to the loop, which alone changes the plant; thread-safe."""
 
     def __init__(self) -> None:
         self._asked: deque[tuple[str, Future[None]]] = deque()

@@ -17,13 +17,13 @@ Item = Any
 
 CELLS = 4
 CELL_CURVE = (3.0, 3.68, 3.74, 3.77, 3.79, 3.82, 3.87, 3.92, 3.98, 4.06, 4.2)
-"""V of one lithium-polymer cell without load, at each tenth of its charge: a long plateau between
-two steep ends, so that the last tenth goes quickly."""
+"""Voltage of one lithium-polymer cell without load, at each tenth of its charge: a long plateau
+between two steep ends, so that the last tenth is used up quickly."""
 AVIONICS_POWER = 8.0
-"""W."""
+"""Power of the avionics, in W."""
 POWER_PER_THRUST = 1.0 / (0.37 * math.sqrt(2.0 * 1.2 * math.pi * 0.127**2))
-"""W per N^1.5: ideal hover power of a 0.254 m propeller (Sec. 2) at 37 % overall efficiency, which
-makes the paper's endurance of around 10 min."""
+"""Power per thrust, in W per N^1.5: ideal hover power of a 0.254 m propeller (Sec. 2) at 37 %
+overall efficiency, which gives the paper's endurance of around 10 min."""
 
 
 def charge_battery(plant: Record, share: float) -> None:

@@ -2,7 +2,7 @@
 
 The sensor is an ATI Nano17 SI-12-0.12: readings in steps of 1/320 N and 1/64 N mm, noise, and an
 offset that is subtracted, determined once as the mean with the motor off. It has its own random
-numbers, so that nothing else changes with it.
+numbers, so that it does not affect those of other parts.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ Array = npt.NDArray[np.float64]
 PERIOD_NS = 5_000_000
 """Period of the readings, 200 Hz."""
 FORCE_STEP, TORQUE_STEP = 1.0 / 320.0, 1.0 / 64_000.0
-"""N, N m."""
+"""Resolution of the readings, in N and N m."""
 OFFSET_FORCE, OFFSET_TORQUE = 0.3, 0.002
-"""N, N m, standard deviation of the unloaded readings' offset."""
+"""Standard deviation of the unloaded readings' offset, in N and N m."""
 OFFSET_READINGS = 400
 """Number of readings averaged for the offset."""
 STANDING = 1.0
-"""Counts: at a lower speed a motor counts as stopped."""
+"""Speed, in counts, below which a motor counts as stopped."""
 _STREAM = 11
 """Stream of random numbers, separate from others with the same seed."""
 
@@ -44,7 +44,7 @@ class ForceReading:
 
 
 class ForceSensor:
-    """Generates readings from a PLANT."""
+    """Generator of readings from a PLANT."""
 
     def __init__(self, parameters: SimulatorParameters) -> None:
         self._random = np.random.default_rng((parameters.seed, _STREAM))
@@ -55,8 +55,9 @@ class ForceSensor:
     def read(
         self, stamp_ns: int, plant: Record, parameters: SimulatorParameters
     ) -> ForceReading | None:
-        """Return the reading at `stamp_ns`; None while none is due, no motor turns or the sensor
-        is unplugged.
+        """Return the reading at `stamp_ns`.
+
+        Returns None when none is due, no motor turns or the sensor is unplugged.
         """
         if stamp_ns < self._next_ns or parameters.bench_sensor == "none":
             return None

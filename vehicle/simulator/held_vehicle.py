@@ -1,8 +1,8 @@
 """The simulated vehicle while it is held in a hand or fixed on a bench.
 
-Rotors turn and the battery drains as usual; hand or bench take up their forces. The hand lifts the
-vehicle, turns it and holds it still, so that the accelerometer measures gravity alone; letting go,
-it sets the vehicle down level.
+Rotors turn and the battery drains as usual; hand or bench absorb their forces. The hand lifts the
+vehicle, turns it and holds it still, so that the accelerometer measures gravity alone; when it lets
+go, it sets the vehicle down level.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from vehicle.simulator.parameters import SimulatorParameters
 
 FREE, HAND, BENCH, SET_DOWN = range(4)
 TURN_RATE = math.radians(60.0)
-"""rad/s, the fastest turn by hand."""
+"""Fastest rotation by hand, in rad/s."""
 LIFT_HEIGHT, LIFT_SPEED = 0.6, 0.3
 """Height in m, and speed in m/s."""
 
@@ -46,7 +46,7 @@ def new_holder() -> Record:
 
 
 def configure_holder(holder: Record, plant: Record, parameters: SimulatorParameters) -> None:
-    """Take hold of a PLANT (1,), turn it to another attitude, or let go of it."""
+    """Hold a PLANT (1,), turn it to another attitude, or let go of it."""
     p, held = parameters, int(holder["held"][0])
     if p.held == "hand":
         angles = np.radians((p.hand_roll, p.hand_pitch, p.hand_yaw))
@@ -68,9 +68,7 @@ def _level(plant: Record) -> npt.NDArray[np.float64]:
 
 @compiled
 def hold(plant: Record, holder: Record, references: Four, duration: float) -> None:
-    """Advance as `plant.advance` does, for a vehicle that is held: a PLANT (1,) over `duration`
-    (s).
-    """
+    """Advance a held PLANT (1,) by `duration` (s), in place of `plant.advance`."""
     p, h = plant[0], holder[0]
     follow_battery(p)
     share = motor_share(p.model.motor_time_constant, duration)

@@ -1,7 +1,7 @@
 """A simulated vehicle inside the flight process, for rates beyond those of serial ports.
 
-It has a plant, a microcontroller and its own tracking system; bytes go through memory. It is
-computed between two ticks, before the next sample is due.
+It has a plant, a microcontroller and its own tracking system, and exchanges bytes through memory.
+It is computed between two ticks, before the next sample is due.
 """
 
 from __future__ import annotations

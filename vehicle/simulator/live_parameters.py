@@ -50,7 +50,7 @@ class LiveParameters:
             applied = self._store.set(values)
             revision = self._store.revision
             self._is_news = True
-            if CHARGE in values:  # also if unchanged: the battery has drained since
+            if CHARGE in values:  # even if unchanged, as the battery has drained since
                 self._charge = float(applied[CHARGE])
         for name, value in applied.items():
             if value != before[name]:
@@ -58,7 +58,7 @@ class LiveParameters:
         return applied, revision
 
     def take_charge(self) -> float | None:
-        """Return the battery's charge if it was set since the last call; hardly blocks."""
+        """Return the battery's charge if it was set since the last call; blocks only briefly."""
         if self._charge is None:
             return None
         with self._lock:
@@ -66,9 +66,7 @@ class LiveParameters:
             return charge
 
     def take(self) -> SimulatorParameters | None:
-        """Return a copy of the parameters if they changed since the last call; does not block for
-        long.
-        """
+        """Return a copy of the parameters if changed since the last call; blocks only briefly."""
         if not self._is_news:
             return None
         with self._lock:

@@ -1,9 +1,9 @@
 """Simulated time in lockstep: it waits for the flight tick, the station's poses and telemetry.
 
 Before the plant advances, each part has processed its input, or is no further behind than it would
-be on a computer of its own. A part without progress for `PATIENCE_NS` of the computer's time has
-died or hangs: time continues without it until it has caught up, and the flight has to cope with the
-failure. A process that has ended is not waited for at all, as it might be restarted before that is
+be on a separate computer. A part without progress for `PATIENCE_NS` of the computer's time has died
+or hangs: time continues without it until it has caught up, and the flight has to cope with the
+failure. A process that has ended is not waited for, as it might be restarted before that is
 noticed. Time spent waiting is lost: afterwards simulated time continues at the computer's pace and
 never faster, except to make up for a late wake-up.
 """
@@ -37,16 +37,16 @@ from vehicle_link.serial.frames import FrameDecoder
 PATIENCE_NS = 5_000_000_000
 """Longer than a busy machine delays a running part."""
 LOOK_S, LOOK_SELDOM_S = 0.0002, 0.002
-"""s between two checks of who is behind, at first and later, as checking takes time, too."""
+"""Time, in s, between two checks for late parts, at first and later, as checks take time too."""
 MADE_UP_NS = 20_000_000
-"""A lateness up to this is made up for, which no part notices; a longer one is lost."""
+"""Delay, in ns, up to which time catches up, which no part notices; a longer one is lost."""
 SERVED_BEHIND_NS = 2_000_000
-"""Allowed age of the bytes that flight has dealt with, of a board that is asked for samples."""
+"""Allowed age, in ns, of the bytes that flight has handled, for a polled board."""
 TRUTH_BEHIND_NS, STATION_BEHIND_NS, VEHICLE_BEHIND_NS = 15_000_000, 30_000_000, 150_000_000
-"""Allowed ages: of the truth handled by the station and of the station's data received by comms
-(beyond the truth's period), and of the vehicle's data received by the station."""
+"""Allowed ages, in ns: of the truth handled by the station and of the station's data received by
+comms (beyond the truth's period), and of the vehicle's data received by the station."""
 WINDOW_NS, PUBLISH_EVERY_NS = 2_000_000_000, 250_000_000
-"""Window of the real-time factor, and how often it is published."""
+"""Window of the real-time factor, and how often it is published, in ns."""
 NEVER = -1
 
 Say = Callable[[str], None]
@@ -55,7 +55,8 @@ Say = Callable[[str], None]
 class Line:
     """The samples of one serial line: flight has to answer the newest one it can read.
 
-    Args: `words` of the vehicle in the page.
+    Args:
+        words: those of the vehicle in the clock's page.
     """
 
     def __init__(self, words: memoryview, line: int) -> None:
@@ -76,7 +77,7 @@ class Line:
 
 
 class Age:
-    """An age limit: what a part has processed must not be older than `allowed_ns`."""
+    """Age limit: the data that a part has processed must not be older than `allowed_ns`."""
 
     def __init__(self, words: memoryview, at: int, allowed_ns: int) -> None:
         self._words, self._at, self._allowed_ns = words, at, allowed_ns
@@ -89,7 +90,9 @@ class Age:
 class Process:
     """One process that runs parts, identified by the page of the clock.
 
-    Args: `words` of the vehicle in the page; `at`, the index of the process's id.
+    Args:
+        words: those of the vehicle in the page.
+        at: index of the process id.
     """
 
     def __init__(self, name: str, words: memoryview, at: int) -> None:
@@ -120,7 +123,7 @@ class Process:
 
 
 class Awaited:
-    """One part that time waits for while it is present and its `processes` run."""
+    """One part that time waits for while it is active and its `processes` run."""
 
     def __init__(self, name: str, part: Line | Age, *processes: Process) -> None:
         self.name, self.is_behind = name, part.is_behind
@@ -133,14 +136,13 @@ class Awaited:
 
 
 class LockstepPace:
-    """Decides when one simulation may step, by the page of the clock that this process follows
-    (`clock.follow`).
+    """Pace of one simulation by the page of the clock that this process follows (`clock.follow`).
 
     Args:
         vehicles: by name, as in the page.
-        truth_period_ns: the longest between two truths.
-        is_asked: whether the board gives samples when it is asked for them.
-        say: takes a line about a part that is no longer waited for.
+        truth_period_ns: longest time between two truths.
+        is_asked: whether the board gives samples only on request.
+        say: called with a line about a part that is no longer waited for.
         wall_ns, sleep: the computer's clock and sleep.
     """
 
@@ -182,20 +184,21 @@ class LockstepPace:
         self._published: deque[tuple[int, int]] = deque()  # (wall, simulated)
 
     def begin(self) -> int:
-        """Take control of the clock and return its time."""
+        """Start controlling the clock and return its time."""
         now_ns = clock.monotonic_ns()
         self._page[clock.OFFSET] = now_ns - self._wall_ns()
         self.reach(now_ns)
         return now_ns
 
     def reach(self, due_ns: int) -> None:
-        """Let the clock advance to this time: everything before it is done."""
+        """Let the clock advance to this time, before which everything is done."""
         self._page[clock.LIMIT] = due_ns
 
     def wait(self, due_ns: int, shortest: float, is_over: Callable[[], bool]) -> None:
         """Wait until this time is reached and every process is ready for it, or `is_over`.
 
-        Args: `shortest`, the least pause (s), made in any case.
+        Args:
+            shortest: least pause (s), made in any case.
         """
         page, wall_ns = self._page, self._wall_ns
         left_ns = due_ns - wall_ns() - page[clock.OFFSET]
@@ -240,7 +243,7 @@ class LockstepPace:
             process.close()
 
     def _lose(self, due_ns: int) -> None:
-        """Drop a lateness that is too long to be made up for; the clock stops meanwhile."""
+        """Drop a delay that is too long to catch up with; the clock stops in the meantime."""
         late_ns = self._wall_ns() + self._page[clock.OFFSET] - due_ns
         if late_ns > MADE_UP_NS:
             self._page[clock.OFFSET] -= late_ns

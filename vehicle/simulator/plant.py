@@ -1,8 +1,8 @@
 """The true dynamics of one vehicle: rotors, rigid body, air, ground contact, battery.
 
-Rotors and body are those of quadrotor.rigid_body. The landing gear is four feet, 0.15 m along
-the body axes, folded into the plane through the body's origin: a vehicle at rest stands level with
-its origin at z = 0. A foot is a spring and damper along z with Coulomb friction, whose force grows
+Rotors and body are those of quadrotor.rigid_body. The landing gear is four feet, 0.15 m along the
+body axes, folded into the plane through the body's origin: a vehicle at rest is level with its
+origin at z = 0. A foot is a spring and damper along z with Coulomb friction, whose force grows
 linearly with the slip up to the limit (stiction would need the feet's memory).
 """
 
@@ -50,37 +50,37 @@ Item = Any
 """One record `array[k]` inside compiled code."""
 
 FOOT = 0.15
-"""m, from the body's z axis to a foot."""
+"""Distance, in m, from the body's z axis to a foot."""
 CONTACT_HEIGHT = 0.5
-"""m: above it no foot can touch the ground in any attitude."""
+"""Height, in m, above which no foot can touch the ground in any attitude."""
 SLIP_DAMPING = 100.0
-"""N s/m a foot, below the Coulomb limit; larger is unstable at steps of 1 ms."""
+"""Friction, in N s/m per foot, below the Coulomb limit; larger is unstable at steps of 1 ms."""
 SUBSTEP = 0.001
-"""s, the longest integration step."""
+"""Longest integration step, in s."""
 
 PLANT = np.dtype(
     [
         ("x", "f8", 13),  # memory of a STATE: position_w, velocity_w, quaternion_wb, omega_b
         ("rotor_speeds", "f8", 4),  # counts of motor reference
         ("specific_force_b", "f8", 3),  # m/s^2, what an ideal accelerometer reads
-        ("disturbance_w", "f8", 3),  # N, push or pull, set from outside
+        ("disturbance_w", "f8", 3),  # N, push or pull, set by the caller
         ("charge", "f8"),  # A s left
         ("voltage", "f8"),  # V at the terminals
         ("model", MODEL),
         ("thrust_efficiency", "f8"),
         ("drag", "f8"),  # N s/m
-        ("stiffness", "f8"),  # N/m, a foot
-        ("damping", "f8"),  # N s/m, a foot
+        ("stiffness", "f8"),  # N/m, per foot
+        ("damping", "f8"),  # N s/m, per foot
         ("friction", "f8"),
-        ("rest_depth", "f8"),  # m, compression of the gear standing still
+        ("rest_depth", "f8"),  # m, compression of the gear at rest
         ("capacity", "f8"),  # A s
         ("resistance", "f8"),  # ohm
         ("battery_nominal", "f8"),  # V
         ("battery_exponent", "f8"),
         ("battery_share", "f8"),  # of the thrust at the nominal voltage, 1 for exponent 0
-        ("air_w", "f8", 3),  # m/s, of the air that drag is against
+        ("air_w", "f8", 3),  # m/s, of the air relative to which drag acts
         ("wind_w", "f8", 3),  # m/s, its steady part
-        ("gust", "f8"),  # m/s, standard deviation of the rest, an axis
+        ("gust", "f8"),  # m/s, standard deviation of the gusts per axis
         ("gust_time", "f8"),  # s, its correlation time
         ("motor_gain", "f8", 4),  # true thrust of each motor over the efficiency's
         ("ground_effect", "f8"),  # share of Cheeseman and Bennett's gain of thrust
@@ -88,7 +88,7 @@ PLANT = np.dtype(
         ("gusts", "f8", 5),  # memory of `blow`
         ("rotor_drag_b", "f8", 3),  # N s/m, at hover
         ("inflow_loss", "f8"),  # s/m
-        ("rotor_turns", "f8", 4),  # of each rotor since the start, for its vibration
+        ("rotor_turns", "f8", 4),  # turns of each rotor since the start, for its vibration
     ],
     align=True,
 )
@@ -105,7 +105,7 @@ def new_plant(parameters: SimulatorParameters) -> Record:
 
 
 def configure_plant(plant: Record, parameters: SimulatorParameters) -> None:
-    """Set new true values; motion and charge are kept."""
+    """Set new true values, keeping motion and charge."""
     mass = parameters.mass + parameters.payload
     plant["model"] = parameters.record()
     plant["model"]["mass"] = mass
@@ -159,13 +159,13 @@ def advance(plant: Record, references: Four, duration: float) -> None:
 
 @compiled(inner=True)
 def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
-    """Integrate rotors and body of one PLANT record over `steps` of dt (s), and write the
-    specific force at the end.
+    """Integrate rotors and body of one PLANT record over `steps` of dt (s).
 
-    Rotors, drag and body are one system to the Runge-Kutta step: the speeds are known exactly at
-    its middle and end, for their references are held, and the drag is that of each stage. Two
-    forces are taken at the step's beginning: the ground's, whose friction has no second
-    derivative, and the rotors' drag, which is small and follows the body's axes.
+    The specific force at the end is written to the record. Rotors, drag and body are one system to
+    the Runge-Kutta step: the speeds are known exactly at its middle and end, as their references
+    are held, and the drag is that of each stage. Two forces are evaluated at the step's beginning:
+    the ground's, whose friction has no second derivative, and the rotors' drag, which is small and
+    follows the body's axes.
 
     Args:
         target: held motor references, counts.
@@ -203,7 +203,7 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
         lift, turn = end_lift, end_turn
     store_motion(motion, p.x)
     s[0], s[1], s[2], s[3] = speeds
-    # Specific force: everything but gravity, over the mass, in B.
+    # Specific force: all forces except gravity, over the mass, in B.
     force_w = along(pull_w, -drag, motion[1])
     if motion[0][2] < CONTACT_HEIGHT:
         force_w = add(force_w, _stand(p, motion)[0])
@@ -215,7 +215,7 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
 
 @compiled(inner=True)
 def _approach(speeds: Four, target: Four, share: float) -> Four:
-    """Return rotor speeds (counts) that share of the way to their references."""
+    """Return the rotor speeds (counts) after that share of the way to their references."""
     return (
         speeds[0] + share * (target[0] - speeds[0]),
         speeds[1] + share * (target[1] - speeds[1]),
@@ -226,7 +226,7 @@ def _approach(speeds: Four, target: Four, share: float) -> Four:
 
 @compiled(inner=True)
 def _driven(p: Item, speeds: Four, inverse_mass: float, inverse: Vector) -> tuple[float, Vector]:
-    """Return thrust over mass (m/s^2), torque over inertia of rotors at these speeds (counts)."""
+    """Return thrust over mass (m/s^2), and torque over inertia, at these rotor speeds (counts)."""
     m, e, g = p.model, p.thrust_efficiency * p.battery_share * p.air_share, p.motor_gain
     a, b = m.motor_slope, m.motor_offset
     thrusts = (
@@ -254,10 +254,13 @@ def _stand(p: Item, motion: Motion) -> tuple[Vector, Vector]:
 
 @compiled(inner=True)
 def _touch(p: Item, motion: Motion, axes: Axes, arm_b: Vector, height: float) -> Vector:
-    """Return the force of the ground (N, world axes) on a foot at arm_b (m), `height` (m) above the
-    origin.
+    """Return the force of the ground (N, world axes) on one foot.
 
     The foot moves with v + R (omega x arm).
+
+    Args:
+        arm_b: place of the foot in the body, m.
+        height: of the foot above the body's origin, m.
     """
     position_w, velocity_w, _, omega_b = motion
     depth = p.rest_depth - (position_w[2] + height)

@@ -1,11 +1,11 @@
 """The simulated vehicle on two pseudo-terminals (`quadlab simulator`).
 
-Time: sample k is taken at start + k / rate on the monotonic clock and takes 3 ms on the line. In
+Time: sample k is sampled at start + k / rate on the monotonic clock and takes 3 ms on the line. In
 real time that is the computer's clock, in lockstep (`vehicle.simulator.lockstep`) the simulation's,
-which waits for the processes that must follow.
-Truth is stamped with the host's epoch time at the start plus k / rate; the vehicle stamps the same
-sample with its own estimate of the same constant (vehicle.boards.mikrokopter.clock), so the two
-agree to within the least delay of a sample, well below 2 ms, as long as both run on one host.
+which waits for the processes that must follow. Truth is stamped with the host's epoch time at the
+start plus k / rate; the vehicle stamps the same sample with its own estimate of the same constant
+(vehicle.boards.mikrokopter.clock), so the two agree to within the least delay of a sample, well
+below 2 ms, as long as both run on one host.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ if TYPE_CHECKING:
 PRIORITY = 40
 """SCHED_FIFO, below the flight process: late samples would look like a late flight loop."""
 TOGETHER_NS = 200_000
-"""Steps of several vehicles that are due within this time are made together."""
+"""Time, in ns, within which due steps of several vehicles are made together."""
 ROW, APART = 4, 1.0
-"""Vehicles in a row on the floor, and m between them."""
+"""Number of vehicles in a row on the floor, and their distance in m."""
 MIN_PAUSE_S = 0.0004
-"""s between two steps when behind: leaves the flight stack time to answer each sample."""
+"""Least pause, in s, between two steps when behind, for the flight stack to answer each sample."""
 GIVE_UP_NS = 1_000_000_000
-"""Delay beyond which samples are skipped, not caught up: the machine slept."""
+"""Delay, in ns, from which samples are skipped, not caught up: the machine was suspended."""
 
 
 def run(
@@ -57,16 +57,16 @@ def run(
     board: str = MIKROKOPTER,
     board_options: Mapping[str, ParameterValue] | None = None,
 ) -> RunStatistics:
-    """Fly until `stop` is set, or without one until SIGTERM or SIGINT.
+    """Run until `stop` is set, or without one until SIGTERM or SIGINT.
 
     Args:
-        parameters: of one vehicle; of several each gets its own place and noise.
-        folder: where the links `mcu0` and `mcu1` to the serial devices are made; of several
-            vehicles in a folder of their name.
+        parameters: of one vehicle; with several, each gets its own place and noise.
+        folder: where the links `mcu0` and `mcu1` to the serial devices are made; with several
+            vehicles, in a folder of the vehicle's name.
         loopback_port: of the station's router; None publishes no truth.
-        served: tracking systems that are given the truth; closed at the end.
-        board: its kind.
-        board_options: values of the options of its kind.
+        served: tracking systems that receive the truth; closed at the end.
+        board: name of the kind of board.
+        board_options: values of the options of that kind.
 
     Raises StorageError when the links cannot be made.
     """
@@ -112,7 +112,7 @@ def run(
 
 
 def _lockstep(vehicles: Sequence[str], pace: Pace, is_asked: bool) -> LockstepPace | None:
-    """Return the lockstep if `quadlab up` made a page of the clock, else None for real time."""
+    """Return the lockstep if `quadlab up` created a page of the clock, else None for real time."""
     page = clock.page()
     if page is None:
         return None
@@ -161,8 +161,9 @@ def _step(robots: Sequence[Robot], due_ns: int, statistics: RunStatistics) -> No
 
 
 def side_by_side(parameters: SimulatorParameters, count: int) -> list[SimulatorParameters]:
-    """Return the parameters of `count` vehicles in rows of four on the floor, 1 m apart, each with
-    noise of its own.
+    """Return the parameters of `count` vehicles in rows of four on the floor, 1 m apart.
+
+    Each vehicle has its own noise.
     """
     if count == 1:
         return [parameters]
@@ -182,14 +183,14 @@ def side_by_side(parameters: SimulatorParameters, count: int) -> list[SimulatorP
 
 
 def _open(loopback_port: int) -> Any:
-    # Imported here: Zenoh takes a while, the plant need not wait.
+    # Imported here: importing Zenoh takes a while, which the plant need not wait for.
     from vehicle_link.transport.session import loopback_session
 
     return loopback_session(loopback_port)
 
 
 def _ask_for_priority() -> str:
-    """Ask for SCHED_FIFO for this thread; return what to add to the first line when refused."""
+    """Request SCHED_FIFO for this thread; return what to add to the first line when refused."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     except OSError as error:

@@ -15,7 +15,7 @@ from quadrotor.errors import StorageError
 BACKLOG = 3400
 """Largest number of unread bytes: 100 `D` frames, 0.4 s, and less than the kernel's 4 kB."""
 FORGOTTEN = 1020
-"""Bytes thrown away, oldest first, when the backlog is full: 30 `D` frames."""
+"""Number of bytes discarded, oldest first, when the backlog is full: 30 `D` frames."""
 _CHUNK = 4096
 
 
@@ -63,12 +63,12 @@ class PseudoTerminal:
         self._remove()
 
     def plug_in(self) -> None:
-        """Make a new device behind the same link. Raises StorageError."""
+        """Create a new device behind the same link. Raises StorageError."""
         self._open()
         self._unplugged = False
 
     def read(self, most: int = _CHUNK) -> bytes:
-        """Return at most `count` of the waiting bytes."""
+        """Return at most `most` of the waiting bytes."""
         if self._unplugged:
             return b""
         try:
@@ -90,7 +90,7 @@ class PseudoTerminal:
         self.dropped += len(data) - written
 
     def _throw_away(self) -> None:
-        """Read the oldest bytes ourselves, so that the newest stay and the count is exact."""
+        """Read the oldest bytes here, so that the newest stay and the count is exact."""
         with contextlib.suppress(BlockingIOError):  # the vehicle read them first
             self.dropped += len(os.read(self._slave, FORGOTTEN))
 
@@ -98,7 +98,7 @@ class PseudoTerminal:
         return self._master
 
     def close(self) -> None:
-        """Hang up; the link goes, unless another simulator has made it its own meanwhile."""
+        """Hang up and remove the link, unless another simulator has replaced it in the meantime."""
         if not self._unplugged:
             self._remove()
 
@@ -107,7 +107,7 @@ class PseudoTerminal:
             if os.readlink(self.link) == self.device:
                 self.link.unlink()
         except FileNotFoundError:
-            pass  # the folder was cleared meanwhile: nothing left to remove
+            pass  # the folder was cleared in the meantime: nothing left to remove
         self._close_files()
 
     def _close_files(self) -> None:

@@ -28,9 +28,9 @@ class RunStatistics:
     """The statistics of a run."""
 
     periods: int = 0  # of the microcontroller
-    lost_samples: int = 0  # the machine slept
-    dropped_bytes: int = 0  # no one read them
-    overruns: int = 0  # bytes the wire was too slow for
+    lost_samples: int = 0  # while the machine was suspended
+    dropped_bytes: int = 0  # without a reader
+    overruns: int = 0  # bytes beyond the capacity of the wire
     dropped_truth: int = 0  # the network was too slow
 
 
@@ -39,7 +39,7 @@ class Pace:
     """The pace of a simulation.
 
     Attributes:
-        periods: of the microcontroller, moved at once.
+        periods: number of the microcontroller's periods per step.
         truth_rate: Hz.
     """
 
@@ -48,10 +48,10 @@ class Pace:
 
 
 ALONE = Pace(1, 100)
-"""Pace for one, in lockstep too: woken once a sample, up to half of the ticks came a period late
-with the page open."""
+"""Pace for one vehicle, in lockstep too: when woken only once per sample, up to half of the ticks
+were a period late with the page open."""
 SOME, MANY = Pace(5, 30), Pace(9, 15)
-"""Paces for several on one processor: commands then take up to 4 or 8 ms longer to the motors."""
+"""Paces for several on one processor: commands take up to 4 or 8 ms longer to the motors."""
 FEW = 3
 """Largest number of vehicles that step at the pace `SOME`."""
 
@@ -85,7 +85,7 @@ class Robot:
         try:
             for index in (0, 1) if firmware is None else (0,):
                 self._terminals.append(PseudoTerminal(folder / f"mcu{index}"))
-                if firmware is None:  # another board's bytes go without the delay of a line
+                if firmware is None:  # another board's bytes are sent without the delay of a line
                     self._lines.append(Uart(self._terminals[-1]))
         except BaseException:
             self.close()
@@ -107,7 +107,7 @@ class Robot:
 
     @property
     def due_ns(self) -> int:
-        """Return when to `step` next, in ns of the steady clock."""
+        """Return when to call `step` next, in ns of the steady clock."""
         return self._start_ns + self._simulated.due_ns(self._pace.periods)
 
     def begin(self, epoch_ns: int, start_ns: int) -> None:

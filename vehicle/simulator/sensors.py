@@ -26,19 +26,20 @@ Item = Any
 Registers = npt.NDArray[np.int16]
 
 ACCELEROMETER_SCALE = 0.0039 * GRAVITY
-"""m/s^2 per count."""
+"""Scale, in m/s^2 per count."""
 GYROSCOPE_SCALE = math.radians(0.586)
-"""rad/s per count."""
+"""Scale, in rad/s per count."""
 ZERO, FULL_SCALE = 512, 1023
 PRESSURE_LAPSE = 11.6
-"""Pa/m, standard atmosphere in the lowest few hundred metres."""
+"""Pressure lost per height, in Pa/m, in the lowest few hundred metres of the standard atmosphere.
+"""
 CHANNELS = 11
-"""Random numbers a sample: accelerometer 3, gyroscope 3, pressure, battery; gusts 3."""
+"""Number of random numbers per sample: accelerometer 3, gyroscope 3, pressure, battery; gusts 3."""
 GUSTS = 8
-"""The gusts' first channel."""
+"""First channel of the gusts."""
 BLOCK = 512
 WARM_UP_TIME = 120.0
-"""s, in which a sensor's temperature comes within a factor e of its end."""
+"""Time constant, in s, of a sensor's warm-up."""
 
 _ACCELEROMETER, _GYROSCOPE = int(Id.ACCELEROMETER_X), int(Id.GYROSCOPE_X)
 _BATTERY, _PRESSURE = int(Id.BATTERY), int(Id.PRESSURE)
@@ -90,7 +91,7 @@ def new_sensors(parameters: SimulatorParameters) -> Record:
 
 
 class Noise:
-    """Standard normal numbers, `CHANNELS` a sample, drawn a block at a time."""
+    """Standard normal numbers, `CHANNELS` per sample, drawn one block at a time."""
 
     def __init__(self, seed: int) -> None:
         self._generator = np.random.default_rng(seed)
@@ -98,7 +99,7 @@ class Noise:
         self._row = BLOCK
 
     def next_rows(self, count: int) -> int:
-        """Return first of `count` rows of `block` to use for the next samples."""
+        """Return the first of `count` rows of `block` to use for the next samples."""
         row = self._row
         if row + count > BLOCK:
             self._generator.standard_normal(out=self.block)
@@ -114,7 +115,7 @@ def _count(value: float, low: int, high: int) -> int:
 
 @compiled(inner=True)
 def sensed_force(matrix: Array, force_b: Array, axis: int) -> float:
-    """Return specific force (m/s^2) along one axis of the sensor: a row of T^-1 f of Sec. 5.2."""
+    """Return the specific force (m/s^2) along one sensor axis: a row of T^-1 f of Sec. 5.2."""
     row = matrix[axis]
     out: float = row[0] * force_b[0] + row[1] * force_b[1] + row[2] * force_b[2]
     return out
@@ -122,14 +123,14 @@ def sensed_force(matrix: Array, force_b: Array, axis: int) -> float:
 
 @compiled(inner=True)
 def accelerometer_count(force: float, bias: float, deviation: float, normal: float) -> int:
-    """Count of one axis for a specific force (m/s^2), with its noise's standard normal number."""
+    """Return the count of one axis for a specific force (m/s^2); `normal` is standard normal."""
     value = force + bias + deviation * normal
     return _count(value / ACCELEROMETER_SCALE + ZERO, 0, FULL_SCALE)
 
 
 @compiled(inner=True)
 def gyroscope_count(rate: float, bias: float, deviation: float, normal: float) -> int:
-    """Count of one axis for an angular velocity (rad/s)."""
+    """Return the count of one axis for an angular velocity (rad/s); `normal` is standard normal."""
     value = rate + bias + deviation * normal
     return _count(value / GYROSCOPE_SCALE + ZERO, 0, FULL_SCALE)
 
@@ -149,7 +150,7 @@ def _shaking(p: Item, s: Item) -> tuple[Vector, float, float]:
 
 @compiled(inner=True)
 def sensed_pressure(p: Item, s: Item, noise: Array, row: int) -> float:
-    """Return the barometer's reading, Pa, of one record of PLANT and SENSORS each."""
+    """Return the barometer's reading, Pa, for one record of PLANT and one of SENSORS."""
     mean: float = s.ground_pressure - PRESSURE_LAPSE * p.x[2]
     pressure: float = mean + s.pressure_noise * noise[row, 6]
     return pressure
@@ -157,7 +158,7 @@ def sensed_pressure(p: Item, s: Item, noise: Array, row: int) -> float:
 
 @compiled
 def sense(plant: Record, sensors: Record, noise: Array, row: int, sensed: Array) -> float:
-    """Write what finer sensors read of a PLANT (1,) into (2, 3): m/s^2 and rad/s, body axes.
+    """Write the readings of finer sensors for a PLANT (1,) into (2, 3): m/s^2 and rad/s, body axes.
 
     Returns the barometer's reading, Pa.
     """

@@ -28,7 +28,7 @@ class Wire:
     """The microcontroller's end of one line, with faults.
 
     Attributes:
-        share: 0..1, of corrupted bytes, both ways; at 0 no random numbers are drawn.
+        share: 0..1, share of corrupted bytes, both ways; at 0 no random numbers are drawn.
     """
 
     def __init__(self, line: Line, generator: np.random.Generator) -> None:
@@ -45,7 +45,7 @@ class Wire:
         self._line.write(self._corrupted(data) if self.share else data)
 
     def be_unplugged(self, unplugged: bool) -> None:
-        """Unplug the adapter or plug it in, unless it already is."""
+        """Unplug the adapter or plug it in, unless that is already so."""
         if unplugged != self._unplugged:
             self._unplugged = unplugged
             (self._line.unplug if unplugged else self._line.plug_in)()

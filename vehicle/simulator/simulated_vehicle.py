@@ -30,12 +30,12 @@ from vehicle_link.serial.ids import Id, MotorState
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
 
 Command = tuple[int, int, int, int]
-"""Four bytes of a command."""
+"""The four bytes of a command."""
 PORTS = 2
 _MIRROR_PERIOD = int(Id.MIRROR_PERIOD)
 
 PERIOD_MAX_US = 1000
-"""Least rate of the microcontroller's estimation and control, whatever its sample rate."""
+"""Longest period, in us, of the microcontroller's estimation and control, at any sample rate."""
 
 
 @compiled
@@ -80,17 +80,17 @@ def _run(
 
 
 class SimulatedVehicle:
-    """The simulated robot; deterministic for its parameters and the bytes it gets.
+    """The simulated robot; deterministic for its parameters and the bytes that it receives.
 
     Args:
         parameters: the truth.
-        ports: its own ends of the serial lines; None makes them in memory.
-        firmware: of another board than the paper's.
+        ports: its own ends of the serial lines; None creates them in memory.
+        firmware: firmware of another board than the paper's.
 
     Raises StorageError when the C firmware cannot be built.
 
     Attributes:
-        ports: the flight stack's ends, when made in memory; else empty.
+        ports: the flight stack's ends, when created in memory; else empty.
         truth: STATE record, shape (1,), a live view: copy it to keep it.
         stamp_ns: time of `truth` since the first sample, on the microcontroller's clock.
     """
@@ -148,8 +148,9 @@ class SimulatedVehicle:
         self._advance(self._periods - (self._count - 1) % self._periods if self._count else 1)
 
     def step_periods(self, most: int) -> None:
-        """Step as `step` does, but by at most so many periods of the microcontroller, the first
-        one included; ends with the next sample at the latest.
+        """Step as `step` does, by at most `most` periods of the microcontroller.
+
+        These include the first period. The step ends with the next sample at the latest.
         """
         self._obey()
         self._advance(self._at_once(most))
@@ -159,7 +160,7 @@ class SimulatedVehicle:
         return min(most, left) if self._count else 1
 
     def _pace(self) -> None:
-        """Apply the requested sample rate; the periods are counted again from now."""
+        """Apply the requested sample rate; periods are counted from now on."""
         if self._count:
             self._begun_ns, self._count = self._time_ns(self._count - 1), 1
         self._sample_us = int(self.firmware.registers[_MIRROR_PERIOD])
@@ -272,20 +273,20 @@ class SimulatedVehicle:
         return bool(self._holder["held"][0] != FREE)
 
     def bench_reading(self) -> ForceReading | None:
-        """Return the force/torque sensor's reading after the last step, when one was due on the
-        bench.
-        """
+        """Return the force/torque reading of the last step; None if none was due on the bench."""
         if self._holder["held"][0] != BENCH:
             return None
         return self._force_sensor.read(self.stamp_ns, self._plant, self.parameters)
 
     def disturb(self, force_w: Sequence[float]) -> None:
-        """Push the vehicle with this force (N, world axes) from now on; zeros end it."""
+        """Apply this force (N, world axes) to the vehicle from now on; zeros end it."""
         self._plant["disturbance_w"] = force_w
 
     def configure(self, parameters: SimulatorParameters) -> None:
-        """Set new true values in flight, a payload for instance; motion is kept, and so is the
-        charge unless it changed."""
+        """Set new true values in flight, a payload for instance.
+
+        Motion is kept, and so is the charge unless its parameter changed.
+        """
         before, self.parameters = self.parameters, parameters
         configure_plant(self._plant, parameters)
         if parameters.battery_charge != before.battery_charge:
@@ -300,12 +301,12 @@ class SimulatedVehicle:
         charge_battery(self._plant, share)
 
     def swap_battery(self) -> None:
-        """Put a full battery in. Raises RefusedError unless the motors are off."""
+        """Insert a full battery. Raises RefusedError unless the motors are off."""
         self._require_motors_off("battery not swapped")
         self.charge_battery(1.0)
 
     def reset(self) -> None:
-        """Put the vehicle back at its start, level and at rest, with a full battery.
+        """Return the vehicle to its start, level and at rest, with a full battery.
 
         Raises RefusedError unless the motors are off and nothing holds the vehicle.
         """
@@ -335,13 +336,13 @@ class SimulatedVehicle:
     def place(
         self, position_w: Sequence[float], quaternion_wb: Sequence[float] = (1.0, 0.0, 0.0, 0.0)
     ) -> None:
-        """Place the vehicle there, at rest: a start away from the origin."""
+        """Place the vehicle at this pose, at rest, to start away from the origin."""
         self.truth["position_w"] = position_w
         self.truth["velocity_w"] = 0.0
         self.truth["quaternion_wb"] = quaternion_wb
         self.truth["angular_velocity_b"] = 0.0
 
     def close(self) -> None:
-        """End the process of its board, where it has one."""
+        """End the process of its board, if it has one."""
         if isinstance(self.firmware, BetaflightFirmware):
             self.firmware.close()

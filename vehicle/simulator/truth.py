@@ -1,8 +1,7 @@
-"""Publishes the truth like a tracking system, and the force/torque sensor's readings, from a
-separate thread.
+"""Publish the truth like a tracking system, and the force/torque sensor's readings.
 
-The network may be slow or the station disconnected: the plant must not wait. Only the newest few
-states are queued for sending.
+The network may be slow or the station disconnected, and the plant must not wait: a separate thread
+publishes, with only the newest few states in its queue.
 """
 
 from __future__ import annotations
@@ -30,19 +29,19 @@ if TYPE_CHECKING:
 
 KEPT = 8
 PRIORITY = 10
-"""SCHED_FIFO, below the plant's."""
+"""SCHED_FIFO priority, below the plant's."""
 RETRY_S = 1.0
 PUBLISHED = ("truth", "bench_reading")
 
 
 class Put(Protocol):
-    """Sends one payload with its source time in ns."""
+    """Function that sends one payload with its source time in ns."""
 
     def __call__(self, payload: bytes, source_ns: int, topic: str = "truth", /) -> None: ...
 
 
 class TruthPublisher:
-    """Encodes and sends STATE records and readings.
+    """Publisher of STATE records and readings.
 
     Args:
         connect: opens the connection and returns functions to send and to close; it may block or
@@ -84,7 +83,7 @@ class TruthPublisher:
 
     def _run(self) -> None:
         hurry(True)
-        # Imported here: the message types take a while to load, and the plant need not wait.
+        # Imported here: the message types take a while to load, which the plant need not wait for.
         from vehicle_link.topics.bench import encode_bench_reading
         from vehicle_link.topics.ticks import encode_odometries
 
@@ -125,7 +124,7 @@ class TruthPublisher:
 
 
 def hurry(on: bool) -> None:
-    """Give this thread a real-time priority or remove it, as far as that is allowed.
+    """Give this thread a real-time priority or remove it, as far as permitted.
 
     It shares the interpreter lock with the plant: preempted while it holds the lock, it would stop
     the plant, whatever the plant's own priority.
@@ -136,9 +135,7 @@ def hurry(on: bool) -> None:
 
 
 def _sure(topic: Topic) -> Topic:
-    """Return the topic, reliable in lockstep: the next truth may wait for this one, so none may
-    be lost.
-    """
+    """Return the topic, reliable in lockstep, where the next truth may wait for this one."""
     from vehicle_link.transport.rmw_keys import RELIABLE
 
     return topic if clock.page() is None else replace(topic, qos=RELIABLE)
@@ -149,7 +146,7 @@ def connect_to_station(
 ) -> Callable[[], tuple[Put, Callable[[], None]]]:
     """Return `connect` of a TruthPublisher: its topics of /<vehicle> through the station's router.
 
-    The simulator's parameters are served the same way below /<vehicle>/simulator, and manual
+    The simulator's parameters are served in the same way below /<vehicle>/simulator, and manual
     actions at the vehicle as /<vehicle>/simulator/simulation.
     """
 

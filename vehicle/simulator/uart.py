@@ -1,7 +1,7 @@
 """One serial line at its data rate: 115200 Bd 8N1 carries 11,520 bytes a second each way.
 
-The host's bytes wait in its own buffer until the wire has carried them; the microcontroller's
-wait in a small ring, and what does not fit there is lost, as on the chip.
+The host's bytes wait in its own buffer until the wire has carried them; the microcontroller's wait
+in a small ring, and what exceeds it is lost, as on the chip.
 """
 
 from __future__ import annotations
@@ -11,20 +11,20 @@ from collections.abc import Callable
 from vehicle.simulator.pseudo_terminal import PseudoTerminal
 
 BYTES_PER_SECOND = 115_200 // 10
-"""Bits per byte, with a start and a stop bit."""
+"""Rate at ten bits per byte, with a start and a stop bit."""
 BUFFER = 256
-"""Bytes of the microcontroller's ring of either direction."""
+"""Size, in bytes, of the microcontroller's ring in either direction."""
 _END = b"\r"
 
 
 class Uart:
     """A `vehicle_link.serial.port.Port` with the delay of a real serial line.
 
-    Only whole frames are delivered: a host's adapter collects bytes, too, and a frame counts with
+    Only whole frames are delivered: a host's adapter also collects bytes, and a frame counts with
     its last byte.
 
     Attributes:
-        overruns: bytes the microcontroller could not queue.
+        overruns: number of bytes that the microcontroller could not queue.
         delivered: called with the bytes that the host can read from now on.
     """
 
@@ -34,7 +34,7 @@ class Uart:
         self.delivered: Callable[[bytes], None] | None = None
         self._sending = bytearray()
         self._received = bytearray()
-        self._out = self._in = 0.0  # bytes the wire could carry by now and has not
+        self._out = self._in = 0.0  # bytes that the wire could have carried by now
 
     def advance(self, duration: float) -> None:
         """Let the wire carry for `duration` (s)."""
@@ -64,7 +64,7 @@ class Uart:
             self.delivered(data)
 
     def read(self) -> bytes:
-        """Return what has arrived at the microcontroller."""
+        """Return the bytes that have arrived at the microcontroller."""
         data = bytes(self._received)
         self._received.clear()
         return data

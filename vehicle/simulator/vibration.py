@@ -1,8 +1,9 @@
-"""The vibration of the rotors as the inertial sensors feel it.
+"""The vibration of the rotors as measured by the inertial sensors.
 
-Each rotor is a little out of balance, each differently: a force that turns with it. Each passing
-blade, two a turn, kicks along z. What is left is broadband. At hover the three together have the
-deviation asked for; all grow with the square of the rotor's speed, as forces of rotation do.
+Each rotor is slightly and differently out of balance, which gives a force that turns with it. Each
+passing blade, two per turn, gives an impulse along z. The rest is broadband. At hover the three
+together have the requested deviation; all grow with the square of the rotor's speed, as forces of
+rotation do.
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ Item = Any
 IMBALANCE = (0.94, 0.56, 1.31, 0.75)
 """Relative imbalance of each rotor; assumed."""
 PITCH = (1.0, 1.017, 0.988, 1.009)
-"""Speed of each rotor over the others' at the same thrust: no two propellers are alike, so that
+"""Speed of each rotor relative to the others' at the same thrust: no two propellers are alike, so
 their lines beat instead of adding up. Assumed."""
 _LINES = math.sqrt(2.0 * 0.7 / sum(one * one for one in IMBALANCE))
 """Amplitude of a rotor's lines over the deviation: they hold 70 % of the variance, assumed between
 the 94 and 96 % of two PX4 flights and none of a third, above 15 Hz at 200 Hz."""
 BROADBAND = math.sqrt(0.3)
-"""Deviation of the rest."""
+"""Deviation of the broadband rest."""
 
 
 @compiled(inner=True)
@@ -41,8 +42,7 @@ def turn_rotors(p: Item, duration: float) -> None:
 
 @compiled(inner=True)
 def lines(p: Item, hover_thrust: float) -> tuple[Vector, float]:
-    """Return the rotors' lines along body axes, and the broadband share, both over the deviation
-    at hover.
+    """Return the rotors' lines along body axes, and the broadband share, over the hover deviation.
 
     Args:
         hover_thrust: N, of one rotor.

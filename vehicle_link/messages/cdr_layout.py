@@ -33,11 +33,11 @@ class FixedLayout:
 
     Args:
         type_name: for instance `nav_msgs/Odometry`.
-            strings: text of each string field, by path; those not named are empty.
-            lengths: number of items of each sequence, by path; those not named have none.
+        strings: text of each string field, by path; those not named are empty.
+        lengths: number of items of each sequence, by path; those not named have none.
 
-        Raises:
-            ValueError: a path in `strings` or `lengths` is no such field of the message.
+    Raises:
+        ValueError: a path in `strings` or `lengths` is no such field of the message.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class FixedLayout:
         """Return one record, read in place.
 
         Raises:
-                LinkError: texts or lengths differ from this layout's (decode it with `messages`).
+            LinkError: texts or lengths differ from this layout's (decode it with `messages`).
         """
         record: np.void = self.decode_many([payload])[0]
         return record

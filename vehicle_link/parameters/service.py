@@ -167,8 +167,8 @@ class ParameterClient:
         """Set values, all or nothing.
 
         Raises:
-                ParameterError: refused; the text is the authority's.
-                LinkError: no answer, so it is unknown whether they were set.
+            ParameterError: refused; the text is the authority's.
+            LinkError: no answer, so it is unknown whether they were set.
         """
         request = new(
             "rcl_interfaces/srv/SetParametersAtomically_Request", parameters=to_parameters(values)

@@ -124,8 +124,8 @@ def check_certificate(files: TlsFiles, role: Role, host: str = "") -> None:
         host: a name or address that the certificate must contain; "" = any.
 
     Raises:
-            LinkError: a file is missing or unreadable; the certificate is of another authority, has
-                expired, does not fit its key, or does not contain `host`.
+        LinkError: a file is missing or unreadable; the certificate is of another authority, has
+            expired, does not fit its key, or does not contain `host`.
     """
     from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 
@@ -165,10 +165,10 @@ def issue(
     """Issue a certificate for another machine into a folder, with key and authority certificate.
 
     Args:
-            folder: made when missing, mode 0700; what was issued into it before is replaced.
-            subject: common name, which decides the access rights (see `access`); the role's if
-                empty.
-            owner: name of the machine or person, for people who inspect the certificate.
+        folder: made when missing, mode 0700; what was issued into it before is replaced.
+        subject: common name, which decides the access rights (see `access`); the role's if
+            empty.
+        owner: name of the machine or person, for people who inspect the certificate.
 
     Raises:
         StorageError: the folder cannot be written.

@@ -89,10 +89,10 @@ class ServiceClient:
         """Return the response; blocks for at most `timeout` seconds.
 
         Raises:
-                UnreachableError: no service was reached.
-                NoAnswerError: no answer arrived in time, here or where the service forwarded the
-                    request, or contact broke in the meantime.
-                LinkError: the service answered with another error.
+            UnreachableError: no service was reached.
+            NoAnswerError: no answer arrived in time, here or where the service forwarded the
+                request, or contact broke in the meantime.
+            LinkError: the service answered with another error.
         """
         started = time.monotonic()
         try:

@@ -31,7 +31,7 @@ class ProbeResult(StrEnum):
 EXPLANATIONS = {
     ProbeResult.ANSWERS: "a vehicle answers there, but the link does not open: one end does not "
     "accept the other's certificate (it is of another base, out of date by that end's clock, or "
-    "not for this address: enrol the vehicle again with `quadlab link enrol`, and look at both "
+    "not for this address: enrol the vehicle again with `quadlab link enrol`, and check both "
     f"clocks), or is too busy to open the link within {OPEN_S:g} s",
     ProbeResult.CLOSED: "the machine is there, but no `quadlab vehicle` listens on this port",
     ProbeResult.SILENT: "nothing answers; is the vehicle on, in this network, and UDP let through?",

@@ -10,6 +10,7 @@ from fastapi import FastAPI
 from vehicle_link.commands import COMMANDS, Command
 from web.app_parts import Parts
 from web.commands.bodies import CommandBody, body_of
+from web.commands.trajectories import FOLLOW
 from web.requester import Asker, Operator, operator_of
 
 
@@ -23,6 +24,8 @@ def add_commands(app: FastAPI, parts: Parts) -> None:
 def _add_command(app: FastAPI, parts: Parts, command: Command) -> None:
     async def send(body: CommandBody, session: Operator) -> dict[str, Any]:
         answer = await parts.station.command(command.name, session.label, **body.fields)
+        if command.name == "start_behavior" and body.fields["name"] == FOLLOW:
+            parts.trajectories.started(body.fields["arguments"])
         return {"accepted": True, **{name: getattr(answer, name) for name in command.answers}}
 
     async def press(body: Any, session: Asker) -> dict[str, Any]:

@@ -30,7 +30,7 @@ class Summary:
 
     def __call__(self) -> Message:
         """Return newest status messages, ages, experiment and its proposal, control, pre-flight,
-        what Emergency land does; to be read only.
+        how far a trajectory is, what Emergency land does; to be read only.
         """
         now = self._clock()
         if now - self._made > SHARED:
@@ -47,6 +47,7 @@ class Summary:
             "control": parts.control.summary(),
             "transfers": transfers_summary(parts.live),
             "preflight": preflight_summary(parts.live),
+            "trajectory": parts.trajectories.summary(),
             "emergency_land": parts.replica.value("safety.emergency_land"),
             "pages": parts.hub.pages,
         }

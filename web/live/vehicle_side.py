@@ -22,6 +22,7 @@ from web.beacons.survey import SurveyDesk, SurveyRun
 from web.commands.control import Control
 from web.commands.emergency import EmergencyDesk
 from web.commands.sticks import StickOutput
+from web.commands.trajectories import TrajectoryDesk
 from web.live.events import EventHub, Message
 from web.live.forwarding import Forwarding
 from web.live.latest import Live
@@ -125,6 +126,7 @@ class VehicleSide:
             control=control,
             forwarding=forwarding,
             survey=SurveyDesk(shared.survey),
+            trajectories=TrajectoryDesk(live, replica, scene),
         )
 
     @property

@@ -50,7 +50,9 @@ CLIENT_POLICY = (
 _INJECTION = f"""<script>document.hasFocus=()=>true</script>
 <style>{TOKENS}html,body,canvas[data-engine]{{background:var(--ground)!important}}
 [data-floating-window],.mantine-Paper-root[style*="position: fixed"]{{display:none!important}}
-.mantine-Notifications-root{{inset:auto auto 44px 12px!important}}
+.mantine-Notifications-root{{inset:auto auto 44px 12px!important;max-width:min(340px,100%)}}
+.mantine-Notification-root{{background:var(--raised)!important;border:1px solid!important}}
+.mantine-Notification-root *{{color:var(--text)!important}}
 @media(max-width:700px){{.mantine-Notification-description{{display:none}}}}</style>
 """
 """viser's client reconnects only while its document has the focus, which an iframe has not; its

@@ -23,6 +23,8 @@ from web.view.trails import Trail, line_color
 
 RATE, UNWATCHED = 30.0, 5.0  # Hz
 GREEN, ORANGE = (64, 192, 120), (255, 146, 43)
+PLANNED, REFUSED = (157, 120, 210), (214, 150, 40)
+PLAN_SHOWN = 60.0  # s, without being flown
 AXES = ((229, 115, 107), (100, 186, 132), (106, 156, 232))  # x, y, z: as on the page
 EDGES, DROP = (104, 120, 136), (120, 134, 148)
 Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
@@ -44,6 +46,15 @@ class Scene:
         self._ghost = Airframe(api, "/truth", ghost=True)
         self._flown = Trail(api, "/flown", ORANGE, 2.5)
         self._wanted = Trail(api, "/wanted", GREEN, 1.2)
+        self._plan = api.add_line_segments(
+            "/plan",
+            np.zeros((1, 2, 3), np.float32),
+            line_color(PLANNED),
+            thickness=2.0,
+            thickness_units="screen",
+            visible=False,
+        )
+        self._plan_until = 0.0  # s, monotonic
         self._target = api.add_icosphere(
             "/target", radius=0.025, color=GREEN, visible=False, cast_shadow=False
         )
@@ -65,6 +76,16 @@ class Scene:
             self._following.add(view)
         else:
             self._following.discard(view)
+
+    def plan(self, points: np.ndarray[Any, Any] | None, feasible: bool = True) -> None:
+        """Show a path that may be flown next, m, world, shape (N, 3), until it has been flown or
+        for PLAN_SHOWN; None takes it away.
+        """
+        if points is not None:
+            self._plan.points = np.stack((points[:-1], points[1:]), axis=1)
+            self._plan.colors = np.asarray(line_color(PLANNED if feasible else REFUSED), np.uint8)
+            self._plan_until = time.monotonic() + PLAN_SHOWN
+        self._plan.visible = points is not None
 
     def set_volume(self, box: Box) -> None:
         """Set the flight volume, ((x low, high), (y low, high), (z low, high)) in m."""
@@ -102,6 +123,11 @@ class Scene:
                 point_of(truth.pose.pose.position), wxyz_of(truth.pose.pose.orientation)
             )
         self._ghost.frame.visible = truth is not None
+        if self._plan.visible:
+            status = self._live.current("status")
+            if status is not None and status.behavior.lower() == "follow_trajectory":
+                self._plan_until = now + 2.0
+            self._plan.visible = now < self._plan_until
         self._spin()
         self.beacons.update(now)
 

@@ -1,1 +1,1 @@
-"""The events of a flight, in order of weight: each claim with its figure and its evidence."""
+"""The events of a flight, ordered by weight: each claim with its figure and its evidence."""

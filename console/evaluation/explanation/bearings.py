@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from console.evaluation.explanation.finding import (
     ATTITUDE,
@@ -26,6 +25,7 @@ from console.evaluation.explanation.finding import (
     overlaps,
     within,
 )
+from quadrotor.plain_rotations import rotation_vectors_between
 
 BEACON_OFF = 1.0
 """deg between the bearings of a beacon and those expected from the others."""
@@ -77,10 +77,10 @@ def bearings_disagree(topics: Topics, _: Parameters, spans: Spans) -> Iterator[F
     if not use.any():
         return
     time = seen.time[use]
-    turn = Rotation.from_quat(believed[use]) * Rotation.from_quat(tracked[use]).inv()
+    turn = rotation_vectors_between(believed[use], tracked[use])
     moved = state.rows(POSITION)[near][use] - seen.rows(TRACKED)[use]
     cut = [(max(a, b), min(c, d)) for a, c in flown for b, d in spans if max(a, b) < min(c, d)]
-    starts, mean = blocks(time, np.hstack([np.degrees(turn.as_rotvec()), moved]), cut, means)
+    starts, mean = blocks(time, np.hstack([np.degrees(turn), moved]), cut, means)
     angle, away = (np.linalg.norm(part, axis=1) for part in (mean[:, :3], mean[:, 3:]))
     weight = np.maximum(angle / TURNED, away / MOVED)
     for start, end in longest(starts, weight, 1.0, 2):

@@ -34,21 +34,21 @@ from console.evaluation.explanation.finding import (
 from quadrotor.constants import MOTORS
 
 WEAK_MOTOR = 0.06
-"""Thrust commanded of one motor over that of the others, minus 1."""
+"""Limit of the thrust commanded of one motor relative to the others, minus 1."""
 VIBRATION, VIBRATION_FROM = 2.5, 15.0
-"""m/s² rms on one axis of the accelerometer, above this frequency in Hz."""
+"""Limit in m/s² rms on one axis of the accelerometer, above this frequency in Hz."""
 LATE = 0.03
-"""s, age of the newest pose when it arrives."""
+"""Limit in s of the age of the newest pose when it arrives."""
 SILENCE = 0.2
-"""s between two poses."""
+"""Limit in s of the time between two poses."""
 OUTLIERS, OUTLIER_DISTANCE = 0.02, 0.1
-"""Share of the poses that are this far (m) from the estimate."""
+"""Limit of the share of poses that are farther than this (m) from the estimate."""
 CELL_WARNING, CELL_LAND, CELL_FULL = 3.45, 3.275, 4.25
-"""V, of one cell of a battery whose limits the log does not have."""
+"""V per cell, for a battery whose limits are not in the log."""
 
 
 def weak_motor(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
-    """Find a motor of which more thrust is commanded than of each of the others."""
+    """Find a motor that is commanded more thrust than each of the others."""
     if not has(topics, "actuators", *THRUSTS):
         return
     series = topics["actuators"]
@@ -59,7 +59,7 @@ def weak_motor(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]
         usual = np.where(usual > 0.0, usual, np.nan)  # no thrust commanded: nothing to compare
         excess = mean[:, k] / usual - 1.0
         spread = np.abs(others / usual[:, None] - 1.0).max(axis=1, initial=0.0)
-        only = np.where(excess > 2.0 * spread, excess, 0.0)  # a shifted mass loads two
+        only = np.where(excess > 2.0 * spread, excess, 0.0)  # a shifted mass loads two motors
         for start, end in longest(time, only, WEAK_MOTOR, 2):
             worst = float(np.median(only[(time >= start) & (time < end)]))
             yield Finding(
@@ -85,10 +85,10 @@ def vibration(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
     series = topics["imu"]
     period = float(np.median(np.diff(series.time)))
     if period <= 0.0 or 1.0 / period < 5.0 * VIBRATION_FROM:
-        return  # too few samples to tell vibration from motion
+        return  # too few samples to separate vibration from motion
     size = round(1.0 / (period * VIBRATION_FROM))
     if len(series) < size:
-        return  # shorter than what it would be smoothed over
+        return  # shorter than the smoothing window
     kernel = np.full(size, 1.0 / size)
     fast = [
         one - np.convolve(one, kernel, "same")
@@ -122,7 +122,7 @@ def tracker_late(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findin
     age = series.values("measurement_age")[:, None]
     time, youngest = blocks(series.time, age, spans, lowest)
     late = youngest[:, 0]
-    for gap, length in _silences(topics):  # in between, age is not lateness
+    for gap, length in _silences(topics):  # during a silence, age is not lateness
         late = np.where((time < gap + length) & (time + BLOCK > gap), 0.0, late)
     for start, end in longest(time, late, LATE, 2):
         most = float(np.median(late[(time >= start) & (time < end)]))
@@ -143,7 +143,7 @@ def tracker_late(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findin
 
 
 def tracker_gaps(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
-    """Find silences of the tracker."""
+    """Find periods in which the tracker sent nothing."""
     found = [(t, s) for t, s in _silences(topics) if overlaps(spans, t, t + s)]
     if not found:
         return
@@ -196,7 +196,7 @@ def tracker_outliers(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Fi
 
 
 def link_lost(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Finding]:
-    """Find losses of the link while the vehicle flew."""
+    """Find losses of the link during the flight."""
     lost = [s for s in flagged(topics, "link_lost") if overlaps(spans, *s)]
     if not lost:
         return

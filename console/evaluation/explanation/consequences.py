@@ -1,4 +1,4 @@
-"""Findings that can follow from others: off the reference, saturated, inconsistent, tilted."""
+"""Findings that can follow from others: off reference, saturated, inconsistent, tilted."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from console.evaluation.explanation.finding import (
 )
 
 OFF_REFERENCE = 0.25
-"""m between estimate and reference."""
+"""Limit in m between estimate and reference."""
 SATURATED = 0.1
-"""Share of the time."""
+"""Limit of the saturated share of the time."""
 INCONSISTENT, REFUSED = 4.0, 0.2
-"""Mean normalised innovation squared; share of the measurements refused."""
+"""Limits of the mean normalised innovation squared, and of the share of refused measurements."""
 TILT = 70.0
-"""deg, where the log does not have the vehicle's own limit."""
+"""Limit in deg, for logs without the vehicle's own limit."""
 
 
 def off_reference(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
@@ -62,7 +62,7 @@ def off_reference(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findi
 
 
 def saturation(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Finding]:
-    """Find where the motors could not give the wrench that was wanted."""
+    """Find where the motors could not produce the requested wrench."""
     if not has(topics, "actuators", "scaling"):
         return
     series = topics["actuators"]
@@ -129,7 +129,8 @@ def tilted(topics: Topics, parameters: Parameters, spans: Spans) -> Iterator[Fin
     x, y = series.rows(ROLL_PITCH).T
     tilt = np.degrees(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
     limit = number(parameters, "safety.tilt_max", TILT)
-    longer = [(start - SETTLING, end + SETTLING) for start, end in spans]  # falls end flights
+    # Flights may end with a fall.
+    longer = [(start - SETTLING, end + SETTLING) for start, end in spans]
     inside = within(series.time, longer) & (tilt > limit)
     if not inside.any():
         return

@@ -29,9 +29,9 @@ DETECTORS: tuple[Callable[[Topics, Parameters, Spans], Iterator[Finding]], ...] 
 
 
 def explain(topics: Topics, parameters: Parameters) -> list[Finding]:
-    """Return what happened in a run, the heaviest first, consequences behind causes.
+    """Return the events of a run, heaviest first, consequences after causes.
 
-    A detector is silent about a run without the topics that it needs.
+    A detector ignores a run without the topics that it needs.
     """
     topics = {name: one for name, one in topics.items() if len(one)}
     spans = airborne(topics)

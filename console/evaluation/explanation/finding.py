@@ -1,4 +1,4 @@
-"""A claim about a flight with its evidence, and what all detectors use to find one.
+"""A claim about a flight with its evidence, and the helpers that all detectors use.
 
 Times are s since the run's first message.
 """
@@ -27,19 +27,19 @@ def axes(stem: str, names: str = "xyz") -> tuple[str, ...]:
 
 ACCELERATION = axes("linear_acceleration")
 POSITION = axes("pose.pose.position")
-ATTITUDE = axes("pose.pose.orientation", "xyzw")
-ROLL_PITCH = ATTITUDE[:2]
+ATTITUDE = axes("pose.pose.orientation", "wxyz")
+ROLL_PITCH = ATTITUDE[1:3]
 TRACKED, MARKED = axes("pose.position"), axes("point")
-TRACKED_ATTITUDE = axes("pose.orientation", "xyzw")
+TRACKED_ATTITUDE = axes("pose.orientation", "wxyz")
 REFERENCE = axes("position")
 THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
 
 BLOCK = 2.0
-"""s, the time over which most figures are taken."""
+"""Time in s over which most figures are computed."""
 SETTLING = 2.0
-"""s after take-off and before landing in which nothing is judged: the ground has its effect."""
+"""Seconds after take-off and before landing that are not judged, because of the ground effect."""
 AIRBORNE_HEIGHT = 0.5
-"""m above the lowest point, where the log does not say that the vehicle flies."""
+"""Height in m above the lowest point that counts as flying, for logs without the status."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,10 @@ class Finding:
     """One claim about a flight; times are s since the run's first message.
 
     Attributes:
-        weight: the figure over its limit.
+        weight: the figure relative to its limit.
         follows: whether it can be the consequence of another finding.
-        signals: names of the signals that show it on the page.
-        label, unit, limit, time, values: the evidence, to be drawn.
+        signals: names of the page's signals that show it.
+        label, unit, limit, time, values: the evidence, to be plotted.
     """
 
     kind: str
@@ -67,7 +67,7 @@ class Finding:
     follows: bool = False
 
     def as_json(self) -> dict[str, Any]:
-        """Return it for the page, without the evidence's columns."""
+        """Return the finding for the page, without the columns of the evidence."""
         return {
             "kind": self.kind,
             "weight": round(self.weight, 2),
@@ -101,7 +101,7 @@ def has(topics: Topics, topic: str, *names: str) -> bool:
 
 
 def tracker_of(topics: Topics) -> tuple[str, tuple[str, ...]]:
-    """Return the topic of the tracker and its fields of a position: poses, or those of a marker."""
+    """Return the topic of the tracker and its position fields: of poses, or of a marker."""
     of_marker = has(topics, "tracker_position", *MARKED)
     return ("tracker_position", MARKED) if of_marker else ("tracker_pose", TRACKED)
 
@@ -118,7 +118,9 @@ def overlaps(spans: Spans, start: float, end: float) -> bool:
 def distances(
     series: Series, names: Sequence[str], other: Series, other_names: Sequence[str]
 ) -> Array:
-    """Return how far (m) a topic's position is from that of another at its times; NaN outside."""
+    """Return the distances (m) of a topic's position from that of another at its times; NaN
+    outside.
+    """
     away = np.zeros(len(series))
     for name, known in zip(names, other_names, strict=True):
         expected = np.interp(series.time, other.time, other.values(known), np.nan, np.nan)
@@ -156,7 +158,7 @@ def blocks(
     figure: Callable[[Array], Array],
     length: float = BLOCK,
 ) -> tuple[Array, Array]:
-    """Return the begins (M,) of the blocks of flight and their figures (M, K) of values (N, K)."""
+    """Return the starts (M,) of the blocks of flight and their figures (M, K) of values (N, K)."""
     starts, found = [], []
     for start, end in spans:
         for begin in np.arange(start, end - length + 1e-9, length):
@@ -172,8 +174,8 @@ def blocks(
 
 
 def longest(time: Array, values: Array, limit: float, least: int, length: float = BLOCK) -> Spans:
-    """Return the heaviest stretch of at least `least` blocks above a limit that follow each other;
-    empty without one.
+    """Return the heaviest stretch of at least `least` consecutive blocks above a limit; empty
+    without one.
     """
     over = np.flatnonzero(values > limit)
     apart = np.flatnonzero((np.diff(over) > 1) | (np.diff(time[over]) > 1.5 * length)) + 1

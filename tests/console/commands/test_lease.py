@@ -96,7 +96,7 @@ def test_only_the_holder_answers_or_gives_up() -> None:
         lease.answer("ben", True, 2.0)
     with pytest.raises(RefusedError, match="anna has it"):
         lease.release("ben", 2.0)
-    with pytest.raises(RefusedError, match="nobody has it"):
+    with pytest.raises(RefusedError, match="no one has it"):
         ControlLease().release("ben", 0.0)
     lease.answer("anna", False, 2.0)
     with pytest.raises(RefusedError, match="no request for control"):

@@ -80,7 +80,7 @@ def flight(**changed: Mapping[str, Any]) -> dict[str, Made]:
         "estimator": {"consistency": 1.0},
         "battery": {"voltage": 15.2},
     }
-    plain |= {"state": {ATTITUDE[-1]: 1.0}, "tracker_pose": {TRACKED_ATTITUDE[-1]: 1.0}}
+    plain |= {"state": {ATTITUDE[0]: 1.0}, "tracker_pose": {TRACKED_ATTITUDE[0]: 1.0}}
     plain |= {"actuators": {**{f"thrusts[{k}]": THRUST for k in range(4)}, "scaling": 1.0}}
     plain |= {"status": {"airborne": (TIMES[10] > 5.0) & (TIMES[10] < 35.0)}}
     made: dict[str, Made] = {}
@@ -100,7 +100,7 @@ def during(rate: int, start: float, end: float, value: float, usual: float = 0.0
 def turned_by(yaw: float) -> dict[str, Any]:
     """Return attitudes turned about z by an angle (deg)."""
     half = np.radians(yaw) / 2.0
-    return {TRACKED_ATTITUDE[2]: np.sin(half), TRACKED_ATTITUDE[3]: np.cos(half)}
+    return {TRACKED_ATTITUDE[0]: np.cos(half), TRACKED_ATTITUDE[3]: np.sin(half)}
 
 
 ON_BEARINGS = [(0.0, ""), (10.0, "on_bearings")]
@@ -245,7 +245,7 @@ def test_a_flight_on_bearings_far_from_the_tracker_is_named_unless_one_beacon_ex
     off = {"flags": [(0.0, ""), (10.0, "on_bearings, beacon_off")], "suspect_beacon": 3.0}
     both = explained({**moved, "status": {**off, "suspect_offset": np.radians(2.0)}})
     assert [one.kind for one in both] == ["beacon_off", "bearings_disagree"]
-    unknown = {**moved["tracker_pose"], TRACKED_ATTITUDE[3]: 0.0}  # poses without an attitude
+    unknown = {**moved["tracker_pose"], TRACKED_ATTITUDE[0]: 0.0}  # poses without an attitude
     assert explained({"tracker_pose": unknown, "status": {"flags": ON_BEARINGS}}) == []
 
 

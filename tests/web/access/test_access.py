@@ -48,6 +48,7 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "POST /api/commands/arm": (OPERATOR, {}),
     "POST /api/commands/disarm": (OPERATOR, {}),
     "POST /api/commands/start_behavior": (OPERATOR, {"name": "land"}),
+    "POST /api/trajectories/preview": (OPERATOR, {"arguments": {"trajectory": "none"}}),
     "POST /api/commands/emergency": (VIEWER, {"action": "land"}),
     "POST /api/commands/record": (OPERATOR, {"start": True}),
     "POST /api/invitations": (OPERATOR, {"role": "viewer"}),

@@ -3,7 +3,7 @@
   const wrong = [], root = document.documentElement, name = (node) => `${node.tagName.toLowerCase()}${node.id ? '#' + node.id : ''}${node.className ? '.' + node.className : ''} ${(node.ariaLabel || node.textContent).trim().slice(0, 24)}`;
   const isSeen = (node) => node.checkVisibility({ visibilityProperty: true, opacityProperty: true }) && node.getBoundingClientRect().width > 1;
   if (root.scrollWidth > innerWidth) wrong.push(`the page is ${root.scrollWidth} wide in a window of ${innerWidth}`);
-  const SCROLLS = '.wide, .legend, #list .frame, [data-wide]'; // sideways, on purpose
+  const SCROLLS = '.wide, #list .frame, [data-wide]'; // sideways, on purpose
   for (const node of document.querySelectorAll('body *')) {
     const { overflowX } = getComputedStyle(node);
     if (/auto|scroll/.test(overflowX) && isSeen(node) && node.scrollWidth > node.clientWidth + 1 && !node.matches(SCROLLS + ', input, textarea')) wrong.push(`${name(node)} scrolls sideways by ${node.scrollWidth - node.clientWidth}`);

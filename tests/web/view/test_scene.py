@@ -233,3 +233,21 @@ def test_a_tab_that_stood_still_gets_the_newest_and_no_history(server: ViewServe
     print(received)
     # The stalled one still had the whole scene to get, about 30 kB.
     assert 0 < received["stalled"] < 0.5 * received["awake"]
+
+
+def test_a_planned_path_stays_until_it_has_been_flown(server: ViewServer) -> None:
+    live = Live(decode)
+    scene = Scene(server, live)
+    plan: Any = server.viser.scene._handle_from_node_name["/plan"]
+    at = time.monotonic()
+    scene.plan(np.array([[0, 0, 1], [1, 0, 1], [1, 1, 1]], np.float32))
+    np.testing.assert_array_equal(plan.points[1], [[1, 0, 1], [1, 1, 1]])
+    following = new("quadlab_msgs/VehicleStatus", behavior="FOLLOW_TRAJECTORY", airborne=True)
+    live.put("status", encode(following))
+    scene.update(at + 500.0)
+    assert plan.visible
+    live.put("status", encode(new("quadlab_msgs/VehicleStatus", behavior="HOVER", airborne=True)))
+    scene.update(at + 501.0)
+    assert plan.visible
+    scene.update(at + 503.0)
+    assert not plan.visible

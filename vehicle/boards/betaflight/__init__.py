@@ -1,1 +1,1 @@
-"""Boards with Betaflight: body rates and throttle as stick commands, told by MSP."""
+"""Boards with Betaflight: body rates and throttle are sent as stick commands by MSP or CRSF."""

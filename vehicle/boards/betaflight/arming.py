@@ -1,4 +1,4 @@
-"""The reasons why Betaflight does not arm, as sentences with what to do about them."""
+"""The reasons why Betaflight refuses to arm, each with its remedy."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ REASONS: tuple[tuple[str, str], ...] = (
     ("AUTOPILOT_SW", "its autopilot switch is on: remove that mode"),
     ("ARM_SWITCH", "the arm switch was on while it could not arm: disarm, then arm"),
 )
-"""(name in its command line's `status`, what is wrong and what to do), by bit."""
+"""(name in its command line's `status`, problem and remedy), in the order of the bits."""
 
 JUST_SWITCHED_ON = 1 << [name for name, _ in REASONS].index("BOOTGRACE")
 
@@ -42,8 +42,9 @@ JUST_SWITCHED_ON = 1 << [name for name, _ in REASONS].index("BOOTGRACE")
 def why_not_armed(flags: int, count: int = len(REASONS)) -> str:
     """Return what blocks arming, "" for 0.
 
-    Args: `count`, the number of reasons that this version knows; ARM_SWITCH is always the last of
-        them. It is set whenever another one was while arming, so it is told only alone.
+    Args:
+        count: number of reasons in this firmware version. ARM_SWITCH is always the last of them; it
+            is also set whenever another reason blocked arming, so it is reported only on its own.
     """
     names = (*REASONS[: min(count, len(REASONS)) - 1], REASONS[-1])
     consequence = 1 << len(names) - 1

@@ -1,11 +1,11 @@
 """A flight controller with Betaflight behind one or two UARTs.
 
-The first port speaks MSP: it is asked for the IMU at the sample rate, for status and battery in
-turn, and for its firmware at the start. Stick commands go by CRSF over the second port; without
-one they go by MSP, which the firmware takes with `feature RX_MSP`.
+The first port speaks MSP: the IMU is polled at the sample rate, status and battery in turn, and the
+firmware's version once at the start. Stick commands are sent by CRSF over the second port; without
+one they are sent by MSP, which the firmware accepts with `feature RX_MSP`.
 
-MSP has no time stamps: a sample counts as taken when its answer arrived, less half the round trip.
-Its own landing is asked for by sending no sticks any more, as a computer does that is gone.
+MSP has no time stamps: a sample is stamped with the arrival of its answer less half the round trip.
+To make the board land by itself, no more sticks are sent, just as when the computer fails.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import BAUD_RATE, Port
 
 ASKED_AGAIN_S = 0.02
-"""An answer that is not there by then is lost; the IMU is asked again."""
+"""Seconds after which an unanswered IMU request counts as lost and is sent again."""
 STICKS_S = 0.02
-"""Sticks are sent at least this often, or the board's failsafe begins."""
+"""Longest time, in s, between two stick commands; after more, the board's failsafe begins."""
 SLOW_S = 0.1
-"""Between two questions for status, and between two for the battery."""
+"""Period, in s, of the status requests, and of the battery requests."""
 CRSF_BAUD_RATE = 420_000
 PRESSURE = 101_325.0
-"""Pa: MSP tells no pressure, only a height."""
+"""Pa, constant: MSP reports no pressure, only a height."""
 MILLISECONDS = 60_000
 RESTARTED = (
     "the board was switched on again, perhaps with other settings: start quadlab vehicle again, "
@@ -57,13 +57,13 @@ _IDLE = BodyRates((0.0, 0.0, 0.0), 0.0)
 
 
 class BetaflightBoard:
-    """A board of vehicle.boards.board.Board.
+    """Board with Betaflight, as the flight loop uses it (see vehicle.boards.board.Board).
 
     Args:
-        ports: of MSP, and of CRSF where there is a second.
-        rate: IMU samples a second to ask for.
-        now_ns: the vehicle's clock, from which samples get their stamps.
-        unfit: why it must not be armed, "" when its settings fit the options.
+        ports: the MSP port, and optionally the CRSF port.
+        rate: IMU samples requested per second.
+        now_ns: the vehicle's clock, which gives the samples their stamps.
+        unfit: why it must not be armed; "" when its settings match the options.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class BetaflightBoard:
         self._command: BodyRates | AttitudeCommand = _IDLE
         self._sticks_due_s = self._imu_due_s = -math.inf
 
-    # ------------------------------------------------------------------ what it tells
+    # ------------------------------------------------------------------ reports
     @property
     def damaged(self) -> int:
         return self._decoder.damaged
@@ -177,7 +177,7 @@ class BetaflightBoard:
             RawSample(stamp_ns, accelerometer, gyroscope, self._voltage, PRESSURE, self._state)
         )
 
-    # ------------------------------------------------------------------ what it takes
+    # ------------------------------------------------------------------ commands
     def command(self, command: Command) -> None:
         """Send a command with the next `service`. Raises OutOfBoundsError, LinkError."""
         if isinstance(command, tuple):
@@ -194,7 +194,7 @@ class BetaflightBoard:
         """Do nothing: the time is the board's own setting, compared by `--check`."""
 
     def service(self, now_s: float) -> None:
-        """Ask for what is due, and keep the sticks alive."""
+        """Send the requests that are due, and repeat the stick commands."""
         for function in _START:
             if function not in self._told:
                 self._ask(function, now_s, SLOW_S)
@@ -216,7 +216,7 @@ class BetaflightBoard:
 
     def _send_sticks(self) -> None:
         if self._wanted is MotorState.EMERGENCY:
-            return  # by its switch, with sticks that still come, it lands tilted (4.6)
+            return  # its failsafe switch would land it tilted while sticks arrive (4.6)
         arm = self._wanted is MotorState.ON and not self.obstacle
         is_armed = self._state in (MotorState.ON, MotorState.EMERGENCY)
         command = self._command if is_armed else _IDLE  # it does not arm at any other throttle

@@ -1,7 +1,7 @@
-"""`quadlab vehicle --board betaflight --check`: which firmware it is, and what must change on it.
+"""Check a board's firmware and settings: `quadlab vehicle --board betaflight --check`.
 
-Nothing is written to the board. Its command line blocks arming and is left by a restart, so that
-the check ends with one.
+Nothing is written to the board. Its open command line blocks arming, and leaving it restarts the
+board, so the check ends with a restart.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from vehicle_link.msp.frames import MessageDecoder, encode
 from vehicle_link.serial.port import Port, PortError
 
 ANSWER_S = 2.0
-"""An answer has to come within this time."""
+"""Longest time, in s, to wait for an answer."""
 RESTART_S = 15.0
 BY_THROTTLE = (
     "no barometer, or a firmware without altitude hold (`ap_hover_throttle`): its own landing is "
@@ -31,19 +31,18 @@ PROMPT = b"\r\n# "
 DUMP_S = 20.0
 """A dump is 13 kB: 1.2 s at 115200 Bd."""
 DUMPS = 4
-"""Settings that do not fit are read until two answers agree, at most so often: a line without
-flow control may lose bytes."""
+"""Largest number of times that settings which differ are read until two answers agree: a line
+without flow control may lose bytes."""
 POLL_S, QUIET_S = 0.005, 0.3
 
 Say = Callable[[str], None]
 
 
 def check_board(port: Port, options: Parameters | None, say: Say) -> list[str]:
-    """Report the firmware, what blocks arming, and the lines to enter; return these lines, or
-    what is wrong with the firmware.
+    """Report the firmware, what blocks arming, and the lines to enter.
 
-    The board has restarted when this returns, and is checked in no other state than disarmed.
-    Raises LinkError when it does not answer.
+    Returns these lines, or what is wrong with the firmware. The board is checked only while
+    disarmed, and has restarted when this returns. Raises LinkError when it does not answer.
     """
     assert isinstance(options, BetaflightOptions)
     variant = _variant(port)
@@ -81,7 +80,7 @@ def check_board(port: Port, options: Parameters | None, say: Say) -> list[str]:
 
 
 def _variant(port: Port) -> bytes:
-    """Return its answer, if need be after a restart from a command line that was left open."""
+    """Return the firmware's name; restart the board first if its command line was left open."""
     try:
         return _ask(port, Function.VARIANT)
     except PortError:
@@ -93,8 +92,7 @@ def _variant(port: Port) -> bytes:
 
 
 def _await_restart(port: Port) -> None:
-    """Return when the board answers again, or its USB device has gone, which is to be opened
-    anew.
+    """Wait until the board answers again, or its USB device has vanished and must be reopened.
 
     Raises LinkError.
     """
@@ -132,7 +130,7 @@ def _dump(port: Port) -> str:
 
 
 def _prompt(port: Port, patience_s: float, what: str) -> bytes:
-    """Return what was written up to a prompt that nothing follows: comments begin like one."""
+    """Return the output up to a prompt that nothing follows, as comments also begin with `#`."""
     written = b""
     newest_s = clock.monotonic()
     deadline_s = newest_s + patience_s

@@ -1,8 +1,8 @@
-"""The settings that a board with Betaflight needs to fly here, and how they are compared.
+"""The settings that a board with Betaflight needs, and their comparison with what it has.
 
-Settings are read over the command line of the firmware, which answers on the MSP port after `#`.
-What differs is told as the lines that a person enters there, each with what was found behind a
-`#`, which the firmware skips.
+Settings are read over the firmware's command line, which opens on the MSP port after `#`. Each
+difference is reported as the line that a person has to enter there, followed by the value found
+behind a `#`, which the firmware ignores.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from vehicle.boards.betaflight.messages import ANGLE_BOX, ARM_BOX, FAILSAFE_BOX
 from vehicle.boards.betaflight.options import BetaflightOptions
 
 MAY_LACK = ("throttle_boost", "vbat_sag_compensation", "ap_hover_throttle", "alt_hold_climb_rate")
-"""Settings that a build of the firmware may lack; what they set does not exist then."""
+"""Settings that a build of the firmware may lack; the feature that they set is missing then too."""
 SWITCHES = (ARM_BOX, ANGLE_BOX, FAILSAFE_BOX)
 """Modes by auxiliary channel: AUX1 arms, AUX2 holds angles, AUX3 lands at once."""
 _SETTING = re.compile(r"^(?:set )?(\w+) = (.*?)\s*$", re.MULTILINE)
@@ -54,14 +54,15 @@ def required(options: BetaflightOptions) -> dict[str, str]:
 
 
 def mode_lines() -> list[str]:
-    """Return the lines that put the modes on their switches."""
+    """Return the lines that assign the modes to their switches."""
     return [f"aux {k} {box} {k} 1700 2100 0 0" for k, box in enumerate(SWITCHES)]
 
 
 def lines_to_enter(answer: str, options: BetaflightOptions) -> list[str]:
-    """Return the lines to enter until the board fits; none when it does.
+    """Return the lines to enter until the board's settings match; none when they do.
 
-    Args: `answer`, what the command line wrote to `dump`.
+    Args:
+        answer: the command line's output for `dump`.
     """
     found = dict(_SETTING.findall(answer))
     lines = [

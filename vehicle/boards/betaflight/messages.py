@@ -1,4 +1,4 @@
-"""The MSP messages of Betaflight that are used here, from their payloads to numbers."""
+"""The MSP messages of Betaflight that are used, decoded from their payloads."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ARM_BOX, ANGLE_BOX, FAILSAFE_BOX = 0, 1, 27
 """Permanent ids of modes."""
 FIRMWARE = "BTFL"
 OLDEST, NEWEST = (4, 5), (4, 6)
-"""Versions that these messages were read from; newer ones may differ."""
+"""Firmware versions whose message layouts were checked; newer ones may differ."""
 
 _IMU = struct.Struct("<6h")
 _STATUS = struct.Struct("<HHHIBHBB")
@@ -50,7 +50,7 @@ class Status(msgspec.Struct, frozen=True):
         return bool(self.sensors >> 1 & 1)
 
     def modes(self, ids: bytes) -> set[int]:
-        """Return the permanent ids of the modes that are on; `ids` as BOX_IDS tells them."""
+        """Return the permanent ids of the modes that are on; `ids` is the payload of BOX_IDS."""
         return {box for k, box in enumerate(ids[:32]) if self.boxes >> k & 1}
 
 

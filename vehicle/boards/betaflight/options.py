@@ -6,7 +6,7 @@ from quadrotor.parameters import Parameters, parameter
 
 
 class BetaflightOptions(Parameters):
-    """The configuration of the board; `quadlab vehicle --board betaflight --check` compares."""
+    """Configuration of the board; `quadlab vehicle --board betaflight --check` compares them."""
 
     rate_max: float = parameter(400.0, unit="deg/s", ge=100.0, le=1000.0, step=10.0)
     """body rate of a full stick, the same about all axes"""

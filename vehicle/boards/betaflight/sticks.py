@@ -25,17 +25,17 @@ TRAITS = Traits(
     tells_pressure=False,
 )
 MIDDLE, HALF, LOW, HIGH = 1500.0, 500.0, 1000.0, 2000.0
-"""µs."""
+"""Pulse widths, in µs."""
 RC_CHANNELS = 8
-"""Sent: four sticks, arm, angle mode, failsafe, one spare."""
+"""Number of channels sent: four sticks, arm, angle mode, failsafe, one spare."""
 Four = tuple[float, float, float, float]
 
 
 class Sticks:
-    """Turns commands into channels, in the order A E T R of the firmware's default map.
+    """Converter from commands to channels, in the order A E T R of the firmware's default map.
 
-    A pulse is a whole µs, 0.8 deg/s: the rest of each is carried to the next command, as
-    vehicle.boards.reference_rounding does for motors.
+    A pulse is a whole number of µs, each 0.8 deg/s: the rounding error is carried over to the next
+    command, as vehicle.boards.reference_rounding does for motors.
     """
 
     def __init__(self, options: BetaflightOptions) -> None:
@@ -45,7 +45,7 @@ class Sticks:
     def channels(
         self, command: BodyRates | AttitudeCommand, *, arm: bool, failsafe: bool = False
     ) -> list[int]:
-        """Return the channels, whole µs. Raises OutOfBoundsError for what it cannot carry out."""
+        """Return the channels, whole µs. Raises OutOfBoundsError unless all numbers are finite."""
         is_angle = isinstance(command, AttitudeCommand)
         wanted = self._wanted(command)
         if not all(map(math.isfinite, wanted)):
@@ -75,7 +75,7 @@ class Sticks:
         """Return the pulse that drives the motors at this share of their range, on average."""
         p = self._options
         if throttle <= 0.0:
-            return LOW  # under `min_check`, or it does not arm
+            return LOW  # under `min_check`; the board does not arm otherwise
         idle = 0.01 * p.idle
         share = max(0.0, (throttle - idle) / (1.0 - idle))
         return p.min_check + share * (HIGH - p.min_check)

@@ -21,14 +21,15 @@ from vehicle_link.serial.port import BAUD_RATE
 
 SETTLING_SAMPLES = 50
 SETTLING_NS = 400_000_000
-"""Time between the first and the last of them: a busy machine may delay all bytes by 0.3 s."""
+"""Shortest time, in ns, between the first and the last: a busy machine may delay bytes by 0.3 s."""
 LATE_MS = 1_000
-"""A step that looks like 59 s to 60 s forward is a sample that came late by up to 1 s."""
+"""A step that appears to be 59 s to 60 s forward is a sample that is late by up to this many ms."""
 JUMP_MS = 50
-"""A longer step forward is accepted only when a second sample confirms it: after a wrong one every
-true sample would be late until that time."""
+"""Longest step, in ms, that is accepted at once; a longer one needs a second sample to confirm it,
+as after a wrong one every true sample would be late until that time."""
 SLACK_MS = 1_000
-"""Such a step may exceed the largest lead over the host's steady clock so far by this much."""
+"""Amount, in ms, by which a step over JUMP_MS may exceed the largest lead over the host's steady
+clock so far."""
 RESTART_MS = 1_000
 """Times refused for this long mean that the microcontroller was restarted."""
 MS = 1_000_000
@@ -44,10 +45,10 @@ FRAME_NS = 34 * 1_000_000_000 // (BAUD_RATE // 10)
 
 
 class MicrocontrollerClock:
-    """Turns the microcontroller's wrapped ms into ns of the vehicle's clock.
+    """Conversion of the microcontroller's wrapped ms to ns of the vehicle's clock.
 
     Args:
-        epoch_ns: stamp of the first sample, for simulated time; None takes it from the host.
+        epoch_ns: stamp of the first sample, for simulated time; None uses the host's time.
         host_ns: the host's clock; gives the epoch, and is then only monitored for changes.
         steady_ns: the host's steady clock, which distinguishes a gap from a very late sample and
         shows changes of the host's clock; not read when the epoch is given.
@@ -141,10 +142,10 @@ class MicrocontrollerClock:
         return ahead_ns * 1e-9
 
     def host_set(self) -> float:
-        """Return by how much the host's clock was set forward (negative: back) since the last
-        report, s; 0 when it was not.
+        """Return by how much (s) the host's clock was set forward since the last report.
 
-        The vehicle's clock does not follow: its stamps must not jump, least of all back.
+        Negative when it was set back, 0 when it was not set. The vehicle's clock does not follow:
+        its stamps must not jump, least of all back.
         """
         if self._steady_ns is None or self._epoch_ns is None:
             return 0.0
@@ -156,7 +157,9 @@ class MicrocontrollerClock:
         return set_ns * 1e-9
 
     def _host_over_steady(self, steady_ns: Callable[[], int]) -> int:
-        """Read in this order a pause between the two makes it larger: the least is right."""
+        """Return the host's clock minus the steady clock: the least of three readings, as a pause
+        between the two clocks only makes it larger.
+        """
         return min(-steady_ns() + self._host_ns() for _ in range(3))
 
     def _host_ms(self) -> int | None:

@@ -61,7 +61,7 @@ class Microcontroller:
 
     Args:
         ports: one or two; requests go to the first, references to all in turn.
-        epoch_ns: time of the first sample; None takes the host's epoch time (see
+        epoch_ns: time of the first sample; None uses the host's epoch time (see
             vehicle.boards.mikrokopter.clock).
         rate: IMU samples a second to ask for; motors do not start before it is confirmed.
         identity: what it must be before motors may start.
@@ -116,9 +116,7 @@ class Microcontroller:
 
     @property
     def connected(self) -> bool:
-        """Return whether it is the right microcontroller, mirrors the IMU and is in direct
-        mode.
-        """
+        """Return whether it is the right microcontroller, mirrors the IMU and is in direct mode."""
         return not self._handshake.open
 
     @property
@@ -180,7 +178,7 @@ class Microcontroller:
     def command(self, command: Command) -> None:
         """Send motor references or an attitude, changing the flight control mode if needed.
 
-        Raises OutOfBoundsError or, when the last port is gone, LinkError.
+        Raises OutOfBoundsError or, when the last port is lost, LinkError.
         """
         if isinstance(command, tuple):
             self._command, self._mode = command, FlightControlMode.DIRECT
@@ -235,9 +233,7 @@ class Microcontroller:
         self._ports.write(frame, in_turn=True)
 
     def _sample(self, values: tuple[int, ...], settled: bool) -> RawSample | None:
-        """Return a sample of the values of MIRROR; stamped by elapsed time until the clock is
-        settled.
-        """
+        """Return a sample of the values of MIRROR, with elapsed time until the clock is settled."""
         ms, a_x, a_y, a_z, g_x, g_y, g_z, battery, state, pressure = values
         if (a_x | a_y | a_z | g_x | g_y | g_z) & ~1023 or not 0 <= state <= 3 or battery < 0:
             self.refused += 1
@@ -260,9 +256,7 @@ class Microcontroller:
         )
 
     def _correct_clock(self, newest_ns: int) -> None:
-        """Correct the clock; samples are dropped until its time passes the newest stamp
-        again.
-        """
+        """Correct the clock; samples are dropped until it passes the newest stamp again."""
         ahead = self._clock.correct(newest_ns - self._clock.stamp_ns(0))
         if ahead:
             self.failures.append(f"the vehicle's clock was {ahead * 1e3:.0f} ms ahead; set back")

@@ -20,9 +20,9 @@ REFERENCES = (
     Id.MOTOR_REFERENCE_4,
 )
 NO_ANSWER = -1
-"""Reported instead of the reference of a motor whose controller does not answer."""
+"""Value reported instead of the reference of a motor whose controller does not answer."""
 PERIOD_S = 0.1
-"""Period of the requests: all four are polled every 0.4 s."""
+"""Period, in s, of the requests: all four are polled every 0.4 s."""
 
 
 class MotorBus:
@@ -41,7 +41,7 @@ class MotorBus:
         self._due_s = -math.inf
 
     def question(self, now_s: float, command: Sequence[int]) -> bytes | None:
-        """Return the frame that is due, around these command bytes, if any."""
+        """Return the frame that is due, with these command bytes, if any."""
         if now_s < self._due_s:
             return None
         self._due_s = now_s + PERIOD_S
@@ -49,9 +49,7 @@ class MotorBus:
         return encode_request(command, REFERENCES[self._turn])
 
     def take(self, id: int, value: object) -> str | None:
-        """Handle any answer of the microcontroller; return a line when it changed
-        `missing`.
-        """
+        """Handle an answer of the microcontroller; return a line when it changed `missing`."""
         if id not in REFERENCES or not isinstance(value, int):
             return None
         self._answers[REFERENCES.index(Id(id))] = value

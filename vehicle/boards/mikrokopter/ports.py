@@ -1,4 +1,4 @@
-"""The serial ports of one microcontroller: reads frames from all, writes to one or all in turn.
+"""The serial ports of one microcontroller: frames are read from all, and written to one or in turn.
 
 A lost port is ignored as long as the other one works.
 """
@@ -13,7 +13,7 @@ from vehicle_link.serial.port import Port
 
 
 class MicrocontrollerPorts:
-    """One or two ports.
+    """One or two serial ports of a microcontroller.
 
     Args:
         failures: list that receives a line about each lost port, for the caller.
@@ -45,7 +45,7 @@ class MicrocontrollerPorts:
     def read(self) -> Iterator[Frame]:
         """Yield the received frames, one port after the other.
 
-        Raises LinkError when the last port is gone.
+        Raises LinkError when the last port is lost.
         """
         for port, decoder in tuple(self._ports):
             try:
@@ -58,8 +58,9 @@ class MicrocontrollerPorts:
                 yield from decoder.feed(data)
 
     def write(self, frame: bytes, in_turn: bool = False) -> None:
-        """Write on the first port, or on all in turn. Raises LinkError when the last one is
-        lost.
+        """Write on the first port, or on each in turn.
+
+        Raises LinkError when the last port is lost.
         """
         while True:
             port, _ = self._ports[self._turn % len(self._ports) if in_turn else 0]
@@ -72,7 +73,7 @@ class MicrocontrollerPorts:
             return
 
     def _lose(self, port: Port, error: LinkError) -> None:
-        """Drop a lost port; raises its error when it was the last one."""
+        """Drop a lost port. Raises its error when it was the last one."""
         if len(self._ports) == 1:
             raise error
         self.lost += 1

@@ -1,7 +1,7 @@
 """The times at which samples were taken, with a finer resolution than their stamps in ms.
 
-At 650 Hz the stamps are alternately 1 and 2 ms apart, which would disturb everything that divides
-by time steps. The samples themselves are one period apart, which the flight stack has chosen.
+At 650 Hz the stamps are alternately 1 and 2 ms apart, which would disturb every division by a time
+step. The samples themselves are one period apart, which the flight stack has chosen.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ class FineStamps:
     def refine(self, stamp_ns: int) -> int:
         """Return the time of the next sample, always within a millisecond of its stamp.
 
-        Args: `stamp_ns`, rounded down to milliseconds, larger than any before.
+        Args:
+            stamp_ns: stamp rounded down to milliseconds, larger than any before.
         """
         last_ns, period_ns = self._last_ns, self._period_ns
         if last_ns is None:

@@ -31,9 +31,9 @@ from vehicle_link.serial.values import to_si
 MEASURED_S = 1.0
 ANSWERS_LIMIT_S = 1.0
 QUESTION_PERIOD_S = 0.02
-"""On each port; the answers take little of the line's capacity compared with the samples."""
+"""Period, in s, of the requests on each port; the answers take little of the line's capacity."""
 ANSWER_LIMIT_S = 0.1
-"""A request without an answer by then counts as lost."""
+"""Seconds after which a request without an answer counts as lost."""
 DAMAGED_MAX = 0.01
 """Largest share of damaged frames; more means a bad cable."""
 LOST_MAX = 0.05
@@ -57,10 +57,9 @@ def check_connection(
     say: Say = print,
     ask_for_real_time: Callable[[], RealTime] = become_real_time,
 ) -> bool:
-    """Report line by line what is connected to one or two ports and how well it works; return
-    whether all is good.
+    """Report line by line what is connected to one or two ports and how well it works.
 
-    A port that fails meanwhile is reported as one of the lines.
+    Returns whether all is good. A port that fails during the check is reported as one of the lines.
     """
     devices = await_devices(
         paths,
@@ -107,7 +106,7 @@ def _two_controllers(devices: Sequence[Device]) -> list[str]:
 
 @dataclass(slots=True)
 class _Line:
-    """One port while it is measured."""
+    """One port during the measurement."""
 
     port: SerialPort
     decoder: FrameDecoder = field(default_factory=FrameDecoder)
@@ -144,9 +143,9 @@ class _Line:
 
 
 def _measure(paths: Sequence[str]) -> tuple[list[_Line], tuple[int, str]]:
-    """Return the lines, and what `_look_at_motors` gives.
+    """Return the lines, and the result of `_look_at_motors`.
 
-    Raises LinkError when a port is gone or the mirror is not confirmed.
+    Raises LinkError when a port is lost or the mirror is not confirmed.
     """
     lines: list[_Line] = []
     try:
@@ -154,7 +153,7 @@ def _measure(paths: Sequence[str]) -> tuple[list[_Line], tuple[int, str]]:
             lines.append(_Line(SerialPort(path)))
         _choose_mirror(lines)
         motors = _look_at_motors(lines)
-        for line in lines:  # earlier bytes do not count
+        for line in lines:  # exclude earlier bytes
             line.frames = line.decoder.damaged = 0
         deadline_s = time.monotonic() + MEASURED_S
         while (now_s := time.monotonic()) < deadline_s:

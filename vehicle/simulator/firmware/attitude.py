@@ -2,7 +2,7 @@
 
 R. Mahony, T. Hamel, J.-M. Pflimlin, "Nonlinear complementary filters on the special orthogonal
 group", 2008, in its explicit form with gravity as the only direction. That gives no heading, and
-nothing here needs one: the filter is that of the vertical in body axes, `up_b`. In flight the
+none is needed here: the filter estimates the vertical in body axes, `up_b`. In flight the
 accelerometer measures thrust and drag, not gravity: the correction is slow then, and fast with
 motors off.
 """
@@ -29,12 +29,17 @@ from vehicle.simulator.firmware.fixed import angle_of, bounded, by16, root
 Item = Any
 """One record `array[k]` inside compiled code."""
 Whole = tuple[int, int, int]
-"""A vector of whole numbers."""
+"""Vector of whole numbers."""
 
 
 @compiled(inner=True)
 def estimate_attitude(p: Item, omega_b: Whole, force_b: Whole) -> None:
-    """Estimate for one period of a PROGRAM: raw angular velocity and specific force (counts)."""
+    """Update the estimate of a PROGRAM for one period.
+
+    Args:
+        omega_b: raw angular velocity, counts.
+        force_b: raw specific force, counts.
+    """
     g, drift, rate = p.gains, p.drift, p.rate_b
     still = not p.turning
     for i in range(3):
@@ -57,7 +62,7 @@ def estimate_attitude(p: Item, omega_b: Whole, force_b: Whole) -> None:
     x = by16(rate[0] + ((c[0] * gain) >> 4), g.turn) << 2  # 2^-32 rad
     y = by16(rate[1] + ((c[1] * gain) >> 4), g.turn) << 2
     z = by16(rate[2] + ((c[2] * gain) >> 4), g.turn) << 2
-    # up x (x, y, z), and back to length 1 by one step of Newton's.
+    # up x (x, y, z), then renormalised by one step of Newton's method.
     u = p.up_b
     u[0] += by16(z, up[1]) - by16(y, up[2])
     u[1] += by16(x, up[2]) - by16(z, up[0])

@@ -1,9 +1,9 @@
-"""The firmware's numbers as the integers it computes with, from their physical values.
+"""The firmware's constants as the integers it computes with, from their physical values.
 
 The microcontroller has no floating-point unit: quantities are whole multiples of the unit that the
-comment at each number states, `2^-n` of an SI unit or of a converter's count. They are the nominal
-vehicle's: the true one may differ. `python -m vehicle.simulator.firmware.header` writes the same
-numbers for the C firmware.
+comment at each constant gives, `2^-n` of an SI unit or of a converter's count. They are those of
+the nominal vehicle; the true one may differ. `python -m vehicle.simulator.firmware.header` writes
+the same constants for the C firmware.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ FORCE_MAX = 1023  # count, of the specific force less its offset
 HEIGHT_SLOPE = round(2**18 / PRESSURE_LAPSE)  # 2^-18 m per Pa
 
 # ---------------------------------------------------------------- attitude
-FORCE_SQUARE_MIN = round((0.7 * _g) ** 2)  # count^2: the force is a direction in between
+FORCE_SQUARE_MIN = round((0.7 * _g) ** 2)  # count^2: used as a direction in between
 FORCE_SQUARE_MAX = round((1.3 * _g) ** 2)
 # 1/|f| near g, to first order: (NEAR - SLOPE |f|^2 / 2^16), 2^-14 of 256 counts
 INVERSE_NEAR = round(2**14 * 1.5 * 256 / _g)
@@ -42,11 +42,12 @@ INVERSE_SLOPE = round(2**30 * 0.5 * 256 / _g**3)
 # 4 rad/s with motors off; in flight, where it measures thrust and drag too, 0.1 rad/s.
 CORRECTION_RESTING = round(4.0 / GYROSCOPE_SCALE * 2**6)
 CORRECTION_FLYING = round(0.1 / GYROSCOPE_SCALE * 2**6)
-# Instead, when the two differ by more than the sine 0.1: a moving vehicle is tilted.
+# Used instead when the two differ by more than the sine 0.1: a moving vehicle is tilted.
 CORRECTION_TURNED = round(0.01 / GYROSCOPE_SCALE * 2**6)
 TURNED_SQUARE = round((0.1 * 2**14) ** 2)
-# With motors off a slower turn about each axis, 40 deg/s, counts as drift, which a cold gyroscope
-# has. What is learnt while the vehicle is carried around decays within seconds once it is at rest.
+# With motors off, a rotation slower than 40 deg/s about each axis counts as drift, as a cold
+# gyroscope has such a drift. What is learnt while the vehicle is carried around decays within
+# seconds once it is at rest.
 STILL = round(40.0 * _degree / GYROSCOPE_SCALE * 2**16)  # 2^-16 count
 DRIFT_MAX = 100 << 24  # 2^-24 count: 58.6 deg/s
 
@@ -62,7 +63,7 @@ ATAN_9 = round(0.0208351 * 2**15)
 
 # ---------------------------------------------------------------- climb
 GRAVITY_COUNTS = round(_g * 2**14)  # 2^-14 count
-HEIGHT_ERROR_MAX = 16 << 18  # 2^-18 m: a pressure further off counts as this
+HEIGHT_ERROR_MAX = 16 << 18  # 2^-18 m: a larger error counts as this one
 CLIMB_MAX = 64 << 22  # 2^-22 m/s
 CLIMB_BIAS_MAX = 100 << 22  # 2^-22 count
 
@@ -74,7 +75,7 @@ RATE_GAIN = round(GYROSCOPE_SCALE * 2**3 * 2**16)  # 2^-4 count times a gain to 
 ACCELERATION_MAX = 1 << 23  # _gain_unit: 6550 rad/s^2
 YAW_CHANGE_MAX = 32767
 INTEGRAL_MAX = round(0.2 * 2**30)  # 2^-30 rad s
-INTEGRATED = round(0.1 * 2**15)  # 2^-15 rad: a larger error is a manoeuvre, not a trim
+INTEGRATED = round(0.1 * 2**15)  # 2^-15 rad: a larger error is a manoeuvre rather than a trim
 # Thrust of a motor, 2^-12 N, per _gain_unit: 2^-16; about z 2^-18.
 SHARE_ROLL = round(_model.inertia_xx / (2.0 * _model.arm) * _gain_unit * 2**28)
 SHARE_PITCH = round(_model.inertia_yy / (2.0 * _model.arm) * _gain_unit * 2**28)
@@ -95,25 +96,25 @@ MOTOR_SQUARE = round(_model.motor_slope**2 * 2**26)  # 2^-24 N per 2^2 count^2
 
 # ---------------------------------------------------------------- descent
 STANDING = round(0.6 * _weight * 2**24)
-"""2^-24 N: an average thrust below 0.6 of the weight means that the vehicle is on the ground."""
+"""Average thrust, in 2^-24 N (0.6 of the weight), below which the vehicle is on the ground."""
 SUPPORT_UNIT = round(_model.mass * ACCELEROMETER_SCALE * 2**24)
-"""Specific force (counts) over thrust (2^-12 N) to 2^-12 of what the thrust gives in the air."""
+"""From specific force (counts) over thrust (2^-12 N) to 2^-12 of what thrust gives in the air."""
 SUPPORT_MAX = 4 << 12
 CARRIED_SHARE = round(1.15 * 2**10)
-"""2^-10: specific force over that in the air; the ground carries the rest."""
+"""Specific force over that in the air, 2^-10; the ground carries the rest."""
 CARRIED_TIME = round(0.3 * 2**22)  # 2^-22 s
-SETTLING_CLIMB = round(-0.2 * 2**22)  # 2^-22 m/s: what is slower in the descent teaches nothing
+SETTLING_CLIMB = round(-0.2 * 2**22)  # 2^-22 m/s: a slower descent is not used for learning
 SINK = round(0.7 * 2**22)  # 2^-22 m/s
 SINK_FLARE = round(0.35 * 2**22)
 FLARE_HEIGHT = round(0.7 * 2**18)  # 2^-18 m above the take-off point
-SINK_ERROR_MAX = 4 << 22  # 2^-22 m/s: more wants more than the greatest thrust
+SINK_ERROR_MAX = 4 << 22  # 2^-22 m/s: a larger error asks for more than the greatest thrust
 CLIMB_GAIN = round(3.0 * _model.mass * 2**12)  # 3/s: 2^-24 N per 2^-28 m/s, times 2^16
 SLOW_SHARE = round(0.6 * 2**15)  # 2^-15
 LEAST_WEIGHT = round(0.1 * _weight * 2**12)  # 2^-12 N
 LIFT_COUNT = round(_weight / command.HOVER_THRUST * 2**24)  # 2^-24 N a count
 LIFT_MAX = command.THRUST_MAX  # count
 OVERTURNED = round(math.cos(math.radians(100.0)) * 2**14)
-COSINE_MIN = 1 << 13  # 2^-14: the least that thrust is divided by
+COSINE_MIN = 1 << 13  # 2^-14: least divisor of the thrust
 
 # ---------------------------------------------------------------- registers
 SHOW_ANGLE = round(10.0 / _degree * 2)  # 0.1 deg per 2^-15 rad, times 2^16
@@ -124,13 +125,13 @@ SHOW_THRUST = round(command.HOVER_THRUST / _weight * 2**11)  # count per 2^-24 N
 
 # ---------------------------------------------------------------- gains by the period
 PERIOD_MIN, PERIOD_MAX = 640, 47_000
-"""1/16 us: the shortest and the longest period whose gains fit 16 bits."""
+"""Shortest and longest period, in 1/16 us, whose gains fit 16 bits."""
 YAW_SLOPE = round(GYROSCOPE_SCALE / _gain_unit * 0.1 * 16e6)
-"""Over the period: the yaw rate's change (counts) times a gain to _gain_unit."""
+"""Factor over the period: the yaw rate's change (counts) times a gain to _gain_unit."""
 
 
 def _by_period(per_second: float) -> tuple[int, int]:
-    """Return factor and shift with which a period (1/16 us) gives a gain."""
+    """Return the factor and the shift that turn a period (1/16 us) into a gain."""
     shift = 14 - math.floor(math.log2(per_second / 16e6))
     return round(per_second / 16e6 * 2**shift), shift
 

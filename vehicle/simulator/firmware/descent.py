@@ -1,6 +1,7 @@
-"""The emergency descent: level, at a rate held by the barometer, motors off on the ground.
+"""The emergency descent: level, at a climb rate held by the barometer, to the ground.
 
-It needs nothing from outside. The horizontal drift is not controlled: only the attitude is.
+There it switches the motors off. It needs no external input. Only the attitude is controlled, not
+the horizontal drift.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def _given(p: Item, thrust: int) -> int:
 
 @compiled(inner=True)
 def descend(p: Item, registers: Registers) -> None:
-    """Run one period of the descent of a PROGRAM; sets `landed` at its end."""
+    """Run one period of the descent of a PROGRAM; set `landed` at its end."""
     second = p.gains.second
     cosine = vertical(p)[2]
     wanted = SINK_FLARE if p.height - p.ground < FLARE_HEIGHT else SINK

@@ -1,8 +1,8 @@
 """The microcontroller's firmware: serial protocol, modes, and supervision of the onboard computer.
 
-Missing commands, an empty battery or a set of the motor state cause the emergency: it then
-ignores commands, lands by itself (vehicle.simulator.firmware.descent) and switches the motors
-off. The only command obeyed there is *off*, the emergency cut.
+Missing commands, an empty battery or a set of the motor state cause the emergency: the firmware
+then ignores commands, lands by itself (vehicle.simulator.firmware.descent) and switches the motors
+off. The only command that it still obeys is *off*, the emergency cut.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from vehicle_link.serial.ids import TIME_PERIOD_MS, FlightControlMode, Id, Motor
 
 COMMAND_TIMEOUT_MS = 250
 BATTERY_LAND = 131
-"""Voltage in 0.1 V; below it for BATTERY_TIME_MS, the emergency begins."""
+"""Voltage, in 0.1 V, below which the emergency begins after BATTERY_TIME_MS."""
 BATTERY_TIME_MS = 1000
 EMERGENCY_THRUST = 74
 """Least thrust of the descent, where 110 is hover."""
@@ -40,7 +40,7 @@ ROBOT_ID = 1
 FIRMWARE_REVISION = 1
 REGISTERS = max(Id) + 1
 START_MS = 58_000
-"""Time at power-up: chosen so that every run soon passes the wrap at 60 s."""
+"""Time, in ms, at power-up, chosen so that every run soon passes the wrap at 60 s."""
 
 _TIME, _MOTOR_STATE, _BATTERY = int(Id.TIME), int(Id.MOTOR_STATE), int(Id.BATTERY)
 _STOPPED = (0, 0, 0, 0)
@@ -164,8 +164,9 @@ class Firmware:
             self.command = instruction.references
 
     def _set(self, instruction: Instruction) -> bytes:
-        """Set a value; the echo has the resulting value. A mode is set together with its
-        command.
+        """Set a value; return its echo with the resulting value.
+
+        A mode is set together with its command.
         """
         id, value = instruction.id, instruction.value
         if id == Id.MOTOR_STATE:
@@ -181,7 +182,7 @@ class Firmware:
         if value not in ALLOWED or self._state not in ALLOWED[MotorState(value)]:
             return
         if value == MotorState.ON and self._program["missing"]:
-            return  # the motors do not start with a controller missing; ids 61…64 show which
+            return  # motors do not start with a controller missing; ids 61…64 report which
         self._enter(MotorState(value))
 
     def _value(self, id: int) -> bytes:

@@ -19,19 +19,19 @@ from vehicle.simulator.firmware.constants import (
 
 @compiled(inner=True)
 def by16(a: int, b: int) -> int:
-    """Return a b / 2^16, rounded: a has 32 bits, b has 16."""
+    """Return a b / 2^16, rounded, for a of 32 bits and b of 16 bits."""
     return (a * b + 0x8000) >> 16
 
 
 @compiled(inner=True)
 def bounded(value: int, most: int) -> int:
-    """Return value within -most and most."""
+    """Return the value limited to -most..most."""
     return min(most, max(-most, value))
 
 
 @compiled(inner=True)
 def root(square: int) -> int:
-    """Return the whole part of the root of a number of 32 bits without a sign."""
+    """Return the integer part of the square root of an unsigned 32-bit number."""
     rest, out, bit = square, 0, 1 << 30
     for _ in range(16):
         if rest >= out + bit:
@@ -45,7 +45,7 @@ def root(square: int) -> int:
 
 @compiled(inner=True)
 def angle_of(y: int, x: int) -> int:
-    """Return atan2(y, x) in 2^-15 rad, of numbers of 16 bits; 0 where both are 0."""
+    """Return atan2(y, x) in 2^-15 rad for 16-bit numbers; 0 if both are 0."""
     high, low = max(abs(x), abs(y)), min(abs(x), abs(y))
     if high == 0:
         return 0

@@ -1,4 +1,4 @@
-"""The firmware's numbers for C: `python -m vehicle.simulator.firmware.header` writes the header."""
+"""Write the firmware's constants for C: `python -m vehicle.simulator.firmware.header`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _OPENING = """/* Written by `python -m vehicle.simulator.firmware.header`: edit 
 
 
 def header() -> str:
-    """Return the text of the header: ids, the supervision's numbers, and those of the laws."""
+    """Return the text of the header: ids, and the constants of the supervision and of the laws."""
     numbers = {f"{prefix}_{one.name}": int(one) for prefix, enum in _ENUMS.items() for one in enum}
     for module in (firmware, constants):
         found = {name: value for name, value in vars(module).items() if isinstance(value, int)}

@@ -1,7 +1,7 @@
 """The near-hovering controller: angles, yaw rate and thrust to four motor references.
 
-Gains are registers per unit inertia, which makes them bandwidths for any frame: a PID on roll and
-pitch, and on the yaw rate a P with damping of its change.
+Gains are registers per unit inertia, which makes them bandwidths for any frame: a PID for roll and
+pitch, and for the yaw rate a P with damping of its change.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _GAIN_P, _GAIN_D, _GAIN_I = int(Id.GAIN_P), int(Id.GAIN_D), int(Id.GAIN_I)
 _GAIN_YAW, _GAIN_YAW_ACCELERATION = int(Id.GAIN_YAW_RATE), int(Id.GAIN_YAW_ACCELERATION)
 _TORQUE = int(Id.TORQUE_ROLL)
 _ALL = 1 << 15
-"""The scaling of thrusts that are within their limits."""
+"""Scaling of thrusts that are within their limits."""
 
 DEFAULT_GAINS = {
     Id.GAIN_P: 600,
@@ -56,8 +56,11 @@ DEFAULT_GAINS = {
 
 @compiled(inner=True)
 def hold_angles(p: Item, registers: Registers, wanted: tuple[int, int, int], thrust: int) -> None:
-    """Set the references of a PROGRAM for roll, pitch (2^-15 rad), yaw rate (2^-16 count) and
-    thrust (2^-12 N).
+    """Set the references of a PROGRAM for the given angles, yaw rate and thrust.
+
+    Args:
+        wanted: roll and pitch (2^-15 rad) and yaw rate (2^-16 count).
+        thrust: 2^-12 N.
     """
     rate, integral = p.rate_b, p.angle_integral
     kp, kd, ki = registers[_GAIN_P], registers[_GAIN_D], registers[_GAIN_I]
@@ -83,7 +86,7 @@ def hold_angles(p: Item, registers: Registers, wanted: tuple[int, int, int], thr
 
 @compiled(inner=True)
 def _acceleration(error: int, integral: int, rate: int, kp: int, ki: int, kd: int) -> int:
-    """Return the angular acceleration about one axis, of the unit of the gains."""
+    """Return the angular acceleration about one axis, in the unit of the gains."""
     held = by16(error << 8, kp) + (by16(integral, ki) >> 7)
     return bounded(held - by16(by16(rate << 4, kd), RATE_GAIN), ACCELERATION_MAX)
 
@@ -92,7 +95,8 @@ def _acceleration(error: int, integral: int, rate: int, kp: int, ki: int, kd: in
 def _allocate(p: Item, thrust: int, roll: int, pitch: int, yaw: int) -> int:
     """Set the references for a thrust and shares of torque (2^-12 N); return the scaling, 2^-15.
 
-    Feasible by uniform scaling of what is not gravity (control.allocation, end of Sec. 4).
+    Made feasible by uniform scaling of everything except gravity (control.allocation, end of Sec.
+    4).
     """
     rest = (thrust >> 2) - THRUST_HOVER
     a, b = rest - pitch + yaw, rest + roll - yaw

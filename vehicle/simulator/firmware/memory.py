@@ -1,4 +1,4 @@
-"""The state of the microcontroller that is kept between its periods, and the period's gains."""
+"""The state that the microcontroller stores between its periods, and the period's gains."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ GAINS = (
     "support",
     "lift",
 )
-"""Gains that grow with the period, each by constants of its name."""
+"""Gains that grow with the period, each computed from the constants of its name."""
 
 PROGRAM = np.dtype(
     [
         ("up_b", "i8", 3),  # 2^-30: the world's z axis in body axes, a unit vector
-        ("drift", "i8", 3),  # 2^-24 count, subtracted from what the gyroscope measures
+        ("drift", "i8", 3),  # 2^-24 count, subtracted from the gyroscope's measurement
         ("rate_b", "i8", 3),  # 2^-16 count
         ("force_b", "i8", 3),  # count
         ("roll", "i8"),  # 2^-15 rad, as the pitch
         ("pitch", "i8"),
-        ("height", "i8"),  # 2^-18 m, of the barometer's scale, 0 where the pressure is 0
+        ("height", "i8"),  # 2^-18 m, of the barometer's scale, 0 at zero pressure
         ("climb", "i8"),  # 2^-22 m/s
         ("climb_bias", "i8"),  # 2^-22 count, of the vertical specific force
         ("ground", "i8"),  # 2^-18 m, height of the last rest with motors off
         ("angle_integral", "i8", 2),  # 2^-30 rad s, roll and pitch
         ("rate_before", "i8"),  # 2^-16 count, yaw rate one period ago
         ("thrust", "i8"),  # 2^-24 N, commanded, averaged over 0.5 s
-        ("support", "i8"),  # 2^-28, specific force along z_B over what the thrust gives in the air
+        ("support", "i8"),  # 2^-28, specific force along z_B over the thrust's in the air
         ("lift", "i8"),  # 2^-24 N, integral part of the descent's thrust
-        ("sink", "i8"),  # 2^-22 m/s, wanted in the descent
-        ("carried", "i8"),  # 2^-22 s, the ground has carried the vehicle
-        ("turning", "i8"),  # 1: motors on, commanded or by itself
+        ("sink", "i8"),  # 2^-22 m/s, reference in the descent
+        ("carried", "i8"),  # 2^-22 s, for which the ground has carried the vehicle
+        ("turning", "i8"),  # 1: motors on, by command or autonomously
         ("landing", "i8"),  # 1: the descent is in control
         ("landed", "i8"),  # 1: the descent is over
         ("awake", "i8"),  # 1: the height is initialised

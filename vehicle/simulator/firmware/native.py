@@ -1,4 +1,4 @@
-"""The C firmware, built for this computer by gcc, behind the interface of the Python one."""
+"""The C firmware, built for this computer by gcc, with the interface of the Python one."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from vehicle_link.serial.ids import Id, MotorState
 
 FOLDER = ROOT / "firmware"
 _ROOM = 34
-"""Bytes of the longest frame that it sends."""
+"""Size, in bytes, of the longest frame that it sends."""
 
 
 @cache
 def library(target: str = "native") -> ctypes.CDLL:
-    """Return the firmware as a shared object, built first where its sources changed.
+    """Return the firmware as a shared object, built first if its sources changed.
 
     Args:
-        target: `native`, or `checked`, which traps where a number overflows.
+        target: `native`, or `checked`, which traps integer overflows.
 
-    Raises StorageError where it cannot be built.
+    Raises StorageError when it cannot be built.
     """
     try:
         made = subprocess.run(
@@ -48,7 +48,7 @@ def library(target: str = "native") -> ctypes.CDLL:
 
 
 class NativeFirmware:
-    """One microcontroller that runs the C firmware; as `firmware.Firmware`.
+    """One microcontroller that runs the C firmware, with the interface of `firmware.Firmware`.
 
     Attributes:
         registers: (65,) int16, by Id; the C firmware's own memory.

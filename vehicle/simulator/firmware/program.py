@@ -36,7 +36,7 @@ Bytes = tuple[int, int, int, int]
 """The four bytes of the newest command, 0…255."""
 
 MISSING = -1
-"""Reported instead of the reference of a motor whose controller does not answer."""
+"""Value reported instead of the reference of a motor whose controller does not answer."""
 
 _ACCELEROMETER, _GYROSCOPE = int(Id.ACCELEROMETER_X), int(Id.GYROSCOPE_X)
 _ACCELERATION, _RATE = int(Id.ACCELERATION_X), int(Id.RATE_X)
@@ -52,7 +52,7 @@ _NEAR_HOVERING = int(FlightControlMode.NEAR_HOVERING)
 
 @compiled
 def period(p: Item, registers: Registers, command: Bytes) -> None:
-    """Run estimation, then control: sets `references` of a PROGRAM.
+    """Run estimation, then control; set `references` of a PROGRAM.
 
     Args:
         registers: (65,), including the converters' counts.
@@ -88,7 +88,7 @@ def period(p: Item, registers: Registers, command: Bytes) -> None:
 
 @compiled(inner=True)
 def _obey(p: Item, registers: Registers, command: Bytes) -> None:
-    """Obey a near-hovering command: pitch, roll (deg × 4), yaw rate (deg/s), thrust."""
+    """Carry out a near-hovering command: pitch, roll (deg × 4), yaw rate (deg/s), thrust."""
     wanted = (
         _signed(command[1]) * WANTED_ANGLE,
         _signed(command[0]) * WANTED_ANGLE,
@@ -116,9 +116,7 @@ def _rate(registers: Registers, axis: int) -> int:
 
 @compiled(inner=True)
 def _show(p: Item, registers: Registers) -> None:
-    """Write the estimates into the registers that can be requested; units in
-    vehicle_link.serial.values.
-    """
+    """Write the estimates into the readable registers; units are in vehicle_link.serial.values."""
     registers[_ROLL] = by16(p.roll, SHOW_ANGLE)
     registers[_PITCH] = by16(p.pitch, SHOW_ANGLE)
     for i in range(3):

@@ -10,7 +10,7 @@ ALLOWED = {
     MotorState.EMERGENCY: frozenset({MotorState.EMERGENCY, MotorState.ON}),
     MotorState.OFF: frozenset(MotorState),
 }
-"""The states from which each may be set: off from all (the cut), and only off from emergency."""
+"""States from which each may be set: off from all (the cut), and from emergency only off."""
 
 WRITABLE = frozenset(
     {
@@ -45,4 +45,4 @@ LIMITS = {
     Id.EMERGENCY_THRUST: (28, 110),
     Id.MIRROR_PERIOD: (1000, 20_000),  # us
 }
-"""Bounds of the values that need them."""
+"""Bounds of the values that have any."""

@@ -12,7 +12,7 @@ LONGEST = 32767
 
 
 class Statistics:
-    """Counts commands, packets and periods; writes them into `registers` (65,)."""
+    """Counter of commands, packets and periods; writes its results into `registers` (65,)."""
 
     def __init__(self, registers: npt.NDArray[np.int16]) -> None:
         self._registers = registers
@@ -61,5 +61,5 @@ class Statistics:
 
 
 def _a_second(count: int, duration_ms: int) -> int:
-    """Return the rate of so many in a duration, rounded."""
+    """Return the rate per second of `count` events in a duration, rounded."""
     return (2 * SECOND_MS * count + duration_ms) // (2 * duration_ms)

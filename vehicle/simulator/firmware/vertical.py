@@ -24,8 +24,10 @@ Item = Any
 
 @compiled(inner=True)
 def estimate_climb(p: Item, barometer: int) -> None:
-    """Estimate for one period of a PROGRAM, after its attitude; `barometer` is a height
-    (2^-18 m).
+    """Update height and climb rate of a PROGRAM for one period, after its attitude.
+
+    Args:
+        barometer: height (2^-18 m).
     """
     if not p.awake:
         p.height, p.climb, p.climb_bias = barometer, 0, 0

@@ -1,4 +1,4 @@
-"""The frame that every simulated tracking system sends, its faults, and what all share."""
+"""The frame that every simulated tracking system sends, its faults, and shared functions."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ from quadrotor.plain_rotations import Array
 
 HOST = "127.0.0.1"
 BEHIND = 1 << 18
-"""Bytes that a client may leave unread until it is dropped."""
+"""Number of unread bytes from which a client is dropped."""
 
 
 class Body(NamedTuple):
-    """A body in the units and axes of the system: position (3,), quaternion (4,) w x y z, body to
-    world; `is_seen` is False while the cameras have lost it.
+    """A body in the units and axes of the system.
+
+    Position (3,), quaternion (4,) w x y z, body to world; `is_seen` is False while the cameras have
+    lost it.
     """
 
     name: str
@@ -47,8 +49,9 @@ class TrackingFaults(Parameters):
 
 
 def in_system(name: str, position_w: Array, quaternion_wb: Array, faults: TrackingFaults) -> Body:
-    """Return a vehicle's body as the system has it: with y up, x stays x, z becomes y and −y
-    becomes z, in the world and in the body.
+    """Return a vehicle's body in the axes and units of the system.
+
+    With y up, x stays x, z becomes y and −y becomes z, in the world and in the body.
     """
     position, quaternion = position_w, quaternion_wb
     if faults.y_up:
@@ -60,10 +63,10 @@ def in_system(name: str, position_w: Array, quaternion_wb: Array, faults: Tracki
 
 
 class Server(Protocol):
-    """A system's server; nothing blocks, all is called by one thread."""
+    """Server of a system; nothing blocks, and one thread makes all calls."""
 
     def poll(self) -> None:
-        """Answer what clients asked for since the last call."""
+        """Answer the requests of clients since the last call."""
         ...
 
     def send(self, stamp_ns: int, bodies: Sequence[Body]) -> None:
@@ -74,7 +77,7 @@ class Server(Protocol):
 
 
 def bound(kind: socket.SocketKind, port: int, system: str) -> socket.socket:
-    """Return a socket on this port of loopback that does not block. Raises UsageError."""
+    """Return a non-blocking socket on this port of loopback. Raises UsageError."""
     found = socket.socket(socket.AF_INET, kind)
     if kind == socket.SOCK_STREAM:
         found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -93,20 +96,20 @@ def bound(kind: socket.SocketKind, port: int, system: str) -> socket.socket:
 
 
 def datagrams(source: socket.socket) -> list[tuple[bytes, tuple[str, int]]]:
-    """Return all datagrams that have come, with their senders."""
+    """Return all datagrams received, with their senders."""
     found = []
-    with contextlib.suppress(OSError):  # none left, or of one sent to a port that nobody reads
+    with contextlib.suppress(OSError):  # none left, or the error of one sent to an unused port
         while True:
             found.append(source.recvfrom(65536))
     return found
 
 
 class Client:
-    """A TCP client that the server never waits for.
+    """TCP client that the server never waits for.
 
     Attributes:
-        received: bytes that nobody has used up yet.
-        is_open: False once it has left, or left too much unread.
+        received: bytes that are not consumed yet.
+        is_open: False once the client has left, or left too much unread.
     """
 
     def __init__(self, connection: socket.socket) -> None:
@@ -144,7 +147,7 @@ class Client:
 
 
 def accepted(listener: socket.socket) -> list[Client]:
-    """Return the clients that have called."""
+    """Return the clients that have connected."""
     found = []
     with contextlib.suppress(OSError):
         while True:

@@ -1,9 +1,10 @@
 """A NatNet server, as OptiTrack's Motive streams by unicast: protocol 4.1, little-endian datagrams.
 
 Sources: OptiTrack's description of the NatNet protocol (docs.optitrack.com, NatNet SDK), and what
-the public clients `natnet` 0.3 and `libmotioncapture` read. A client asks on the command port for
-the server's facts and for the list of rigid bodies; frames go to the data port of this host, and
-to each client that keeps alive by datagrams (which then reads them where it sent them from).
+the public clients `natnet` 0.3 and `libmotioncapture` read. A client requests the server's
+description and the list of rigid bodies on the command port; frames are sent to the data port of
+this host, and to each client that sends keep-alive datagrams (which then reads them on the port
+that it sent them from).
 """
 
 from __future__ import annotations
@@ -20,15 +21,15 @@ PORT, DATA_PORT = 1510, 1511
 CONNECT, SERVER, MODEL_REQUEST, MODEL, FRAME, KEEP_ALIVE, UNKNOWN = 0, 1, 4, 5, 7, 10, 100
 VERSION = (4, 1, 0, 0)
 TICKS = 10_000_000
-"""Ticks of the system's clock in a second."""
+"""Number of ticks per second of the system's clock."""
 KEPT = 5.0
-"""s for which a client that asked to be kept is sent frames."""
+"""Time, in s, for which frames are sent to a client after its keep-alive datagram."""
 RIGID_BODY = 1
 SEEN = 1
 
 
 class NatNetServer:
-    """A server of the bodies of these names, numbered from 1. Raises UsageError."""
+    """Server of the bodies of these names, numbered from 1. Raises UsageError."""
 
     def __init__(self, names: Sequence[str], port: int = PORT) -> None:
         self._names = list(names)
@@ -61,7 +62,7 @@ class NatNetServer:
         self._socket.close()
 
     def _put(self, kind: int, body: bytes, client: tuple[str, int]) -> None:
-        with contextlib.suppress(OSError):  # nobody reads there
+        with contextlib.suppress(OSError):  # not read by any client
             self._socket.sendto(struct.pack("<HH", kind, len(body)) + body, client)
 
     def _facts(self) -> bytes:

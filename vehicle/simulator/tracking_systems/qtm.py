@@ -1,9 +1,9 @@
 """A QTM server, as Qualisys Track Manager streams in real time, little-endian.
 
 Sources: Qualisys' documentation of the QTM RT protocol, and what its public clients `qtm-rt` and
-`qualisys_cpp_sdk` send and read. A client calls the base port + 1, is greeted, chooses a version,
-asks for the bodies' names as XML and for frames with the components 6D and 6DEuler, by TCP or by
-UDP. Positions are in mm, rotations column by column or as angles of Rx · Ry · Rz in degrees; a
+`qualisys_cpp_sdk` send and read. A client connects to the base port + 1, is greeted, chooses a
+version, requests the bodies' names as XML and frames with the components 6D and 6DEuler, by TCP or
+by UDP. Positions are in mm, rotations column by column or as angles of Rx · Ry · Rz in degrees; a
 body that is not seen has NaN throughout; a stamp is in µs since the start.
 """
 
@@ -32,7 +32,7 @@ SETTINGS = (
 )
 EULER = "<Euler><First>Roll</First><Second>Pitch</Second><Third>Yaw</Third></Euler>"
 LONGEST = 4096
-"""Bytes of a command; a client that sends longer ones is no client of ours."""
+"""Largest size, in bytes, of a command; a client that sends longer ones is disconnected."""
 
 
 def _matrix(body: Body) -> Sequence[float]:
@@ -51,13 +51,13 @@ COMPONENTS: Mapping[str, tuple[int, int, Callable[[Body], Sequence[float]]]] = {
     "6d": (5, 9, _matrix),
     "6deuler": (6, 3, _euler),
 }
-"""Components by name: number, floats of a rotation, the rotation."""
+"""Components by name: (number, floats per rotation, rotation)."""
 MARKERS = {"3d": 1, "3dnolabels": 2, "3dres": 9, "3dnolabelsres": 10}
-"""Components that have no markers here."""
+"""Components of markers, which are sent empty."""
 
 
 class QtmServer:
-    """A server of the bodies of these names; clients call `port` + 1. Raises UsageError."""
+    """Server of the bodies of these names; clients connect to `port` + 1. Raises UsageError."""
 
     def __init__(self, names: Sequence[str], port: int = PORT) -> None:
         self._names, self._number = list(names), 0
@@ -92,7 +92,7 @@ class QtmServer:
         for client, (port, components) in self._streams.items():
             frame = self._frame(stamp_ns, bodies, components)
             if port:
-                with contextlib.suppress(OSError):  # nobody reads there
+                with contextlib.suppress(OSError):  # not read by the client
                     self._datagrams.sendto(frame, (client.address, port))
             else:
                 client.send(frame)
@@ -133,7 +133,7 @@ class QtmServer:
         return _packet(ERROR, b"Parse error\0")
 
     def _parameters(self) -> bytes:
-        """Return the bodies' settings as XML, with what protocols before 1.21 and since read."""
+        """Return the bodies' settings as XML, with elements of protocols before and since 1.21."""
         bodies = "".join(
             f"<Body><Name>{escape(name)}</Name>{SETTINGS}</Body>" for name in self._names
         )

@@ -1,6 +1,6 @@
-"""Serves the simulator's truth as measured by the simulated tracker, in a thread of its own.
+"""Serve the simulator's truth as measured by the simulated tracker, in a separate thread.
 
-The plant never waits: it leaves its truth in a queue, and a full one drops it.
+The plant never waits: it puts its truth in a queue, and a full queue drops it.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ SYSTEMS: Mapping[str, tuple[int, Callable[[Sequence[str], int], Server]]] = {
     "natnet": (NATNET_PORT, NatNetServer),
     "qtm": (QTM_PORT, QtmServer),
 }
-"""Systems by name: the usual port and the server."""
+"""Systems by name: (usual port, server)."""
 KEPT = 64
 POLL = 0.01
-"""s between two looks for what clients ask."""
+"""Time, in s, between two checks for requests of clients."""
 
 
 def parse_systems(words: Sequence[str]) -> dict[str, int]:
@@ -56,8 +56,8 @@ class ServedSystems:
 
     Args:
         systems: port of each.
-        tracker: how the poses are measured; each vehicle has noise of its own.
-        faults: what is wrong from the start.
+        tracker: how the poses are measured; each vehicle has its own noise.
+        faults: initial faults.
 
     Raises UsageError when a port cannot be used.
     """
@@ -89,7 +89,7 @@ class ServedSystems:
             self._truth.put_nowait((vehicle, stamp_ns, position_w.copy(), quaternion_wb.copy()))
 
     def set_faults(self, vehicle: str, faults: TrackingFaults) -> None:
-        """Set what is wrong from now on; of the whole system the first vehicle's count."""
+        """Set the faults from now on; those of the whole system are the first vehicle's."""
         self._faults[vehicle] = faults
 
     def close(self) -> None:
@@ -141,7 +141,7 @@ class ServedSystems:
         tracker = self._trackers[name]
         tracker.observe(stamp_ns, position_w, quaternion_wb)
         for measured in tracker.due(stamp_ns):
-            if name in self._round:  # another's was lost
+            if name in self._round:  # another one's was lost
                 self._send()
             self._round[name] = measured
             if len(self._round) == len(self._vehicles):

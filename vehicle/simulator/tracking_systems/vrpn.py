@@ -1,7 +1,7 @@
-"""A VRPN server: a tracker for each body.
+"""A VRPN server: one tracker per body.
 
-Sources: the public VRPN library (vrpn_Connection.C, vrpn_Tracker.C; version 07.38) and its
-protocol notes. A client asks by a UDP datagram "address port" to be called back over TCP, or calls
+Sources: the public VRPN library (vrpn_Connection.C, vrpn_Tracker.C; version 07.38) and its protocol
+notes. A client either requests a TCP connection back by a UDP datagram "address port", or connects
 itself. Both sides then send a cookie and describe their senders and types by number; a message has
 a big-endian header (length, s, µs, sender, type, sequence number) and a body padded to 8 bytes. A
 pose is a sensor's number twice, x y z and the quaternion x y z w as doubles, sensor to world.
@@ -32,11 +32,11 @@ TYPES = (b"vrpn_Tracker Pos_Quat", b"vrpn_Base pong_message")
 POSE, PONG = 0, 1
 PING = b"vrpn_Base ping_message"
 CALL_WAIT = 0.2
-"""s for a client on this host to answer a call."""
+"""Time, in s, for a client on this host to accept a connection."""
 
 
 class VrpnServer:
-    """A server of the bodies of these names. Raises UsageError."""
+    """Server of the bodies of these names. Raises UsageError."""
 
     def __init__(self, names: Sequence[str], port: int = PORT) -> None:
         self._names = [name.encode() for name in names]
@@ -52,7 +52,7 @@ class VrpnServer:
         for data, _ in datagrams(self._asked):
             with contextlib.suppress(OSError, ValueError, UnicodeDecodeError):
                 _, port = data.rstrip(b"\0").decode().split()
-                # The address is the client's idea of itself; only this host is served.
+                # The address is the client's view of itself; only this host is served.
                 called = socket.create_connection((HOST, int(port)), CALL_WAIT)
                 self._clients.append(_Client(Client(called), self._names))
         self._clients += [_Client(one, self._names) for one in accepted(self._listener)]
@@ -80,7 +80,7 @@ class VrpnServer:
 
 
 class _Client:
-    """A client: it greets and describes itself, then it may ask whether we are there."""
+    """A client, which greets, describes itself, and may then ping the server."""
 
     def __init__(self, link: Client, names: Sequence[bytes]) -> None:
         self.link, self._names = link, list(names)

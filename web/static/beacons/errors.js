@@ -23,7 +23,7 @@ export class Errors {
       element("tr", {}, element("th"), th("now"), th("last 10 s", 3), th("session", 2), th("core")),
       element("tr", { className: "units" }, element("th"), th("mm"), th("rms"), th("max"), th("rms °"), th("rms"), th("max"), th("%")));
     this.table = element("table", { className: "errors" }, head, this.body);
-    this.empty = element("p", { className: "empty" }, "No comparison comes yet: it needs telemetry and a truth, the simulator's or the tracker's.");
+    this.empty = element("p", { className: "empty" }, "No comparison yet: it needs telemetry and a truth, the simulator's or the tracker's.");
     place.append(element("h2", {}, "Errors", this.note), this.table, this.empty, this.boxes, this.reason);
     this.table.hidden = true;
     this.note.dataset.topic = this.table.dataset.topic = "comparison";

@@ -3,6 +3,7 @@
 
 import { request } from "../core/api.js";
 import { element, setIfChanged } from "../core/dom.js";
+import { icon } from "../icons/icons.js";
 import { exact } from "../core/format.js";
 import { here } from "../core/vehicle_path.js";
 
@@ -136,7 +137,7 @@ export class Layout {
       });
       return input;
     });
-    const remove = element("button", { className: "remove", disabled: !this.isOperator, title: `leave beacon ${texts[0]} out`, onclick: () => this.edit(this.texts().filter((_, i) => i !== index)) }, "×");
+    const remove = element("button", { className: "remove", disabled: !this.isOperator, title: `leave beacon ${texts[0]} out`, onclick: () => this.edit(this.texts().filter((_, i) => i !== index)) }, icon("close"));
     return element("tr", {}, ...inputs.map((input) => element("td", {}, input)), element("td", {}, remove));
   }
 

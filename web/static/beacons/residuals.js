@@ -10,7 +10,7 @@ const FULL = 5 / 3; // a whole bar, in units of 3σ: where a fall-back counts a 
 export class Residuals {
   constructor(place) {
     this.of = element("span");
-    this.limit = element("span", { className: "limit", title: "three standard deviations of the sensor's noise on one axis; 1.1 % of good bearings are farther off" });
+    this.limit = element("span", { className: "limit", title: "three standard deviations of the sensor's noise on one axis; 1.1 % of good bearings lie outside" });
     this.list = element("div", { className: "residuals" });
     this.rows = new Map();
     this.note = element("p", { className: "offset", role: "status", hidden: true });

@@ -22,8 +22,8 @@ export class Session {
       title: "gains of the complementary filter, set when it starts in parallel; the same as on the vehicle" });
     this.beside = element("button", { onclick: () => this.runBeside() }, "Run in parallel");
     this.stop = element("button", { onclick: () => this.attempt({ [P.shadow]: "none" }) }, "Stop");
-    this.over = element("button", { onclick: () => this.attempt({ [P.estimator]: this.estimator.value, [P.source]: "bearings" }), title: "the vehicle switches when the estimate has converged and agrees with the one in use; otherwise it says why not" }, "Fly on bearings");
-    this.back = element("button", { onclick: () => this.attempt({ [P.source]: "poses" }), title: "at once; before landing the vehicle switches back on its own" }, "Back to tracker");
+    this.over = element("button", { onclick: () => this.attempt({ [P.estimator]: this.estimator.value, [P.source]: "bearings" }), title: "the vehicle switches when the estimate has converged and agrees with the one in use; otherwise it reports why not" }, "Fly on bearings");
+    this.back = element("button", { onclick: () => this.attempt({ [P.source]: "poses" }), title: "switch back now; before landing the vehicle does so by itself" }, "Back to tracker");
     this.reason = element("div", { className: "reason", hidden: true, role: "status" });
     this.steps = [
       step("Hover on the tracker"),

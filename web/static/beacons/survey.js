@@ -18,7 +18,7 @@ export class Survey {
   constructor(place, isOperator) {
     this.isOperator = isOperator;
     this.run = element("select", { ariaLabel: "flight to survey", disabled: !isOperator });
-    this.begin = element("button", { disabled: true, title: "replays the flight some hundred times, which takes minutes; nothing changes", onclick: () => this.ask("", { run_id: this.run.value }) }, "Survey");
+    this.begin = element("button", { disabled: true, title: "replays the flight several hundred times, which takes minutes; changes nothing", onclick: () => this.ask("", { run_id: this.run.value }) }, "Survey");
     this.accept = element("button", { disabled: true, title: "station and vehicle check the layout", onclick: () => this.ask("/accept") }, "Accept");
     this.reject = element("button", { disabled: true, title: "discard the result; nothing changes", onclick: () => this.ask("/reject") }, "Reject");
     this.said = element("p", { className: "said", role: "status", hidden: true });

@@ -12,7 +12,7 @@ export class CalibrationList {
     this.body = element("tbody");
     this.table = element("table", { className: "calibrations", hidden: true },
       element("thead", {}, element("tr", {}, ...["calibration", "in force since", "by", ""].map((text) => element("th", { scope: "col" }, text)))), this.body);
-    this.note = element("p", { className: "empty" }, "Asking the station what there is.");
+    this.note = element("p", { className: "empty" }, "Loading from the station.");
     this.place = element("div", {}, this.table, this.note);
     this.drawn = "";
   }
@@ -39,7 +39,7 @@ export class CalibrationList {
     const radio = element("input", { type: "radio", name: "calibration", value: name, checked: isChosen, onchange: () => this.choose(name) });
     const label = element("label", { title: CALIBRATIONS[name]?.gives ?? "" }, radio, labelOf(name));
     const state = problem ? [element("span", { className: "sign beyond" }, element("i", { ariaHidden: "true" }, "!"), "broken")]
-      : differs ? [element("span", { className: "sign beyond", title: "values were changed by hand since" }, element("i", { ariaHidden: "true" }, "!"), "changed")]
+      : differs ? [element("span", { className: "sign beyond", title: "values have been changed by hand since" }, element("i", { ariaHidden: "true" }, "!"), "changed")]
       : record?.quality.length ? [sign(record.good)] : [];
     return element("tr", { className: isChosen ? "chosen" : "" }, element("th", { scope: "row" }, label), element("td", { title: record ? when(record) : "" }, record ? day(record) : isTold ? "never" : NONE), element("td", {}, record ? who(record) : ""), element("td", {}, ...state));
   }

@@ -23,8 +23,8 @@ export class CalibrationRun {
     this.step = element("p", { className: "step" });
     this.sphere = new PoseSphere();
     this.plots = new LivePlots();
-    this.finish = element("button", { title: "enough: it ends now and is judged", onclick: () => ask("finish") }, "Finish");
-    this.stop = element("button", { title: "it ends without a result: motors off on the ground, in the air the vehicle brakes and hovers; land it", onclick: () => ask("stop") }, "Stop");
+    this.finish = element("button", { title: "end the experiment now and judge it", onclick: () => ask("finish") }, "Finish");
+    this.stop = element("button", { title: "end without a result: on the ground the motors stop, in the air the vehicle brakes and hovers; land it", onclick: () => ask("stop") }, "Stop");
     this.place = element("section", { className: "run", hidden: true },
       element("div", { className: "head" }, this.title, this.time), this.guide.place, this.step, this.sphere.place, this.plots.place,
       element("div", { className: "act" }, this.finish, this.stop));

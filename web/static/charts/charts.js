@@ -12,13 +12,14 @@ import { TimeAxis } from "./time_axis.js";
 import { $, element, hide, setText } from "../core/dom.js";
 import { duration } from "../core/format.js";
 import { History } from "./history.js";
+import { icon } from "../icons/icons.js";
 import { onKey } from "../core/keys.js";
 
 const WINDOWS = [5, 10, 30, 60, 120, 300, 600]; // s
 const RENEW = 1000; // ms between two spectra
 const KINDS = [
-  { name: "spectrum", symbol: "∿", says: "spectrum of the last 5 s", Source: LiveSpectra, Kind: SpectrumChart },
-  { name: "spectrogram", symbol: "▦", says: "spectrogram of the first signal", Source: LiveSpectrogram, Kind: SpectrogramChart },
+  { name: "spectrum", says: "spectrum of the last 5 s", Source: LiveSpectra, Kind: SpectrumChart },
+  { name: "spectrogram", says: "spectrogram of the first signal", Source: LiveSpectrogram, Kind: SpectrogramChart },
 ];
 const LOOK = 66; // ms; each chart knows when it is due
 
@@ -41,7 +42,7 @@ export class Charts {
     this.show(layout, name);
     this.axis.addEventListener("change", () => this.drawBar());
     this.drawBar();
-    onKey(" ", "pause the charts, or let them go on", () => this.axis.toggle());
+    onKey(" ", "pause or resume the charts", () => this.axis.toggle());
     setInterval(() => this.draw(), LOOK);
     setInterval(() => this.drawBar(), 500);
     setInterval(() => this.renew(), RENEW);
@@ -52,16 +53,16 @@ export class Charts {
   }
 
   bar() {
-    this.pause = element("button", { title: "pause, or go on (space); what comes meanwhile is kept",
+    this.pause = element("button", { title: "pause or resume (space); recording of data goes on",
       onclick: () => this.axis.toggle() }, "Pause");
     this.windows = element("select", { ariaLabel: "seconds shown",
       onchange: () => { this.axis.setWindow(Number(this.windows.value)); this.changed(); } });
-    this.reset = element("button", { title: "out of the zoom (double click in a chart)", hidden: true,
+    this.reset = element("button", { title: "reset the zoom (double-click in a chart)", hidden: true,
       onclick: () => this.axis.reset() }, "Whole window");
     this.state = element("output", { className: "state" });
     this.chosen = element("select", { ariaLabel: "layout of the charts", onchange: () => this.chooseLayout() });
-    this.add = element("button", { title: "one more chart", ariaLabel: "add a chart",
-      onclick: () => { this.addChart({ signals: [], scales: {} }); this.changed(); } }, "+");
+    this.add = element("button", { title: "add a chart", ariaLabel: "add a chart",
+      onclick: () => { this.addChart({ signals: [], scales: {} }); this.changed(); } }, icon("add"));
     this.layoutMenu = new LayoutMenu(this.layouts, { current: () => this.layout, shown: () => this.name,
       show: (name) => this.show(this.layouts.of(name), name), listed: () => this.list() });
     return element("div", { className: "bar", role: "toolbar", ariaLabel: "charts" }, this.pause, this.windows,
@@ -147,16 +148,16 @@ export class Charts {
     const { place } = chart;
     pointingByKeys(chart);
     const kinds = KINDS.map((kind) => element("button", { className: "icon",
-      title: `${kind.says}, from every sample of the flight loop, with the rotors' frequencies; and back`,
+      title: `${kind.says}, from every sample of the flight loop, with the rotors' frequencies; press again to return`,
       ariaLabel: kind.name, ariaPressed: String(chart.source instanceof kind.Source),
-      onclick: () => this.toggle(chart, kind) }, kind.symbol));
+      onclick: () => this.toggle(chart, kind) }, icon(kind.name)));
     const choose = element("button", { title: "choose signals, set scales", ariaExpanded: "false",
       onclick: () => this.menu.toggle(chart, choose, () => this.changed()) }, "Signals");
-    chart.grow = element("button", { className: "icon", title: "over the 3D view, and back (Escape)",
+    chart.grow = element("button", { className: "icon", title: "expand over the 3D view; Escape restores it",
       ariaLabel: "expand", ariaPressed: String(place.classList.contains("expanded")),
-      onclick: () => this.expand(place.classList.contains("expanded") ? null : chart) }, "⤢");
-    chart.less = element("button", { className: "icon", title: "take this chart away", ariaLabel: "remove chart",
-      onclick: () => { this.removeChart(chart); this.changed(); } }, "×");
+      onclick: () => this.expand(place.classList.contains("expanded") ? null : chart) }, icon("expand"));
+    chart.less = element("button", { className: "icon", title: "remove this chart", ariaLabel: "remove chart",
+      onclick: () => { this.removeChart(chart); this.changed(); } }, icon("close"));
     chart.tools.append(choose, ...kinds, chart.grow, chart.less);
     this.charts.splice(at, 0, chart);
   }

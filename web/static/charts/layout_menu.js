@@ -15,8 +15,8 @@ export class LayoutMenu {
     this.place = element("div", { className: "menu layouts", role: "dialog", ariaLabel: "layouts of the charts", hidden: true },
       element("div", { className: "tools" }, this.name, element("button", { onclick: () => this.save() }, "Save")),
       element("div", { className: "tools" }, this.remove,
-        element("button", { title: "your layouts as a file", onclick: () => this.write() }, "Export"),
-        element("button", { title: "layouts of a file; those of the same name are replaced", onclick: () => this.file.click() }, "Import"), this.file), this.answer);
+        element("button", { title: "save your layouts to a file", onclick: () => this.write() }, "Export"),
+        element("button", { title: "load layouts from a file; those of the same name are replaced", onclick: () => this.file.click() }, "Import"), this.file), this.answer);
     this.place.addEventListener("keydown", (event) => { if (event.key === "Escape") { this.close(); this.button.focus(); event.stopPropagation(); } });
     document.addEventListener("pointerdown", (event) => { if (!this.place.hidden && !this.place.contains(/** @type {Node} */ (event.target)) && event.target !== this.button) this.close(); });
   }

@@ -6,6 +6,7 @@ import { Ages } from "../core/ages.js";
 import { StatusBar } from "./status_bar.js";
 import { Beacons } from "../beacons/beacons.js";
 import { Calibrate } from "../calibrate/calibrate.js";
+import { EventCenter } from "../events/event_center.js";
 import { Contact } from "../link/contact_lost.js";
 import { ControlStrip } from "./control_strip.js";
 import { Charts } from "../charts/charts.js";
@@ -15,7 +16,6 @@ import { Fly } from "../fly/fly.js";
 import { Gains } from "../gains/gains.js";
 import { Help } from "../core/help.js";
 import { LinkPanel } from "../link/link.js";
-import { EventList } from "./event_log.js";
 import { Marks } from "./marks.js";
 import { People } from "./people.js";
 import { Preflight } from "../fly/preflight.js";
@@ -38,13 +38,13 @@ async function start() {
   const isOperator = session.role !== "viewer"; // admins may do all that operators may
   $("vehicle").textContent = session.vehicle;
   addVehicleStrip(session, $("bar"));
+  new EventCenter(events, session.vehicle, $("disarm"));
   document.title = `${session.vehicle} · quadlab`;
 
   const fly = new Fly(events, behaviors, isOperator);
   new Preflight($("preflight"), $("arm"), events);
   const ages = new Ages(events, telemetry, description.stale);
   const timeout = new TelemetryTimeout(telemetry);
-  new EventList($("events"), events);
   new Marks($("recorder"), document.querySelector("#view .overlay.bottom"), events, isOperator);
   new ExperimentSection($("experiment"), events, fly, isOperator, ages);
   const gains = new Gains(events, isOperator);

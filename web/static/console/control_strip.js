@@ -10,7 +10,6 @@ export class ControlStrip {
     this.session = session;
     this.fly = fly;
     this.shown = "";
-    this.lines = { nobody: element("span", { title: "the first command takes control" }) };
     events.on("summary", ({ control }) => { if (control !== undefined) this.draw(control); });
     events.addEventListener("close", () => this.draw(null));
   }
@@ -31,7 +30,7 @@ export class ControlStrip {
     const button = (label, action, title) => element("button", { className: "small", title, onclick: () => this.do(action) }, label);
     if (unknown) line.append("control: not known");
     else if (!holder) line.append(this.mayCommand ? "No one has control; your first command takes it" : "No one has control");
-    else if (holder === me) line.append(element("b", {}, "you have control"), button("Give up", "release", "let anybody command"));
+    else if (holder === me) line.append(element("b", {}, "you have control"), button("Give up", "release", "let anyone take control"));
     else line.append(element("b", {}, `${holder} has control`));
     if (asking && holder === me) {
       this.left = element("span", { className: "left" });
@@ -40,7 +39,7 @@ export class ControlStrip {
       this.left = element("span", { className: "left" });
       line.append(element("span", { className: "asks" }, asking === me ? "asked; yours in at most" : `${asking} has asked`), ...(asking === me ? [this.left] : []));
     } else if (holder && holder !== me && this.mayCommand) {
-      line.append(button("Ask", "ask", `ask ${holder} for control; it is yours after 20 s in which ${holder} neither answers nor does anything`));
+      line.append(button("Ask", "ask", `ask ${holder} for control; you get it after 20 s without an answer or a command from ${holder}`));
     }
     if (holder && holder !== me && this.session.role === "admin") line.append(button("Take", "take", "take control at once"));
     this.place.replaceChildren(line);

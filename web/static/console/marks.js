@@ -16,7 +16,7 @@ export class Marks {
   constructor(place, note, events, isOperator) {
     this.events = events;
     this.isOperator = isOperator;
-    this.button = element("button", { id: "mark", disabled: true, title: isOperator ? "mark this moment in the log (m)" : "viewers watch; operators mark", onclick: (event) => this.press(event) }, "Mark");
+    this.button = element("button", { id: "mark", disabled: true, title: isOperator ? "mark this moment in the log (m)" : "viewers cannot mark; operators can", onclick: (event) => this.press(event) }, "Mark");
     this.list = element("ol", { id: "marks", hidden: true, ariaLabel: "marks of this recording" });
     this.note = element("span", { id: "mark-note", role: "status", hidden: true });
     this.lines = new Map(); // mark id → its line
@@ -70,7 +70,7 @@ export class Marks {
     if (this.run !== undefined && run !== this.run) return;
     const known = this.lines.get(id);
     if (known) { if (known !== document.activeElement) known.value = text; return; }
-    const input = element("input", { value: text, placeholder: "what was that?", maxLength: 500, disabled: !this.isOperator, ariaLabel: `text of the mark at ${this.clock(time)}` });
+    const input = element("input", { value: text, placeholder: "describe this mark", maxLength: 500, disabled: !this.isOperator, ariaLabel: `text of the mark at ${this.clock(time)}` });
     input.addEventListener("change", () => this.name(id, input));
     input.addEventListener("keydown", ({ key }) => { if (key === "Enter" || key === "Escape") input.blur(); });
     this.lines.set(id, input);
@@ -86,7 +86,7 @@ export class Marks {
   async name(id, input) {
     try {
       await request("POST", "/api/marks", { id, text: input.value });
-      this.tell("Text of the mark kept");
-    } catch (error) { this.tell(`The text was not kept: ${error.message}`, true); }
+      this.tell("Mark saved");
+    } catch (error) { this.tell(`Mark not saved: ${error.message}`, true); }
   }
 }

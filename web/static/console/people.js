@@ -56,7 +56,7 @@ export class People {
     const { name, role, account, sessions } = user;
     const change = (value) => this.attempt(async () => { await request("PUT", `/api/users/${encodeURIComponent(name)}/role`, { role: value }); }, true);
     const roles = element("select", { ariaLabel: `role of ${name}`, onchange: (event) => change(event.target.value) }, ...ROLES.map((one) => element("option", { value: one, selected: one === role }, one)));
-    const end = element("button", { disabled: !sessions, title: "signed out everywhere at once", onclick: () => this.attempt(() => request("POST", `/api/users/${encodeURIComponent(name)}/end_sessions`), true) }, "End sessions");
+    const end = element("button", { disabled: !sessions, title: "sign this user out everywhere now", onclick: () => this.attempt(() => request("POST", `/api/users/${encodeURIComponent(name)}/end_sessions`), true) }, "End sessions");
     return element("div", { className: "user" }, element("span", { className: "name", title: account ? "" : "signed in by a link" }, name), account ? roles : element("span", { className: "dim" }, role), element("span", { className: "dim" }, seen(user)), end);
   }
 

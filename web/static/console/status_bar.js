@@ -78,15 +78,17 @@ export class StatusBar {
 
   // The pill, the line in words, and the button of the moment.
   drawState(status) {
-    const { preflight } = this.events.summary, isHeard = Boolean(status) && this.fresh("status");
+    const { preflight, trajectory } = this.events.summary, isHeard = Boolean(status) && this.fresh("status");
     const seen = { status, isHeard, preflight: this.events.age("preflight") < 2 ? preflight : null, airborne: this.airborneFor(status, isHeard),
-      source: this.gains.value("estimation.source"), height: this.height, error: this.error, problems: this.problems(status) };
+      source: this.gains.value("estimation.source"), height: this.height, error: this.error, problems: this.problems(status), trajectory: isHeard ? trajectory : null };
     const { word, tone } = pillOf(seen);
     setText($("doing"), word);
     for (const id of ["pill", "bar"]) setIfChanged($(id).dataset, "tone", tone);
     setIfChanged($("pill"), "title", status ? `${words(status.mode)}, ${words(status.behavior)}, ${words(status.control_mode)}` : "");
     setText($("flown-on"), isHeard && status.airborne ? flownOn(seen) : "");
     setText($("in-words"), lineOf(seen));
+    setIfChanged($("progress"), "hidden", !trajectory);
+    if (trajectory) $("progress").style.width = `${100 * trajectory.elapsed / trajectory.duration}%`;
     this.primary.show(status);
   }
 

@@ -3,6 +3,7 @@
 
 import { onKey } from "../core/keys.js";
 import { $ } from "../core/dom.js";
+import { icon } from "../icons/icons.js";
 
 const narrow = matchMedia("(max-width: 900px)"); // as in the style sheets
 
@@ -30,6 +31,8 @@ export function tabs() {
     }
     open(selected());
   };
+  for (const link of document.querySelectorAll(".pages a")) link.prepend(icon(link.getAttribute("href")));
+  for (const button of [...wide, $("open-charts")]) button.prepend(icon(button.dataset.tab));
   wide.forEach((button, i) => onKey(String(i + 1), `open ${button.textContent}`, () => button.click()));
   for (const button of [...wide, $("open-charts")]) {
     button.addEventListener("click", () => open(button));

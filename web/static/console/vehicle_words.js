@@ -15,6 +15,7 @@ import { duration, fixed, words } from "../core/format.js";
  * @property {number} [height] m
  * @property {number} [error] m, from estimate to reference
  * @property {string[]} [problems] what is not well beside the vehicle's flags
+ * @property {{ elapsed: number, duration: number, laps: number | null } | null} [trajectory] the one under way, s
  */
 
 /** @type {Record<string, string>} */
@@ -76,6 +77,15 @@ function health(problems) {
   return `${problems[0]}${more ? ` and ${more} more` : ""}`;
 }
 
+/** @param {Seen["trajectory"]} trajectory */
+function lapOf(trajectory) {
+  const { elapsed = 0, duration: lasts = 1, laps = null } = trajectory ?? {};
+  return laps ? `Flying lap ${Math.min(laps, 1 + Math.floor(laps * elapsed / lasts))} of ${laps}` : undefined;
+}
+
+/** @param {Seen["trajectory"]} trajectory */
+const clockOf = (trajectory) => (trajectory ? `${duration(trajectory.elapsed)} of ${duration(trajectory.duration)}` : "");
+
 // The line in words; "" while nothing is known, which another notice tells.
 /** @param {Seen} seen */
 export function lineOf(seen) {
@@ -86,14 +96,14 @@ export function lineOf(seen) {
   if (mode === "cut") return "Motors cut. Hold Disarm to acknowledge it";
   if (landing(status)) return `Emergency landing: ${landing(status)}`;
   if (status.airborne) {
-    const doing = DOING[behaviorOf(status)] ?? words(status.behavior).replace(/^./, (letter) => letter.toUpperCase());
+    const doing = lapOf(seen.trajectory) ?? DOING[behaviorOf(status)] ?? words(status.behavior).replace(/^./, (letter) => letter.toUpperCase());
     const place = [Number.isFinite(height) ? `at ${fixed(height, 2)} m` : "", flownOn(seen)].filter(Boolean).join(" ");
     const miss = Number.isFinite(error) && flownOn(seen) ? `${Math.round(1e3 * error)} mm error` : "";
-    return [`${doing} ${place}`.trim(), miss, health(found)].filter(Boolean).join(", ");
+    return [`${doing} ${place}`.trim(), clockOf(seen.trajectory), miss, health(found)].filter(Boolean).join(", ");
   }
   if (mode === "bench") return "A motor turns on the bench";
   if (status.armed) return `On the ground, motors on, ${health(found)}`;
-  if (mode === "starting") return "Starting: keep it still until gyroscope and pose are there";
+  if (mode === "starting") return "Starting: keep the vehicle still until gyroscope and pose are ready";
   const bad = failing(preflight).map(({ name, found: value }) => `${name} ${value}`);
   if (bad.length) return `On the ground, not ready to arm: ${health(bad)}`;
   return `On the ground, ${preflight ? "ready to arm" : "motors off"}, ${health(found)}`;

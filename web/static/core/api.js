@@ -21,6 +21,15 @@ export async function request(method, path, body) {
   return content;
 }
 
+// An answer of numbers.
+/** @param {string} path @returns {Promise<ArrayBuffer>} */
+export async function binary(path) {
+  const response = await fetch(here(path));
+  if (response.ok) return response.arrayBuffer();
+  const content = await response.json().catch(() => ({}));
+  throw new Error(content.error ?? `error ${response.status}`);
+}
+
 /** @param {string} path */
 export const get = (path) => request("GET", path);
 /** @param {string} name */

@@ -6,16 +6,16 @@ export const ONLY_CUT = "only Cut is obeyed";
 /** @type {Record<string, { text: string, tone: string, title: string }>} */
 const CONTROL = {
   direct: { text: "direct", tone: "", title: "the flight computer commands the motors" },
-  near_hovering: { text: "near-hovering", tone: "warn", title: "the flight computer sends angles and thrust; the microcontroller holds them by its own filter, but not the place" },
+  near_hovering: { text: "near-hovering", tone: "warn", title: "the flight computer sends angles and thrust; the microcontroller holds them with its own filter, but does not hold position" },
   emergency: { text: "emergency", tone: "alarm", title: `the microcontroller lands alone; ${ONLY_CUT}` },
 };
 
 // What a press of Emergency land does, by safety.emergency_land.
 /** @type {Record<string, string>} */
 const PRESSED = {
-  emergency: "the microcontroller lands it alone: level, down by its barometer, not held in place",
-  descend: "level and down by the barometer, not held in place",
-  land: "down where it is, under control; without a pose by the barometer, not held in place",
+  emergency: "the microcontroller lands it alone: level, descending by its barometer, position not held",
+  descend: "level descent by the barometer, position not held",
+  land: "controlled descent on the spot; without a pose by the barometer, position not held",
 };
 
 /** @param {any} status */
@@ -30,6 +30,6 @@ export const pressed = (chosen) => PRESSED[chosen] ?? "";
 export function landing(status) {
   if (isAlone(status)) return CONTROL.emergency.title;
   if (status?.mode?.toLowerCase() !== "emergency_land" || status.airborne === false) return "";
-  const how = status.behavior?.toLowerCase() === "emergency_landing" ? "level and down by the barometer, not held in place" : "landing under control";
+  const how = status.behavior?.toLowerCase() === "emergency_landing" ? "level descent by the barometer, position not held" : "landing under control";
   return `${how}; ${ONLY_CUT}`;
 }

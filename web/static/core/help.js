@@ -7,10 +7,10 @@ import { themeChoice } from "./theme.js";
 
 const SEEN = "quadlab.help.seen";
 const STEPS = [
-  ["Look", "The bar shows what the vehicle is doing, the line below how it is, and the large button what comes next. A grey value with an age is out of date."],
-  ["Arm", "Hold Arm until it is full. What is not ready is listed in the Fly tab, with what to do. Disarm stands beside it while the vehicle is on the ground."],
+  ["Status", "The bar shows what the vehicle is doing, the line below it how well, and the large button the next step. A grey value is out of date."],
+  ["Arm", "Hold Arm until it fills. The Fly tab lists what is not ready and how to fix it. Disarm is next to Arm while the vehicle is on the ground."],
   ["Take off", "It climbs to 1 m and hovers. Fly to, Figure 8, sticks and experiments are in the Fly tab."],
-  ["Land", "Land comes down where it is. Emergency land comes down now, whatever runs, and need not stay in place; anybody may press it."],
+  ["Land", "Land descends on the spot. Emergency land descends immediately, overrides everything else and may drift; anyone may press it."],
   ["Cut motors", "Only when a fall is better than flight: hold it for half a second."],
   ["Calibrate", "The Calibrate tab guides through gyroscope, accelerometer, motors, mass, inertia, drag and vibration; nothing changes before you accept it."],
 ];
@@ -37,7 +37,7 @@ export class Help {
   toggle() { if (this.dialog.open) this.dialog.close(); else this.open(); }
 
   open() {
-    const steps = this.isOperator ? STEPS : [STEPS[0], ["Watch", "You are a viewer: everything is shown, and Emergency land is yours too. An operator's invitation lets you command."]];
+    const steps = this.isOperator ? STEPS : [STEPS[0], ["Watch", "You are a viewer: you see everything and may press Emergency land. An operator can invite you to command."]];
     const item = ({ key, meaning, hold }) => element("div", {}, element("dt", {}, element("kbd", {}, NAMES[key] ?? key), hold ? " held" : ""), element("dd", {}, meaning));
     const close = element("button", { className: "small", autofocus: true, onclick: () => this.dialog.close() }, "Close");
     const title = (text, ...more) => element("header", {}, element("h1", {}, text), themeChoice(), ...more);
@@ -46,7 +46,7 @@ export class Help {
       this.dialog.replaceChildren(
         title(this.isOperator ? "Your first flight" : "What you see", close),
         element("ol", {}, ...steps.map(([name, text]) => element("li", {}, element("b", {}, name), ` ${text}`))),
-        element("h1", {}, "Keys"), list, element("p", {}, "They count in the 3D view, too, where W A S D and the arrows move the camera."));
+        element("h1", {}, "Keys"), list, element("p", {}, "They also work in the 3D view, where W A S D and the arrows move the camera."));
     } else this.dialog.replaceChildren(title("Keys", close), list);
     this.button.setAttribute("aria-expanded", "true");
     this.dialog.show();

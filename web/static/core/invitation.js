@@ -10,7 +10,7 @@ export class Invitation {
     this.note = element("p", { role: "status" });
     this.link = element("input", { readOnly: true, hidden: true, ariaLabel: "one-time link", onfocus: () => this.link.select() });
     this.copy = element("button", { type: "button", onclick: () => this.copied() }, "Copy");
-    this.another = element("button", { type: "button", title: "one more link; the one shown here stays good", onclick: () => this.make(this.role) }, "Another");
+    this.another = element("button", { type: "button", title: "create another link; this one stays valid", onclick: () => this.make(this.role) }, "Another");
     this.place = element("div", { className: "invitation", hidden: true }, this.note, this.link,
       element("div", { className: "acts" }, this.copy, this.another, element("button", { type: "button", onclick: () => this.close() }, "Close")));
     this.place.addEventListener("keydown", (event) => { if (event.key === "Escape") this.close(); });

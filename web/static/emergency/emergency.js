@@ -6,16 +6,14 @@ import { flightButton } from "../core/flight_button.js";
 import { element, setIfChanged, setText } from "../core/dom.js";
 import { onHold } from "../core/hold_button.js";
 import { onKey } from "../core/keys.js";
-import { Events } from "../core/sockets.js";
 import { pressed } from "../core/control_authority.js";
 
 const CUT_HOLD = 500; // ms
 const KEYS = { operator: "e: emergency land · hold x: cut", viewer: "e: emergency land" };
 
-// place: where the buttons go; events: of this page, or null: then it makes its own;
-// session: of /api/session. Returns {press(action)}.
+// place: where the buttons go; session: of /api/session. Returns {press(action)}.
 export function addEmergency(place, events, session) {
-  return new Emergency(place, events ?? new Events(), session);
+  return new Emergency(place, events, session);
 }
 
 class Emergency {
@@ -24,7 +22,7 @@ class Emergency {
     this.mayCut = session.role !== "viewer";
     this.sent = new EmergencyPress(events, session.label);
     this.land = flightButton(element("button", { id: "emergency-land", className: "caution", onclick: () => this.press("land") }, "Emergency land"));
-    this.cut = element("button", { id: "cut", className: "cut hold", disabled: !this.mayCut, title: this.mayCut ? "emergency: stop the motors; the vehicle falls. Hold for 0.5 s (key x)" : "viewers may land the vehicle, but not cut its motors" }, "Cut motors");
+    this.cut = element("button", { id: "cut", className: "cut hold", disabled: !this.mayCut, title: this.mayCut ? "emergency: stop the motors; the vehicle falls. Hold for 0.5 s (key x)" : "viewers may land the vehicle but not cut its motors" }, "Cut motors");
     onHold(this.cut, CUT_HOLD, () => this.press("cut"));
     this.said = element("span", { ariaLive: "assertive" });
     this.running = element("span", { ariaHidden: "true" });
@@ -44,7 +42,7 @@ class Emergency {
 
   draw() {
     const { tone, said, running } = this.sent.state, how = pressed(this.events.summary.emergency_land);
-    const title = `emergency: land now, whatever runs${how && `: ${how}`}. Every command but Cut is refused until it is down (key e)`;
+    const title = `emergency: land now, overriding everything else${how && `: ${how}`}. Every command but Cut is refused until it is down (key e)`;
     setIfChanged(this.land, "title", title);
     const idle = this.mayCut ? KEYS.operator : KEYS.viewer;
     setText(this.said, tone === "idle" ? "" : said);

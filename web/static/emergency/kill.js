@@ -30,7 +30,7 @@ get("/api/session").then(({ label, role, vehicle, vehicles }) => {
   if (vehicles.length > 1) several(vehicle);
   if (role !== "viewer") return;
   $("cut").disabled = true;
-  $("cut").lastElementChild.textContent = "viewers may land the vehicle, but not cut its motors";
+  $("cut").lastElementChild.textContent = "viewers may land the vehicle but not cut its motors";
 }).catch(() => {});
 
 setInterval(() => {

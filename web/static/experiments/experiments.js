@@ -29,8 +29,8 @@ export class ExperimentSection {
     this.form = new OptionForm();
     this.guide = new Guide({ isOperator, ask: (action, body) => this.ask(action, body) });
     this.start = element("button", { className: "hold", title: "hold for 0.8 s: arms, takes off and flies it" }, "Start");
-    this.finish = element("button", { title: "end the manoeuvre now: handed back, landed, judged", onclick: () => this.ask("finish") }, "Finish");
-    this.stop = element("button", { title: "command no more: the vehicle brakes and hovers; land it", onclick: () => this.ask("stop") }, "Stop");
+    this.finish = element("button", { title: "end the manoeuvre now: the experiment takes over, lands and judges it", onclick: () => this.ask("finish") }, "Finish");
+    this.stop = element("button", { title: "stop commanding: the vehicle brakes and hovers; land it", onclick: () => this.ask("stop") }, "Stop");
     this.bar = element("i");
     this.step = element("p", { className: "step" });
     this.result = element("div", { className: "result" });

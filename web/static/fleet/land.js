@@ -21,7 +21,7 @@ export function landed(press) {
 class LandAll {
   constructor(place, id) {
     this.vehicles = [];
-    this.button = flightButton(element("button", { id, className: "caution", title: "emergency: every vehicle lands now, whatever runs. Every command but Cut is refused until it is down (key e)", onclick: () => this.press() }, "Land all"));
+    this.button = flightButton(element("button", { id, className: "caution", title: "emergency: every vehicle lands now, overriding everything else. Every command but Cut is refused until it is down (key e)", onclick: () => this.press() }, "Land all"));
     this.line = element("p", { id: "land-all-state", ariaLive: "assertive" });
     place.append(this.button, this.line);
     onKey("e", "emergency land of all vehicles", () => this.press());

@@ -4,6 +4,7 @@
 // again, or after a while.
 
 import { element, setText } from "../core/dom.js";
+import { icon } from "../icons/icons.js";
 import { seconds, words } from "../core/format.js";
 
 const SOON = 400; // ms without an answer that nobody need hear of
@@ -24,7 +25,7 @@ export class CommandNotice {
     this.events = events;
     this.text = element("span", { className: "said" });
     this.since = element("span", { className: "running", ariaHidden: "true" });
-    place.append(this.text, this.since, element("button", { className: "small", ariaLabel: "dismiss", onclick: () => this.clear() }, "×"));
+    place.append(this.text, this.since, element("button", { className: "small", ariaLabel: "dismiss", onclick: () => this.clear() }, icon("close")));
     this.asked = null; // {label, shows, pressed, before} of a command without an answer
     this.clear();
     setInterval(() => this.draw(), TICK);

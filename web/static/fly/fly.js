@@ -2,9 +2,11 @@
 
 import { command } from "../core/api.js";
 import { CommandNotice } from "./command_notice.js";
+import { Preview } from "./preview.js";
 import { flightButton } from "../core/flight_button.js";
 import { $, element, setText } from "../core/dom.js";
 import { bytes } from "../core/format.js";
+import { icon } from "../icons/icons.js";
 
 // An argument as its field shows it: an angle in degrees; `scale` leads back.
 function asShown(described) {
@@ -25,6 +27,7 @@ export class Fly {
     this.started = null; // {name, values}: the last behaviour this page started
     this.isOperator = isOperator;
     this.notice = new CommandNotice($("answer"), events);
+    this.preview = new Preview($("plan"), $("planned-key"), (behavior) => this.valuesOf(behavior));
     const plain = element("div", { className: "plain" });
     for (const behavior of behaviors) {
       if (behavior.arguments.length) $("behaviors").append(this.row(behavior));
@@ -39,7 +42,7 @@ export class Fly {
   button(behavior) {
     const { label, title, arguments: fields } = behavior;
     if (!fields.length) this.forms.set(behavior, []);
-    return flightButton(element("button", { title, disabled: !this.isOperator, onclick: () => this.start(behavior) }, label));
+    return flightButton(element("button", { title, disabled: !this.isOperator, onclick: () => this.start(behavior) }, icon(behavior.fixed?.trajectory ?? behavior.name), label));
   }
 
   row(behavior) {
@@ -52,26 +55,34 @@ export class Fly {
     });
     this.forms.set(behavior, inputs);
     const shown = inputs.map(([field, input]) => element("label", { className: field.type === "str" ? "argument text" : "argument" }, field.label ?? field.name, input, ...(field.unit ? [field.unit] : [])));
-    return element("div", { className: "behavior" }, this.button(behavior), element("div", { className: "arguments" }, ...shown));
+    const row = element("div", { className: "behavior" }, this.button(behavior), element("div", { className: "arguments" }, ...shown));
+    if (this.isOperator && behavior.name === "follow_trajectory") this.preview.offer(row, behavior);
+    return row;
   }
 
   // which: a behaviour of the list, or the name of one.
   start(which) {
     const behavior = typeof which === "string" ? this.behaviors.find(({ name }) => name === which) : which;
-    const { name, label } = behavior;
+    const { name, label } = behavior, { values, problem } = this.valuesOf(behavior);
+    if (problem) { this.refuse(problem); return; }
+    this.attempt(async () => {
+      await command("start_behavior", { name, arguments: values });
+      this.started = { name, values };
+    }, label, (status) => status.behavior?.toLowerCase() === name);
+  }
+
+  // {values, problem} of a behaviour's fields.
+  valuesOf(behavior) {
     const values = { ...behavior.fixed };
     for (const [field, input] of this.forms.get(behavior)) {
       if (field.type === "bool") { values[field.name] = input.checked; continue; }
       if (input.value === "") continue; // the vehicle's own default
       if (field.type === "str") { values[field.name] = input.value.trim(); continue; }
       const wrong = !input.checkValidity() || !Number.isFinite(input.valueAsNumber);
-      if (wrong) { this.refuse(`${label}: ${field.label ?? field.name} = ${input.value || "?"}; allowed ${field.range}`); return; }
+      if (wrong) return { values, problem: `${behavior.label}: ${field.label ?? field.name} = ${input.value || "?"}; allowed ${field.range}` };
       values[field.name] = input.valueAsNumber * field.scale;
     }
-    this.attempt(async () => {
-      await command("start_behavior", { name, arguments: values });
-      this.started = { name, values };
-    }, label, (status) => status.behavior?.toLowerCase() === name);
+    return { values, problem: "" };
   }
 
   // Runs a command and says what became of it; see static/fly/command_notice.js.

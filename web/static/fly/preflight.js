@@ -55,7 +55,7 @@ export class Preflight {
     if (bad.length) this.head("fail", `Not ready: ${several(bad.length, "reason")}`, `${bad[0].name}: ${bad[0].found}`);
     else if (warned.length) this.head("warn", "Ready to arm", `${warned[0].name}: ${warned[0].found}`);
     else this.head("ok", "Ready to arm", "");
-    this.body.replaceChildren(...(preflight.blocks ? [] : [element("p", {}, "These checks do not keep the station from arming (station.preflight.blocks).")]), ...(open ? [checkList(checks)] : []));
+    this.body.replaceChildren(...(preflight.blocks ? [] : [element("p", {}, "These checks do not prevent arming (station.preflight.blocks).")]), ...(open ? [checkList(checks)] : []));
   }
 
   head(state, text, first) {

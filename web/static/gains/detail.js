@@ -13,7 +13,7 @@ export function unfold(gains, row, place) {
   if (step) facts.push(`${withUnit(`in flight at most ${exact(step)}`)} at once`);
   place.append(element("code", {}, name), element("p", {}, description), element("p", { className: "facts" }, facts.join(" · ")));
   if (isFixed) place.append(element("p", { className: "facts" }, `Read at the start only. To change it, start quadlab with --set ${name}=…`));
-  else if (!gains.isOperator) place.append(element("p", { className: "facts" }, "You watch; an operator may change it."));
+  else if (!gains.isOperator) place.append(element("p", { className: "facts" }, "You are a viewer; an operator can change this."));
   const line = new TimeLine(gains, element("div"), { name, limit: 60 });
   place.append(line.place);
   line.start();

@@ -30,16 +30,16 @@ export class LinkPanel {
     const ms = (value) => `${fixed(1e3 * value, Math.abs(value) < 0.01 ? 1 : 0)} ms`, percent = (value) => `${fixed(100 * value, 1)} %`, hertz = (value) => `${fixed(value, 0)} Hz`;
     const strip = (label, options) => new LinkStrip(label, { topic: TOPIC, ...options });
     this.strips = {
-      round_trip: strip("Round trip", { format: ms, least: 0.01, title: "of a question to the vehicle's clock, once a second" }),
-      age: strip("Age", { format: ms, least: 0.05, deadline: { value: () => GREY, text: "numbers go grey" }, title: "of the newest telemetry, at the station" }),
-      loss: strip("Loss", { format: percent, least: 0.05, title: "telemetry packets that did not come, over two seconds" }),
-      jitter: strip("Jitter", { format: ms, least: 0.005, title: "standard deviation of the time telemetry is under way, over two seconds" }),
+      round_trip: strip("Round trip", { format: ms, least: 0.01, title: "round trip of a clock request to the vehicle, once a second" }),
+      age: strip("Age", { format: ms, least: 0.05, deadline: { value: () => GREY, text: "numbers go grey" }, title: "age of the newest telemetry at the station" }),
+      loss: strip("Loss", { format: percent, least: 0.05, title: "share of telemetry packets lost over two seconds" }),
+      jitter: strip("Jitter", { format: ms, least: 0.005, title: "standard deviation of the telemetry's transit time over two seconds" }),
       telemetry_rate: strip("Telemetry", { format: hertz, least: 120, title: "packets a second" }),
       clock_offset: strip("Clock offset", { format: (value) => (Math.abs(value) < 1 ? ms(value) : `${fixed(value, 3)} s`), least: 0.002, zero: false, title: "vehicle's clock minus the station's" }),
     };
     this.page = {
-      roundTrip: new LinkStrip("Round trip", { format: ms, least: 0.02, deadline: { value: () => SLOW, text: "slow" }, title: "this page to its server and back, once a second" }),
-      rate: new LinkStrip("Frames", { format: hertz, least: 30, title: "telemetry frames that reached this page; 25 a second are sent" }),
+      roundTrip: new LinkStrip("Round trip", { format: ms, least: 0.02, deadline: { value: () => SLOW, text: "slow" }, title: "round trip from this page to its server, once a second" }),
+      rate: new LinkStrip("Frames", { format: hertz, least: 30, title: "telemetry frames received by this page; 25 are sent per second" }),
     };
     place.append(
       element("div", { className: "link-state" }, element("span", {}, "Radio"), this.state, this.since), this.outages, this.problem, this.way, this.reaction,
@@ -111,7 +111,7 @@ export class LinkPanel {
   // Which of the two ways is the slow one.
   verdictText(link, isOld) {
     const { roundTrip, connected } = this.telemetry;
-    if (!connected) return "This page has no connection to its server: what it shows is old, whatever the radio does.";
+    if (!connected) return "This page has no connection to its server: its values are out of date, whatever the state of the radio link.";
     if (!(roundTrip > SLOW) && !(this.rate < FRAMES)) return "";
     const radio = link && !isOld && link.state === "good" ? "The radio is good: it" : "It";
     return `${radio} is this browser or its way to the station that is slow (${roundTrip > SLOW ? `${Math.round(1e3 * roundTrip)} ms` : `${fixed(this.rate, 0)} of 25 frames a second`}).`;

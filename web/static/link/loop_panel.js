@@ -33,7 +33,7 @@ export class LoopPanel {
 
   draw() {
     const { status } = this.events.summary, bins = status?.lateness_histogram;
-    setText(this.line, status ? `${fixed(status.tick_rate, 0)}${status.nominal_rate ? ` of ${fixed(status.nominal_rate, 0)}` : ""} Hz · lateness p50 ${late(status.lateness_p50)}, p99 ${late(status.lateness_p99)}, longest ${late(status.lateness_max)} · missed ${fixed(100 * status.missed_share, 1)} %` : "not heard of");
+    setText(this.line, status ? `${fixed(status.tick_rate, 0)}${status.nominal_rate ? ` of ${fixed(status.nominal_rate, 0)}` : ""} Hz · lateness p50 ${late(status.lateness_p50)}, p99 ${late(status.lateness_p99)}, longest ${late(status.lateness_max)} · missed ${fixed(100 * status.missed_share, 1)} %` : "no data yet");
     this.histogram.hidden = !bins;
     this.none.hidden = !status || Boolean(bins);
     if (bins) this.drawBins(bins);

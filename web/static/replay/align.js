@@ -17,7 +17,8 @@ export class Alignment extends EventTarget {
     const [lead, other] = runs;
     const second = element("select", { ariaLabel: "second run, laid over the first", onchange: () => choose(second.value) },
       element("option", { value: "" }, "no second run"), ...choices.map((id) => element("option", { value: id, selected: id === other?.id }, id)));
-    place.append(element("b", {}, lead.id), element("span", { className: "note" }, "and"), second);
+    place.append(element("b", {}, lead.id));
+    if (other || choices.length) place.append(element("span", { className: "note" }, "and"), second);
     if (!other) return;
     const kind = BEST.find((one) => runs.every((run) => moment(run, one) !== undefined));
     this.selects = runs.map((run, k) => element("select", { ariaLabel: `moment of the ${k ? "second" : "first"} run`, onchange: () => this.update() },

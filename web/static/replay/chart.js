@@ -40,7 +40,7 @@ export class ReplayChart extends EventTarget {
     const menu = new ChartMenu({ signals, named: signals.filter(({ known }) => known).length });
     const choose = element("button", { title: "choose signals", ariaExpanded: "false",
       onclick: () => menu.toggle(this.chart, choose, () => this.changed()) }, "Signals");
-    const kind = (text, source, title) => element("button", { title: `${title}, with the rotors' frequencies; and back`, ariaPressed: "false",
+    const kind = (text, source, title) => element("button", { title: `${title}, with the rotors' frequencies; press again to return`, ariaPressed: "false",
       onclick: () => { if (menu.isOpen) menu.close(); this.setSource(this.source === source ? this.recorded : source); } }, text);
     this.kinds = [kind("Spectrum", this.spectra, "density over frequency of what is shown"),
       kind("Spectrogram", this.spectrogram, "density of the first signal over time and frequency")];

@@ -18,7 +18,7 @@ export class ReplayPanel extends EventTarget {
     this.findings = element("ol", { className: "happened findings" });
     this.events = element("ol", { className: "happened" });
     this.search = element("input", { type: "search", placeholder: "Search parameter", ariaLabel: "search parameters", oninput: () => this.fillParameters() });
-    this.changed = element("button", { ariaPressed: "false", title: "only what was changed up to the play-head", onclick: () => this.toggleChanged() }, "Changed");
+    this.changed = element("button", { ariaPressed: "false", title: "only parameters changed before the play-head", onclick: () => this.toggleChanged() }, "Changed");
     this.values = element("table", { className: "values" });
     this.bodies = {
       events: element("div", { className: "tab" }, this.findings, this.events),
@@ -47,7 +47,7 @@ export class ReplayPanel extends EventTarget {
     this.events.replaceChildren(...(this.rows.length ? this.rows : [element("li", { className: "empty" }, "No events in this run.")]));
     const findings = runs.flatMap((run, k) => run.description.findings.map((one) => ({ ...one, at: one.from - run.shift, isOther: k > 0 })));
     this.findings.replaceChildren(...findings.map((one) => element("li", { className: one.isOther ? "second" : "" },
-      element("button", { className: "link", title: "show its evidence", onclick: () => this.dispatchEvent(new CustomEvent("finding", { detail: one })) }, stamp(one.at, 1)), element("span", {}, one.text))));
+      element("button", { className: "link", title: "show the evidence", onclick: () => this.dispatchEvent(new CustomEvent("finding", { detail: one })) }, stamp(one.at, 1)), element("span", {}, one.text))));
     this.bodies.notes.replaceChildren(...runs.map(facts));
     this.filled = undefined;
     this.move();

@@ -17,7 +17,7 @@ import { Transport } from "./transport.js";
 import { pathname } from "../core/vehicle_path.js";
 
 const main = document.querySelector("main");
-const ID = decodeURIComponent(pathname.split("/")[2]);
+const ID = document.body.dataset.run ?? decodeURIComponent(pathname.split("/")[2]); // of an exported page's, else of the address
 const WITH = new URLSearchParams(location.search).get("with");
 const PLAYING_PERIOD = 80; // ms between two questions for values while it plays
 const EVIDENCE = 10; // s, shown around a finding
@@ -31,7 +31,7 @@ function say(text, problem = false) {
 
 async function start() {
   const session = await get("/api/session");
-  head(session, "/runs");
+  head(session, "/runs", null, { emergency: !session.pages, strip: !session.pages });
   document.title = `${ID} · replay`;
   const options = { newer: new URLSearchParams(location.search).has("newer") };
   const runs = [await Run.open(ID, (share) => say(`Reading ${ID}: ${Math.round(100 * share)} %`), options)];

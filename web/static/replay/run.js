@@ -1,6 +1,7 @@
 // One run as the server gives it: its description, its track for the 3D view, windows of signals.
 
-import { get } from "../core/api.js";
+import { binary, get } from "../core/api.js";
+import { unpack } from "./packed.js";
 
 const POLL = 250; // ms between two questions while the server reads the log
 const WIDTH_OF = { position: 3, rotation: 4 };
@@ -102,27 +103,3 @@ export class Run {
 const query = (names) => names.map((name) => `&signal=${encodeURIComponent(name)}`).join("");
 
 function dot4(rows, a, b) { return rows[a] * rows[b] + rows[a + 1] * rows[b + 1] + rows[a + 2] * rows[b + 2] + rows[a + 3] * rows[b + 3]; }
-
-async function binary(path) {
-  const response = await fetch(path);
-  if (response.ok) return response.arrayBuffer();
-  const content = await response.json().catch(() => ({}));
-  throw new Error(content.error ?? `error ${response.status}`);
-}
-
-// See web/replay/reader.py: Replay.window.
-function unpack(buffer) {
-  const length = new DataView(buffer).getUint32(0, true);
-  const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
-  let at = 8 * Math.ceil((4 + length) / 8);
-  return head.groups.map(({ signals, count }) => {
-    const times = new Float64Array(buffer, at, count);
-    at += 8 * count;
-    const columns = signals.map(() => {
-      const column = new Float32Array(buffer, at, count);
-      at += 8 * Math.ceil((4 * count) / 8);
-      return column;
-    });
-    return { signals, times, columns };
-  });
-}

@@ -23,8 +23,8 @@ export class ReplayScene {
     this.following = true;
     this.canvas = element("canvas", { tabIndex: 0, ariaLabel: "3D view: drag to turn, Shift and drag to move, wheel or + and − to zoom" });
     this.canvas.setAttribute("role", "img");
-    this.follow = element("button", { ariaPressed: "true", title: "keep the vehicle in the middle", onclick: () => this.setFollowing(!this.following) }, "Follow");
-    const reset = element("button", { title: "the view as at the beginning", onclick: () => { this.camera.reset(); this.draw(); } }, "Reset view");
+    this.follow = element("button", { ariaPressed: "true", title: "keep the vehicle centred", onclick: () => this.setFollowing(!this.following) }, "Follow");
+    const reset = element("button", { title: "return to the initial view", onclick: () => { this.camera.reset(); this.draw(); } }, "Reset view");
     const key = (name, words) => element("span", { className: `key ${name}` }, words);
     this.truthKey = key("truth", "truth");
     place.append(this.canvas, element("div", { className: "overlay bottom" }, this.follow, reset, key("flown", "flown"), key("wanted", "reference"), this.truthKey));

@@ -1,6 +1,7 @@
 // Buttons and keys that move the play-head, and the times it stands at.
 
 import { element, setIfChanged, setText } from "../core/dom.js";
+import { icon } from "../icons/icons.js";
 import { onKey } from "../core/keys.js";
 import { SPEEDS, stamp } from "./play_head.js";
 import { WIDTHS } from "./range.js";
@@ -12,8 +13,8 @@ const EPOCH = 1e9; // s; a clock before 2001 is a simulation's
 export class Transport {
   constructor(place, clock, range) {
     this.clock = clock; this.range = range;
-    this.back = element("button", { ariaLabel: "play backwards", title: "play backwards", onclick: () => this.press(-1) }, "◀");
-    this.forth = element("button", { ariaLabel: "play", title: "play or pause (Space)", onclick: () => this.press(1) }, "▶");
+    this.back = element("button", { ariaLabel: "play backwards", title: "play backwards", onclick: () => this.press(-1) });
+    this.forth = element("button", { ariaLabel: "play", title: "play or pause (Space)", onclick: () => this.press(1) });
     this.speed = element("select", { ariaLabel: "speed", title: "speed ([ and ])", onchange: () => clock.setSpeed(Number(this.speed.value)) },
       ...SPEEDS.map((speed) => element("option", { value: speed }, `${NAMES[speed] ?? speed} ×`)));
     this.width = element("select", { ariaLabel: "time shown in the charts", onchange: () => range.setWidth(this.width.value ? Number(this.width.value) : null) },
@@ -25,8 +26,8 @@ export class Transport {
     const step = (label, title, act) => element("button", { ariaLabel: title, title, onclick: act }, label);
     place.append(
       element("div", { className: "buttons" },
-        step("⇤", "to the beginning (Home)", () => this.seek(clock.start)), step("−1 s", "back 1 s (Shift and ←)", () => clock.step(-1)), step("‹", "back one frame (←)", () => clock.step(-FRAME)),
-        this.back, this.forth, step("›", "on by one frame (→)", () => clock.step(FRAME)), step("+1 s", "on by 1 s (Shift and →)", () => clock.step(1)), step("⇥", "to the end (End)", () => this.seek(clock.end)), this.speed),
+        step(icon("start"), "to the beginning (Home)", () => this.seek(clock.start)), step("−1 s", "back 1 s (Shift and ←)", () => clock.step(-1)), step(icon("earlier"), "back one frame (←)", () => clock.step(-FRAME)),
+        this.back, this.forth, step(icon("later"), "forward one frame (→)", () => clock.step(FRAME)), step("+1 s", "forward 1 s (Shift and →)", () => clock.step(1)), step(icon("end"), "to the end (End)", () => this.seek(clock.end)), this.speed),
       element("div", { className: "times" }, own, since, clockCell),
       element("label", { className: "shows" }, "charts show ", this.width));
     this.keys();
@@ -48,12 +49,12 @@ export class Transport {
     const { clock } = this, step = (sign) => (event) => clock.step(sign * (event.shiftKey ? 1 : FRAME));
     onKey(" ", "play or pause", () => clock.toggle());
     onKey("ArrowLeft", "back one frame, with Shift 1 s", step(-1));
-    onKey("ArrowRight", "on by one frame, with Shift 1 s", step(1));
+    onKey("ArrowRight", "forward one frame, with Shift 1 s", step(1));
     onKey("Home", "to the beginning", () => this.seek(clock.start));
     onKey("End", "to the end", () => this.seek(clock.end));
     onKey("[", "play slower", () => clock.faster(-1));
     onKey("]", "play faster", () => clock.faster(1));
-    onKey("r", "turn the direction of play", () => clock.play(-clock.direction));
+    onKey("r", "reverse the direction of playback", () => clock.play(-clock.direction));
     // Held arrows run on; onKey acts on the first press only.
     document.addEventListener("keydown", (event) => {
       const sign = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
@@ -69,11 +70,12 @@ export class Transport {
     setText(this.run, stamp(clock.t));
     setText(this.flight, since === undefined ? "–" : stamp(clock.t - since));
     setText(this.wall, wall > EPOCH ? clockTime(wall) : "–");
-    const ways = /** @type {[HTMLElement, number, string][]} */ ([[this.forth, 1, "▶"], [this.back, -1, "◀"]]);
-    for (const [button, direction, sign] of ways) {
+    const ways = /** @type {[HTMLElement, number, string][]} */ ([[this.forth, 1, "play"], [this.back, -1, "backwards"]]);
+    for (const [button, direction, name] of ways) {
       const playing = clock.playing && clock.direction === direction;
-      setText(button, playing ? "❚❚" : sign);
-      button.setAttribute("aria-pressed", String(playing));
+      if (button.ariaPressed === String(playing)) continue;
+      button.replaceChildren(icon(playing ? "pause" : name));
+      button.ariaPressed = String(playing);
     }
     setIfChanged(this.speed, "value", String(clock.speed));
   }

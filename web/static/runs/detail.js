@@ -2,6 +2,7 @@
 
 import { get, request } from "../core/api.js";
 import { element, hide } from "../core/dom.js";
+import { icon } from "../icons/icons.js";
 import { fixed } from "../core/format.js";
 import { RunFill } from "./fill.js";
 import { RunNotes } from "./notes.js";
@@ -25,7 +26,7 @@ export class RunDetail {
     this.notes = new RunNotes(page);
     this.marks = element("ol", { className: "marks" });
     this.single = element("div", {}, this.fill.place, this.report.place, this.sharing.place, element("h3", {}, "Tags"), element("div", { className: "tag-row" }, this.tags, this.tagInput, this.known), this.notes.place, element("h3", {}, "Marks"), this.marks);
-    this.nothing = element("p", { className: "empty" }, "Choose a run to see what can be done with it.");
+    this.nothing = element("p", { className: "empty" }, "Choose a run to see its details.");
     this.content = element("div", {}, this.title, this.facts, this.links, this.single);
     place.append(this.nothing, this.content);
     events.on("mark", ({ run_id: run }) => { if (run === this.run?.id) this.loadMarks(); });
@@ -62,7 +63,7 @@ export class RunDetail {
     const remove = element("button", { disabled: !this.page.isOperator || (!several && run.recording), title: this.page.isOperator ? "to the trash; can be undone (Delete)" : "operators delete", onclick: () => this.page.remove() }, several ? `Delete ${chosen.length}` : "Delete");
     if (several) {
       const pair = [...chosen].sort((a, b) => a.start_ns - b.start_ns).map((one) => encodeURIComponent(one.id));
-      const both = pair.length === 2 ? [link(`/replay/${pair[0]}?with=${pair[1]}`, "Overlay in replay", { title: "both in one replay, aligned at an event" })] : [];
+      const both = pair.length === 2 ? [link(`/replay/${pair[0]}?with=${pair[1]}`, "Overlay in replay", { title: "show both in one replay, aligned at an event" })] : [];
       this.links.replaceChildren(...both, remove);
       return;
     }
@@ -84,7 +85,7 @@ export class RunDetail {
     if (key === this.drawnTags) return;
     this.drawnTags = key;
     this.tags.replaceChildren(...shared.map((tag) => element("span", { className: "tag" }, tag,
-      ...(this.page.isOperator ? [element("button", { className: "link", ariaLabel: `remove the tag ${tag}`, onclick: () => this.changeTags([], [tag]) }, "×")] : []))));
+      ...(this.page.isOperator ? [element("button", { className: "link", ariaLabel: `remove the tag ${tag}`, onclick: () => this.changeTags([], [tag]) }, icon("close"))] : []))));
   }
 
   tagKey(event) {
@@ -113,7 +114,7 @@ export class RunDetail {
 
   mark({ id, time, text, requester, run_id: run }) {
     const place = element("a", { href: `/replay/${encodeURIComponent(run)}?at=${time.toFixed(2)}`, title: "replay from here" }, `${fixed(time, 1)} s`);
-    const input = element("input", { value: text, placeholder: "what was that?", ariaLabel: `text of the mark at ${fixed(time, 1)} s`, maxLength: 500, disabled: !this.page.isOperator });
+    const input = element("input", { value: text, placeholder: "describe this mark", ariaLabel: `text of the mark at ${fixed(time, 1)} s`, maxLength: 500, disabled: !this.page.isOperator });
     input.addEventListener("change", () => this.page.attempt(async () => {
       const { logged } = await request("POST", "/api/marks", { id, text: input.value });
       if (!logged) this.page.say("Written in the catalogue; the log itself is closed and stays as it is.");

@@ -37,7 +37,7 @@ export class RunFill {
   constructor(page, events) {
     this.page = page;
     this.line = element("p", { className: "ticks" });
-    this.fill = element("button", { className: "link", title: "compare with the vehicle's own log, and fetch what is missing", onclick: () => this.ask("") }, "Compare again");
+    this.fill = element("button", { className: "link", title: "compare with the vehicle's own log and fetch what is missing", onclick: () => this.ask("") }, "Compare again");
     this.cancel = element("button", { className: "link", onclick: () => this.ask("/cancel") }, "Cancel");
     this.progress = new Progress("filling the run");
     this.place = element("section", { className: "fill", ariaLabel: "the vehicle's own log" }, this.line, this.progress.place, element("span", {}, this.fill, this.cancel));

@@ -87,7 +87,7 @@ export class RunNotes {
     if (!isAll) return;
     if (!replaced) { this.said(by.author, by.stamp, "Saved"); return; }
     const { notes, author, stamp } = replaced;
-    this.say(element("span", {}, `Saved. It replaced what ${author || "somebody"} wrote${stamp ? ` at ${moment(stamp).slice(11)}` : ""}: “${notes.slice(0, 200)}” `,
+    this.say(element("span", {}, `Saved. It replaced what ${author || "someone"} wrote${stamp ? ` at ${moment(stamp).slice(11)}` : ""}: “${notes.slice(0, 200)}” `,
       element("button", { className: "link", onclick: () => this.put(notes) }, "Restore that")), true);
     if (this.history.open) this.loadHistory();
   }

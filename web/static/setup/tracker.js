@@ -17,7 +17,7 @@ export class TrackerSection {
     this.bars = element("div", { className: "latencies", role: "img" });
     this.latencies = element("figure", { hidden: true }, this.bars, element("figcaption", {}, "frames of the last seconds by their latency above the smallest, in steps of 1 ms; the last bar: all longer ones"));
     const fields = element("div");
-    this.simulated = element("div", {}, element("p", { className: "hint" }, "Poses of the simulated tracking system, made by the station from the simulator's truth; what is set here is what its measurements suffer."), fields);
+    this.simulated = element("div", {}, element("p", { className: "hint" }, "Poses of the simulated tracking system, made by the station from the simulator's truth; these settings are the errors of its measurements."), fields);
     const picture = element("div", { hidden: true });
     place.append(this.facts, this.problem, picture, this.latencies, this.simulated);
     new CameraPicture(picture, events, "tracker", "the tracker's camera");

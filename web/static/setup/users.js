@@ -38,14 +38,14 @@ export class UserSection {
     const cells = [element("b", {}, name, element("small", {}, `${mine}${account ? "" : " by a link"}`)), account && this.isAdmin ? this.roles(user, path) : role, String(sessions), ago(last_seen)];
     const acts = [];
     if (this.isAdmin) {
-      acts.push(element("button", { disabled: !sessions, title: "signed out everywhere at once", ariaLabel: `end the sessions of ${name}`, onclick: () => this.act(() => request("POST", `${path}/end_sessions`), `${name} is signed out`) }, "Sign out"));
+      acts.push(element("button", { disabled: !sessions, title: "sign this user out everywhere now", ariaLabel: `end the sessions of ${name}`, onclick: () => this.act(() => request("POST", `${path}/end_sessions`), `${name} is signed out`) }, "Sign out"));
       if (account) acts.push(this.remove(name, path));
     }
     return element("tr", {}, ...cells.map((cell) => element("td", {}, cell)), ...(this.isAdmin ? [element("td", { className: "acts" }, ...acts)] : []));
   }
 
   roles({ name, role }, path) {
-    return element("select", { ariaLabel: `role of ${name}`, title: "another role signs the user out", onchange: ({ target }) => this.act(() => request("PUT", `${path}/role`, { role: target.value }), `${name} is ${target.value} now`) },
+    return element("select", { ariaLabel: `role of ${name}`, title: "changing the role signs the user out", onchange: ({ target }) => this.act(() => request("PUT", `${path}/role`, { role: target.value }), `${name} is ${target.value} now`) },
       ...ROLES.map((one) => element("option", { value: one, selected: one === role }, one)));
   }
 
@@ -64,7 +64,7 @@ export class UserSection {
   }
 
   form() {
-    const name = element("input", { name: "name", required: true, maxLength: 32, pattern: "[a-z][a-z0-9_.\\-]*", title: "small letters, digits and _ . -, a letter first", autocomplete: "off", spellcheck: false });
+    const name = element("input", { name: "name", required: true, maxLength: 32, pattern: "[a-z][a-z0-9_.\\-]*", title: "lower-case letters, digits and _ . -, beginning with a letter", autocomplete: "off", spellcheck: false });
     const password = element("input", { name: "password", type: "password", required: true, minLength: 10, maxLength: 1000, title: "ten characters or more", autocomplete: "new-password" });
     const role = this.newRole = element("select", { name: "role", disabled: true }, ...ROLES.map((one) => element("option", { value: one, selected: one === "operator" }, one)));
     const labelled = (label, input) => element("label", {}, element("span", {}, label), input);

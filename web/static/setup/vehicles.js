@@ -27,8 +27,8 @@ export class VehicleSection {
     this.model = element("dl", { className: "facts" });
     place.append(
       element("table", { className: "list" }, element("thead", {}, element("tr", {}, ...["name", "link", "state", "runs", "last seen"].map((text) => element("th", { scope: "col" }, text)))), this.body), this.reached,
-      element("h3", {}, `What the control law believes of ${session.vehicle}`), this.model,
-      element("p", { className: "hint" }, "Changed on the ", element("a", { href: "/#tab=gains&search=model." }, "Gains tab"), ", under model: there with bounds, history and undo."));
+      element("h3", {}, `Model of ${session.vehicle} in the control law`), this.model,
+      element("p", { className: "hint" }, "Edit on the ", element("a", { href: "/#tab=gains&search=model." }, "Gains tab"), ", under model, with bounds, history and undo."));
     parameters.addEventListener("change", () => this.showModel());
     this.showModel();
     this.refresh();

@@ -31,7 +31,7 @@ export class StickEditor {
     this.hint = element("p", { className: "hint", role: "status" });
     this.box = element("section", { id: "stick-editor", hidden: true, ariaLabel: "set up the pad" },
       element("header", {}, this.title, element("button", { onclick: () => this.close() }, "Done")),
-      element("div", { className: "line" }, element("label", {}, "Preset ", this.modes), element("button", { onclick: () => this.reset(), title: "forget what was set up for this kind of pad" }, "Standard")),
+      element("div", { className: "line" }, element("label", {}, "Preset ", this.modes), element("button", { onclick: () => this.reset(), title: "discard the set-up of this type of gamepad" }, "Standard")),
       ...this.rows.map(({ line }) => line), this.deadZone.line, this.expo.line, this.hint);
     place.append(this.box);
     this.box.addEventListener("keydown", (event) => { if (event.key === "Escape") { if (this.wanted) this.detect(null); else this.close(); } });

@@ -39,7 +39,7 @@ class StickPanel {
     this.source = element("span", { className: "source" });
     this.trip = element("output", { className: "trip", title: "from this page to the station and back: median, and the time 95 % stay below" });
     this.velocity = flightButton(element("button", { title: "start the behaviour velocity: the sticks command the velocity while their button is held", onclick: () => fly.start("velocity") }, "Velocity"));
-    this.setUp = element("button", { className: "link", title: "which stick and button of the pad is what", onclick: () => this.editor.toggle() }, "Set up pad");
+    this.setUp = element("button", { className: "link", title: "assign the gamepad's sticks and buttons", onclick: () => this.editor.toggle() }, "Set up pad");
     place.append(
       element("span", { className: "pads", ariaHidden: "true" }, ...this.pads.map(({ box }) => box)),
       element("div", { className: "words" }, this.note, this.limits),

@@ -2,6 +2,7 @@
 
 import { request } from "../core/api.js";
 import { element } from "../core/dom.js";
+import { icon } from "../icons/icons.js";
 import { moment } from "../runs/labels.js";
 import { describe } from "./units.js";
 
@@ -33,7 +34,7 @@ export class TuneRuns {
     const mark = element("b", {}, letter);
     if (color) mark.style.color = color;
     const facts = [when, run.requester, run.run_id && `run ${run.run_id}`].filter(Boolean).join(" · ");
-    const remove = element("button", { className: "remove", title: "delete this test", ariaLabel: `delete ${text} of ${when}`, disabled: !this.isOperator, onclick: () => this.delete(run, text) }, "×");
+    const remove = element("button", { className: "remove", title: "delete this test", ariaLabel: `delete ${text} of ${when}`, disabled: !this.isOperator, onclick: () => this.delete(run, text) }, icon("close"));
     return element("li", {}, element("label", {}, box, mark, element("span", { className: "what" }, text), element("span", { className: "facts", title: facts }, facts)), remove,
       ...(run.problems.length ? [element("p", { className: "reason" }, run.problems.join("; "))] : []));
   }

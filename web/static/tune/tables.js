@@ -41,7 +41,7 @@ export function gainsTable(runs, letters, colors, putBack, canPutBack) {
   const names = [...new Set(runs.flatMap(({ gains }) => Object.keys(gains)))];
   const differing = names.filter((name) => new Set(runs.map(({ gains }) => gains[name])).size > 1);
   const buttons = runs.map((run, i) => element("td", {}, element("button", {
-    className: "small", disabled: !canPutBack, title: `set the gains that were in force in test ${letters[i]}; they go the way of every gain`,
+    className: "small", disabled: !canPutBack, title: `set the gains that were in force in test ${letters[i]}; the vehicle checks them like any other change`,
     ariaLabel: `restore the gains of test ${letters[i]}`, onclick: () => putBack(run),
   }, "Restore")));
   const rows = differing.map((name) => element("tr", {}, element("th", { scope: "row", title: name }, short(name)), ...runs.map(({ gains }) => element("td", {}, name in gains ? exact(gains[name]) : NONE))));

@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+from control.behaviors.preview import Preview
+
 HELD = (
     "#arm",
     "#cut",
@@ -81,3 +83,25 @@ def test_the_space_bar_starts_no_flight(console: Any, station: Any, look: Any, b
     console.keyboard.press(" ")
     look.text("#charts .bar button >> nth=0", "^Resume$")
     assert asked(station) == []
+
+
+def test_a_trajectory_tells_what_it_asks_before_it_starts(
+    page: Any, look: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = Preview([(0.0, 0.0, 1.0), (1.0, 0.0, 1.0)], 19.2, 0.634, "")
+    laps: list[int] = []
+
+    def compute(_: Any, here: Any, arguments: Any, *more: Any, **limits: Any) -> Preview:
+        laps.append(arguments["laps"])
+        return found
+
+    monkeypatch.setattr("web.commands.trajectories.run", compute)
+    row = "#behaviors .behavior:has(button:text-is('Circle'))"
+    page.keyboard.press("Escape")  # the help of the first visit
+    page.hover(row)
+    look.text("#plan", "^Circle: 00:19, up to 0.63 m/s; the vehicle can fly it.$")
+    assert page.is_visible("#planned-key")
+    found = Preview(found.points, 5.0, 3.0, "follow_trajectory refused: too quick; try slower")
+    page.fill(f"{row} input >> nth=0", "2")
+    look.text("#plan", "^Circle: too quick; try slower$")
+    assert laps == [3, 2]

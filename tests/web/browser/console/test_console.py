@@ -96,7 +96,7 @@ def test_who_flies_is_said_in_words_and_only_the_microcontroller_alone_in_red(
     page.goto(page.url + "kill")
     look.text("#state", f"^emergency land: {alone[1:]}$")
     look.text("#answer", "^landing, acknowledged after")
-    look.text("#emergency-land", "not held in place")
+    look.text("#emergency-land", "may drift")
 
 
 def test_what_is_old_is_grey_and_keeps_its_last_value(page: Any, look: Any, flying: Any) -> None:

@@ -71,7 +71,7 @@ def test_a_text_typed_afterwards_goes_to_the_same_mark(
     marked.wait_for_selector("#marks input")
     marked.fill("#marks input", "gust from the door")
     marked.keyboard.press("Enter")
-    look.text("#mark-note", "Text of the mark kept")
+    look.text("#mark-note", "Mark saved")
     first, second = marks(station)
     assert (second.id, second.text, second.pressed_ns) == (first.id, "gust from the door", 0)
     assert marked.locator("#marks li").count() == 1

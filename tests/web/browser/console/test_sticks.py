@@ -220,7 +220,9 @@ def test_each_drop_stops_the_vehicle_says_why_and_needs_a_release(
     pad = Pad(flown)
 
     def said() -> int:
-        return int(flown.inner_text("#events").count(f"dropped: {cause}"))
+        item = flown.locator("#events li", has_text=f"dropped: {cause}")
+        times = item.locator("b").text_content() if item.count() else "0"
+        return int(times.removeprefix("× ") or 1)
 
     before = said()
 

@@ -35,6 +35,14 @@ def phone(chromium: Any, flying_lab: Any) -> Iterator[Any]:
     assert problems == []
 
 
+def out_of_sight(page: Any, *selectors: str) -> list[str]:
+    """Return which of them are not wholly in the window when the page is scrolled to its end."""
+    page.evaluate("scrollTo(0, document.body.scrollHeight)")
+    boxes = {one: page.locator(one).bounding_box() for one in selectors}
+    page.evaluate("scrollTo(0, 0)")
+    return [one for one, b in boxes.items() if b["y"] < 0 or b["y"] + b["height"] > HEIGHT]
+
+
 @pytest.fixture
 def console(phone: Any) -> Any:
     phone.set_viewport_size({"width": WIDTH, "height": HEIGHT})
@@ -51,6 +59,7 @@ def test_every_tab_is_accessible_and_within_the_width(
         console.wait_for_timeout(3000)
         keep_picture(console, Path(IMAGES) / "phone.png")
     assert axe_in_both_themes(console) + crooked(console) == []
+    assert out_of_sight(console, "#disarm", "#emergency-land", "#cut") == []
 
 
 def test_the_charts_are_a_tab_that_is_reached_by_keyboard_and_draws(
@@ -110,3 +119,4 @@ def test_every_other_page_is_accessible_and_within_the_width(
     phone.goto(f"{flying_lab.base}{path.format(run=lab_of_pages.RUN)}")
     phone.wait_for_selector(ready)
     assert axe_in_both_themes(phone) + crooked(phone) == []
+    assert out_of_sight(phone, "#emergency-land", "#cut") == []

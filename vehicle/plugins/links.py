@@ -1,4 +1,4 @@
-"""Links to an external law: a process of its own, or a program that answers over UDP."""
+"""Links to a plugin: a process of its own, or a program that answers over UDP."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Protocol
 
 from quadrotor.errors import QuadlabError, RefusedError
-from vehicle.laws.contract import OUTPUT_TYPE
-from vehicle.laws.host import FAILED, READY, serve
+from vehicle.plugins.contract import Contract
+from vehicle.plugins.host import FAILED, READY, serve
 from vehicle_link.jobs import Job
 
 PATIENCE, START = 1.0, 10.0
@@ -20,7 +20,7 @@ LARGEST = 4096
 
 
 class Link(Protocol):
-    """Both ways of one law."""
+    """Both ways of one plugin."""
 
     def ready(self) -> bool:
         """Return whether inputs may be sent."""
@@ -55,22 +55,23 @@ class NoLink:
 
 
 class ProcessLink:
-    """A law of a file or package, in a process of its own.
+    """A plugin of a file or package, in a process of its own.
 
     Args:
-        source: as `vehicle.laws.host.load` takes it.
+        contract, source: as `vehicle.plugins.host.load` takes them.
         waits: whether time waits for an answer, as in simulated flights.
 
     Raises JobError when the process cannot be started.
     """
 
-    def __init__(self, source: str, waits: bool) -> None:
+    def __init__(self, contract: Contract, source: str, waits: bool) -> None:
         self._name, self._waits, self._ready = Path(source).name, waits, False
+        self._size = contract.outputs.itemsize
         # Keeps the boundaries of messages, and tells at once when the other end is gone.
         self._socket, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with other:
             self._job: Job[None] = Job(
-                serve, other.fileno(), source, niceness=0, keep=(other.fileno(),)
+                serve, other.fileno(), contract, source, niceness=0, keep=(other.fileno(),)
             )
         self._socket.settimeout(START if waits else 0.0)
 
@@ -89,13 +90,13 @@ class ProcessLink:
         try:
             data = self._socket.recv(LARGEST)
         except (BlockingIOError, TimeoutError):
-            self._job.poll()  # takes what the law prints, so that it never waits for a reader
+            self._job.poll()  # takes what the plugin prints, so that it never waits for a reader
             return None
         except OSError:
             data = b""
         if not data:
             raise RefusedError(self._end())
-        if data.startswith(FAILED) and len(data) > OUTPUT_TYPE.itemsize:
+        if data.startswith(FAILED) and len(data) > self._size:
             raise RefusedError(data.removeprefix(FAILED).decode(errors="replace").strip())
         return data
 
@@ -121,13 +122,14 @@ class UdpLink:
     """A program that receives inputs at `peer` and answers to our `port`.
 
     Args:
-        peer: "ADDRESS:PORT", IPv4. port: ours.
+        contract: of its answers. peer: "ADDRESS:PORT", IPv4. port: ours.
         waits: as of `ProcessLink`.
 
     Raises RefusedError for an address that cannot be used.
     """
 
-    def __init__(self, peer: str, port: int, waits: bool) -> None:
+    def __init__(self, contract: Contract, peer: str, port: int, waits: bool) -> None:
+        self._size = contract.outputs.itemsize
         host, _, number = peer.rpartition(":")
         try:
             # Numbers alone: to look a name up may take seconds, which no tick has.
@@ -154,9 +156,9 @@ class UdpLink:
             data = self._socket.recv(LARGEST)
         except OSError:  # nothing came, or the computer there says that nobody listens
             return None
-        if len(data) != OUTPUT_TYPE.itemsize:
+        if len(data) != self._size:
             raise RefusedError(
-                f"a packet of {len(data)} bytes came, expected {OUTPUT_TYPE.itemsize}: "
+                f"a packet of {len(data)} bytes came, expected {self._size}: "
                 "5 doubles, time, thrust and torque"
             )
         return data

@@ -1,0 +1,59 @@
+"""A trajectory of follow_trajectory before it is flown: its path, its demands, and why it would be
+refused. Heavy modules are imported only where it is computed, which is a process of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from quadrotor.parameters import ParameterValue
+
+POINTS = 400
+
+
+@dataclass(frozen=True, slots=True)
+class Preview:
+    """What a trajectory asks of the vehicle."""
+
+    points: list[tuple[float, float, float]]  # m, world, evenly over time
+    duration: float  # s
+    speed: float  # m/s, the largest
+    refusal: str  # "" where the vehicle can fly it
+
+
+def preview(
+    point: tuple[float, float, float, float],
+    arguments: Mapping[str, ParameterValue],
+    parameters: Mapping[str, ParameterValue],
+    voltage: float | None = None,
+) -> Preview:
+    """Return the preview of follow_trajectory with these arguments from x, y, z (m), yaw (rad).
+
+    Args:
+        parameters: the vehicle's, by full name; `behavior.` and `model.` count.
+        voltage: V, of the battery; None is the nominal one.
+
+    Raises ParameterError or RefusedError for arguments that make no trajectory.
+    """
+    import numpy as np
+
+    from control.behaviors.behavior import Context
+    from control.behaviors.follow_trajectory import FollowTrajectory, surveyed
+    from control.behaviors.parameters import BehaviorParameters
+    from control.trajectories.trajectory import sample_many
+    from quadrotor.records import new_reference
+    from quadrotor.vehicle_model import GRAVITY, VehicleModel
+
+    behavior, model = BehaviorParameters(), VehicleModel()
+    for prefix, section in (("behavior.", behavior), ("model.", model)):
+        for name in type(section).model_fields:
+            if prefix + name in parameters:
+                setattr(section, name, parameters[prefix + name])
+    reference = new_reference()
+    reference["position_w"][0], reference["yaw"] = point[:3], point[3]
+    context = Context(reference, behavior, model.mass * GRAVITY, model.record(voltage))
+    trajectory, report, refusal = surveyed(context, *FollowTrajectory.chosen(context, arguments))
+    path = sample_many(trajectory, np.linspace(0.0, trajectory.duration, POINTS))["position_w"]
+    speed = report.of("speed").value
+    return Preview([(x, y, z) for x, y, z in path.tolist()], trajectory.duration, speed, refusal)

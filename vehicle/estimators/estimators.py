@@ -1,0 +1,64 @@
+"""The estimators that one vehicle may fly on: those of `estimation.registry`, and plugins."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+from estimation import registry
+from estimation.parameters import EstimationParameters
+from quadrotor.errors import RefusedError
+from vehicle.estimators.choice import NONE
+from vehicle.estimators.contract import ESTIMATOR as CONTRACT
+from vehicle.estimators.estimator_runner import POSES, Runner
+from vehicle.estimators.external import ExternalEstimator
+from vehicle.plugins.plugins import Plugins
+
+
+class Estimators:
+    """The estimators by name.
+
+    Args:
+        folder: of files NAME.py; may be missing.
+        waits: whether simulated time waits for the answers of a plugin.
+    """
+
+    def __init__(self, folder: Path | None = None, waits: bool = True) -> None:
+        self._plugins = Plugins(CONTRACT, folder, waits, (*registry.names(), NONE))
+
+    def offer(self) -> None:
+        """Make the plugins' names values of the parameters, before a tree's store is made."""
+        registry.offer(self._plugins.names())
+
+    def register(self) -> None:
+        """Register the plugins like built-in ones, for programs that run estimators by name."""
+        for name in self._plugins.names():
+            registry.register(name, partial(self._external, name))
+
+    def check(self, parameter: str, name: str) -> None:
+        """Raise RefusedError for a name that more than one has, or none."""
+        if name in (*registry.names(), NONE):
+            return
+        if name not in self._plugins.names():
+            raise RefusedError(
+                f"{parameter} = {name!r} is not an estimator; there are "
+                f"{', '.join((*registry.names(), *self._plugins.names()))}; put NAME.py into "
+                f"{self._plugins.folder or 'the folder plugins'}"
+            )
+        self._plugins.check(parameter, name)
+
+    def start(self, name: str, source: str, parameters: EstimationParameters) -> Runner:
+        """Return an estimator on its source; the process of a plugin is starting."""
+        if name not in registry.names():
+            return Runner(name, source, self._external(name, parameters, source))
+        registry.prepare(name, source != POSES)  # does nothing when `check` has prepared it
+        return Runner(name, source, registry.create(name, parameters))
+
+    def _external(
+        self, name: str, parameters: EstimationParameters, source: str = ""
+    ) -> ExternalEstimator:
+        plugins, source = self._plugins, source or parameters.source
+        beneath = self.start(parameters.plugin.built_in, source, parameters)
+        own = ExternalEstimator(name, plugins.start(name), beneath, plugins.waits)
+        own.configure(parameters)
+        return own

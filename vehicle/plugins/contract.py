@@ -1,0 +1,65 @@
+"""The input and answer of a plugin: vectors of float64, little-endian, in SI units, without
+padding. A UDP packet and a call of a Python plugin have the same content."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.records import Record
+
+Array = npt.NDArray[np.float64]
+
+
+class Field(NamedTuple):
+    """One named vector: how many numbers it has, their unit, what they are, and their shape where
+    they are the rows of a table."""
+
+    name: str
+    size: int
+    unit: str
+    meaning: str
+    shape: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Contract:
+    """One kind of plugin; it can be pickled.
+
+    Args:
+        kind: "law" or "estimator", the name that a file defines.
+        inputs, outputs: packed types, which begin with `time` and `time`, s. The inputs have
+            `reset`.
+        step: calls a plugin with one input, fields as attributes, and writes the output (1,).
+        endings: of its files.
+        rehearsal: inputs that it is stepped with before it counts as loaded, so that nothing is
+            imported or compiled in the first tick.
+    """
+
+    kind: str
+    inputs: np.dtype[np.void]
+    outputs: np.dtype[np.void]
+    step: Callable[[Any, Any, Record], None]
+    endings: tuple[str, ...] = (".py",)
+    rehearsal: tuple[Record, ...] = ()
+
+    @property
+    def group(self) -> str:
+        """Return the group of the entry points by which installed packages offer it."""
+        return f"quadlab.{self.kind}s"
+
+
+def layout(fields: tuple[Field, ...]) -> np.dtype[np.void]:
+    """Return the fields as a packed structured type of little-endian doubles."""
+    return np.dtype(
+        [(f.name, "<f8") if f.size == 1 else (f.name, "<f8", f.shape or f.size) for f in fields]
+    )
+
+
+def as_attributes(x: Record) -> Any:
+    """Return a record (1,) as what a plugin receives: fields as attributes."""
+    return x.view(np.recarray)[0]

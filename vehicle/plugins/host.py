@@ -1,0 +1,102 @@
+"""The process of one plugin of a file or package: receives inputs, calls the plugin, answers.
+
+It starts with the vehicle's real-time priority and gives it up before anything of the file runs.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import socket
+import sys
+from functools import partial
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from quadrotor.errors import QuadlabError, RefusedError, UsageError
+from quadrotor.python_file import call_user_code, run_file
+from vehicle.plugins.contract import Contract, as_attributes
+
+READY = b"ready"
+"""First message of the process: the plugin is loaded."""
+FAILED = b"!"
+"""Begins the last message, the reason, which is longer than an answer."""
+LARGEST = 2048
+MEMORY = 1 << 30
+"""Bytes of data that a plugin may hold."""
+FMU = ".fmu"
+
+
+def serve(descriptor: int, contract: Contract, source: str) -> None:
+    """Answer over this socket until it is closed. Args: `source` as `load` takes it.
+
+    Raises UsageError for a file that holds no such plugin, RefusedError with file and line for
+    whatever the plugin raises.
+    """
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+    connection = socket.socket(fileno=descriptor)
+    try:
+        _answer(connection, contract, source)
+    except QuadlabError as error:  # told at once, before this process has ended
+        reason = f"{error!s:{contract.outputs.itemsize + 1}}"
+        connection.send(FAILED + reason.encode()[:LARGEST])
+        raise
+
+
+def _answer(connection: socket.socket, contract: Contract, source: str) -> None:
+    plugin, file = load(contract, source), _file_of(contract, source)
+    out = np.zeros(1, contract.outputs)
+    for x in contract.rehearsal:
+        call_user_code(file, partial(contract.step, plugin, as_attributes(x), out), UsageError)
+    connection.send(READY)
+    while data := connection.recv(contract.inputs.itemsize + 1):
+        # Its own memory in each tick, which a plugin may keep and write.
+        x = as_attributes(np.frombuffer(bytearray(data), contract.inputs))
+        call_user_code(file, partial(contract.step, plugin, x, out), RefusedError)
+        connection.send(out.tobytes())
+
+
+def load(contract: Contract, source: str | Path) -> Any:
+    """Return a plugin.
+
+    Args:
+        source: the path of an FMU, or of a Python file that defines a class or function that
+            makes one, named as the contract's kind; or the contract's group, `=`, and the value
+            of an entry point that names one.
+
+    Raises UsageError that names file and line.
+    """
+    path = Path(source)
+    if path.suffix == FMU:
+        from vehicle.laws.fmu import FmuLaw
+
+        return FmuLaw(path)
+    if (point := _entry_point(contract, source)) is not None:
+        made = call_user_code(path, point.load, UsageError)
+    else:
+        made = vars(run_file(path, contract.kind, UsageError)).get(contract.kind)
+    if not callable(made):
+        raise UsageError(
+            f"{path.name}: it defines no {contract.kind!r}; give a class or function of this name "
+            "whose object has reset and step(x); docs/extending/plugins.md shows one"
+        )
+    plugin = call_user_code(path, made, UsageError)
+    for method in ("reset", "step"):
+        if not callable(getattr(plugin, method, None)):
+            raise UsageError(f"{path.name}: {type(plugin).__name__} has no method {method}")
+    return plugin
+
+
+def _entry_point(contract: Contract, source: str | Path) -> EntryPoint | None:
+    group, _, value = str(source).partition("=")
+    return EntryPoint("", value, group) if group == contract.group else None
+
+
+def _file_of(contract: Contract, source: str) -> Path:
+    """Return the file whose lines are told of, once the plugin is loaded."""
+    point = _entry_point(contract, source)
+    return Path((point and sys.modules[point.module].__file__) or source)

@@ -1,0 +1,121 @@
+"""Trajectories before and while they are flown: `POST /api/trajectories/preview` draws one in the
+3D view and says what it asks of the vehicle; the summary has how far the one under way is.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from fastapi import FastAPI
+from fastapi.concurrency import run_in_threadpool
+from pydantic import Field
+
+from control.behaviors.preview import Preview, preview
+from quadrotor.errors import JobTimeoutError, RefusedError
+from quadrotor.parameters import ParameterValue
+from vehicle_link.jobs import run
+from vehicle_link.messages import stamp_of
+from web.beacons.shapes import point_of, wxyz_of
+from web.body import Body
+from web.live.latest import Live
+from web.parameters.replica import PageParameters
+from web.requester import Operator
+from web.view.scene import Scene
+
+FOLLOW = "follow_trajectory"
+HOVER = 1.0  # m, where a trajectory would start that is looked at on the ground
+TIME_LIMIT = 20.0  # s
+NICENESS = 0  # added to that of this process: a person waits for the answer
+Arguments = dict[str, ParameterValue]
+
+
+class PreviewBody(Body):
+    arguments: Arguments = Field(description="of follow_trajectory, as start_behavior takes them")
+
+
+class TrajectoryDesk:
+    """The trajectory that was looked at last, and the one that is flown; for the event loop."""
+
+    def __init__(self, live: Live, replica: PageParameters, scene: Scene) -> None:
+        self._live, self._replica, self._scene = live, replica, scene
+        self._busy = False
+        self._seen: tuple[Arguments, Preview] | None = None
+        self._started: Arguments | None = None
+        self._began_ns: int | None = None
+
+    async def look(self, arguments: Arguments) -> dict[str, Any]:
+        """Show a trajectory that would start here, and return its demands.
+
+        Raises ParameterError, RefusedError, JobError.
+        """
+        if self._busy:
+            raise RefusedError("another preview is being computed; try again in a second")
+        self._busy = True
+        battery = self._live.current("battery")
+        voltage = None if battery is None else float(battery.voltage)
+        given = (self._here, arguments, self._replica.values(), voltage)
+
+        def compute() -> Preview:
+            return run(preview, *given, seconds=TIME_LIMIT, niceness=NICENESS)
+
+        try:
+            found = await run_in_threadpool(compute)
+        except JobTimeoutError:
+            self._scene.plan(None)
+            raise RefusedError(
+                "this computer is too busy for a preview; the vehicle checks the trajectory itself "
+                "when it starts"
+            ) from None
+        except Exception:
+            self._scene.plan(None)
+            raise
+        finally:
+            self._busy = False
+        self._seen = (arguments, found)
+        self._scene.plan(np.asarray(found.points, np.float32), not found.refusal)
+        return {"duration": found.duration, "speed": found.speed, "refusal": found.refusal}
+
+    def started(self, arguments: Arguments) -> None:
+        """Take note that the vehicle has accepted to fly it."""
+        self._started, self._began_ns = arguments, None
+
+    def summary(self) -> dict[str, Any] | None:
+        """Return how far the trajectory under way is, None where none is or it is not known."""
+        status = self._live.current("status")
+        if status is None or self._started is None:
+            return None
+        if status.behavior.lower() != FOLLOW:
+            if self._began_ns is not None:
+                self._started = self._began_ns = None
+            return None
+        stamp_ns = stamp_of(status)
+        self._began_ns = self._began_ns or stamp_ns
+        if self._seen is None or self._seen[0] != self._started:
+            return None
+        duration = self._seen[1].duration
+        elapsed = min(duration, 1e-9 * (stamp_ns - self._began_ns))
+        laps = self._started.get("laps")
+        return {"elapsed": round(elapsed, 1), "duration": round(duration, 1), "laps": laps}
+
+    @property
+    def _here(self) -> tuple[float, float, float, float]:
+        """Return x, y, z (m) and yaw (rad) where it would start."""
+        status, reference = self._live.current("status"), self._live.current("reference")
+        if reference is not None and status is not None and status.airborne:
+            return (*point_of(reference.position), float(reference.yaw))
+        state = self._live.current("state")
+        if state is None:
+            return (0.0, 0.0, HOVER, 0.0)
+        x, y, _ = point_of(state.pose.pose.position)
+        w, i, j, k = wxyz_of(state.pose.pose.orientation)
+        return (x, y, HOVER, float(np.arctan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))))
+
+
+def add_trajectories(app: FastAPI, desk: TrajectoryDesk) -> None:
+    @app.post("/api/trajectories/preview")
+    async def look(body: PreviewBody, _: Operator) -> dict[str, Any]:
+        """Draw a trajectory of follow_trajectory in the 3D view, and return its duration (s),
+        its largest speed (m/s), and why the vehicle would refuse it, "" where it can fly it.
+        """
+        return await desk.look(body.arguments)
