@@ -22,16 +22,16 @@ class Draws:
     def __init__(self, *key: int) -> None:
         state = 0
         for part in key:
-            state = mixed((state ^ part) + STEP & ALL)
+            state = splitmix64((state ^ part) + STEP & ALL)
         self._state = state
 
     def uniform(self) -> float:
         """Return the next number, in (0, 1]."""
         self._state = self._state + STEP & ALL
-        return ((mixed(self._state) >> 11) + 1) * _UNIT
+        return ((splitmix64(self._state) >> 11) + 1) * _UNIT
 
 
-def mixed(z: int) -> int:
+def splitmix64(z: int) -> int:
     """Return the word that SplitMix64 derives from a state."""
     z = ((z ^ z >> 30) * 0xBF58_476D_1CE4_E5B9) & ALL
     z = ((z ^ z >> 27) * 0x94D0_49BB_1331_11EB) & ALL

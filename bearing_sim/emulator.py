@@ -115,7 +115,7 @@ class BearingEmulator:
         seen_ids: list[int] = []
         seen: list[Triple] = []
         # Plain floats: for four beacons, numpy's calls cost more than the arithmetic.
-        for told, (id, (px, py, pz)) in zip(ids, layout.places, strict=True):
+        for claimed_id, (id, (px, py, pz)) in zip(ids, layout.places, strict=True):
             u, v, w = px - x, py - y, pz - z
             distance = math.sqrt(u * u + v * v + w * w)
             if lost is None or id in lost or not p.range_min <= distance <= p.range_max:
@@ -137,7 +137,7 @@ class BearingEmulator:
             if id in own_biases:
                 bearing_b = _product(_turn_of(own_biases[id]), bearing_b)
             along, across = pair(draws, freedom)
-            seen_ids.append(told)
+            seen_ids.append(claimed_id)
             seen.append(perturbed(bearing_b, sigma * along, sigma * across))
         frame = BearingMeasurement(
             stamp_ns + round(p.stamp_error * SECOND_NS),

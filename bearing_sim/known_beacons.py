@@ -21,7 +21,7 @@ class KnownBeacons:
     def ids(self) -> list[int]:
         return sorted(self._places)
 
-    def place(self, seen: Record) -> Record:
+    def with_positions(self, seen: Record) -> Record:
         """Return a BEARINGS_SAMPLE (1,) with beacon positions, without unknown beacons."""
         places, ids = self._places, beacon_ids_of(seen)
         known = [k for k, one in enumerate(ids) if one in places]

@@ -38,7 +38,7 @@ LARGEST_MAP = 250_000
 
 
 @dataclass(frozen=True)
-class Sight:
+class FieldOfView:
     """The field of view of a sensor, which determines the visible beacons.
 
     Attributes:
@@ -55,7 +55,7 @@ class Sight:
     lost: frozenset[int] | None = frozenset()
 
     @classmethod
-    def of(cls, parameters: BearingParameters) -> Sight:
+    def of(cls, parameters: BearingParameters) -> FieldOfView:
         """Return the field of view of the emulated sensor, without its random effects (spells,
         drop-out, swaps).
         """
@@ -121,7 +121,7 @@ def bound_map(
     y_limits: tuple[float, float],
     height: float,
     *,
-    sight: Sight | None = None,
+    sight: FieldOfView | None = None,
     spacing: float = 0.1,
 ) -> BoundMap:
     """Return the position bound of one frame at level attitude, yaw 0, over a horizontal slice.
@@ -131,7 +131,7 @@ def bound_map(
         sight: field of view of the sensor; None for an unlimited one.
         spacing: m, the largest side of a cell; increased where the slice is too large for it.
     """
-    sight = sight or Sight()
+    sight = sight or FieldOfView()
     width, depth = x_limits[1] - x_limits[0], y_limits[1] - y_limits[0]
     spacing = max(spacing, math.sqrt(width * depth / LARGEST_MAP))
     x, y = _middles(*x_limits, spacing), _middles(*y_limits, spacing)

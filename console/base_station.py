@@ -51,7 +51,7 @@ from quadrotor.errors import LinkError, ParameterError, RefusedError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import has_attitude
 from vehicle_link import time_sync
-from vehicle_link.lockstep import STATION_PROCESS, Part
+from vehicle_link.lockstep import STATION_PROCESS, ProcessProgress
 from vehicle_link.parameters.service import serve_parameters
 from vehicle_link.process_instance import new_instance
 from vehicle_link.transport.node import Node
@@ -100,8 +100,8 @@ class BaseStation:
         self._pace, is_alone = pace_of(vehicles), vehicles == 1
         self._closing = threading.Event()
         self._node = Node(session, f"/{vehicle}", "station")
-        self._part = Part(vehicle)
-        self._part.is_this_process(STATION_PROCESS)
+        self._progress = ProcessProgress(vehicle)
+        self._progress.is_this_process(STATION_PROCESS)
         self.link = LinkMonitor(vehicle, new_instance() if instance is None else instance)
         clock = self._node.client("time_sync", time_sync.TIME_SYNC)
         self.answers = partial(time_sync.answers, clock)
@@ -130,7 +130,7 @@ class BaseStation:
             self.link.standing,
             speaker="station" if is_alone else f"station {vehicle}",
             # In lockstep many more heartbeats go over the lane, and the link needs none of them.
-            beats_over_link=self._pace.beats_over_link * (5 if self._part.in_lockstep else 1),
+            beats_over_link=self._pace.beats_over_link * (5 if self._progress.in_lockstep else 1),
         )
         self._store.subscribe(self._outbox.parameter_changed)
         self._alarms = AlarmBoard(partial(self._outbox.say, WARN))
@@ -142,7 +142,7 @@ class BaseStation:
             parameters.comparison,
             self._outbox.put,
             partial(self._outbox.say, INFO),
-            lambda: is_alone or self._outbox.is_heard("comparison"),
+            lambda: is_alone or self._outbox.has_subscribers("comparison"),
         )
         self._tracker = TrackerFeed(
             parameters.tracker,
@@ -247,7 +247,7 @@ class BaseStation:
             self.checks.observed,
             self.experiments,
             RecentTelemetry(self._node),
-            self._part.vehicle_heard,
+            self._progress.vehicle_received,
         )
         reception = Reception(
             vehicle,
@@ -263,7 +263,7 @@ class BaseStation:
             calibrations=self._calibrations,
             sticks=self._sticks,
             tracker=self._tracker,
-            part=self._part,
+            progress=self._progress,
         )
         self._subscriptions = Subscriptions(
             self._node,

@@ -18,7 +18,7 @@ from console.parameters.vehicle import VehicleParameters
 from console.runs.runs import RunKeeper
 from console.tracker_feed import TrackerFeed
 from vehicle_link import topics
-from vehicle_link.lockstep import Part
+from vehicle_link.lockstep import ProcessProgress
 from vehicle_link.messages import decode
 from vehicle_link.parameters.authority import VEHICLE, authority_of
 from vehicle_link.parameters.messages import decode_change
@@ -34,7 +34,7 @@ class Reception:
     """The handlers of one vehicle's messages.
 
     Args:
-        part: the station's part in the simulation, which waits until the station has received
+        progress: the station's part in the simulation, which waits until the station has received
             its messages.
 
     Attributes:
@@ -57,13 +57,13 @@ class Reception:
         calibrations: Calibrations,
         sticks: StickDesk,
         tracker: TrackerFeed,
-        part: Part,
+        progress: ProcessProgress,
     ) -> None:
         self._vehicle, self._link, self._outbox, self._observed = vehicle, link, outbox, observed
         self._parameters, self._history, self._runs = parameters, history, runs
         self._experiments, self._comparison = experiments, comparison
         self._calibrations, self._sticks = calibrations, sticks
-        self._tracker, self._part = tracker, part
+        self._tracker, self._progress = tracker, progress
         self._beaten_ns = 0  # stamp of the truth after which a heartbeat was sent
         self.handlers: Mapping[str, Callable[[Received], None]] = {
             "telemetry": telemetry.received,
@@ -88,7 +88,7 @@ class Reception:
     def _status(self, received: Received) -> None:
         status = decode(received.payload, TOPICS["status"].type_name)
         self._observed.status(status)
-        self._parameters.show(int(status.instance), int(status.parameter_revision))
+        self._parameters.note_status(int(status.instance), int(status.parameter_revision))
         self._runs.status(bool(status.armed))
         self._history.status(bool(status.armed), self._runs.recorder.run_id)
         self._experiments.feed.status(status)
@@ -97,7 +97,7 @@ class Reception:
 
     def _heartbeat(self, received: Received) -> None:
         self._link.beat(received.payload)
-        self._part.vehicle_heard(received.source_ns)
+        self._progress.vehicle_received(received.source_ns)
 
     def _stick(self, received: Received) -> None:
         self._observed.message("stick", received.payload)
@@ -114,7 +114,7 @@ class Reception:
     def _event(self, received: Received) -> None:
         """Print on the base's terminal why the vehicle landed while it received no station."""
         text = str(decode(received.payload, TOPICS["events"].type_name).msg)
-        if text.startswith(topics.UNHEARD):
+        if text.startswith(topics.DELAYED_PREFIX):
             print(f"station: {self._vehicle}: {text}", flush=True)
 
     def _tracked(self, received: Received) -> None:
@@ -142,9 +142,9 @@ class Reception:
         pose = (stamp_ns, state["position_w"][0], state["quaternion_wb"][0])
         self._comparison.truth(*pose)
         self._tracker.truth(*pose)
-        self._part.truth(stamp_ns)
+        self._progress.truth(stamp_ns)
         if (
-            self._part.in_lockstep
+            self._progress.in_lockstep
             and self._link.standing.beats
             and not 0 <= stamp_ns - self._beaten_ns < BEAT_NS
         ):

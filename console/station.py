@@ -88,10 +88,10 @@ def run_station(
             endpoint,
             files,
             loopback_port,
-            station.link.silent,
-            say=station.warn,
-            beside=station.link.beside,
-            answers=station.answers,
+            station.link.session_silence,
+            report=station.warn,
+            lane_silence=station.link.lane_silence,
+            probe=station.answers,
         )
         station.link.follow(radio)
         radios.append(radio)

@@ -31,7 +31,7 @@ from flight_log.format import (
     parsed,
 )
 from flight_log.index import index_names
-from flight_log.limits import Kept, map_bytes
+from flight_log.limits import MemoryBudget, map_bytes
 from flight_log.records import WalkState, records, walk
 
 BLOCK_BYTES = 4_000_000
@@ -84,7 +84,7 @@ class BlockReader:
         self._loose: list[bytes] = []  # messages outside of chunks
         self._loose_bytes = 0
         self._is_searched = False
-        self._kept = Kept(path.name)
+        self._budget = MemoryBudget(path.name)
 
     def __iter__(self) -> Iterator[Block]:
         state = WalkState()
@@ -121,8 +121,8 @@ class BlockReader:
             elif opcode == Opcode.ATTACHMENT:
                 attachment = parsed(opcode, data)
                 self.attachment_bytes[attachment.name] = len(attachment.data)
-                if self._kept.has_room(len(attachment.data)):
-                    self._kept.add((opcode, attachment.name), len(attachment.data))
+                if self._budget.has_room(len(attachment.data)):
+                    self._budget.add((opcode, attachment.name), len(attachment.data))
                     self.attachments[attachment.name] = attachment.data
             elif opcode == Opcode.METADATA:
                 self._learn(opcode, data)
@@ -205,13 +205,13 @@ class BlockReader:
     def _learn(self, opcode: int, data: bytes) -> None:
         match parsed(opcode, data):
             case Schema() as schema:
-                self._kept.add((opcode, schema.id), len(data))
+                self._budget.add((opcode, schema.id), len(data))
                 self.schemas[schema.id] = schema
             case Channel() as channel:
-                self._kept.add((opcode, channel.id), len(data) + map_bytes(channel.metadata))
+                self._budget.add((opcode, channel.id), len(data) + map_bytes(channel.metadata))
                 self.channels[channel.id] = channel
             case Metadata() as record:
-                self._kept.add((opcode, record.name), map_bytes(record.metadata))
+                self._budget.add((opcode, record.name), map_bytes(record.metadata))
                 self.metadata[record.name] = dict(record.metadata)
 
     def _blocks(self, share: float) -> Iterator[Block]:
@@ -219,12 +219,12 @@ class BlockReader:
         if not self._filled:
             return
         data = np.frombuffer(b"".join(self._parts), np.uint8)
-        places = {channel: _places(told) for channel, told in self._indexes.items()}
+        places = {channel: _places(entries) for channel, entries in self._indexes.items()}
         self._parts, self._filled = [], 0
         self._indexes = defaultdict(list)
         if not _are_messages(data, places):  # an index is damaged
             walked = self._walk(data.tobytes())
-            places = {one: _places([(told, 0, len(data))]) for one, told in walked.items()}
+            places = {one: _places([(entries, 0, len(data))]) for one, entries in walked.items()}
         if len(data) < 2 * BLOCK_BYTES:
             yield Block(data, places, share)
             return
@@ -248,10 +248,10 @@ def _places(indexes: Sequence[tuple[bytes, int, int]]) -> Places:
     entries, offset of the chunk in the block, size of the chunk.
     """
     step = INDEX_ENTRY.size
-    told = b"".join(pairs[: len(pairs) // step * step] for pairs, _, _ in indexes)
+    entries = b"".join(pairs[: len(pairs) // step * step] for pairs, _, _ in indexes)
     counts = [len(pairs) // step for pairs, _, _ in indexes]
     bases, sizes = (np.repeat([one[k] for one in indexes], counts) for k in (1, 2))
-    places = np.frombuffer(told, "<i8")[1::2]
+    places = np.frombuffer(entries, "<i8")[1::2]
     inside = (places >= 0) & (places <= sizes - HEAD_BYTES)
     return np.sort((places + bases)[inside])
 

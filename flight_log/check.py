@@ -165,11 +165,11 @@ def _compare_with_index(found: LogCheck) -> None:
     except LogFormatError as error:
         found.problems.append(str(error))
         return
-    for topic, told in index.topics.items():
+    for topic, stated in index.topics.items():
         counted = found.topics[topic].count if topic in found.topics else 0
-        if counted != told.count:
+        if counted != stated.count:
             found.problems.append(
-                f"{topic}: the index tells {told.count} messages, {counted} are there"
+                f"{topic}: the index tells {stated.count} messages, {counted} are there"
             )
     if index.recovered:
         found.notes.append("it was torn and has been repaired")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flight_log.tick_columns import TICK_TOPICS
-from flight_log.vehicle_messages import Log, Stamps, Taken, stamps_of
+from flight_log.vehicle_messages import LogOverview, Selection, Stamps, stamps_of
 
 HOLE_PERIODS = 1.5
 """Number of usual periods between two ticks above which there is a hole."""
@@ -39,7 +39,9 @@ class Comparison:
     problems: list[str] = field(default_factory=list)
 
 
-def compare(station: Log, taken: Sequence[Taken], oldest_on_board_ns: int) -> Comparison:
+def compare(
+    station: LogOverview, taken: Sequence[Selection], oldest_on_board_ns: int
+) -> Comparison:
     """Return the comparison of the run with the vehicle's own log.
 
     Args:
@@ -82,13 +84,13 @@ def compare(station: Log, taken: Sequence[Taken], oldest_on_board_ns: int) -> Co
     return found
 
 
-def _is_armed_after(station: Log, stamp_ns: int) -> bool:
+def _is_armed_after(station: LogOverview, stamp_ns: int) -> bool:
     """Return whether the vehicle was armed in the next status received."""
     after = (armed for stamp, armed in sorted(station.armed.items()) if stamp >= stamp_ns)
     return next(after, False)
 
 
-def _is_known(taken: Sequence[Taken], begin: int, end: int, armed: bool) -> bool:
+def _is_known(taken: Sequence[Selection], begin: int, end: int, armed: bool) -> bool:
     """Return whether the vehicle's log shows that it has no ticks there either, as it logs only
     while it is armed.
     """

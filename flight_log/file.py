@@ -31,7 +31,7 @@ class LogFile:
         self.path = path
         self.size = 0
         # Without a name: it disappears with its process, however that ends.
-        self._aside = tempfile.SpooledTemporaryFile(PIECE, "w+b", dir=str(path.parent))  # noqa: SIM115
+        self._stored = tempfile.SpooledTemporaryFile(PIECE, "w+b", dir=str(path.parent))  # noqa: SIM115
         self._fd = -1
         self._closing = threading.Lock()  # prevents closing during a sync
         flags = os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | (0 if replace else os.O_EXCL)
@@ -68,23 +68,23 @@ class LogFile:
             ) from error
         return len(data)
 
-    def put_aside(self, data: bytes) -> None:
+    def store_for_end(self, data: bytes) -> None:
         """Store data for the end of the file, without holding it in memory. Raises StorageError."""
         try:
-            self._aside.write(data)
+            self._stored.write(data)
         except OSError as error:
-            raise self._not_aside(error) from error
+            raise self._index_error(error) from error
 
-    def aside(self) -> Iterator[bytes]:
-        """Yield all data stored by `put_aside`, in pieces. Raises StorageError."""
+    def stored(self) -> Iterator[bytes]:
+        """Yield all data stored by `store_for_end`, in pieces. Raises StorageError."""
         try:
-            self._aside.seek(0)
-            while piece := self._aside.read(PIECE):
+            self._stored.seek(0)
+            while piece := self._stored.read(PIECE):
                 yield piece
         except OSError as error:
-            raise self._not_aside(error) from error
+            raise self._index_error(error) from error
 
-    def _not_aside(self, error: OSError) -> StorageError:
+    def _index_error(self, error: OSError) -> StorageError:
         return StorageError(
             f"cannot write an index to {self.path.parent}: {error.strerror or error}; "
             "what was written so far stays readable"
@@ -109,7 +109,7 @@ class LogFile:
     def close(self) -> None:
         """Close the file. Raises StorageError when the disk reports a failed write only now."""
         with suppress(OSError):
-            self._aside.close()
+            self._stored.close()
         with self._closing:
             descriptor, self._fd = self._fd, -1
         if descriptor >= 0:

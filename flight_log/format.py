@@ -18,7 +18,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
-from flight_log.limits import MOST_DESCRIPTION, check_chunk
+from flight_log.limits import MAX_DESCRIPTION, check_chunk
 from quadrotor.errors import LogFormatError
 
 MAGIC: bytes = MCAP0_MAGIC
@@ -77,7 +77,7 @@ _CLASSES: dict[int, Any] = {
 
 def parsed(opcode: int, content: bytes) -> Any:
     """Return a record as the library's class. Raises one of UNREADABLE when it is damaged."""
-    if opcode in DESCRIPTIONS and len(content) > MOST_DESCRIPTION:
+    if opcode in DESCRIPTIONS and len(content) > MAX_DESCRIPTION:
         raise ValueError("too large")
     found = _CLASSES[opcode].read(ReadDataStream(BytesIO(content)))
     if opcode == Opcode.ATTACHMENT:

@@ -19,14 +19,14 @@ from mcap.opcode import Opcode
 
 from flight_log.file import open_log
 from flight_log.format import END_BYTES, FOOTER, MAGIC, RECORD, SUMMARY_OFFSET, UNREADABLE, parsed
-from flight_log.limits import MOST_DESCRIPTION
+from flight_log.limits import MAX_DESCRIPTION
 from quadrotor.errors import LogFormatError, StorageError
 
 NO_END = "has no end mark: its writer was killed, or it was copied in part"
 DAMAGED = "has a damaged index"
 RECOVERED_METADATA = "quadlab.recovered"
 _STRIDE = 1 << 20
-_MOST_OFFSETS = 256 * (RECORD.size + SUMMARY_OFFSET.size)
+_MAX_OFFSETS = 256 * (RECORD.size + SUMMARY_OFFSET.size)
 
 Read = Callable[[int, int], bytes]
 """Function from place and length to that many bytes."""
@@ -121,14 +121,14 @@ def index_records(read: Read, size: int, wanted: Collection[int]) -> Iterator[tu
 def _groups(read: Read, wanted: Collection[int], offsets: int, end: int) -> list[tuple[int, int]]:
     """Return where the wanted groups are, if the index has their offsets."""
     step = RECORD.size + SUMMARY_OFFSET.size
-    if not 0 < offsets < end or end - offsets > _MOST_OFFSETS:
+    if not 0 < offsets < end or end - offsets > _MAX_OFFSETS:
         return []
-    told = read(offsets, (end - offsets) // step * step)
+    data = read(offsets, (end - offsets) // step * step)
     found = []
-    for place in range(0, len(told), step):
-        if told[place] != Opcode.SUMMARY_OFFSET:
+    for place in range(0, len(data), step):
+        if data[place] != Opcode.SUMMARY_OFFSET:
             return []
-        group, start, length = SUMMARY_OFFSET.unpack_from(told, place + RECORD.size)
+        group, start, length = SUMMARY_OFFSET.unpack_from(data, place + RECORD.size)
         if group in wanted:
             found.append((start, start + length))
     return sorted(set(found))
@@ -146,7 +146,7 @@ def _between(
         if length > end - place:
             raise ValueError("a record longer than the index")
         if opcode in wanted:
-            if length > MOST_DESCRIPTION:
+            if length > MAX_DESCRIPTION:
                 raise ValueError(f"a record of {length} bytes")
             here = piece[place - at : place - at + length]
             yield opcode, here if len(here) == length else read(place, length)

@@ -13,17 +13,17 @@ from pathlib import Path
 
 from quadrotor.errors import LogFormatError
 
-MOST_BYTES = 80_000_000
+MAX_BYTES = 80_000_000
 """Largest record, and decompressed chunk: ours have 64 KiB, other writers' up to 64 MiB."""
-MOST_DESCRIPTION = 4_000_000
+MAX_DESCRIPTION = 4_000_000
 """Largest schema, channel or metadata record."""
-MOST_KEPT = 64_000_000
+MAX_KEPT = 64_000_000
 """Largest size of all descriptions, metadata and attachments of a log together."""
-MOST_TIMES = 256
+MAX_TIMES = 256
 """Largest compression ratio of lz4: a chunk that claims more is damaged."""
-MOST_FOREIGN = 400_000_000
+MAX_FOREIGN = 400_000_000
 """Memory that another project's reader may use in addition to what the process has."""
-MOST_UNPACKED = 4_000_000_000
+MAX_UNPACKED = 4_000_000_000
 """Largest file that such a reader may unpack."""
 PAIR_BYTES = 150
 """Size of two short texts in a map, without their letters."""
@@ -33,10 +33,10 @@ FRAME = 64
 
 def check_record(name: str, size: int, place: int) -> None:
     """Check a record; `place` is its offset in the file. Raises LogFormatError if too large."""
-    if size > MOST_BYTES:
+    if size > MAX_BYTES:
         raise LogFormatError(
             f"{name} has a record of {size / 1e6:.0f} MB at byte {place}; "
-            f"at most {MOST_BYTES // 10**6} MB are read"
+            f"at most {MAX_BYTES // 10**6} MB are read"
         )
 
 
@@ -49,12 +49,12 @@ def check_chunk(name: str, stored: int, claimed: int) -> None:
 
     Raises ValueError when the claim is impossible, LogFormatError when it is too large.
     """
-    if claimed > MOST_TIMES * (stored + FRAME):
+    if claimed > MAX_TIMES * (stored + FRAME):
         raise ValueError("it claims more than lz4 could have put into it")
-    if claimed > MOST_BYTES:
+    if claimed > MAX_BYTES:
         raise LogFormatError(
             f"{name} has a chunk of {stored / 1e6:.1f} MB that opens to {claimed / 1e6:.0f} MB; at "
-            f"most {MOST_BYTES // 10**6} MB are opened: rewrite it in smaller ones with "
+            f"most {MAX_BYTES // 10**6} MB are opened: rewrite it in smaller ones with "
             "`mcap compress --compression lz4 --chunk-size 4194304`"
         )
 
@@ -73,7 +73,7 @@ def bounded_reader(name: str) -> Iterator[None]:
     """
     status = Path("/proc/self/status").read_text()
     held = 1024 * int(status.partition("VmData:")[2].split()[0])
-    bounds = {resource.RLIMIT_DATA: held + MOST_FOREIGN, resource.RLIMIT_FSIZE: MOST_UNPACKED}
+    bounds = {resource.RLIMIT_DATA: held + MAX_FOREIGN, resource.RLIMIT_FSIZE: MAX_UNPACKED}
     before = {kind: resource.getrlimit(kind) for kind in bounds}
     try:
         for kind, bound in bounds.items():
@@ -84,7 +84,7 @@ def bounded_reader(name: str) -> Iterator[None]:
         yield
     except MemoryError:
         raise LogFormatError(
-            f"{name} needs more than {MOST_FOREIGN // 10**6} MB of memory to be read; cut it into "
+            f"{name} needs more than {MAX_FOREIGN // 10**6} MB of memory to be read; cut it into "
             "flights, or write it with smaller chunks"
         ) from None
     finally:
@@ -92,7 +92,7 @@ def bounded_reader(name: str) -> Iterator[None]:
             resource.setrlimit(kind, limits)
 
 
-class Kept:
+class MemoryBudget:
     """Counter of what a reader holds of a log in addition to its messages."""
 
     def __init__(self, name: str) -> None:
@@ -101,7 +101,7 @@ class Kept:
         self._total = 0
 
     def has_room(self, size: int) -> bool:
-        return 2 * (self._total + size) <= MOST_KEPT
+        return 2 * (self._total + size) <= MAX_KEPT
 
     def add(self, what: object, size: int) -> None:
         """Count an item that is held; the same `what` replaces the previous one. Raises
@@ -109,8 +109,8 @@ class Kept:
         """
         self._total += size - self._sizes.get(what, 0)
         self._sizes[what] = size
-        if self._total > MOST_KEPT:
+        if self._total > MAX_KEPT:
             raise LogFormatError(
-                f"{self._name} has more than {MOST_KEPT // 10**6} MB of descriptions and metadata; "
+                f"{self._name} has more than {MAX_KEPT // 10**6} MB of descriptions and metadata; "
                 "so many are not read"
             )

@@ -3,7 +3,7 @@
 At 2500 messages a second, on board and at the station, the path of a message determines the cost
 of logging: 2 µs for a single one, a quarter of a microsecond for one of a batch. A record is one
 packed head and its payload, an index entry one packed pair, and numpy sorts batches by time. The
-index entries of the chunks wait in a file (`LogFile.put_aside`), as a run has 25 to 50 chunks a
+index entries of the chunks wait in a file (`LogFile.store_for_end`), as a run has 25 to 50 chunks a
 second. The file is byte for byte that of the mcap library.
 """
 
@@ -271,7 +271,7 @@ class McapWriter:
             + _INDEX_REST.pack(place - begin - length, len(_LZ4), _LZ4, len(stored), len(chunk))
         )
         self._file.write(b"".join(parts))
-        self._file.put_aside(RECORD.pack(Opcode.CHUNK_INDEX, len(indexed)) + indexed)
+        self._file.store_for_end(RECORD.pack(Opcode.CHUNK_INDEX, len(indexed)) + indexed)
 
     def finish(self) -> None:
         """Write the index and the end mark."""
@@ -285,7 +285,7 @@ class McapWriter:
             (Opcode.SCHEMA, [_packed(*self._schemas)]),
             (Opcode.CHANNEL, [_packed(*self._channels)]),
             (Opcode.STATISTICS, [_packed(statistics)]),
-            (Opcode.CHUNK_INDEX, self._file.aside()),
+            (Opcode.CHUNK_INDEX, self._file.stored()),
             (Opcode.ATTACHMENT_INDEX, [_packed(*self._attachments)]),
             (Opcode.METADATA_INDEX, [_packed(*self._metadata)]),
         ]

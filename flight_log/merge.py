@@ -27,7 +27,15 @@ from flight_log.comparison import Comparison, compare
 from flight_log.file import LogFile, sync_folder
 from flight_log.mcap_writer import McapWriter
 from flight_log.run_folder import MERGED, STATION, station_log, vehicle_logs
-from flight_log.vehicle_messages import EARLIEST, LATEST, Channel, Log, Stamps, Taken, joined
+from flight_log.vehicle_messages import (
+    EARLIEST,
+    LATEST,
+    Channel,
+    LogOverview,
+    Selection,
+    Stamps,
+    joined,
+)
 from flight_log.writer import FILLED_METADATA, MEDIA_TYPES
 from quadrotor.errors import LogFormatError, StorageError
 from vehicle_link.topics.table import SHARED
@@ -43,7 +51,7 @@ class Merge:
 
     def __init__(self, run: Path) -> None:
         self.problems: list[str] = []
-        self.station = Log(station_log(run))
+        self.station = LogOverview(station_log(run))
         self.delay_ns = self.station.delay_ns
         self.since_ns = self.station.first_ns - self.delay_ns
         self.until_ns = self.station.last_ns - self.delay_ns
@@ -55,7 +63,7 @@ class Merge:
         self.vehicle = [
             found
             for path in vehicle_logs(run)
-            if (found := self._taken(Log(path), taken)) is not None
+            if (found := self._select(LogOverview(path), taken)) is not None
         ]
         for number, one in self.station.channels.items():
             if one.name in taken:
@@ -64,7 +72,7 @@ class Merge:
             for number, its in source.log.channels.items():
                 source.times[number] = self._receptions(its)
 
-    def _taken(self, log: Log, taken: dict[str, list[Stamps]]) -> Taken | None:
+    def _select(self, log: LogOverview, taken: dict[str, list[Stamps]]) -> Selection | None:
         """Choose from one of the vehicle's logs, and add the keys to `taken`; return None for a log
         of another run.
         """
@@ -83,7 +91,7 @@ class Merge:
         since_ns = self.since_ns
         if first_ns >= since_ns - LEAD_NS:  # else earlier messages belong to the previous run
             since_ns -= LEAD_NS
-        found = Taken(log)
+        found = Selection(log)
         for number, one in log.channels.items():
             mask = (one.stamps_ns >= since_ns) & (one.stamps_ns <= self.until_ns)
             first = np.zeros(len(mask), np.bool_)
@@ -116,7 +124,9 @@ class Merge:
         placed: Stamps = np.maximum(np.minimum(usual, latest), earliest)
         return placed
 
-    def write(self, path: Path, told: Mapping[str, str], report: Callable[[float], None]) -> int:
+    def write(
+        self, path: Path, metadata: Mapping[str, str], report: Callable[[float], None]
+    ) -> int:
         """Write the merged log; return the number of its messages. Raises StorageError."""
         target = LogFile(path.with_name(f"{path.name}.new"), replace=True)
         try:
@@ -126,7 +136,7 @@ class Merge:
             for name, values in reader.metadata.items():
                 if name != FILLED_METADATA:
                     writer.add_metadata(name, values)
-            writer.add_metadata(FILLED_METADATA, dict(told))
+            writer.add_metadata(FILLED_METADATA, dict(metadata))
             for name, data in reader.attachments.items():
                 kind = MEDIA_TYPES.get(Path(name).suffix, "")
                 writer.add_attachment(Attachment(0, 0, name, kind, data))
@@ -144,7 +154,7 @@ class Merge:
 
     def _write_messages(self, writer: McapWriter, report: Callable[[float], None]) -> int:
         numbers = _Registered(writer)
-        sources = [Taken(self.station, self.kept), *self.vehicle]
+        sources = [Selection(self.station, self.kept), *self.vehicle]
         streams = [_in_order(one, rank, numbers) for rank, one in enumerate(sources)]
         span = max(1, self.station.last_ns - self.station.first_ns)
         count = 0
@@ -166,7 +176,7 @@ class _Registered:
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._channels: dict[tuple[str, str, int], int] = {}
 
-    def of(self, log: Log, number: int) -> int | None:
+    def of(self, log: LogOverview, number: int) -> int | None:
         """Return the id in the merged log; None for a channel that the log does not describe."""
         channel = log.reader.channels.get(number)
         if channel is None:
@@ -187,7 +197,7 @@ _Placed = tuple[int, int, int, int, int, bytes]
 """Log time, rank of the log, number in it, channel, stamp, payload."""
 
 
-def _in_order(source: Taken, rank: int, numbers: _Registered) -> Iterator[_Placed]:
+def _in_order(source: Selection, rank: int, numbers: _Registered) -> Iterator[_Placed]:
     """Yield the messages of a log in the order of their log time."""
     waiting: list[_Placed] = []
     newest, known = EARLIEST, {}
@@ -218,14 +228,14 @@ def merge(
     found = compare(plan.station, plan.vehicle, oldest_on_board_ns)
     found.problems += plan.problems
     if plan.vehicle:
-        told = {
+        metadata = {
             "files": json.dumps([STATION, *(one.log.path.name for one in plan.vehicle)]),
             "messages": str(sum(int(m.sum()) for one in plan.vehicle for m in one.kept.values())),
             "seconds": f"{found.filled:.3f}",
             "missing_seconds": f"{found.missing:.3f}",
             "missing": found.why,
         }
-        found.messages = plan.write(run / MERGED, told, report)
+        found.messages = plan.write(run / MERGED, metadata, report)
     with suppress(StorageError, LogFormatError):  # reported when the run is read
         read_columns(run)
     return found

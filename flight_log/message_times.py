@@ -13,7 +13,7 @@ STEPPED = 5_000_000_000
 """Variation of the delay, in ns, above which the source's stamps are not used."""
 GAP_PERIODS = 4.0
 SHORTEST_GAP = 0.05  # s
-MOST_GAPS = 20_000
+MAX_GAPS = 20_000
 PIECE = 100_000
 """Number of stamps that are converted at once."""
 
@@ -41,7 +41,7 @@ def gaps(times: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
         return np.zeros(0, np.int64)
     usual = float(np.median(np.diff(times), overwrite_input=True))
     limit = max(GAP_PERIODS * usual, SHORTEST_GAP)
-    return np.flatnonzero(np.diff(times) > limit)[:MOST_GAPS]
+    return np.flatnonzero(np.diff(times) > limit)[:MAX_GAPS]
 
 
 def seconds_since(stamps_ns: Stamps, start_ns: int) -> npt.NDArray[np.float64]:

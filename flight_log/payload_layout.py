@@ -22,15 +22,15 @@ from rosbags.typesys.base import TypesysError
 from quadrotor.errors import LogFormatError, UsageError
 from vehicle_link.messages import stored_name, typestore
 
-MOST_ITEMS = 64
+MAX_ITEMS = 64
 """Longest array whose items become signals; those of longer ones, like pictures, do not."""
-MOST_MESSAGES = 1000
+MAX_MESSAGES = 1000
 """Largest number of messages in a sequence."""
-MOST_PARTS = 20_000
+MAX_PARTS = 20_000
 """Limit of messages and texts in one payload, as an empty type may occur any number of times."""
-MOST_NUMBERS = 4000
+MAX_NUMBERS = 4000
 """Largest number of one payload's numbers that become signals."""
-MOST_TEXT = 1_000_000
+MAX_TEXT = 1_000_000
 """Largest size of one text, and of a sequence's texts together, in bytes."""
 HEADERS = frozenset({"header", "stamp"})
 """Fields that are not signals: times are handled separately."""
@@ -148,9 +148,9 @@ class _Walk:
 
     def _count_part(self) -> None:
         self._parts += 1
-        if self._parts > MOST_PARTS:
+        if self._parts > MAX_PARTS:
             raise LogFormatError(
-                f"it has more than {MOST_PARTS} messages and texts in one; so many are not read"
+                f"it has more than {MAX_PARTS} messages and texts in one; so many are not read"
             )
 
     def _base(self, primitive: str, path: str, *, shown: bool) -> None:
@@ -164,29 +164,29 @@ class _Walk:
         if is_sequence:
             count = self._length()
         if kind == Nodetype.NAME:
-            if count > MOST_MESSAGES:
-                raise LogFormatError(f"{path} has {count} items; at most {MOST_MESSAGES} are read")
+            if count > MAX_MESSAGES:
+                raise LogFormatError(f"{path} has {count} items; at most {MAX_MESSAGES} are read")
             for k in range(count):
-                self.message(str(item), f"{path}[{k}].", shown=shown and k < MOST_ITEMS)
+                self.message(str(item), f"{path}[{k}].", shown=shown and k < MAX_ITEMS)
         elif item[0] in ("string", "wstring"):
             self._keep_texts(path, [self._text() for _ in range(count)], shown=shown)
         else:
-            listed = shown and count <= MOST_ITEMS and len(self.layout.numbers) < MOST_NUMBERS
+            listed = shown and count <= MAX_ITEMS and len(self.layout.numbers) < MAX_NUMBERS
             self._numbers(str(item[0]), [f"{path}[{k}]" for k in range(count * listed)], count)
 
     def _numbers(self, primitive: str, paths: list[str], count: int) -> None:
         dtype = np.dtype(_OCTETS.get(primitive, primitive)).newbyteorder("<")
         if count:
             self._align(dtype.itemsize)
-        for k, path in enumerate(paths[: MOST_NUMBERS - len(self.layout.numbers)]):
+        for k, path in enumerate(paths[: MAX_NUMBERS - len(self.layout.numbers)]):
             self.layout.numbers[path] = (self._at + k * dtype.itemsize, dtype)
         self._at += count * dtype.itemsize
 
     def _keep_texts(self, path: str, pieces: list[tuple[int, int]], *, shown: bool) -> None:
         size = sum(length for _, length in pieces)
-        if shown and size > MOST_TEXT:
+        if shown and size > MAX_TEXT:
             raise LogFormatError(
-                f"{path} has {size / 1e6:.0f} MB of text; at most {MOST_TEXT // 10**6} MB are read"
+                f"{path} has {size / 1e6:.0f} MB of text; at most {MAX_TEXT // 10**6} MB are read"
             )
         if shown:
             self.layout.texts[path] = pieces

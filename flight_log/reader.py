@@ -15,7 +15,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from flight_log.file import open_log
 from flight_log.format import CHUNK_INDEX, INDEX_PLACE, RECORD, UNREADABLE, opened, parsed
 from flight_log.index import index_records, reading
-from flight_log.limits import Kept, check_record
+from flight_log.limits import MemoryBudget, check_record
 from flight_log.records import RawMessage, ReadState, records, split_chunk
 from quadrotor.errors import LogFormatError, StorageError, UsageError
 from vehicle_link.messages import stored_name, typestore
@@ -66,12 +66,12 @@ def read_attachments(path: Path) -> dict[str, bytes]:
     Raises LogFormatError or StorageError.
     """
     found: dict[str, bytes] = {}
-    kept = Kept(path.name)
+    budget = MemoryBudget(path.name)
     for record in records(path):
         if isinstance(record, Attachment):
-            if not kept.has_room(len(record.data)):
+            if not budget.has_room(len(record.data)):
                 continue
-            kept.add(record.name, len(record.data))
+            budget.add(record.name, len(record.data))
             found[record.name] = record.data
         elif isinstance(record, RawMessage):
             break

@@ -18,12 +18,12 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from flight_log.file import open_log
 from flight_log.format import MAGIC, MESSAGE, RECORD, TIMES, UNREADABLE, opened, parsed
 from flight_log.index import index_names
-from flight_log.limits import Kept, check_record, map_bytes
+from flight_log.limits import MemoryBudget, check_record, map_bytes
 from quadrotor.errors import LogFormatError, StorageError
 
 AT_ONCE = 1_000_000
 """Largest size, in bytes, of a chunk whose messages are made together."""
-MOST_DAMAGED = 1000
+MAX_DAMAGED = 1000
 """Largest number of skipped records that are reported one by one."""
 
 
@@ -144,7 +144,7 @@ def records(path: Path, state: ReadState | None = None) -> Iterator[LogRecord]:
     """
     state = state if state is not None else ReadState()
     in_index = is_helped = False
-    kept = Kept(path.name)
+    budget = MemoryBudget(path.name)
     for opcode, data in walk(path, state):
         in_index = in_index or opcode == Opcode.DATA_END
         if in_index:
@@ -158,7 +158,7 @@ def records(path: Path, state: ReadState | None = None) -> Iterator[LogRecord]:
         except UNREADABLE:  # the next one may be intact
             state.damaged_chunks += opcode == Opcode.CHUNK
             state.damaged_records += opcode != Opcode.CHUNK
-            if len(state.damaged) < MOST_DAMAGED:
+            if len(state.damaged) < MAX_DAMAGED:
                 state.damaged.append(_damaged(opcode, data, state.whole_bytes))
             # Each schema and channel occurs once before the index, possibly in this chunk.
             names = [] if is_helped else index_names(path)
@@ -167,7 +167,7 @@ def records(path: Path, state: ReadState | None = None) -> Iterator[LogRecord]:
         del data  # free it while its messages are handled
         for record in found:
             if not isinstance(record, RawMessage):
-                _count(record, kept)
+                _count(record, budget)
             yield record
         found = []
 
@@ -205,15 +205,15 @@ def _split(data: bytes) -> Iterator[LogRecord]:
         position = following
 
 
-def _count(record: LogRecord, kept: Kept) -> None:
+def _count(record: LogRecord, budget: MemoryBudget) -> None:
     """Count what readers hold. Raises LogFormatError when it is too much."""
     match record:
         case Schema():
-            kept.add((Opcode.SCHEMA, record.id), len(record.data))
+            budget.add((Opcode.SCHEMA, record.id), len(record.data))
         case Channel():
-            kept.add((Opcode.CHANNEL, record.id), len(record.topic) + map_bytes(record.metadata))
+            budget.add((Opcode.CHANNEL, record.id), len(record.topic) + map_bytes(record.metadata))
         case Metadata():
-            kept.add((Opcode.METADATA, record.name), map_bytes(record.metadata))
+            budget.add((Opcode.METADATA, record.name), map_bytes(record.metadata))
 
 
 def _one(opcode: int, data: bytes) -> Iterator[LogRecord]:

@@ -55,7 +55,7 @@ def recover(path: Path) -> Recovery:
         try:
             # Another process may have repaired it before this one locked the copy.
             problem = index_problem(path)
-            return _mend(path, target, problem) if problem else Recovery(path, torn=False)
+            return _repair(path, target, problem) if problem else Recovery(path, torn=False)
         finally:
             target.path.unlink(missing_ok=True)
             target.close()
@@ -63,7 +63,7 @@ def recover(path: Path) -> Recovery:
         raise StorageError(f"cannot repair {path}: {error.strerror}") from error
 
 
-def _mend(path: Path, target: LogFile, problem: str) -> Recovery:
+def _repair(path: Path, target: LogFile, problem: str) -> Recovery:
     """Repair a log, and return the result; `problem` is that of its index."""
     state = ReadState()
     writer = McapWriter(target)

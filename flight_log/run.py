@@ -16,7 +16,7 @@ from flight_log.message_times import common_stamps, gaps, seconds_since
 from flight_log.topic_columns import text_fields
 from quadrotor.errors import LogFormatError
 
-MOST_MESSAGES = 12_000_000
+MAX_MESSAGES = 12_000_000
 """Largest number of messages of a run, whose times and order are held in memory."""
 
 Floats = npt.NDArray[np.float32]
@@ -37,7 +37,7 @@ class Series:
         self.type_name = topic.type_name
         self._topic = topic
         rises = bool((time[1:] >= time[:-1]).all())
-        # For ten million messages each 64-bit array has 80 MB; MOST_MESSAGES fit in 32 bits.
+        # For ten million messages each 64-bit array has 80 MB; MAX_MESSAGES fit in 32 bits.
         self._order = None if rises else np.argsort(time, kind="stable").astype(np.int32)
         if not rises:
             time.sort(kind="stable")
@@ -90,11 +90,11 @@ class Series:
 
     def changes(self, path: str) -> list[tuple[float, str]]:
         """Return the changes of one text, in order; empty if the log has no such text."""
-        told = self._topic.texts.get(path, [])
+        texts = self._topic.texts.get(path, [])
         if self._order is None:
-            return [(float(self.time[index]), text) for index, text in told]
+            return [(float(self.time[index]), text) for index, text in texts]
         place = np.argsort(self._order)
-        return sorted((float(self.time[place[index]]), text) for index, text in told)
+        return sorted((float(self.time[place[index]]), text) for index, text in texts)
 
     def lines(self, most: int) -> Iterator[tuple[float, dict[str, Any]]]:
         """Yield time (s) and fields of the `most` messages logged first; payloads must be stored.
@@ -142,11 +142,11 @@ class Run:
         return max(float(one.time[-1]) for one in self.topics.values())
 
 
-def read_run(log: Path, tell: Callable[[float], None] = lambda share: None) -> Run:
-    """Read a run; `tell` as for `read_columns`. Raises as it does; LogFormatError also when it has
-    no messages, or too many.
+def read_run(log: Path, progress: Callable[[float], None] = lambda share: None) -> Run:
+    """Read a run; `progress` as for `read_columns`. Raises as it does; LogFormatError also when it
+    has no messages, or too many.
     """
-    return run_of(read_columns(log, tell))
+    return run_of(read_columns(log, progress))
 
 
 def run_of(columns: LogColumns) -> Run:
@@ -156,9 +156,9 @@ def run_of(columns: LogColumns) -> Run:
         unread = next(iter(columns.problems.items()), None)
         why = f"{unread[0]}: {unread[1]}" if unread else f"it {columns.tear or 'has no message'}"
         raise LogFormatError(f"{columns.path.name} has nothing to show: {why}")
-    if (count := sum(map(len, found.values()))) > MOST_MESSAGES:
+    if (count := sum(map(len, found.values()))) > MAX_MESSAGES:
         raise LogFormatError(
-            f"{columns.path.name} has {count} messages; at most {MOST_MESSAGES} are shown: cut it "
+            f"{columns.path.name} has {count} messages; at most {MAX_MESSAGES} are shown: cut it "
             "with `mcap filter --include-attachments --output-compression lz4 --start … --end …`, "
             "or export it with `quadlab log export`"
         )

@@ -24,7 +24,7 @@ from flight_log.index import (
     index_records,
     reading,
 )
-from flight_log.limits import MOST_DESCRIPTION, Kept, map_bytes
+from flight_log.limits import MAX_DESCRIPTION, MemoryBudget, map_bytes
 from flight_log.run_folder import log_of
 from flight_log.writer import FILLED_METADATA, RUN_METADATA
 from quadrotor.errors import LogFormatError, StorageError
@@ -99,23 +99,23 @@ def _by_index(path: Path, file: int) -> LogSummary | None:
     attachments: dict[str, int] = {}
     metadata: dict[str, dict[str, str]] = {}
     statistics: Statistics | None = None
-    kept, read, size = Kept(path.name), reading(file), os.fstat(file).st_size
+    budget, read, size = MemoryBudget(path.name), reading(file), os.fstat(file).st_size
     for opcode, data in index_records(read, size, _WANTED):
         match parsed(opcode, data):
             case Schema() as schema:
                 schemas[schema.id] = schema.name
             case Channel() as channel:
-                kept.add(channel.id, len(data) + map_bytes(channel.metadata))
+                budget.add(channel.id, len(data) + map_bytes(channel.metadata))
                 channels[channel.id] = channel
             case Statistics() as found:
                 statistics = found
             case AttachmentIndex() as index:
-                kept.add(("attachment", index.name), len(index.name))
+                budget.add(("attachment", index.name), len(index.name))
                 attachments[index.name] = index.data_size
             case MetadataIndex() as index:
                 with suppress(*UNREADABLE):  # a damaged one
                     record = _metadata(read, index)
-                    kept.add(("metadata", index.name), map_bytes(record.metadata))
+                    budget.add(("metadata", index.name), map_bytes(record.metadata))
                     metadata[record.name] = dict(record.metadata)
     if statistics is None:
         return None
@@ -142,7 +142,7 @@ def _by_index(path: Path, file: int) -> LogSummary | None:
 def _metadata(read: Read, index: MetadataIndex) -> Metadata:
     """Read a metadata record. Raises one of UNREADABLE."""
     opcode, length = RECORD.unpack(read(index.offset, RECORD.size))
-    if opcode != Opcode.METADATA or length > MOST_DESCRIPTION:
+    if opcode != Opcode.METADATA or length > MAX_DESCRIPTION:
         raise ValueError("no metadata")
     found: Metadata = parsed(opcode, read(index.offset + RECORD.size, length))
     return found

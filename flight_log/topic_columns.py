@@ -19,17 +19,17 @@ from mcap.records import Schema
 from flight_log.attached import logged_value
 from flight_log.blocks import Block, BlockReader, Bytes, Places, field_at, rows_at
 from flight_log.format import HEAD_BYTES, LENGTH_AT, LOG_AT, PUBLISH_AT
-from flight_log.payload_layout import MOST_NUMBERS, PayloadLayout, SchemaLayouts
+from flight_log.payload_layout import MAX_NUMBERS, PayloadLayout, SchemaLayouts
 from quadrotor.errors import LinkError, LogFormatError
 from vehicle_link.messages import decode
 
-MOST_LAYOUTS = 200
+MAX_LAYOUTS = 200
 """Number of layouts tried for a block's payloads of one size; messages beyond them are lost."""
-MOST_FAILURES = 2000
+MAX_FAILURES = 2000
 """Number of unreadable messages of a topic after which the rest of it is skipped."""
-MOST_ROWS = 4096
+MAX_ROWS = 4096
 """Largest number of a topic's messages in a piece: at 10 bytes each, a block has 100 000."""
-MOST_VALUES = 4_000_000
+MAX_VALUES = 4_000_000
 """Largest number of values in the pieces that are yielded together."""
 
 NO_SCHEMA = Schema(id=0, name="", encoding="", data=b"")
@@ -90,11 +90,11 @@ class ColumnReader:
                 reader = self._reader(channel)
                 if reader is None:
                     continue
-                for begin in range(0, len(places), MOST_ROWS):
-                    columns.append(reader.read(block, places[begin : begin + MOST_ROWS]))
+                for begin in range(0, len(places), MAX_ROWS):
+                    columns.append(reader.read(block, places[begin : begin + MAX_ROWS]))
                     if reader.problem:
                         self.problems.setdefault(columns[-1].topic, reader.problem)
-                    if sum(map(_values, columns)) > MOST_VALUES:
+                    if sum(map(_values, columns)) > MAX_VALUES:
                         yield Batch(columns, block.share)
                         columns = []
             yield Batch(columns, block.share)
@@ -170,8 +170,8 @@ class _TopicReader:
         """Read payloads (N, size), which belong at the rows `chosen` of the columns."""
         known = self._known.setdefault(rows.shape[1], [])
         left = np.ones(len(rows), bool)
-        for k in range(MOST_LAYOUTS):
-            if not left.any() or self._failures > MOST_FAILURES:
+        for k in range(MAX_LAYOUTS):
+            if not left.any() or self._failures > MAX_FAILURES:
                 return
             if k < len(known):
                 layout = known[k]
@@ -196,10 +196,10 @@ class _TopicReader:
         message had.
         """
         paths = self._seen | layout.numbers.keys() | layout.texts.keys()
-        if len(paths) <= MOST_NUMBERS:
+        if len(paths) <= MAX_NUMBERS:
             self._seen = paths
             return layout
-        self.problem = self.problem or f"more than {MOST_NUMBERS} numbers; the others are left out"
+        self.problem = self.problem or f"more than {MAX_NUMBERS} numbers; the others are left out"
         return _narrowed(layout, frozenset(self._seen))
 
     def _changes(self, path: str, column: npt.NDArray[Any]) -> list[tuple[int, str]]:

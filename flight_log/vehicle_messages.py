@@ -42,7 +42,7 @@ class Channel(NamedTuple):
     keys: Stamps  # equal for the same message in two logs
 
 
-class Log:
+class LogOverview:
     """An overview of a log: its times and which messages it has of the vehicle's topics."""
 
     def __init__(self, path: Path) -> None:
@@ -69,8 +69,8 @@ class Log:
                 if name == "link_status":
                     with suppress(LinkError):
                         payload = _payload(block, int(places[-1]))
-                        told = decode(payload, "quadlab_msgs/LinkStatus")
-                        offset_ns = round(float(told.clock_offset) * 1e9)
+                        link_status = decode(payload, "quadlab_msgs/LinkStatus")
+                        offset_ns = round(float(link_status.clock_offset) * 1e9)
         self.channels = {
             number: Channel(self._name(number), *map(np.concatenate, zip(*found, strict=True)))
             for number, found in parts.items()
@@ -125,10 +125,10 @@ class Log:
 
 
 @dataclass
-class Taken:
+class Selection:
     """The messages to copy from one of the vehicle's logs, by channel."""
 
-    log: Log
+    log: LogOverview
     kept: dict[int, Mask] = field(default_factory=dict)
     times: dict[int, Stamps] = field(default_factory=dict)  # on the station's clock
 
@@ -137,11 +137,11 @@ def vehicle_times(run: Path) -> tuple[int, int, int, int]:
     """Return the beginning and end of a run on the vehicle's clock, and the stamps of the first and
     last tick that the station has of it, in ns. Raises LogFormatError or StorageError.
     """
-    log = Log(station_log(run))
+    log = LogOverview(station_log(run))
     return (log.first_ns - log.delay_ns, log.last_ns - log.delay_ns, *log.span)
 
 
-def stamps_of(log: Log, name: str, kept: Mapping[int, Mask] | None = None) -> Stamps:
+def stamps_of(log: LogOverview, name: str, kept: Mapping[int, Mask] | None = None) -> Stamps:
     """Return the stamps of a topic in a log, (N,)."""
     return joined(
         [

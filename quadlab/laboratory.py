@@ -103,7 +103,7 @@ class Laboratory:
         self.label, self.role = str(session["label"]), str(session["role"])
         self._closing = threading.Event()
         self._presence: Connection | None = None
-        self._thread = threading.Thread(target=self._stay, name="laboratory", daemon=True)
+        self._thread = threading.Thread(target=self._hold_presence, name="laboratory", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -272,7 +272,7 @@ class Laboratory:
         except (OSError, WebSocketException) as error:
             raise UnreachableError(f"{self._base}{path} is not reached: {error}") from None
 
-    def _stay(self) -> None:
+    def _hold_presence(self) -> None:
         """Stay connected like an open page, so that the station leaves control to this user."""
         while not self._closing.is_set():
             try:

@@ -44,7 +44,7 @@ class StationClient:
         self._node.subscribe(status.name, status.type_name, self._on_status, qos=status.qos)
         self._presence = self._node.advertise(TOPICS["presence"])
         self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._stay, name="presence", daemon=True)
+        self._thread = threading.Thread(target=self._hold_presence, name="presence", daemon=True)
         self._thread.start()
 
     def ask(self, service: str, **fields: Any) -> Any:
@@ -64,15 +64,15 @@ class StationClient:
 
     def listen(self, topic: str) -> queue.SimpleQueue[Any]:
         """Return a queue that receives the messages of a topic."""
-        heard: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        messages: queue.SimpleQueue[Any] = queue.SimpleQueue()
         row = TOPICS[topic]
         self._node.subscribe(
             row.name,
             row.type_name,
-            lambda received: heard.put(decode(received.payload, row.type_name)),
+            lambda received: messages.put(decode(received.payload, row.type_name)),
             qos=row.qos,
         )
-        return heard
+        return messages
 
     def newest(self, topic: str) -> Callable[[], Any]:
         """Return a function that decodes a topic's newest message; None before the first."""
@@ -101,7 +101,7 @@ class StationClient:
     def _on_status(self, received: Received) -> None:
         self.statuses.put(decode(received.payload, TOPICS["experiment_status"].type_name))
 
-    def _stay(self) -> None:
+    def _hold_presence(self) -> None:
         message = encode(new(TOPICS["presence"].type_name, names=[self.requester]))
         while True:
             with suppress(LinkError):

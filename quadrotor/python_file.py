@@ -34,8 +34,8 @@ def run_file(path: Path, prefix: str, mistake: type[QuadlabError]) -> ModuleType
     module = ModuleType(f"{prefix}_file_{path.stem}")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # where dataclasses and pickles look for it
-    code = told(path, lambda: compile_source(path, source), mistake)
-    told(path, lambda: exec(code, vars(module)), mistake)
+    code = call_user_code(path, lambda: compile_source(path, source), mistake)
+    call_user_code(path, lambda: exec(code, vars(module)), mistake)
     return module
 
 
@@ -47,7 +47,7 @@ def compile_source(path: Path, source: str) -> CodeType:
     return compile(source, str(path), "exec")
 
 
-def told(path: Path, what: Callable[[], T], mistake: type[QuadlabError]) -> T:
+def call_user_code(path: Path, what: Callable[[], T], mistake: type[QuadlabError]) -> T:
     """Return `what()`. Raises `mistake` with one line for any exception from the file; errors of
     this project pass unchanged.
     """

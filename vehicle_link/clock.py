@@ -4,8 +4,8 @@ It is the computer's own clock, under the same names as in `time`, unless the ve
 in lockstep: then it is the simulation's clock, which all processes of one `quadlab up` read from
 a page of shared memory. The simulation's clock runs at the computer's rate but never past the
 instant that the simulation has reached, so it slows down when the machine is overloaded. When the
-simulation has not advanced for `GONE_NS` it counts as dead, and the clock runs on without it, so
-that time-outs still end.
+simulation has not advanced for `DEAD_AFTER_NS` it counts as dead, and the clock runs on without it,
+so that time-outs still end.
 
 Waiting uses the computer's clock: a caller that sleeps until a time of this clock wakes early at
 worst, and checks again.
@@ -22,7 +22,7 @@ from quadrotor.errors import StorageError
 
 VARIABLE = "QUADLAB_LOCKSTEP"
 """Environment variable with the page's path, for the processes of one `quadlab up`."""
-GONE_NS = 5_000_000_000
+DEAD_AFTER_NS = 5_000_000_000
 """Nanoseconds without progress after which a simulation counts as dead: longer than a busy machine
 delays a live one."""
 EPOCH, OFFSET, LIMIT, FACTOR, VEHICLES, STOPPING = range(6)
@@ -74,7 +74,7 @@ def monotonic_ns() -> int:
     offset = words[OFFSET]
     now = offset + time.monotonic_ns()
     limit = words[LIMIT]
-    return now if now <= limit else max(limit, now - GONE_NS)
+    return now if now <= limit else max(limit, now - DEAD_AFTER_NS)
 
 
 def monotonic() -> float:
@@ -98,7 +98,7 @@ def real_time_factor() -> float:
     words = _followed.page
     if words is None or words[LIMIT] == FREE:
         return 0.0
-    if time.monotonic_ns() + words[OFFSET] - words[LIMIT] > GONE_NS:
+    if time.monotonic_ns() + words[OFFSET] - words[LIMIT] > DEAD_AFTER_NS:
         return 0.0
     return words[FACTOR] * 1e-6
 

@@ -33,7 +33,7 @@ NICENESS = 15
 IDLE = 19
 POLL = 0.1
 """Seconds between two calls of `check`."""
-COMPLAINT = 4096
+STDERR_KEPT = 4096
 """Number of bytes of a job's output that are kept."""
 PR_SET_PDEATHSIG = 1
 
@@ -63,7 +63,7 @@ class Job(Generic[T]):
         keep: Sequence[int] = (),
     ) -> None:
         self._function, self._report = function, report
-        self._complaint = self._partial = b""
+        self._stderr = self._partial = b""
         self._answer: dict[str, Any] = {}
         try:
             order = pickle.dumps((function, arguments, report is not None))
@@ -98,14 +98,14 @@ class Job(Generic[T]):
     def pid(self) -> int:
         return self._process.pid
 
-    def look(self, timeout: float = 0.0) -> bool:
+    def poll(self, timeout: float = 0.0) -> bool:
         """Receive output for up to `timeout` (s); return whether the job has ended."""
         if self._ended < 0:
             return True
         self._selector.select(timeout)
         has_ended = self._process.poll() is not None
         self._receive(cast(IO[bytes], self._process.stdout), self._lines)
-        self._receive(cast(IO[bytes], self._process.stderr), self._complain)
+        self._receive(cast(IO[bytes], self._process.stderr), self._keep_stderr)
         if has_ended:
             self._close()
         return has_ended
@@ -115,13 +115,13 @@ class Job(Generic[T]):
 
         Raises the QuadlabError that the function raised; JobError when it was killed or crashed.
         """
-        while not self.look(POLL):
+        while not self.poll(POLL):
             pass
         if "error" in self._answer:
             kind, text = self._answer["error"]
             raise cast(type[errors.QuadlabError], getattr(errors, kind))(text)
         if "result" not in self._answer:
-            said = self._complaint.decode(errors="replace").strip().splitlines()
+            said = self._stderr.decode(errors="replace").strip().splitlines()
             why = f": {said[-1]}" if said else ""
             raise errors.JobError(f"its process {how_it_ended(self._process.returncode)}{why}")
         kind = get_type_hints(self._function)["return"]
@@ -163,8 +163,8 @@ class Job(Generic[T]):
             else:
                 self._answer = answer
 
-    def _complain(self, data: bytes) -> None:
-        self._complaint = (self._complaint + data)[-COMPLAINT:]
+    def _keep_stderr(self, data: bytes) -> None:
+        self._stderr = (self._stderr + data)[-STDERR_KEPT:]
 
     def _close(self) -> None:
         if self._ended >= 0:
@@ -190,7 +190,7 @@ def run(
     job = Job(function, *arguments, niceness=niceness, report=report)
     end = time.monotonic() + seconds
     try:
-        while not job.look(min(POLL, max(0.0, end - time.monotonic()))):
+        while not job.poll(min(POLL, max(0.0, end - time.monotonic()))):
             check()
             if time.monotonic() >= end:
                 raise errors.JobTimeoutError(f"not done after {seconds:.0f} s")
@@ -222,17 +222,17 @@ def main(parent: int, niceness: int) -> None:
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # the function's own output must not mix with the answers
 
-    def tell(kind: str, value: Any) -> None:
+    def send(kind: str, value: Any) -> None:
         print(json.dumps({kind: value}, default=dataclasses.asdict), file=answers, flush=True)
 
     function, arguments, reports = pickle.load(sys.stdin.buffer)
     if reports:
-        arguments = (*arguments, lambda value: tell("report", value))
+        arguments = (*arguments, lambda value: send("report", value))
     try:
-        tell("result", function(*arguments))
+        send("result", function(*arguments))
     except errors.QuadlabError as error:
         known = next(one for one in type(error).__mro__ if one.__module__ == errors.__name__)
-        tell("error", (known.__name__, " ".join(str(error).split())))
+        send("error", (known.__name__, " ".join(str(error).split())))
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(0)  # do not wait for threads that a user's file may have started

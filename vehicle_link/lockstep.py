@@ -90,7 +90,7 @@ def page_at(port: int) -> Path | None:
     return None
 
 
-class Part:
+class ProcessProgress:
     """The progress of one process with one vehicle, for the simulator; unused without lockstep.
 
     Attributes:
@@ -126,11 +126,11 @@ class Part:
         """
         self._words[TRUTH] = stamp_ns - self._epoch_ns
 
-    def station_heard(self, stamp_ns: int) -> None:
+    def station_received(self, stamp_ns: int) -> None:
         """Note that comms has passed on what the station sent up to this time (epoch)."""
         self._words[STATION] = stamp_ns - self._epoch_ns
 
-    def vehicle_heard(self, stamp_ns: int) -> None:
+    def vehicle_received(self, stamp_ns: int) -> None:
         """Note that the station has received the vehicle's sample of this time (epoch)."""
         self._words[VEHICLE] = stamp_ns - self._epoch_ns
 

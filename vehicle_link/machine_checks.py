@@ -153,7 +153,7 @@ class ClockWatch:
         self.jumps = 0
         self.largest = 0.0
 
-    def look(self) -> None:
+    def compare(self) -> None:
         """Compare the clocks, several times a minute: slewing between two calls is not a jump."""
         ahead = self._wall() - self._steady()
         jump, self._ahead = ahead - self._ahead, ahead

@@ -10,6 +10,6 @@ def new_instance() -> int:
     return secrets.randbelow(2**64 - 1) + 1
 
 
-def spoken(instance: int) -> str:
+def short_id(instance: int) -> str:
     """Return six digits, enough for people to tell processes apart."""
     return f"{instance:016x}"[:6]

@@ -85,7 +85,9 @@ class Ground:
             bridge = self._bridge(stack)
             threading.Thread(target=bridge, daemon=True).start()
         else:
-            radio = Radio(f"127.0.0.1:{link_port}", files, self.truth_port, silent=lambda: 0.0)
+            radio = Radio(
+                f"127.0.0.1:{link_port}", files, self.truth_port, session_silence=lambda: 0.0
+            )
             stack.callback(radio.close, 1.0)
         stack.callback(self._closing.set)
         self._node: Node | None = None if real_station else Node(own, f"/{NAME}", "ground")

@@ -249,9 +249,9 @@ def station(folder: Path, plan: Plan) -> None:
         f"{A}:{QUIC_PORT}",
         program.files,
         LOOPBACK_PORT,
-        link.silent,
-        beside=link.beside,
-        answers=partial(answers, clock),
+        link.session_silence,
+        lane_silence=link.lane_silence,
+        probe=partial(answers, clock),
     )
     download = Download(program, node)
 

@@ -145,7 +145,7 @@ class StartupChecks:
         looks = heard = 0
         due = False
         while not self._closing.wait(LOOK):
-            self._watch.look()
+            self._watch.compare()
             looks += 1
             try:
                 facts = self._gatherer.facts()

@@ -127,7 +127,7 @@ class EstimatorComparison:
         """Handle a frame, early or late, with the beacons at the time it was taken."""
         stamp_ns, ids, bearings_b, sigma, _ = measurement
         seen = bearings_sample(stamp_ns, ids, bearings_b, sigma)
-        frame = KnownBeacons(beacons).place(seen)
+        frame = KnownBeacons(beacons).with_positions(seen)
         self._frames.append((stamp_ns, frame))
         if frame["count"][0]:
             self._samples.frame(stamp_ns, frame)

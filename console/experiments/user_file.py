@@ -23,7 +23,7 @@ from typing import Any
 from console.experiments.client import Experiment
 from quadrotor.errors import QuadlabError, UsageError
 from quadrotor.parameters import Parameters, ParameterStore
-from quadrotor.python_file import compile_source, line_of, read_source, told
+from quadrotor.python_file import call_user_code, compile_source, line_of, read_source
 
 METHODS = {
     "check": "def check(self) -> None",
@@ -59,7 +59,9 @@ def load(path: Path, vehicle: str = "quad1") -> Experiment:
     source = read_source(path)
     kind, node = _class_of(path, source)
     takes_vehicle = _accepts(kind, 1)
-    experiment = told(path, lambda: kind(vehicle) if takes_vehicle else kind(), UsageError)
+    experiment = call_user_code(
+        path, lambda: kind(vehicle) if takes_vehicle else kind(), UsageError
+    )
     _check(path, experiment, node)
     checked: Experiment = experiment
     return checked
@@ -84,7 +86,7 @@ def mistakes_told(experiment: Experiment) -> Iterator[None]:
 
 def _class_of(path: Path, source: str) -> tuple[type, ast.ClassDef]:
     """Return the one class of the file that flies or evaluates, and its definition."""
-    tree = told(path, lambda: ast.parse(source, str(path)), UsageError)
+    tree = call_user_code(path, lambda: ast.parse(source, str(path)), UsageError)
     module = _module(path, source)
     nodes = [
         node
@@ -120,7 +122,7 @@ def _module(path: Path, source: str) -> ModuleType:
     sys.modules[name] = module
     try:
         code = compile_source(path, source)
-        told(path, lambda: exec(code, vars(module)), UsageError)
+        call_user_code(path, lambda: exec(code, vars(module)), UsageError)
     except BaseException:
         del sys.modules[name]
         raise
@@ -157,7 +159,9 @@ def _check(path: Path, experiment: Any, node: ast.ClassDef) -> None:
         line = lines.get(attribute, node.lineno)
         return UsageError(f"{path.name} line {line}: {node.name} {what}; {WHERE}")
 
-    missing = told(path, lambda: [n for n in ATTRIBUTES if not hasattr(experiment, n)], UsageError)
+    missing = call_user_code(
+        path, lambda: [n for n in ATTRIBUTES if not hasattr(experiment, n)], UsageError
+    )
     if missing:
         raise refuse(missing[0], f"has no {missing[0]!r}")
     for name, wanted in (METHODS | OPTIONAL).items():
@@ -174,8 +178,8 @@ def _check(path: Path, experiment: Any, node: ast.ClassDef) -> None:
     if options is not None and not isinstance(options, Parameters):
         raise refuse("parameters", "has `parameters` that are neither None nor Parameters")
     if options is not None:
-        told(path, lambda: ParameterStore(options), UsageError)
-    planned = told(path, lambda: experiment.planned, UsageError)
+        call_user_code(path, lambda: ParameterStore(options), UsageError)
+    planned = call_user_code(path, lambda: experiment.planned, UsageError)
     number = isinstance(planned, int | float) and not isinstance(planned, bool)
     if not number or not (math.isfinite(planned) and planned >= 0.0):
         raise refuse("planned", f"has planned = {planned!r}, needed are the seconds it takes")

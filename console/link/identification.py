@@ -13,7 +13,7 @@ from quadrotor.errors import LinkError
 from vehicle_link.security.whoami import WhoAmI
 from vehicle_link.transport.heartbeat import LinkState
 from vehicle_link.transport.node import Node
-from vehicle_link.transport.quic_probe import WHY, Door, knock
+from vehicle_link.transport.quic_probe import EXPLANATIONS, ProbeResult, probe
 from vehicle_link.transport.session import parse_endpoint
 
 log = logging.getLogger(__name__)
@@ -33,8 +33,8 @@ class Introduction:
     def __init__(self, node: Node, vehicle: str, link: LinkMonitor) -> None:
         self._vehicle, self._link = vehicle, link
         self._whoami = WhoAmI(node)
-        self._due = self._down_since = self._knock_due = 0.0
-        self._door: Door | None = None
+        self._due = self._down_since = self._probe_due = 0.0
+        self._probed: ProbeResult | None = None
 
     def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
         """Run until `closing`; `guard` calls a function and survives its defects."""
@@ -44,16 +44,16 @@ class Introduction:
     def look(self) -> None:
         """Identify the vehicle if that is due."""
         standing, now = self._link.standing, time.monotonic()
-        if not self._link.stands:
+        if not self._link.is_up:
             standing.gone()
             self._due = 0.0
             self._down_since = self._down_since or now
-            if now >= max(self._down_since + DOWN, self._knock_due):
-                self._knock_due = now + AGAIN
+            if now >= max(self._down_since + DOWN, self._probe_due):
+                self._probe_due = now + AGAIN
                 standing.unreachable = self._unreachable()
                 standing.stranger = ""
             return
-        self._down_since, self._door = 0.0, None
+        self._down_since, self._probed = 0.0, None
         standing.unreachable = ""
         if now < self._due:
             return
@@ -75,11 +75,11 @@ class Introduction:
             return ""
         if reason := radio.problem():
             return f"no link to {radio.address}: {reason}"
-        before, door = self._door, knock(*parse_endpoint(radio.address))
-        self._door = door
-        if door is Door.ANSWERS is not before:
+        before, result = self._probed, probe(*parse_endpoint(radio.address))
+        self._probed = result
+        if result is ProbeResult.ANSWERS is not before:
             return ""  # it may have come up just now
-        return f"no link to {radio.address}: {WHY[door]}"
+        return f"no link to {radio.address}: {EXPLANATIONS[result]}"
 
     def _stranger(self) -> str | None:
         """Return what is known about a vehicle that does not answer; None while it may

@@ -20,7 +20,7 @@ from vehicle_link.lane.replay_window import ReplayWindow
 from vehicle_link.lane.station_lane import StationLane
 from vehicle_link.messages import Message, new
 from vehicle_link.security.access import LANE, PILOT_LANE
-from vehicle_link.security.whoami import SHOWN_WITHIN
+from vehicle_link.security.whoami import DISCOVERY_TIMEOUT
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Publisher, Received
@@ -39,7 +39,7 @@ class LaneDoor:
 
     def ask(self) -> Message:
         """Request keys for a lane from the vehicle. Raises LinkError."""
-        door = self._pilot if self._pilot.wait(SHOWN_WITHIN) else self._observer
+        door = self._pilot if self._pilot.wait(DISCOVERY_TIMEOUT) else self._observer
         return door.call(self._request)
 
 
@@ -70,11 +70,11 @@ class LaneIn:
         self._lane: StationLane | None = None
         self._over_zenoh: Node | None = None
         self._subscribe("vehicle_heartbeat", node)
-        self._stands(False)
+        self._set_lane_up(False)
         if host:
             door = LaneDoor(node, link.standing.instance)
-            self._lane = StationLane(host, door.ask, self._by_lane, self._stands)
-            beats.beside = partial(self._beat, self._lane)
+            self._lane = StationLane(host, door.ask, self._by_lane, self._set_lane_up)
+            beats.also_send = partial(self._beat, self._lane)
             for name in TO_VEHICLE:
                 if name not in (HELLO, BEAT):
                     send = partial(self._send, self._lane, name)
@@ -90,32 +90,32 @@ class LaneIn:
         row = TOPICS[name]
         node.subscribe(name, row.type_name, partial(self._by_zenoh, name), qos=row.qos)
 
-    def _stands(self, stands: bool) -> None:
+    def _set_lane_up(self, is_up: bool) -> None:
         """Note whether the lane is up."""
-        if stands and self._over_zenoh is not None:
+        if is_up and self._over_zenoh is not None:
             self._over_zenoh.close()
             self._over_zenoh = None
-        elif not stands and self._over_zenoh is None:
+        elif not is_up and self._over_zenoh is None:
             # A separate node, because a node closes as a whole.
             self._over_zenoh = Node(self._node.session, self._node.namespace, "station_telemetry")
             self._subscribe("telemetry", self._over_zenoh)
 
     @staticmethod
     def _send(lane: StationLane, name: str, received: Received) -> None:
-        lane.put(name, received)
+        lane.send(name, received)
 
     def _beat(self, lane: StationLane, received: Received) -> bool:
         is_pilot = self._link.standing.access not in ("", OBSERVER)
-        return lane.put(BEAT, received, greets=is_pilot) and lane.stands
+        return lane.send(BEAT, received, greets=is_pilot) and lane.is_up
 
     def _by_lane(self, name: str, received: Received) -> None:
-        self._link.came_beside()
+        self._link.note_lane_message()
         self._heard(name, DATAGRAM, received)
 
     def _by_zenoh(self, name: str, received: Received) -> None:
-        self._link.carried()
+        self._link.note_session_message()
         if name == "vehicle_heartbeat" and self._lane is not None:
-            self._lane.vehicle_is(topics.decode_heartbeat(received.payload).instance)
+            self._lane.note_vehicle(topics.decode_heartbeat(received.payload).instance)
         self._heard(name, QUIC, received)
 
     def _heard(self, name: str, path: str, received: Received) -> None:
@@ -123,7 +123,7 @@ class LaneIn:
             came = self._came.setdefault((name, received.gid), ReplayWindow())
             if not came.is_new(received.sequence):
                 return
-            came.take(received.sequence)
+            came.mark_received(received.sequence)
             if name == "telemetry":
                 self._link.path = path
             self._callbacks[name](received)

@@ -39,8 +39,8 @@ class LinkMonitor:
         self.radio: Radio | None = None
         self.path = ""
         """Path of the newest telemetry: datagram or quic."""
-        self._carried: float | None = None
-        self._by_lane: float | None = None
+        self._session_message_at: float | None = None
+        self._lane_message_at: float | None = None
         self._heartbeats = HeartbeatMonitor()
         self._clock = ClockOffset()
         self._telemetry = TelemetryWindow()
@@ -52,21 +52,23 @@ class LinkMonitor:
         """Follow the state of this radio from now on: it has been dialled."""
         self.radio = radio
 
-    def carried(self) -> None:
+    def note_session_message(self) -> None:
         """Note that a message arrived from the vehicle over its Zenoh session."""
-        self._carried = monotonic()
+        self._session_message_at = monotonic()
 
-    def silent(self) -> float:
+    def session_silence(self) -> float:
         """Return the seconds since the last message over Zenoh; inf before the first."""
-        return math.inf if self._carried is None else monotonic() - self._carried
+        return (
+            math.inf if self._session_message_at is None else monotonic() - self._session_message_at
+        )
 
-    def came_beside(self) -> None:
+    def note_lane_message(self) -> None:
         """Note that a message arrived from the vehicle over the lane."""
-        self._by_lane = monotonic()
+        self._lane_message_at = monotonic()
 
-    def beside(self) -> float:
+    def lane_silence(self) -> float:
         """Return the seconds since the last message over the lane; inf before the first."""
-        return math.inf if self._by_lane is None else monotonic() - self._by_lane
+        return math.inf if self._lane_message_at is None else monotonic() - self._lane_message_at
 
     def beat(self, payload: bytes) -> None:
         """Handle the vehicle's heartbeat, over either path. Raises LinkError."""
@@ -76,8 +78,8 @@ class LinkMonitor:
     def alive(self) -> None:
         """Note that the vehicle was received just now."""
         now_ns = self._steady_ns()
-        self._heartbeats.heard(now_ns)
-        self._outages.heard(now_ns)
+        self._heartbeats.note_received(now_ns)
+        self._outages.note_received(now_ns)
 
     def exchanged(self, exchange: Exchange) -> None:
         """Handle an answered time synchronisation."""
@@ -99,7 +101,7 @@ class LinkMonitor:
         return newest and (fresh or not self._clock.known)
 
     @property
-    def stands(self) -> bool:
+    def is_up(self) -> bool:
         """Return whether there is a link, with or without heartbeats."""
         if self.radio is not None:
             return self.radio.connected

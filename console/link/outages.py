@@ -35,7 +35,7 @@ class Outages:
         self._good_since_ns = started_ns
         self._ended = OutageFigures()
 
-    def heard(self, now_ns: int) -> None:
+    def note_received(self, now_ns: int) -> None:
         """Note that the vehicle was received."""
         length_ns = self._silence_ns(now_ns)
         if self._heard_ns is None or length_ns >= _SHORTEST_NS:

@@ -66,7 +66,7 @@ class Outbox:
         self._look_due = 0.0
         self._publishers = {name: node.advertise(TOPICS[name]) for name in names}
         self.beats = self._publishers["station_heartbeat"]
-        self.beats.every = beats_over_link
+        self.beats.send_one_in = beats_over_link
 
     def put(self, name: str, payload: bytes, source_ns: int) -> None:
         """Publish a message, and record it if its topic is recorded when sent. Raises LinkError
@@ -90,12 +90,12 @@ class Outbox:
         now = time.monotonic()
         if now >= self._look_due:
             self._look_due = now + LOOK
-            self._heard = frozenset(filter(self.is_heard, FROM_TELEMETRY))
+            self._heard = frozenset(filter(self.has_subscribers, FROM_TELEMETRY))
         return self._heard
 
-    def is_heard(self, name: str) -> bool:
+    def has_subscribers(self, name: str) -> bool:
         """Return whether any node subscribes to the topic."""
-        return self._publishers[name].is_heard
+        return self._publishers[name].has_subscribers
 
     def message(self, name: str, message: Any, stamp_ns: int) -> None:
         """Publish a message that has no encoder of its own."""

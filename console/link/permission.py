@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from vehicle_link.process_instance import spoken
+from vehicle_link.process_instance import short_id
 from vehicle_link.topics.control_inputs import Heartbeat
 from vehicle_link.transport.protocol import disagreement
 
@@ -83,7 +83,7 @@ class Standing:
         if self.stranger:
             return self.stranger
         if self._twins_ns is not None and now_ns - self._twins_ns < 2 * TWINS_NS:
-            both = " and ".join(sorted(map(spoken, self._heard_ns)))
+            both = " and ".join(sorted(map(short_id, self._heard_ns)))
             return (
                 f"two vehicles are called {self._vehicle} ({both}): their data is mixed; land, "
                 "then start one of them with another --name"
@@ -91,7 +91,7 @@ class Standing:
         if self.access == OBSERVER:
             return f"this station's certificate lets it observe {self._vehicle}, not command it"
         if self._holder not in (0, self.instance):
-            return f"another station ({spoken(self._holder)}) flies {self._vehicle}"
+            return f"another station ({short_id(self._holder)}) flies {self._vehicle}"
         return ""
 
     def refusal(self, command: str, now_ns: int) -> str:

@@ -49,7 +49,7 @@ class SlowQuestions:
                 guard(self._ask)
             else:
                 self._calibrations.lost()
-                self._parameters.lost()
+                self._parameters.mark_incomplete()
 
     @property
     def _is_eager(self) -> bool:

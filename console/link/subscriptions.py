@@ -82,7 +82,7 @@ class Subscriptions:
                     self._alarms.set(name, f"{name}: {error}")
         if name in AS_IT_COMES:
             if TOPICS[name].sender == "vehicle" and name not in SHARED:
-                self._link.carried()
+                self._link.note_session_message()
             self._observed.message(name, received.payload)
             self._recorder.put(
                 f"/{self._vehicle}/{name}",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vehicle_link.transport.heartbeat import SELDOM
+from vehicle_link.transport.heartbeat import LINK_HEARTBEAT_EVERY
 
 FEW = 3
 """Largest number of vehicles of one process that each run at the rates of a single one."""
@@ -25,7 +25,7 @@ class Pace:
     written: float
 
 
-ALONE, MANY = Pace(0.05, 1, 0.02), Pace(0.1, SELDOM, 0.04)
+ALONE, MANY = Pace(0.05, 1, 0.02), Pace(0.1, LINK_HEARTBEAT_EVERY, 0.04)
 
 
 def pace_of(vehicles: int) -> Pace:

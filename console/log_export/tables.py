@@ -42,7 +42,7 @@ class Tables:
     Args:
         topics: names as `quadlab log info` lists them, or their last part; none for all.
         begin, end: s since the first reception; rows received in between are kept.
-        tell: called with the share of the log that has been read, 0 to 1, if it must be read.
+        progress: called with the share of the log that has been read, 0 to 1, if it must be read.
 
     Attributes:
         problems: a line for each topic that could not be read.
@@ -58,7 +58,7 @@ class Tables:
         topics: Sequence[str] = (),
         begin: float = 0.0,
         end: float = np.inf,
-        tell: Callable[[float], None] = lambda share: None,
+        progress: Callable[[float], None] = lambda share: None,
     ) -> None:
         if not begin < end:
             raise UsageError(f"from {begin:g} to {end:g} s is no time; give --from below --to")
@@ -70,7 +70,7 @@ class Tables:
         self.run = summary.run
         self._names = _short_names(summary.topics)
         wanted = [_resolved(word, self._names) for word in topics] or list(self._names)
-        log = read_columns(path, tell, np.float64)
+        log = read_columns(path, progress, np.float64)
         self._topics = {name: topic for name, topic in log.topics.items() if name in wanted}
         self.problems = {name: why for name, why in log.problems.items() if name in wanted}
         lost = [f"it {log.tear}"] if log.tear else []

@@ -31,7 +31,7 @@ def main(words: list[str]) -> int:
     signal.alarm(LONGEST)
     try:
         folder = Path(words[1]) if len(words) == 2 else report_folder(log)
-        write_report(log, folder, pdf=pdf, tell=lambda share: print(f"{share:.2f}", flush=True))
+        write_report(log, folder, pdf=pdf, progress=lambda share: print(f"{share:.2f}", flush=True))
     except QuadlabError as error:
         print(" ".join(str(error).split()))
         return 1

@@ -53,7 +53,7 @@ def write_report(
     result: Result | None = None,
     proposal: CalibrationRecord | None = None,
     defaults: Defaults = known_defaults,
-    tell: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> list[Path]:
     """Write `folder`/<name of the log>.html, and .pdf; earlier ones of this log are replaced.
 
@@ -61,7 +61,7 @@ def write_report(
         result, proposal: of a flight that has just ended; otherwise result.json is used, or else
             the log is judged here.
         defaults: returns the parameters' defaults, for logs without them.
-        tell: called with the progress, 0 to 1.
+        progress: called with the share that is done, 0 to 1.
 
     Raises:
         UsageError: matplotlib is not installed.
@@ -73,13 +73,13 @@ def write_report(
     for target in targets:
         _check_ours(target)
     run = read_run(log)
-    tell(0.3)
+    progress(0.3)
     report = assemble(run, result, defaults, proposal)
-    tell(0.5)
+    progress(0.5)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _replace(targets[0], lambda path: _write_text(path, html.render(report)))
-        tell(0.7 if pdf else 1.0)
+        progress(0.7 if pdf else 1.0)
         if pdf:
             from console.reports.pdf import write_pdf
 
@@ -89,7 +89,7 @@ def write_report(
         raise StorageError(
             f"the report cannot be written to {folder}: {why}; try another folder"
         ) from error
-    tell(1.0)
+    progress(1.0)
     return targets
 
 

@@ -70,7 +70,7 @@ class MotionCaptureSource:
         heard, connected = math.inf, False  # the client has not started yet
         try:
             while not self._closed:
-                if job.look(POLL):
+                if job.poll(POLL):
                     self._ended(job)
                 if came:
                     heard, connected = time.monotonic(), came[-1][1] is not None

@@ -259,7 +259,7 @@ class Tracker:
         """Publish a camera's newest picture if there are subscribers."""
         if self._view is None:
             return
-        watched = [one for one in self._vehicles if one.picture.is_heard]
+        watched = [one for one in self._vehicles if one.picture.has_subscribers]
         self._view.is_watched = bool(watched)
         newest = self._view.newest
         if newest is None or newest is self._shown:

@@ -12,7 +12,7 @@ from pathlib import Path
 from control.trajectories.polynomial import Polynomial
 from control.trajectories.tabulated import tabulate
 from quadrotor.errors import RefusedError
-from quadrotor.python_file import run_file, told
+from quadrotor.python_file import call_user_code, run_file
 
 NAME = "trajectory"
 
@@ -35,11 +35,11 @@ def load_python(path: Path) -> Polynomial:
             raise RefusedError(
                 f"{path.name}: {NAME} is {type(made).__name__}, which has no sample(t, reference)"
             )
-        made = told(path, made, RefusedError)
+        made = call_user_code(path, made, RefusedError)
     for wanted in ("duration", "sample"):
         if not hasattr(made, wanted):
             raise RefusedError(
                 f"{path.name}: what {NAME} makes ({type(made).__name__}) has no {wanted}; it needs "
                 "duration (s) and sample(t, reference)"
             )
-    return told(path, lambda: tabulate(path.name, made), RefusedError)
+    return call_user_code(path, lambda: tabulate(path.name, made), RefusedError)

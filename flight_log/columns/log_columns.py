@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 import xxhash
 
-from flight_log.columns.places import ON_ITS_WAY, identity, make_room, place_of
+from flight_log.columns.places import UNFINISHED, identity, make_room, place_of
 from flight_log.columns.topic import Topic
 from flight_log.columns.writer import INDEX, VERSION, digest, write_columns
 from flight_log.run_folder import log_of
@@ -66,11 +66,11 @@ class _DamagedError(Exception):
 
 
 class _Folder:
-    """The columns of a log in their folder; without `tell` none are made."""
+    """The columns of a log in their folder; without `progress` none are made."""
 
-    def __init__(self, log: Path, place: Path, tell: Callable[[float], None] | None) -> None:
-        self.log, self._tell = log, tell
-        self._identity = identity(log) if tell else []
+    def __init__(self, log: Path, place: Path, progress: Callable[[float], None] | None) -> None:
+        self.log, self._progress = log, progress
+        self._identity = identity(log) if progress else []
         self.note = ""
         self._temporary: tempfile.TemporaryDirectory[str] | None = None
         self.folder = place
@@ -92,10 +92,10 @@ class _Folder:
 
     def _make(self, place: Path) -> None:
         """Make the columns in `place`, or where there is room for them."""
-        if self._tell is None:
+        if self._progress is None:
             raise StorageError(f"the columns of {self.log.name} are not there, or damaged")
         try:
-            self._write(place, self._tell)
+            self._write(place, self._progress)
             make_room(place.parent, place.name)
             return
         except OSError as error:
@@ -103,7 +103,7 @@ class _Folder:
         for parent in (None, MEMORY):
             try:
                 own = tempfile.TemporaryDirectory(prefix="quadlab-columns-", dir=parent)
-                self._write(Path(own.name) / "columns", self._tell)
+                self._write(Path(own.name) / "columns", self._progress)
                 self._temporary = own
                 self.note = f"the columns of {self.log.name} are not kept ({problems[0]})"
                 return
@@ -111,11 +111,11 @@ class _Folder:
                 problems.append(error.strerror or str(error))
         raise StorageError(f"no room for the columns of {self.log.name}: {'; '.join(problems)}")
 
-    def _write(self, place: Path, tell: Callable[[float], None]) -> None:
-        new = place.with_name(f"{place.name}.{os.getpid()}{ON_ITS_WAY}")
+    def _write(self, place: Path, progress: Callable[[float], None]) -> None:
+        new = place.with_name(f"{place.name}.{os.getpid()}{UNFINISHED}")
         shutil.rmtree(new, ignore_errors=True)
         try:
-            write_columns(self.log, new, self._identity, tell)
+            write_columns(self.log, new, self._identity, progress)
             shutil.rmtree(place, ignore_errors=True)
             with suppress(OSError):  # another process was faster; its columns are equivalent
                 new.rename(place)
@@ -152,21 +152,21 @@ class _Folder:
 
 def read_columns(
     log: Path,
-    tell: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
     dtype: npt.DTypeLike = np.float32,
     place: Path | None = None,
 ) -> LogColumns:
     """Return the columns of a log; make them first if there are none.
 
     Args:
-        tell: called with the share that is done, 0 to 1.
+        progress: called with the share that is done, 0 to 1.
         dtype: of the numbers.
         place: folder of the columns, default `place_of(log)`.
 
     Raises LogFormatError or StorageError.
     """
     log = log_of(log)
-    return _columns(_Folder(log, place or place_of(log), tell), dtype)
+    return _columns(_Folder(log, place or place_of(log), progress), dtype)
 
 
 def kept_columns(log: Path, dtype: npt.DTypeLike = np.float32) -> LogColumns:

@@ -17,7 +17,7 @@ CACHES = ".columns"
 """Folder of the runs' columns, next to the runs."""
 LARGEST = 4_000_000_000
 """Largest size of a cache folder, in bytes; the least recently used are removed first."""
-ON_ITS_WAY = ".new"
+UNFINISHED = ".new"
 
 
 def identity(log: Path) -> list[int]:
@@ -46,9 +46,9 @@ def make_room(folder: Path, name: str) -> bool:
     """
     others = []
     for one in folder.glob("*"):
-        if one.suffix == ON_ITS_WAY and not _is_alive(one):
+        if one.suffix == UNFINISHED and not _is_alive(one):
             shutil.rmtree(one, ignore_errors=True)
-        elif one.name != name and one.suffix != ON_ITS_WAY:
+        elif one.name != name and one.suffix != UNFINISHED:
             others.append((_looked_at(one), one))
     excess = folder_bytes(folder) - LARGEST
     for looked_at, one in sorted(others):

@@ -159,13 +159,13 @@ class _Topic:
 
 
 def write_columns(
-    log: Path, folder: Path, identity: list[int], tell: Callable[[float], None]
+    log: Path, folder: Path, identity: list[int], progress: Callable[[float], None]
 ) -> None:
     """Write the columns of a log into a new folder. Raises OSError, LogFormatError, StorageError.
 
     Args:
         identity: of the log, stored with them.
-        tell: called with the share that is done, 0 to 1.
+        progress: called with the share that is done, 0 to 1.
     """
     scratch = folder / "scratch"
     scratch.mkdir(parents=True)
@@ -178,12 +178,12 @@ def write_columns(
                 topic = topics[columns.topic] = _Topic(columns, scratch / str(len(topics)))
             if topic.type_name == columns.type_name:
                 topic.extend(columns)
-        tell(0.8 * batch.share)
+        progress(0.8 * batch.share)
     found: dict[str, Any] = {}
     for number, name in enumerate(list(topics)):
         found[name] = topics.pop(name).write(folder / f"{number}.arrow")
         shutil.rmtree(scratch / str(number))
-        tell(0.8 + 0.2 * (number + 1) / (number + 1 + len(topics)))
+        progress(0.8 + 0.2 * (number + 1) / (number + 1 + len(topics)))
     shutil.rmtree(scratch)
     raw = reader.log
     schemas = {

@@ -85,18 +85,19 @@ def fit_order(
         return chosen, False
     if chosen.score > max(FITS, NEARLY * best.score):
         return chosen, True
-    told = (
+    finding = (
         f"[{raw.name}] the gyroscope explains {chosen.turn.explained:.0%} of the attitude's "
         f"turning, and gravity is along its world's z by {chosen.upright:.0%}"
     )
     if best.score > FITS:
         raise LogFormatError(
-            f'{told}: write quaternion_order = "{best.order}", quaternion_maps = "{best.way}"'
+            f'{finding}: write quaternion_order = "{best.order}", quaternion_maps = "{best.way}"'
         )
     if chosen.turn.explained < FITS:
-        raise LogFormatError(f"{told}: are these the right columns, and of the same flight?")
+        raise LogFormatError(f"{finding}: are these the right columns, and of the same flight?")
     raise LogFormatError(
-        f"{told}: write [imu] body and [{raw.name}] body and world as they are, or leave them out"
+        f"{finding}: write [imu] body and [{raw.name}] body and world as they are, or leave them "
+        "out"
     )
 
 

@@ -32,7 +32,7 @@ FIRST_NS = 100_000_000_000_000_000
 """Stamps above it are epoch time (1973 and later), others are of another clock."""
 
 
-def settle(raw: RawFlight, vehicle: str, source: str, modified_ns: int) -> ImportedFlight:
+def checked_flight(raw: RawFlight, vehicle: str, source: str, modified_ns: int) -> ImportedFlight:
     """Return the flight in our frames and units, on one clock.
 
     Args:
@@ -45,8 +45,8 @@ def settle(raw: RawFlight, vehicle: str, source: str, modified_ns: int) -> Impor
     force = imu.specific_force * _force_unit(imu, notes)
     up = _body(imu, force, notes)
     force, turning = force @ up.T, imu.angular_velocity @ up.T
-    beside = next((one for one in raw.tracks if one.name == "estimate"), None)
-    found = [_checked(imu.seconds, force, turning, one, beside, notes) for one in raw.tracks]
+    estimate = next((one for one in raw.tracks if one.name == "estimate"), None)
+    found = [_checked(imu.seconds, force, turning, one, estimate, notes) for one in raw.tracks]
     scales = [one.rate_scale for one in found if one.rate_scale is not None]
     rate = turning * _rate_unit(imu, turning, scales, notes)
     if not raw.tracks:
@@ -79,7 +79,7 @@ def _checked(
     force: Array,
     turning: Array,
     raw: RawTrack,
-    beside: RawTrack | None,
+    estimate: RawTrack | None,
     notes: list[str],
 ) -> Checked:
     """Return a checked track. An estimate may be wrong, which may be why its log is studied: if all
@@ -87,8 +87,8 @@ def _checked(
     """
     kept = len(notes)
     try:
-        other = None if raw is beside else beside
-        return Checked(seconds, force, turning, raw, notes, beside=other)
+        other = None if raw is estimate else estimate
+        return Checked(seconds, force, turning, raw, notes, estimate=other)
     except LogFormatError as error:
         rows = raw.rows
         stated = (rows.body, rows.world, rows.position_unit, rows.quaternion_order)
@@ -109,21 +109,21 @@ def _force_unit(imu: RawImu, notes: list[str]) -> float:
         if LIKELY_FORCE[0] < median * unit / GRAVITY < LIKELY_FORCE[1]
     ]
     stated = imu.rows.specific_force_unit
-    told = f"[imu] specific_force has a median length of {median:.4g}"
+    finding = f"[imu] specific_force has a median length of {median:.4g}"
     if stated is None and not fits:
         raise LogFormatError(
-            f"{told}, which is gravity in none of {', '.join(FORCE_UNITS)}: "
+            f"{finding}, which is gravity in none of {', '.join(FORCE_UNITS)}: "
             f"are these the right columns? A number as specific_force_unit is m/s^2 a count"
         )
     if stated is None:
-        notes.append(f"{told}: in {fits[0]}")
+        notes.append(f"{finding}: in {fits[0]}")
         return FORCE_UNITS[fits[0]]
     unit = FORCE_UNITS[stated] if isinstance(stated, str) else stated
     share = median * unit / GRAVITY
     if not LIKELY_FORCE[0] < share < LIKELY_FORCE[1]:
         hint = f'write "{fits[0]}"' if fits else "are these the right columns?"
         raise LogFormatError(
-            f"{told}, {share:.3g} times gravity in the {stated} of the mapping: {hint}"
+            f"{finding}, {share:.3g} times gravity in the {stated} of the mapping: {hint}"
         )
     return unit
 
@@ -133,21 +133,21 @@ def _body(imu: RawImu, force: Array, notes: list[str]) -> Array:
     mean = force.mean(axis=0)
     length = float(np.linalg.norm(mean))
     stated = imu.rows.body
-    told = f"[imu] the mean specific force is ({', '.join(f'{one:.2f}' for one in mean)}) m/s^2"
+    finding = f"[imu] the mean specific force is ({', '.join(f'{one:.2f}' for one in mean)}) m/s^2"
     if length < 0.5 * GRAVITY:
-        raise LogFormatError(f"{told}, too small for gravity: is gravity taken out already?")
+        raise LogFormatError(f"{finding}, too small for gravity: is gravity taken out already?")
     fits = [one for one in bodies() if (axes(one, "") @ mean)[2] > POINTS_UP * length]
     if stated is None:
         if fits[:1] not in (["FLU"], ["FRD"]):
             raise LogFormatError(
-                f"{told}: z is not the vertical; write body, one of {', '.join(fits)}"
+                f"{finding}: z is not the vertical; write body, one of {', '.join(fits)}"
             )
-        notes.append(f"{told}: the body is {fits[0]}")
+        notes.append(f"{finding}: the body is {fits[0]}")
         return axes(fits[0], "body")
     matrix = axes(stated, "body")
     if (matrix @ mean)[2] < POINTS_UP * length:
         hint = ", ".join(fits[:4])
-        raise LogFormatError(f"{told}, not upwards in the {stated} of the mapping: try {hint}")
+        raise LogFormatError(f"{finding}, not upwards in the {stated} of the mapping: try {hint}")
     return matrix
 
 
@@ -161,27 +161,27 @@ def _rate_unit(imu: RawImu, turning: Array, scales: list[float], notes: list[str
     """
     stated = imu.rows.angular_velocity_unit
     if scales:
-        told = f"[imu] angular_velocity is {scales[0]:.4g} times the turning of the attitudes"
+        finding = f"[imu] angular_velocity is {scales[0]:.4g} times the turning of the attitudes"
         found = next((n for n, unit in RATE_UNITS.items() if 0.75 < scales[0] * unit < 1.33), None)
     else:
         largest = float(np.percentile(np.abs(turning), 99.9))
-        told = f"[imu] angular_velocity reaches {largest:.4g}"
+        finding = f"[imu] angular_velocity reaches {largest:.4g}"
         found = None
         if stated in (None, "rad/s") and largest > LARGEST_RATE:
             found = "deg/s"
     if stated is None:
         if found is None:
             raise LogFormatError(
-                f"{told}: the unit cannot be found from it; write angular_velocity_unit, one of "
+                f"{finding}: the unit cannot be found from it; write angular_velocity_unit, one of "
                 f"{', '.join(RATE_UNITS)}, or a number (rad/s a count)"
             )
-        notes.append(f"{told}: in {found}")
+        notes.append(f"{finding}: in {found}")
         return RATE_UNITS[found]
     unit = RATE_UNITS[stated] if isinstance(stated, str) else stated
     wrong = not 0.75 < scales[0] * unit < 1.33 if scales else found is not None
     if wrong:
         hint = f'write "{found}"' if found else "are these the right columns?"
-        raise LogFormatError(f"{told}, which is not the {stated} of the mapping: {hint}")
+        raise LogFormatError(f"{finding}, which is not the {stated} of the mapping: {hint}")
     if not scales:
         notes.append(f"the unit of [imu] angular_velocity ({stated}) could not be checked")
     return unit

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from flight_log.imports.checks import settle
+from flight_log.imports.checks import checked_flight
 from flight_log.imports.flight import ImportedFlight
 from flight_log.imports.formats import format_of
 from flight_log.imports.mapping import Mapping, load_mapping, names
@@ -48,7 +48,7 @@ def read_flight(
     raw = read_raw(path, found, torn=torn)
     vehicle = re.sub(r"[^a-z0-9_]", "_", found.vehicle.lower()) or DEFAULT_VEHICLE
     modified_ns = path.stat().st_mtime_ns
-    return settle(raw, vehicle, f"{kind}, mapping {Path(mapping).name}", modified_ns)
+    return checked_flight(raw, vehicle, f"{kind}, mapping {Path(mapping).name}", modified_ns)
 
 
 def _with_truth(mapping: Mapping, truth: Path, chosen: str) -> Mapping:

@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 
 LOGGED = "logged"
 """The column with the time at which a message was written, s; `stamp` is its header's."""
-MOST_ITEMS = 40
+MAX_ITEMS = 40
 """Largest number of an array's items that become columns."""
 
 
@@ -65,7 +65,7 @@ def _numbers(message: Any, path: str = "") -> Iterator[tuple[str, float]]:
         elif isinstance(value, bool | int | float | np.number):
             yield where, float(value)
         elif isinstance(value, np.ndarray):
-            for k, one in enumerate(value[:MOST_ITEMS].tolist()):
+            for k, one in enumerate(value[:MAX_ITEMS].tolist()):
                 yield f"{where}[{k}]", float(one)
         elif hasattr(value, "__dataclass_fields__"):
             yield from _numbers(value, where)

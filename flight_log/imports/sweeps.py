@@ -93,11 +93,11 @@ def read_stations(path: Path) -> tuple[int, dict[int, Record]]:
     from ruamel.yaml.error import YAMLError
 
     try:
-        told: Any = YAML(typ="safe").load(path)
-        make, planes = int(told["systemType"]), {}
-        for station, place in told["geos"].items():
+        geometry: Any = YAML(typ="safe").load(path)
+        make, planes = int(geometry["systemType"]), {}
+        for station, place in geometry["geos"].items():
             turn = np.array(place["rotation"], float)
-            for sweep, numbers in enumerate(told["calibs"][station]["sweeps"]):
+            for sweep, numbers in enumerate(geometry["calibs"][station]["sweeps"]):
                 plane = np.zeros((), SWEEP_PLANE)
                 upright = make == 1 and sweep == 1
                 matrix = turn @ SECOND_ROTOR if upright else turn

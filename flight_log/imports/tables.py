@@ -17,7 +17,7 @@ HEAD_LINES = 2000
 """Number of lines of a text file in which its first row of numbers is searched."""
 LONGEST_LINE = 1 << 20
 """Longest line in characters; a file with a longer one is not a table."""
-MOST_VALUES = 16_000_000
+MAX_VALUES = 16_000_000
 """Largest number of values read from a table, 128 MB: half an hour of an IMU at 1000 Hz."""
 
 
@@ -92,7 +92,7 @@ class TextTable(FileTables):
 
     def read(self, table: str, names: list[str]) -> Array:
         wanted = [self._names.index(one) for one in names]
-        most = MOST_VALUES // len(wanted) + 1
+        most = MAX_VALUES // len(wanted) + 1
         try:
             found: Array = np.loadtxt(
                 self.path,
@@ -118,10 +118,10 @@ class TextTable(FileTables):
 
 def check_size(path: Path, rows: int, columns: int) -> None:
     """Raise LogFormatError when a table is too large to be read."""
-    if rows * columns > MOST_VALUES:
+    if rows * columns > MAX_VALUES:
         raise LogFormatError(
             f"{path.name} has {rows} rows or more; of {columns} columns at most "
-            f"{MOST_VALUES // columns} are imported: cut it into flights"
+            f"{MAX_VALUES // columns} are imported: cut it into flights"
         )
 
 
@@ -188,8 +188,8 @@ class Hdf5Table(FileTables):
             raise LogFormatError(f"{self.path.name} is damaged: {error!s:.120}") from None
         lengths = {name: len(one) for name, one in zip(names, found, strict=True)}
         if len(set(lengths.values())) > 1:
-            told = ", ".join(f"{name} {length}" for name, length in lengths.items())
-            raise LogFormatError(f"{self.path.name}: columns of several lengths: {told}")
+            listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
+            raise LogFormatError(f"{self.path.name}: columns of several lengths: {listed}")
         return np.stack(found, axis=1, dtype=np.float64)
 
 

@@ -54,7 +54,7 @@ class Checked:
         seconds, force, turning: of the IMU, FLU; (N,), (N, 3) m/s², (N, 3) in its own unit.
         notes: gets lines about what is found.
         check: whether it is compared with the IMU, or accepted as stated.
-        beside: the vehicle's estimate, by whose speed positions without attitude get their clock.
+        estimate: the vehicle's estimate, by whose speed positions without attitude get their clock.
 
     Attributes:
         rate_scale: gyroscope reading per rad/s of this attitude; None if unknown.
@@ -71,7 +71,7 @@ class Checked:
         notes: list[str],
         *,
         check: bool = True,
-        beside: RawTrack | None = None,
+        estimate: RawTrack | None = None,
     ) -> None:
         self.raw = raw
         self.rate_scale: float | None = None
@@ -91,8 +91,8 @@ class Checked:
         if raw.quaternion is not None:
             self._fit_attitude()
             self._fit_position()
-        elif beside is not None:
-            self._fit_speed(beside)
+        elif estimate is not None:
+            self._fit_speed(estimate)
         else:
             self._fit_position_alone()
 
@@ -152,13 +152,13 @@ class Checked:
                 f"[{raw.name}] its body is turned by {rest:.0f} deg against the IMU's, as both "
                 f'turn: write body = "{best}", or is another body of the [imu] right?'
             )
-        told = f"[{raw.name}] its body is turned by {rest:.1f} deg to the IMU's"
+        finding = f"[{raw.name}] its body is turned by {rest:.1f} deg to the IMU's"
         slight = SLIGHT[0] < math.radians(rest) < SLIGHT[1] and turn.explained > ALIKE
         if raw.name == "truth" and slight:
             self._body = turn.matrix
-            self._notes.append(f"{told}, as both turn: corrected")
+            self._notes.append(f"{finding}, as both turn: corrected")
         elif rest > 1.0:
-            self._notes.append(told)
+            self._notes.append(finding)
 
     def _settle_clock(self, one: Array, other: Array, mine: Array, theirs: Array) -> None:
         """Find the offset of the stamps; both signals are already in the same axes."""
@@ -212,21 +212,21 @@ class Checked:
         force = np.einsum("nij,nj->ni", matrices_of(turned), force)
         mean = force.mean(axis=0)
         fits = [one for one in WORLDS if (axes(one, "") @ mean)[2] > 0.9 * np.linalg.norm(mean)]
-        told = f"[{raw.name}] turned by its attitude the mean specific force is " + (
+        finding = f"[{raw.name}] turned by its attitude the mean specific force is " + (
             f"({', '.join(f'{one:.2f}' for one in mean)}) m/s^2"
         )
         if not fits:
             raise LogFormatError(
-                f"{told}: neither z up nor z down; is quaternion_maps right, "
+                f"{finding}: neither z up nor z down; is quaternion_maps right, "
                 "and is [imu] body right?"
             )
         if rows.world is None:
             self._world = axes(fits[0], "world")
-            self._notes.append(f"{told}: its world is {fits[0]}")
+            self._notes.append(f"{finding}: its world is {fits[0]}")
         elif (self._world @ mean)[2] < 0.0:
-            raise LogFormatError(f'{told}: its world is not {rows.world}; write "{fits[0]}"')
+            raise LogFormatError(f'{finding}: its world is not {rows.world}; write "{fits[0]}"')
         if abs(np.linalg.norm(mean) / GRAVITY - 1.0) > 0.05:
-            self._notes.append(f"{told}, not 9.81: the accelerometer's scale is off")
+            self._notes.append(f"{finding}, not 9.81: the accelerometer's scale is off")
         gravity = self._world.T @ np.array([0.0, 0.0, GRAVITY])
         own = motion.smoothed(force - gravity, 2 * motion.SMOOTH)
         flown = motion.accelerations(
@@ -251,10 +251,10 @@ class Checked:
             )
         self._settle_unit(turn.scale)
 
-    def _fit_speed(self, beside: RawTrack) -> None:
+    def _fit_speed(self, estimate: RawTrack) -> None:
         """Determine the clock from the speed of the vehicle's estimate. Raises LogFormatError."""
         mine, theirs = self._grids()
-        one = speed(on_grid(mine, beside.seconds, beside.position))
+        one = speed(on_grid(mine, estimate.seconds, estimate.position))
         own = speed(on_grid(theirs, self.raw.seconds + self._offset, self.raw.position))
         lag = self._lag(one, own, mine, theirs)
         mine_too, theirs_too = joined(mine, one, theirs + lag, own)
@@ -306,17 +306,17 @@ class Checked:
         """Determine the unit; `scale` is m per unit, from the specific force."""
         name, stated = self.raw.name, self._stated_unit()
         found = next((k for k, unit in LENGTH_UNITS.items() if 0.6 < scale / unit < 1.6), None)
-        told = f"[{name}] positions move by {scale:.3g} m per unit, from the specific force"
+        finding = f"[{name}] positions move by {scale:.3g} m per unit, from the specific force"
         if stated is None:
             if found is None:
-                raise LogFormatError(f"{told}: no unit known here; write position_unit")
+                raise LogFormatError(f"{finding}: no unit known here; write position_unit")
             self._unit = LENGTH_UNITS[found]
             if found != "m":
-                self._notes.append(f"{told}: in {found}")
+                self._notes.append(f"{finding}: in {found}")
             return
         if not 0.6 < scale / stated < 1.6:
             hint = f'write "{found}"' if found else "are these the right columns?"
-            raise LogFormatError(f"{told}, not in {self.raw.rows.position_unit}: {hint}")
+            raise LogFormatError(f"{finding}, not in {self.raw.rows.position_unit}: {hint}")
         self._unit = stated
 
     def _grids(self) -> tuple[Array, Array]:

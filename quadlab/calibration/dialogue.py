@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from quadlab.calibration.lines import beside, table, told
+from quadlab.calibration.lines import comparison_rows, notes, table
 from quadlab.calibration.screen import Screen
 from quadlab.commands.option_types import Flag
 from quadlab.station_client import StationClient
@@ -23,7 +23,7 @@ INTERRUPTED = 130
 
 
 @dataclass(frozen=True)
-class Wanted:
+class CalibrationRequest:
     """The request of the command line."""
 
     name: str
@@ -48,7 +48,7 @@ def in_force(client: StationClient) -> dict[str, CalibrationRecord]:
 class Dialogue:
     """One calibration, from its start to the decision, including repetitions."""
 
-    def __init__(self, client: StationClient, screen: Screen, wanted: Wanted) -> None:
+    def __init__(self, client: StationClient, screen: Screen, wanted: CalibrationRequest) -> None:
         self._client, self._screen, self._wanted = client, screen, wanted
         self._status: Any = None
         self._runs = False
@@ -202,10 +202,10 @@ class Dialogue:
             present = self._client.parameters()
         except (RefusedError, LinkError, MeasurementError) as error:
             self._screen.say(f"what is in force is not known: {error}")
-        rows = beside(record, before, present)
+        rows = comparison_rows(record, before, present)
         for line in table([("", "now", "proposed", ""), *rows]):
             self._screen.say(line)
-        for line in told(record):
+        for line in notes(record):
             self._screen.say(line)
 
     def _chosen(self, question: str, words: str) -> str:

@@ -48,7 +48,7 @@ def who(record: CalibrationRecord) -> str:
     )
 
 
-def beside(
+def comparison_rows(
     record: CalibrationRecord, before: CalibrationRecord | None, present: Mapping[str, Any]
 ) -> list[tuple[str, str, str, str]]:
     """Return rows of name, present value, proposed value and judgement.
@@ -72,7 +72,7 @@ def beside(
     return rows
 
 
-def told(record: CalibrationRecord) -> Iterable[str]:
+def notes(record: CalibrationRecord) -> Iterable[str]:
     """Yield additional notes on the figures."""
     for text in record.warnings:
         yield f"warning: {text}"

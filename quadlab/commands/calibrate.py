@@ -36,7 +36,7 @@ class Calibrate:
     """namespace of the vehicle's topics"""
 
     def run(self) -> int:
-        from quadlab.calibration.dialogue import Dialogue, Wanted
+        from quadlab.calibration.dialogue import CalibrationRequest, Dialogue
         from quadlab.calibration.screen import Screen
         from quadlab.station_client import station
 
@@ -52,27 +52,27 @@ class Calibrate:
                 "asks for a confirmation"
             )
         with station(self.loopback_port, self.name) as client:
-            told = client.ask("experiment", action="describe")
+            reply = client.ask("experiment", action="describe")
             if self.calibration is None:
-                return _list(client, told)
-            wanted = Wanted(
-                self.calibration, self._options(told), self.yes, self.accept, self.reject
+                return _list(client, reply)
+            wanted = CalibrationRequest(
+                self.calibration, self._options(reply), self.yes, self.accept, self.reject
             )
             return Dialogue(client, screen, wanted).run()
 
-    def _options(self, told: Any) -> dict[str, Any]:
+    def _options(self, reply: Any) -> dict[str, Any]:
         """Return the options, checked against those of the station. Raises UsageError."""
         from quadrotor.parameters import parse_text
         from vehicle_link.parameters.messages import from_descriptor
 
-        known = dict(zip(told.names, told.problems, strict=True))
+        known = dict(zip(reply.names, reply.problems, strict=True))
         name = self.calibration
-        if name not in known or not dict(zip(told.names, told.calibrations, strict=True))[name]:
+        if name not in known or not dict(zip(reply.names, reply.calibrations, strict=True))[name]:
             if known.get(name):
                 raise UsageError(f"{name} cannot run: {known[name]}")
-            there = [n for n, record in zip(told.names, told.calibrations, strict=True) if record]
+            there = [n for n, record in zip(reply.names, reply.calibrations, strict=True) if record]
             raise UsageError(f"no calibration {name!r:.60}; there are {', '.join(there)}")
-        options = {one.name: one for one in map(from_descriptor, told.descriptors)}
+        options = {one.name: one for one in map(from_descriptor, reply.descriptors)}
         values = {}
         for word in self.set:
             option, equals, text = word.partition("=")
@@ -91,15 +91,15 @@ class Calibrate:
         return values
 
 
-def _list(client: StationClient, told: Any) -> int:
+def _list(client: StationClient, reply: Any) -> int:
     from quadlab.calibration.dialogue import in_force
     from quadlab.calibration.lines import listed
 
-    names = zip(told.names, told.calibrations, strict=True)
+    names = zip(reply.names, reply.calibrations, strict=True)
     calibrations = {str(name): str(record) for name, record in names if record}
     for line in listed(calibrations, in_force(client)):
         print(line)
-    for name, problem in zip(told.names, told.problems, strict=True):
+    for name, problem in zip(reply.names, reply.problems, strict=True):
         if problem:
             print(f"{name} cannot run: {problem}")
     return 0

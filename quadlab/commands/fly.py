@@ -65,7 +65,7 @@ class Fly:
             plugins=self.plugins,
             board=self.board,
             true_state=self.true_state,
-            tell=not self.json,
+            print_instructions=not self.json,
         )
         flight, path, aborted = done.flight, done.path, done.aborted
         result, proposal, wall, processor = done.result, done.proposal, done.wall, done.processor

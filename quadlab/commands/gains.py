@@ -36,7 +36,7 @@ class Gains:
             print(f"{name:{width}}" + "".join(f"{cell:>16}" for cell in cells))
             worst = smallest(found)
             if worst.phase < LOW_MARGIN:
-                told = "is unstable" if worst.phase < 0.0 else "is about to oscillate"
-                print(f"  do not fly it: the {worst.loop} loop {told}")
+                verdict = "is unstable" if worst.phase < 0.0 else "is about to oscillate"
+                print(f"  do not fly it: the {worst.loop} loop {verdict}")
         print("set one with --set control.preset=NAME; further --set words change it")
         return 0

@@ -11,7 +11,7 @@ import tyro
 
 from quadlab.commands.option_types import Folder, optional
 from quadlab.data_folder import open_data_folder
-from quadlab.link_commands.handing_over import THERE, hand_over, how_to_copy
+from quadlab.link_commands.certificate_bundle import REMOTE_FOLDER, how_to_copy, write_bundle
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import UsageError
 
@@ -51,14 +51,16 @@ class Enrol:
                 )
         ensure_certificates(base, hosts)
         out = self.out or data / "enrolled" / self.name
-        made = hand_over(out, partial(issue_vehicle, base, name=self.name, hosts=hosts))
+        made = write_bundle(out, partial(issue_vehicle, base, name=self.name, hosts=hosts))
         known.add(self.name, self.address)
         port_option = "" if port == 7447 else f" --link-port {port}"
         print(f"{self.name} at {self.address} is known here; its files are in {made}")
         print("1. copy ca.pem, vehicle.pem and vehicle.key to the vehicle, for instance:")
         for line in how_to_copy(made, host):
             print(f"     {line}")
-        print(f"   ({THERE} is inside its data folder; if it has another, DATA/certificates)")
+        print(
+            f"   ({REMOTE_FOLDER} is inside its data folder; if it has another, DATA/certificates)"
+        )
         print(f"2. on the vehicle: quadlab vehicle --name {self.name}{port_option} …")
         print(f"3. here:           quadlab link test {self.name}")
         print(f"                   quadlab station --vehicle {self.name}")

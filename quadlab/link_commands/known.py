@@ -30,15 +30,15 @@ class List:
     def run(self) -> int:
         from console.link.known_vehicles import KnownVehicles
         from vehicle_link.transport.local_networks import own_networks
-        from vehicle_link.transport.quic_probe import Door, knock_at_all
+        from vehicle_link.transport.quic_probe import ProbeResult, probe_all
         from vehicle_link.transport.session import VEHICLE_PORT, parse_endpoint
 
         known = KnownVehicles(open_data_folder(self.data)).all()
         places = {name: parse_endpoint(one.address) for name, one in known.items()}
-        for place, door in knock_at_all(list(places.values())).items():
+        for place, result in probe_all(list(places.values())).items():
             for name, one in known.items():
                 if places[name] == place:
-                    state = STATES[door]
+                    state = STATES[result]
                     print(f"{name:12} {one.address:24} {state:32} enrolled {one.enrolled}")
         if not known:
             print("no vehicle is known here; make one known with `quadlab link enrol NAME ADDRESS`")
@@ -48,8 +48,8 @@ class List:
         hosts = [(str(host), VEHICLE_PORT) for network in networks for host in network.hosts()]
         found = [
             host
-            for (host, port), door in knock_at_all(hosts).items()
-            if door is Door.ANSWERS and (host, port) not in places.values()
+            for (host, port), result in probe_all(hosts).items()
+            if result is ProbeResult.ANSWERS and (host, port) not in places.values()
         ]
         for host in found:
             print(f"{'?':12} {host:24} answers, not enrolled here")

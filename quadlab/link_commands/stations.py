@@ -12,7 +12,7 @@ import tyro
 
 from quadlab.commands.option_types import Folder, optional
 from quadlab.data_folder import open_data_folder
-from quadlab.link_commands.handing_over import THERE, hand_over
+from quadlab.link_commands.certificate_bundle import REMOTE_FOLDER, write_bundle
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
@@ -44,11 +44,11 @@ class _Station:
         data = open_data_folder(self.data)
         out = self.out or data / "issued" / f"{access}_{self.name}"
         base = data / "certificates"
-        made = hand_over(out, partial(issue_station, base, name=self.name, access=access))
+        made = write_bundle(out, partial(issue_station, base, name=self.name, access=access))
         print(f"{self.name}'s station {MAY[access]}; its files are in {made}")
         print(
-            f"1. copy ca.pem, station.pem and station.key into {THERE} there (mode 0700), or into\n"
-            "   the folder certificates of another data folder"
+            f"1. copy ca.pem, station.pem and station.key into {REMOTE_FOLDER} there (mode 0700), "
+            "or into\n   the folder certificates of another data folder"
         )
         print("2. there: quadlab station --vehicle NAME=ADDRESS")
         print(f"station.key is a secret: delete {made} once it is copied")

@@ -88,13 +88,13 @@ def _list(vehicle: str, answer: Any) -> int:
 
 def _fetch(client: StationClient, name: str) -> int:
     """Follow the transfer to its end. Raises LinkError when the station falls silent."""
-    heard = client.listen("transfers")
+    messages = client.listen("transfers")
     began = time.monotonic()
     number = int(client.ask("transfer", action="download", name=name).id)
     said, size = "", 0
     with progress_of(f"fetching {name}") as progress:
         while True:
-            transfer = _report(heard, number, name)
+            transfer = _report(messages, number, name)
             size = int(transfer.total_bytes) or size
             if transfer.total_bytes:
                 progress(transfer.bytes / transfer.total_bytes)
@@ -111,12 +111,12 @@ def _fetch(client: StationClient, name: str) -> int:
     return 0
 
 
-def _report(heard: queue.SimpleQueue[Any], number: int, name: str) -> Any:
+def _report(messages: queue.SimpleQueue[Any], number: int, name: str) -> Any:
     """Return the station's next report of the transfer with this number."""
     end = time.monotonic() + SILENT
     while (left := end - time.monotonic()) > 0.0:
         try:
-            message = heard.get(timeout=left)
+            message = messages.get(timeout=left)
         except queue.Empty:
             break
         for one in message.transfers:

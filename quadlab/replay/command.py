@@ -122,10 +122,10 @@ class Replay:
             print(f"  {line}")
         print_table(rows)
         if len(flown := flown_choices(recording)) > 1:
-            told = ", ".join(
+            choices = ", ".join(
                 f"{one.estimator} on {one.source} {one.seconds:.1f} s" for one in flown
             )
-            print(f"  the flight was flown on {told}")
+            print(f"  the flight was flown on {choices}")
         for path in (self.plot, self.csv):
             if path is not None:
                 print(f"  wrote {path}")

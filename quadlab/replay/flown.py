@@ -11,7 +11,7 @@ ESTIMATOR, SOURCE = "estimation.estimator", "estimation.source"
 SHADOWS = SHADOW, SHADOW_SOURCE = "estimation.shadow", "estimation.shadow_source"
 CHOICES = (ESTIMATOR, SOURCE, *SHADOWS)
 
-Seat = tuple[str, str]  # estimator, source
+EstimatorAndSource = tuple[str, str]  # estimator, source
 
 
 class Choice(NamedTuple):
@@ -36,14 +36,14 @@ def flown_choices(recording: Recording) -> list[Choice]:
     begin_ns = flying[0] if flying else recording.start_ns
     end_ns = flying[-1] if flying else int(recording.imu["stamp_ns"][-1])
 
-    running: dict[Seat, int | None] = dict.fromkeys(_seats(chosen))
-    spans: dict[Seat, int] = {}
-    begins: dict[Seat, int | None] = {}
+    running: dict[EstimatorAndSource, int | None] = dict.fromkeys(_pairs(chosen))
+    spans: dict[EstimatorAndSource, int] = {}
+    begins: dict[EstimatorAndSource, int | None] = {}
 
     def fly_until(stamp_ns: int) -> None:
         nonlocal begin_ns
         until_ns = min(max(stamp_ns, begin_ns), end_ns)
-        flown = _seats(chosen)[0]
+        flown = _pairs(chosen)[0]
         spans[flown] = spans.get(flown, 0) + until_ns - begin_ns
         begins.setdefault(flown, running[flown])
         begin_ns = until_ns
@@ -52,14 +52,14 @@ def flown_choices(recording: Recording) -> list[Choice]:
     for (stamp_ns, _), group in groupby(changes, key=lambda one: one[:2]):
         fly_until(stamp_ns)
         chosen |= {change.name: str(change.value) for change in group}
-        running = {seat: running.get(seat, stamp_ns) for seat in _seats(chosen)}
+        running = {pair: running.get(pair, stamp_ns) for pair in _pairs(chosen)}
     fly_until(end_ns)
     longest = sorted(spans.items(), key=lambda item: -item[1])
-    found = [Choice(*seat, 1e-9 * span, begins[seat]) for seat, span in longest]
+    found = [Choice(*pair, 1e-9 * span, begins[pair]) for pair, span in longest]
     return [one for one in found if one.seconds > 0.0] or found[:1]
 
 
-def _seats(chosen: dict[str, str]) -> list[Seat]:
+def _pairs(chosen: dict[str, str]) -> list[EstimatorAndSource]:
     """Return the running estimators: the one flown on, then its shadow if there is one."""
     flown = (chosen[ESTIMATOR], chosen[SOURCE])
     if chosen[SHADOW] == "none":

@@ -165,12 +165,12 @@ def _emulated(recording: Recording, fixed: set[str], source: str, on: On | None)
             f"--on recorded-bearings with {min(changed)} changed: what was recorded cannot be; "
             "use --on bearings, or leave it out"
         )
-    anew = set()
+    computed = set()
     if changed or on == "bearings" or (not recording.bearings and on != "recorded-bearings"):
-        anew.add("bearings")
+        computed.add("bearings")
     if _any(fixed, "tracker."):
-        anew.add("poses")
-    return frozenset(kind for kind in anew if source in (kind, "both"))
+        computed.add("poses")
+    return frozenset(kind for kind in computed if source in (kind, "both"))
 
 
 def _check_measurements(recording: Recording, run: Run) -> None:

@@ -39,7 +39,7 @@ ODOMETRY = (
 )
 COLUMNS = ("imu", "state", "truth", "status")
 EVENTS = ("tracker_pose", "tracker_position", "bearings", "sweeps", "events", "parameter_changes")
-MOST_SAMPLES = 2_000_000
+MAX_SAMPLES = 2_000_000
 """Largest number of samples of a topic: more than an hour's flight at 500 Hz."""
 CALIBRATED, ARMED = "ready: gyroscope bias", "armed: "
 """Beginnings of the events at whose sample the vehicle's estimators forget what they have learnt,
@@ -113,9 +113,9 @@ def read_recording(path: Path) -> Recording:
     for name in ("imu", "state", "truth"):
         if problem := log.problems.get(f"{space}/{name}"):
             raise LogFormatError(f"{path}: {name} cannot be read: {problem}")
-        if len(topics[name]) > MOST_SAMPLES:
+        if len(topics[name]) > MAX_SAMPLES:
             raise LogFormatError(
-                f"{path.name} has {len(topics[name])} messages of {name}, at most {MOST_SAMPLES} "
+                f"{path.name} has {len(topics[name])} messages of {name}, at most {MAX_SAMPLES} "
                 "are replayed: cut it with `mcap filter --include-attachments "
                 "--output-compression lz4 --start … --end …`"
             )

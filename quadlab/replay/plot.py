@@ -51,9 +51,9 @@ def draw(path: Path, recording: Recording, window: Window, rows: list[Row]) -> N
         color, style = COLORS[k % len(COLORS)], STYLES[k // len(COLORS) % len(STYLES)]
         label = f"{row.label}, {row.measurements}{_rms(row)}"
         axes.plot(time, error, style, color=color, linewidth=1.0, label=label)
-        told = (row.deviation_ns >= window.start_ns) & (row.deviation_ns <= window.end_ns)
-        if told.any():
-            time, bound = recording.seconds(row.deviation_ns[told]), 3e3 * row.deviation[told]
+        inside = (row.deviation_ns >= window.start_ns) & (row.deviation_ns <= window.end_ns)
+        if inside.any():
+            time, bound = recording.seconds(row.deviation_ns[inside]), 3e3 * row.deviation[inside]
             axes.step(time, bound, "--", where="post", color=color, linewidth=1.2, alpha=0.7)
     if any(len(row.deviation) for row in replays):
         axes.plot([], [], "--", color="#666666", label="3σ by the estimator's own covariance")

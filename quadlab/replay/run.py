@@ -166,7 +166,7 @@ class Vehicle:
             else:
                 if self._source == "poses" or not self._wants_bearings(now_ns):
                     return
-                frame = self._beacons.place(measurement)
+                frame = self._beacons.with_positions(measurement)
                 if not frame["count"][0]:
                     return
                 estimator.correct_bearings(frame, self._estimate)

@@ -115,12 +115,12 @@ def survey_beacons(
     recording: Recording,
     run: Run,
     arrivals: list[Arrival],
-    tell: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> tuple[Beacons, Survey]:
     """Return the positions of the beacons of the run's layout, to the mm, and how they were found.
 
     Args:
-        tell: called with the share that is done, 0 to 1.
+        progress: called with the share that is done, 0 to 1.
 
     Raises MeasurementError when there are too few frames of bearings, and when no layout fits
     better than the run's.
@@ -136,7 +136,7 @@ def survey_beacons(
     def fly(moved: Array) -> _Steady:
         nonlocal flights
         flights += 1
-        tell(min(0.99, flights / (USUAL * (moved.size + 1))))
+        progress(min(0.99, flights / (USUAL * (moved.size + 1))))
         return _Steady(recording, run, placed(moved)).flown(arrivals)
 
     moved, found = _fit(fly, believed.positions_w, 3, numbers, run)

@@ -51,15 +51,15 @@ def fly(
     plugins: Path | None = None,
     board: str = "mikrokopter",
     true_state: bool = False,
-    tell: bool = False,
+    print_instructions: bool = False,
 ) -> Flown:
     """Fly an experiment on the simulated vehicle and judge its log.
 
     Args:
         seed: seed of all noise. words: NAME=VALUE of parameters. out: folder of the log; None:
             flights in the data folder. plugins: folder of users' laws and estimators. true_state:
-            whether the controller gets the true state. tell: whether instructions of a guided
-            procedure are printed.
+            whether the controller gets the true state. print_instructions: whether instructions of
+            a guided procedure are printed.
 
     Raises QuadlabError; after the start, its message includes the path of the log.
     """
@@ -110,8 +110,8 @@ def fly(
     _, later = prepare(lambda line: print(f"quadlab: {line}", file=sys.stderr, flush=True))
     typestore()
     flight = SimulatedFlight(parameters, simulated, log, estimator, plugins, kind)
-    if tell:
-        flight.on_tell = Teller(flight)
+    if print_instructions:
+        flight.on_progress = InstructionPrinter(flight)
     began, processor = time.perf_counter(), time.process_time()
     aborted = ""
     try:
@@ -175,7 +175,7 @@ def kept(error: QuadlabError, log: Path) -> QuadlabError:
     return type(error)(f"{error}; the log is kept: {log}")
 
 
-class Teller:
+class InstructionPrinter:
     """Printer of the instructions of a guided procedure, each once."""
 
     def __init__(self, flight: SimulatedFlight) -> None:

@@ -11,7 +11,7 @@ from quadrotor.errors import StorageError, UsageError
 from vehicle_link.security.authority import TlsFiles
 from vehicle_link.serial.capacity import DEFAULT_RATE
 
-MOST = 8
+MAX_VEHICLES = 8
 PORT_STEP = 2
 """Difference between the link ports of two vehicles: the port after each is its telemetry's."""
 
@@ -43,8 +43,10 @@ class SimulatedFleet:
 
     def check(self) -> None:
         """Check the options of the fleet. Raises UsageError."""
-        if not 1 <= self.count <= MOST:
-            raise UsageError(f"--vehicles {self.count} is not possible; allowed are 1 to {MOST}")
+        if not 1 <= self.count <= MAX_VEHICLES:
+            raise UsageError(
+                f"--vehicles {self.count} is not possible; allowed are 1 to {MAX_VEHICLES}"
+            )
         if self.count > 1 and self.name != THE_VEHICLE:
             raise UsageError(
                 "several vehicles are called quad1, quad2, …; leave --name or --vehicles away"

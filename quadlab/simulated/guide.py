@@ -40,7 +40,7 @@ PATIENCE = 30.0
 """Seconds to wait for the gyroscope's calibration, and for setting the vehicle down."""
 
 
-class Flown(Protocol):
+class HasSimulator(Protocol):
     """The parameters of a simulated flight that a guided procedure needs."""
 
     simulator: SimulatorParameters
@@ -50,16 +50,18 @@ class SimulatedGuide:
     """A simulated person, tracker and force/torque sensor.
 
     Attributes:
-        told: the newest progress.
-        on_tell: called with each reported progress.
+        progress: the newest progress.
+        on_progress: called with each reported progress.
     """
 
     simulated = True
     stack: FlightStack
 
-    def __init__(self, parameters: Flown, simulated: SimulatedVehicle, log: FlightLog) -> None:
-        self.told: Progress | None = None
-        self.on_tell: Callable[[Progress], None] = lambda _: None
+    def __init__(
+        self, parameters: HasSimulator, simulated: SimulatedVehicle, log: FlightLog
+    ) -> None:
+        self.progress: Progress | None = None
+        self.on_progress: Callable[[Progress], None] = lambda _: None
         self._flown, self._simulated, self._log = parameters, simulated, log
         self._ticks: deque[bytes] | None = None
         self._readings: deque[ForceReading] = deque(maxlen=KEPT)
@@ -74,8 +76,8 @@ class SimulatedGuide:
 
     # ------------------------------------------------------------------ the client API
     def tell(self, progress: Progress) -> None:
-        self.told = progress
-        self.on_tell(progress)
+        self.progress = progress
+        self.on_progress(progress)
 
     def confirm(self, question: str) -> None:
         """Confirm at once; the log has a line about it."""

@@ -53,10 +53,10 @@ class OnboardCamera:
             turn=(p.mount_roll, p.mount_pitch, p.mount_yaw),
         )
         self.lens = Intrinsics(WIDTH, HEIGHT, matrix, self._rendered.distortion)
-        told = BeaconTags(size=camera.tag_size, camera=mount, sigma=camera.sigma)
+        tags = BeaconTags(size=camera.tag_size, camera=mount, sigma=camera.sigma)
         self._reader, self._prints = (
-            TagBearings(told, self.lens),
-            TagDetector(self.lens, told.family),
+            TagBearings(tags, self.lens),
+            TagDetector(self.lens, tags.family),
         )
         self._R_bc, self._lens_b = mount.axes_b, np.array(mount.position)
         self._random = np.random.default_rng(p.seed)

@@ -22,7 +22,7 @@ class _Landing:
     def __init__(self, session: Any, name: str, shown: str) -> None:
         from vehicle_link.transport.node import Node
 
-        self.heard = threading.Event()
+        self.was_received = threading.Event()
         self.on_ground = threading.Event()
         self._shown = shown
         self._node = Node(session, f"/{name}", "stopping")
@@ -30,7 +30,7 @@ class _Landing:
 
     @property
     def is_due(self) -> bool:
-        return self.heard.is_set() and not self.on_ground.is_set()
+        return self.was_received.is_set() and not self.on_ground.is_set()
 
     def begin(self) -> None:
         from vehicle_link.messages import new
@@ -62,7 +62,7 @@ class _Landing:
         status = decode(received.payload, "quadlab_msgs/VehicleStatus")
         lands = status.armed and status.mode != "bench"  # the bench ends with the vehicle process
         (self.on_ground.clear if lands else self.on_ground.set)()
-        self.heard.set()
+        self.was_received.set()
 
     def _say(self, line: str) -> None:
         print(f"quadlab: {self._shown}{line}", flush=True)
@@ -81,7 +81,7 @@ def land_before_stopping(loopback_port: int, names: Sequence[str], stop: StopReq
     try:
         until = time.monotonic() + HEARING
         for landing in landings:
-            landing.heard.wait(max(0.0, until - time.monotonic()))
+            landing.was_received.wait(max(0.0, until - time.monotonic()))
         due = [landing for landing in landings if landing.is_due]
         if not due:
             return

@@ -15,7 +15,7 @@ from vehicle_link.serial.identity import THE_ONE, Identity
 from vehicle_link.serial.port import NO_DEVICE
 
 AUTO = "auto"
-MOST = 2
+MAX_PORTS = 2
 
 
 def split_ports(words: Sequence[str]) -> list[str]:
@@ -42,7 +42,7 @@ def flight_ports(words: Sequence[str], identity: Identity = THE_ONE) -> list[str
         )
         say(f"microcontroller of robot {identity.robot_id} at {' and '.join(ports)}")
         return ports
-    if not 1 <= len(named) <= MOST:
+    if not 1 <= len(named) <= MAX_PORTS:
         raise UsageError(
             f"--serial has {len(named)} ports; allowed are one or two, like "
             "--serial /dev/ttyUSB0,/dev/ttyUSB1, or --serial auto; "
@@ -74,8 +74,8 @@ def ports_at_rate(
                 f"{','.join(words)}; leave one of the two out"
             )
         return [], DEFAULT_RATE if rate is None else rate
-    if rate is not None and rate > samples_a_second(MOST):
-        check_rate(rate, MOST)  # fails with any ports, so they need not be searched for
+    if rate is not None and rate > samples_a_second(MAX_PORTS):
+        check_rate(rate, MAX_PORTS)  # fails with any ports, so they need not be searched for
     ports = flight_ports(words, identity)
     for port in ports:
         if os.path.exists(port) and not stat.S_ISCHR(os.stat(port).st_mode):

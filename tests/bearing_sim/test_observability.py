@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from bearing_sim.beacons import PAPER_BEACONS, PRESETS, Beacons
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.emulator import BearingEmulator
-from bearing_sim.observability import LARGEST_MAP, Sight, bound_map, frame_bound
+from bearing_sim.observability import LARGEST_MAP, FieldOfView, bound_map, frame_bound
 from quadrotor.plain_rotations import matrix_of
 
 Array = npt.NDArray[np.float64]
@@ -198,7 +198,7 @@ def test_it_sees_what_the_emulated_sensor_sees(given: dict[str, float | str]) ->
     eight = PRESETS["eight"]
     parameters = BearingParameters(layout="eight", rate=100.0, **given)  # type: ignore[arg-type]
     found = bound_map(
-        eight, SIGMA, (-1.5, 1.5), (-1.5, 1.5), 1.0, sight=Sight.of(parameters), spacing=0.3
+        eight, SIGMA, (-1.5, 1.5), (-1.5, 1.5), 1.0, sight=FieldOfView.of(parameters), spacing=0.3
     )
     some_seen = False
     for j, y in enumerate(found.y.tolist()):
@@ -216,7 +216,7 @@ def test_it_sees_what_the_emulated_sensor_sees(given: dict[str, float | str]) ->
 
 
 def test_with_every_beacon_dark_nothing_is_determined() -> None:
-    dark = replace(Sight(), lost=None)
+    dark = replace(FieldOfView(), lost=None)
     found = bound_map(PAPER_BEACONS, SIGMA, (-1.0, 1.0), (-1.0, 1.0), 1.0, sight=dark)
     assert np.isnan(found.position).all()
     one = bound_map(
@@ -225,6 +225,6 @@ def test_with_every_beacon_dark_nothing_is_determined() -> None:
         (-1.0, 1.0),
         (-1.0, 1.0),
         1.0,
-        sight=replace(Sight(), lost=frozenset({3})),
+        sight=replace(FieldOfView(), lost=frozenset({3})),
     )
     assert np.isnan(one.position).all()

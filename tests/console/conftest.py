@@ -160,7 +160,7 @@ class LinkedBench:
         settings = {"station.recorder.keep_free": 10.0}
         self.station = BaseStation(self._hub, self.catalogue, settings=settings, instance=instance)
         self._radio = Radio(
-            f"127.0.0.1:{self._relay.port}", files, loopback, self.station.link.silent
+            f"127.0.0.1:{self._relay.port}", files, loopback, self.station.link.session_silence
         )
         self.station.link.follow(self._radio)
         self._session = loopback_session(loopback)

@@ -109,7 +109,10 @@ class Laboratory:
         }
         self.radios = {
             name: Radio(
-                f"127.0.0.1:{self.vehicles[name].port}", files, loopback, station.link.silent
+                f"127.0.0.1:{self.vehicles[name].port}",
+                files,
+                loopback,
+                station.link.session_silence,
             )
             for name, station in self.stations.items()
         }
@@ -240,7 +243,7 @@ def test_of_many_each_beats_half_as_often_and_every_other_time_over_the_link(
         )
         station = BaseStation(session, catalogue, name, vehicles=count, keeps_house=False)
         try:
-            station._outbox.beats.beside = lambda received: True  # as by a lane that is up
+            station._outbox.beats.also_send = lambda received: True  # as by a lane that is up
             enough = len(beats) + 12
             until(lambda: len(beats) >= enough)
         finally:

@@ -244,9 +244,9 @@ def test_a_table_longer_than_is_read_and_a_line_without_end_are_refused(
     path = tmp_path / "flight.csv"
     path.write_text("t,x,y\n" + "1,2,3\n" * 400)
     table = TextTable(path)
-    monkeypatch.setattr(tables, "MOST_VALUES", 1200)
+    monkeypatch.setattr(tables, "MAX_VALUES", 1200)
     assert len(table.read("", ["t", "x", "y"])) == 400
-    monkeypatch.setattr(tables, "MOST_VALUES", 1199)
+    monkeypatch.setattr(tables, "MAX_VALUES", 1199)
     with pytest.raises(LogFormatError, match="at most 399 are imported"):
         table.read("", ["t", "x", "y"])
     path.write_text("1," * tables.LONGEST_LINE)
@@ -511,7 +511,7 @@ def test_a_small_bag_that_opens_to_gigabytes_is_one_line(
 ) -> None:
     bag = write_bag(tmp_path / "flight", FLIGHT, 2)
     _pack(bag, mode, 1_500_000_000 if mode == "message" else 30_000_000)
-    monkeypatch.setattr(limits, "MOST_UNPACKED", 20_000_000)
+    monkeypatch.setattr(limits, "MAX_UNPACKED", 20_000_000)
     before = [resource.getrlimit(one) for one in (resource.RLIMIT_DATA, resource.RLIMIT_FSIZE)]
     assert main(["log", "import", str(bag), "--data", str(tmp_path / "lab")]) == 1
     [line] = capsys.readouterr().err.strip().splitlines()

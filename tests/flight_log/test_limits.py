@@ -12,7 +12,7 @@ import pytest
 from flight_log import read_attachments, read_log, summarize
 from flight_log.blocks import BLOCK_BYTES, BlockReader
 from flight_log.check import check_log
-from flight_log.limits import MOST_BYTES
+from flight_log.limits import MAX_BYTES
 from flight_log.reader import read_topic
 from flight_log.run import read_run
 from quadrotor.errors import LogFormatError
@@ -80,14 +80,14 @@ def test_messages_outside_of_chunks_are_not_held(tmp_path: Path) -> None:
 
 
 def test_a_chunk_larger_than_is_read_is_refused_in_one_line(tmp_path: Path) -> None:
-    size = MOST_BYTES + 1_000_000
+    size = MAX_BYTES + 1_000_000
     log = write(tmp_path / "a.mcap", chunk(packed([bytes(1_000_000)] * (size // 10**6)), size))
     for read in (check_log, read_attachments, lambda path: list(read_log(path))):
         with pytest.raises(LogFormatError) as refusal:
             read(log)
         told = str(refusal.value)
         assert f"opens to {size // 10**6} MB" in told
-        assert f"at most {MOST_BYTES // 10**6} MB" in told
+        assert f"at most {MAX_BYTES // 10**6} MB" in told
         assert "\n" not in told
     assert summarize(log).message_count == 1  # as in its index
 
@@ -135,7 +135,7 @@ def test_a_run_of_more_messages_than_are_held_is_refused(
 ) -> None:
     log = many_tiny(tmp_path / "a.mcap", 50_000)
     assert [len(one) for one in read_run(log).topics.values()] == [50_000]
-    monkeypatch.setattr("flight_log.run.MOST_MESSAGES", 49_999)
+    monkeypatch.setattr("flight_log.run.MAX_MESSAGES", 49_999)
     with pytest.raises(LogFormatError, match="50000 messages; at most 49999"):
         read_run(log)
 

@@ -30,11 +30,11 @@ from vehicle_link.serial.identity import THE_ONE
 from vehicle_link.telemetry import pack
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import TOPICS
-from vehicle_link.transport import quic_probe as knocking
+from vehicle_link.transport import quic_probe
 from vehicle_link.transport.link_measurement import Figures, measure
 from vehicle_link.transport.local_networks import own_networks
 from vehicle_link.transport.node import Node
-from vehicle_link.transport.quic_probe import Door, knock, knock_at_all
+from vehicle_link.transport.quic_probe import ProbeResult, probe, probe_all
 from vehicle_link.transport.session import vehicle_session
 
 
@@ -222,10 +222,10 @@ def test_a_knock_tells_who_is_there(vehicle: int) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mute:
         mute.bind(("127.0.0.1", 0))
         places = [("127.0.0.1", vehicle), ("127.0.0.1", free_port(socket.SOCK_DGRAM))]
-        assert list(knock_at_all(places).values()) == [Door.ANSWERS, Door.CLOSED]
-        assert knock("127.0.0.1", mute.getsockname()[1], 0.01) is Door.SILENT
-    assert knock("no such.invalid", 7447) is Door.NAMELESS
-    assert set(knocking.WHY) == set(Door)
+        assert list(probe_all(places).values()) == [ProbeResult.ANSWERS, ProbeResult.CLOSED]
+        assert probe("127.0.0.1", mute.getsockname()[1], 0.01) is ProbeResult.SILENT
+    assert probe("no such.invalid", 7447) is ProbeResult.NAMELESS
+    assert set(quic_probe.EXPLANATIONS) == set(ProbeResult)
 
 
 def test_own_networks_are_the_small_ones_without_a_gateway(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from console.link.dialled_vehicles import dialled, remember_dialled
-from quadlab.simulated.fleet import MOST, SimulatedFleet
+from quadlab.simulated.fleet import MAX_VEHICLES, SimulatedFleet
 from quadlab.vehicle_names import parse_names, parse_vehicles
 from quadrotor.errors import LinkError, UsageError
 from vehicle.processes.config import FEWEST_PACKETS, PACKETS_A_SECOND
@@ -60,7 +60,7 @@ def test_several_vehicles_have_their_own_names_and_ports() -> None:
         SimulatedFleet(3, "lab", 7447).check()
 
 
-@pytest.mark.parametrize("count", range(1, MOST + 1))
+@pytest.mark.parametrize("count", range(1, MAX_VEHICLES + 1))
 def test_the_rates_of_so_many_fit_together(count: int) -> None:
     fleet = SimulatedFleet(count, "quad1", 7447)
     rates, pace = fleet.rates, pace_of(count)

@@ -31,7 +31,7 @@ class StationLink:
         self.loopback_port = loopback_port or free_port()
         self.session: Any = hub_session(self.loopback_port)
         address = f"127.0.0.1:{vehicle_port}"
-        self.radio = Radio(address, tls, self.loopback_port, silent=lambda: 0.0)
+        self.radio = Radio(address, tls, self.loopback_port, session_silence=lambda: 0.0)
 
     def wait(self, timeout: float = PATIENCE) -> bool:
         """Wait for the link, and return whether it is connected."""

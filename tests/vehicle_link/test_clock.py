@@ -10,7 +10,7 @@ import pytest
 
 from quadrotor.errors import StorageError
 from vehicle_link import clock
-from vehicle_link.lockstep import PREFIX, SHARED_MEMORY, Page, Part, page_at, words_of
+from vehicle_link.lockstep import PREFIX, SHARED_MEMORY, Page, ProcessProgress, page_at, words_of
 
 SECOND = 1_000_000_000
 
@@ -45,8 +45,8 @@ def test_without_a_simulation_it_is_the_computers(monkeypatch: pytest.MonkeyPatc
     assert clock.monotonic() == 100.0
     assert abs(clock.time_ns() - time.time_ns()) < SECOND
     assert clock.real_time_factor() == 0.0
-    assert not Part("quad1").in_lockstep
-    Part("quad1").truth(5)  # no reader
+    assert not ProcessProgress("quad1").in_lockstep
+    ProcessProgress("quad1").truth(5)  # no reader
 
 
 def test_until_a_simulation_takes_it_over_it_goes_as_the_computers(
@@ -95,24 +95,24 @@ def test_it_runs_on_without_a_simulation_that_has_died(
         wall.now_ns += SECOND // 2
         told.append(clock.monotonic_ns())
     assert told == sorted(told)
-    assert told[-1] == wall.now_ns - clock.GONE_NS
+    assert told[-1] == wall.now_ns - clock.DEAD_AFTER_NS
     assert clock.real_time_factor() == 0.0
 
 
 def test_each_part_tells_of_its_own_vehicle(words: memoryview) -> None:
     for number, name in enumerate(("quad1", "quad2"), start=1):
-        part = Part(name)
-        assert part.in_lockstep
-        part.answered(1, 10 * number)
-        part.served(100 * number)
-        part.truth(number + words[clock.EPOCH])
+        progress = ProcessProgress(name)
+        assert progress.in_lockstep
+        progress.answered(1, 10 * number)
+        progress.served(100 * number)
+        progress.truth(number + words[clock.EPOCH])
     first, second = words_of(words, "quad1"), words_of(words, "quad2")
     assert first is not None
     assert second is not None
     assert first.tolist() == [0, 10, 1, 0, 0, 0, 0, 0, 100]
     assert second.tolist() == [0, 20, 2, 0, 0, 0, 0, 0, 200]
     assert words_of(words, "quad3") is None
-    assert not Part("quad3").in_lockstep
+    assert not ProcessProgress("quad3").in_lockstep
 
 
 def test_a_page_that_is_none_is_refused_with_what_to_try(tmp_path: Path) -> None:

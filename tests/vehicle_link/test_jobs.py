@@ -17,7 +17,7 @@ import pytest
 from quadrotor.checkout import ROOT
 from quadrotor.errors import JobError, JobTimeoutError, RefusedError, StorageError
 from tests.waiting import until
-from vehicle_link.jobs import COMPLAINT, Job, run
+from vehicle_link.jobs import STDERR_KEPT, Job, run
 
 BOUND = 60.0
 
@@ -100,7 +100,7 @@ def test_a_crash_is_told_with_its_last_line(how: str, told: str) -> None:
     job = Job(die, how)
     with pytest.raises(JobError, match=f"{told}: the last line$"):
         job.result()
-    assert len(job._complaint) <= COMPLAINT
+    assert len(job._stderr) <= STDERR_KEPT
 
 
 def test_a_defect_is_told_by_its_exception() -> None:
@@ -126,7 +126,7 @@ def test_a_job_has_its_time_and_can_be_ended(tmp_path: Path) -> None:
 def test_a_job_that_is_asked_to_end_does(tmp_path: Path) -> None:
     job = Job(wait, str(tmp_path / "pid"))
     job.stop(BOUND)
-    assert job.look()
+    assert job.poll()
     with pytest.raises(JobError, match="SIGTERM"):
         job.result()
 

@@ -48,10 +48,10 @@ def test_a_clock_that_jumps_is_noticed_and_one_that_is_slewed_is_not() -> None:
     watch = ClockWatch(lambda: wall[0], lambda: steady[0])
     for _ in range(10):  # 500 ppm
         wall[0], steady[0] = wall[0] + 1.0005, steady[0] + 1.0
-        watch.look()
+        watch.compare()
     assert watch.check("station").state == "ok"
     wall[0], steady[0] = wall[0] - 2.0, steady[0] + 1.0
-    watch.look()
+    watch.compare()
     check = watch.check("station")
     assert (check.state, check.found) == ("warn", "once, the largest by -3.00 s")
 

@@ -13,7 +13,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from bearing_sim.chance import ALL, STEP, mixed
+from bearing_sim.chance import ALL, STEP, splitmix64
 from quadrotor.compiled import compiled
 
 Array = npt.NDArray[np.float64]
@@ -46,7 +46,7 @@ def seeded(seeds: list[int]) -> Words:
     out = np.empty((len(seeds), 4), np.uint64)
     for k, seed in enumerate(seeds):
         for i in range(4):
-            out[k, i] = mixed(seed + (i + 1) * STEP & ALL)
+            out[k, i] = splitmix64(seed + (i + 1) * STEP & ALL)
     return out
 
 

@@ -21,7 +21,7 @@ def bearing_pose(seen: Record, beacons: KnownBeacons, state: Record | None) -> b
     Raises MeasurementError; DegenerateGeometryError when too few beacons are seen, one appears
     twice, or they do not determine a pose.
     """
-    frame = beacons.place(seen)
+    frame = beacons.with_positions(seen)
     item = frame[0]
     count = int(item["count"])
     if not count:

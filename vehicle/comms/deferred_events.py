@@ -10,7 +10,7 @@ import math
 from collections import deque
 
 from vehicle.processes import mailbox
-from vehicle_link.topics import UNHEARD
+from vehicle_link.topics import DELAYED_PREFIX
 
 MOST = 8
 """Largest number of warnings that are published; the newest are kept."""
@@ -47,6 +47,6 @@ class Unheard:
         if not self._kept or now - self._heard_since < SETTLED:
             return None
         level = max(level for level, _ in self._kept)
-        text = UNHEARD + "; ".join(text for _, text in self._kept)
+        text = DELAYED_PREFIX + "; ".join(text for _, text in self._kept)
         self._kept.clear()
         return level, text

@@ -29,7 +29,7 @@ from vehicle.comms.vehicle_clock import VehicleClock
 from vehicle.processes import mailbox
 from vehicle_link import topics
 from vehicle_link.clock import monotonic_ns
-from vehicle_link.process_instance import spoken
+from vehicle_link.process_instance import short_id
 
 OLDEST_NS = 200_000_000
 SAID_EVERY_NS = 5_000_000_000
@@ -180,12 +180,12 @@ class Inbound:
         if not self._station.heard(instance, now_ns):
             self._complain(
                 "station_heartbeat",
-                f"station {spoken(instance)} is not listened to: station {spoken(before or 0)} "
+                f"station {short_id(instance)} is not listened to: station {short_id(before or 0)} "
                 "has the vehicle",
             )
             return
         if before is None:
-            self._say(mailbox.INFO, f"station {spoken(instance)} has the vehicle")
+            self._say(mailbox.INFO, f"station {short_id(instance)} has the vehicle")
         self._heard_ns = now_ns
         # The station's own stamp may precede its time synchronisation, so the time of arrival
         # counts.

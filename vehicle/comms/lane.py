@@ -69,8 +69,8 @@ class CommsLane:
                 Zenoh.
         """
         for name in TO_STATION:
-            publishers[name].beside = partial(self._lane.put, name)
-        publishers["vehicle_heartbeat"].every = beats_every
+            publishers[name].also_send = partial(self._lane.send, name)
+        publishers["vehicle_heartbeat"].send_one_in = beats_every
 
     def take(self, topic: str, callback: Callable[[Received], None]) -> None:
         """Deliver each message of a topic once and in order, by whichever way it arrives first."""

@@ -42,11 +42,11 @@ from vehicle.processes.terminal import say, speak_for
 from vehicle_link import topics
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.jobs import die_with_parent
-from vehicle_link.lockstep import COMMS_PROCESS, Part
+from vehicle_link.lockstep import COMMS_PROCESS, ProcessProgress
 from vehicle_link.security.authority import ensure_certificates, readable_keys
 from vehicle_link.security.whoami import serve_whoami
 from vehicle_link.termination_signal import Ending, EndSignal
-from vehicle_link.transport.heartbeat import HEARTBEAT_RATE, SELDOM
+from vehicle_link.transport.heartbeat import HEARTBEAT_RATE, LINK_HEARTBEAT_EVERY
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import vehicle_session
@@ -103,8 +103,8 @@ class Comms:
             self._radio, self._log, self._clock, config.name, config.packets
         )
         self._publisher.instance = config.instance
-        self._part = Part(config.name)
-        self._part.is_this_process(COMMS_PROCESS)
+        self._progress = ProcessProgress(config.name)
+        self._progress.is_this_process(COMMS_PROCESS)
         self._inbound = Inbound(
             self._flight,
             self._clock,
@@ -125,7 +125,7 @@ class Comms:
             self._log.folder, self._log.files, fetched, mending=lambda: self._log.mending
         ).serve(node)
         self._lane = CommsLane(node, config.link_port + 1, self._came_by_lane)
-        beats_every = SELDOM if config.packets < HEARTBEAT_RATE else 1
+        beats_every = LINK_HEARTBEAT_EVERY if config.packets < HEARTBEAT_RATE else 1
         self._lane.send(self._radio.publishers, beats_every)
         for topic in self._inbound.handlers:
             self._lane.take(topic, self._receiver(topic))
@@ -220,7 +220,7 @@ class Comms:
             beat = topics.decode_heartbeat(received.payload)
             if beat.instance == self._inbound.holder:
                 self._lane.heard()
-                self._part.station_heard(beat.stamp_ns)
+                self._progress.station_received(beat.stamp_ns)
 
     def _log_received(self, topic: str, payload: bytes, stamp_ns: int) -> None:
         type_name = topics.TOPICS[topic].type_name

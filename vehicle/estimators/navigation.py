@@ -157,7 +157,7 @@ class Navigation:
             if self._takes_poses:
                 self._queue.append(self._parameters.tracker.measured(measurement))
         elif self._takes_bearings and not self._refuses_bearings:
-            frame = self._beacons.place(measurement)
+            frame = self._beacons.with_positions(measurement)
             if frame["count"][0]:
                 self._queue.append(frame)
             elif ids := beacon_ids_of(measurement):

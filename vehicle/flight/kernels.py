@@ -118,7 +118,7 @@ class Later:
     @property
     def arrived(self) -> bool:
         """Return whether the background compilation has ended and was not loaded yet."""
-        return self._process is not None and self._process.look()
+        return self._process is not None and self._process.poll()
 
     def load(self) -> list[str]:
         """Load the cached code, in some 0.1 s; return the parts.
@@ -136,7 +136,7 @@ class Later:
 
     def wait(self) -> None:
         """Wait until the background compilation has ended."""
-        while self._process is not None and not self._process.look(1.0):
+        while self._process is not None and not self._process.poll(1.0):
             pass
 
     def close(self) -> None:

@@ -20,7 +20,7 @@ from vehicle.processes import mailbox
 from vehicle.processes.config import Rings
 from vehicle.processes.terminal import say
 from vehicle_link.clock import monotonic, monotonic_ns
-from vehicle_link.lockstep import Part
+from vehicle_link.lockstep import ProcessProgress
 from vehicle_link.serial.port import BAUD_RATE
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class FlightLoop:
     Args:
         pacer: waits for the next sample.
         later: parts compiled in the background, loaded on the ground.
-        part: notified of the samples that were processed, if simulated time waits for that.
+        progress: notified of the samples that were processed, if simulated time waits for that.
 
     Attributes:
         lateness: statistics of the ticks.
@@ -79,13 +79,13 @@ class FlightLoop:
         *,
         real_time: bool,
         later: Later | None = None,
-        part: Part | None = None,
+        progress: ProcessProgress | None = None,
     ) -> None:
         self._stopping = False
         self._later = later
         self._stack = stack
         self._mcu = mcu
-        self._part = part
+        self._progress = progress
         self._rings = rings
         self._measured = rings.poses, rings.bearings
         self._real_time = real_time
@@ -129,10 +129,10 @@ class FlightLoop:
             for failure in self._mcu.failures:
                 self._report(failure)
             self._mcu.failures.clear()
-        if self._part is not None:
+        if self._progress is not None:
             for line, milliseconds in enumerate(self._mcu.newest_ms):
-                self._part.answered(line, milliseconds)
-            self._part.served(began_ns)
+                self._progress.answered(line, milliseconds)
+            self._progress.served(began_ns)
 
     def _tick(self, sample: RawSample, began_ns: int) -> int:
         """Run the tick that began when the loop woke for its sample; return the time of its end."""

@@ -27,7 +27,7 @@ from vehicle.processes import mailbox
 from vehicle.processes.config import FlightConfig, open_rings
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link.jobs import die_with_parent
-from vehicle_link.lockstep import FLIGHT_PROCESS, Part
+from vehicle_link.lockstep import FLIGHT_PROCESS, ProcessProgress
 from vehicle_link.serial.capacity import sample_period_us
 from vehicle_link.serial.port import BAUD_RATE, Port, PortError, PortProblem, SerialPort
 
@@ -70,16 +70,16 @@ def fly(config: FlightConfig) -> None:
     Estimators(plugins).offer()
     parameters = new_parameters()
     ParameterStore(parameters).preset(kind.traits.parameters | config.parameters)
-    part = Part(config.name)
-    stack = FlightStack(parameters, plugins=plugins, waits=part.in_lockstep, board=kind.traits)
+    progress = ProcessProgress(config.name)
+    stack = FlightStack(parameters, plugins=plugins, waits=progress.in_lockstep, board=kind.traits)
     if config.trajectories:
         load_trajectories(stack, Path(config.trajectories))
     for refusal in refusals:
         say(f"not compiled before the flight: {refusal}")
     robot = None if ports else _in_process(config.rate, stack)
     granted = become_real_time()
-    part.is_this_process(FLIGHT_PROCESS)
-    if granted.refusal and not part.in_lockstep:  # in lockstep nothing is late: time waits
+    progress.is_this_process(FLIGHT_PROCESS)
+    if granted.refusal and not progress.in_lockstep:  # in lockstep nothing is late: time waits
         say(granted.refusal)
     freeze_garbage()
     # No delays from here on: the arrival of the first samples sets the vehicle's clock.
@@ -94,9 +94,9 @@ def fly(config: FlightConfig) -> None:
         mcu,
         rings,
         pacer,
-        real_time=granted.scheduled or part.in_lockstep,
+        real_time=granted.scheduled or progress.in_lockstep,
         later=later,
-        part=part if part.in_lockstep else None,
+        progress=progress if progress.in_lockstep else None,
     )
 
     def stop(signal_number: int, frame: object) -> None:

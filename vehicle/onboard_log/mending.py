@@ -127,7 +127,7 @@ class Mending:
             self._said.add(line)
 
     def _look_at(self, process: Job[None], on_ground: bool) -> list[Path]:
-        if not process.look():
+        if not process.poll():
             if not on_ground and not self._cut:
                 process.terminate()
                 self._cut, self.how = True, SOON

@@ -38,8 +38,8 @@ def recover_logs(paths: list[Path]) -> Iterator[str]:
                 yield f"onboard log {path.name} recovered: {found.messages} messages"
 
 
-def mend_logs(paths: list[Path], tell: Callable[[str], None]) -> None:
+def mend_logs(paths: list[Path], report: Callable[[str], None]) -> None:
     """Repair logs in a separate process; SIGTERM leaves a torn file unchanged."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     for line in recover_logs(paths):
-        tell(line)
+        report(line)

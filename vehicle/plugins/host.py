@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from quadrotor.errors import QuadlabError, RefusedError, UsageError
-from quadrotor.python_file import run_file, told
+from quadrotor.python_file import call_user_code, run_file
 from vehicle.plugins.contract import Contract, as_attributes
 
 READY = b"ready"
@@ -51,12 +51,12 @@ def _answer(connection: socket.socket, contract: Contract, source: str) -> None:
     plugin, file = load(contract, source), _file_of(contract, source)
     out = np.zeros(1, contract.outputs)
     for x in contract.rehearsal:
-        told(file, partial(contract.step, plugin, as_attributes(x), out), UsageError)
+        call_user_code(file, partial(contract.step, plugin, as_attributes(x), out), UsageError)
     connection.send(READY)
     while data := connection.recv(contract.inputs.itemsize + 1):
         # Its own memory in each tick, which a plugin may keep and write.
         x = as_attributes(np.frombuffer(bytearray(data), contract.inputs))
-        told(file, partial(contract.step, plugin, x, out), RefusedError)
+        call_user_code(file, partial(contract.step, plugin, x, out), RefusedError)
         connection.send(out.tobytes())
 
 
@@ -76,7 +76,7 @@ def load(contract: Contract, source: str | Path) -> Any:
 
         return FmuLaw(path)
     if (point := _entry_point(contract, source)) is not None:
-        made = told(path, point.load, UsageError)
+        made = call_user_code(path, point.load, UsageError)
     else:
         made = vars(run_file(path, contract.kind, UsageError)).get(contract.kind)
     if not callable(made):
@@ -84,7 +84,7 @@ def load(contract: Contract, source: str | Path) -> Any:
             f"{path.name}: it defines no {contract.kind!r}; give a class or function of this name "
             "whose object has reset and step(x); docs/extending/plugins.md shows one"
         )
-    plugin = told(path, made, UsageError)
+    plugin = call_user_code(path, made, UsageError)
     for method in ("reset", "step"):
         if not callable(getattr(plugin, method, None)):
             raise UsageError(f"{path.name}: {type(plugin).__name__} has no method {method}")

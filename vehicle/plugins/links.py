@@ -90,7 +90,7 @@ class ProcessLink:
         try:
             data = self._socket.recv(LARGEST)
         except (BlockingIOError, TimeoutError):
-            self._job.look()  # takes what the plugin prints, so that it never waits for a reader
+            self._job.poll()  # takes what the plugin prints, so that it never waits for a reader
             return None
         except OSError:
             data = b""
@@ -106,7 +106,7 @@ class ProcessLink:
 
     def _end(self) -> str:
         end = time.monotonic() + (PATIENCE if self._waits else 0.0)
-        while not (has_ended := self._job.look(0.01 if self._waits else 0.0)):
+        while not (has_ended := self._job.poll(0.01 if self._waits else 0.0)):
             if time.monotonic() >= end:
                 break
         if not has_ended:

@@ -121,7 +121,7 @@ class Opener:
         except self._invalid:
             self._refused.forged += 1
             return None
-        self._window.take(counter)  # only now: a forged counter must not move the window
+        self._window.mark_received(counter)  # only now: a forged counter must not move the window
         number, sequence, source_ns, gid = _CONTENT.unpack_from(content)
         topic = _TOPICS.get(number, "")
         if topic not in self._topics:

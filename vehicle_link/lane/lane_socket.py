@@ -58,9 +58,9 @@ class LaneSocket:
             return False
         return True
 
-    def start(self, take: Callable[[bytes, Address], None]) -> None:
-        """Call `take` with every datagram, cut at LARGEST + 1 bytes, in a thread."""
-        self._thread = threading.Thread(target=self._run, args=(take,), name="lane", daemon=True)
+    def start(self, handle: Callable[[bytes, Address], None]) -> None:
+        """Call `handle` with every datagram, cut at LARGEST + 1 bytes, in a thread."""
+        self._thread = threading.Thread(target=self._run, args=(handle,), name="lane", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -70,7 +70,7 @@ class LaneSocket:
         self._socket.close()
         self._woken.close()
 
-    def _run(self, take: Callable[[bytes, Address], None]) -> None:
+    def _run(self, handle: Callable[[bytes, Address], None]) -> None:
         poll = select.poll()
         poll.register(self._socket, select.POLLIN)
         poll.register(self._woken, select.POLLIN)
@@ -81,6 +81,6 @@ class LaneSocket:
             except OSError:  # an ICMP error for something sent, or a spurious wake-up
                 continue
             try:
-                take(datagram, address)
+                handle(datagram, address)
             except Exception:
                 log.exception("a datagram could not be handled")

@@ -15,20 +15,20 @@ class ReplayWindow:
 
     def __init__(self) -> None:
         self.newest = 0
-        self._came = 0  # bit k: newest - k
+        self._received = 0  # bit k: newest - k
 
     def is_new(self, counter: int) -> bool:
         if counter > self.newest:
             return True
         behind = self.newest - counter
-        return counter > 0 and behind < SIZE and not self._came >> behind & 1
+        return counter > 0 and behind < SIZE and not self._received >> behind & 1
 
-    def take(self, counter: int) -> None:
+    def mark_received(self, counter: int) -> None:
         """Mark a counter as received."""
         if counter > self.newest:
             # A jump of 2⁶³ must not shift by as much.
             ahead = min(counter - self.newest, SIZE)
-            self._came = (self._came << ahead | 1) & _ALL
+            self._received = (self._received << ahead | 1) & _ALL
             self.newest = counter
         else:
-            self._came |= 1 << (self.newest - counter)
+            self._received |= 1 << (self.newest - counter)

@@ -46,7 +46,7 @@ class _Keys:
 
 
 class StationLane:
-    """Station end of the lane to one vehicle. `put` and `vehicle_is` are thread-safe.
+    """Station end of the lane to one vehicle. `send` and `note_vehicle` are thread-safe.
 
     Args:
         host: host name or address of the vehicle.
@@ -60,15 +60,15 @@ class StationLane:
         host: str,
         ask: Callable[[], Message],
         deliver: Callable[[str, Received], None],
-        changed: Callable[[bool], None] = lambda stands: None,
+        changed: Callable[[bool], None] = lambda is_up: None,
     ) -> None:
         self._host, self._ask = host, ask
         self._deliver, self._changed = deliver, changed
         self._socket: LaneSocket | None = None
         self._keys: _Keys | None = None
         self.refused = Refused()
-        self._heard: float | None = None
-        self._vehicle, self._vehicle_heard = 0, -math.inf
+        self._received_at: float | None = None
+        self._vehicle, self._vehicle_received_at = 0, -math.inf
         self._asking = False
         self._asked, self._pause = -math.inf, ASK_AGAIN
         self._greeted = -math.inf
@@ -77,16 +77,16 @@ class StationLane:
         self._thread.start()
 
     @property
-    def stands(self) -> bool:
+    def is_up(self) -> bool:
         """Return whether data arrive from the vehicle by this lane."""
-        heard = self._heard
-        return heard is not None and clock.monotonic() - heard < SILENT_AFTER
+        received_at = self._received_at
+        return received_at is not None and clock.monotonic() - received_at < SILENT_AFTER
 
-    def vehicle_is(self, instance: int) -> None:
+    def note_vehicle(self, instance: int) -> None:
         """Note the vehicle's instance, received over the link, hence that it can be asked."""
-        self._vehicle, self._vehicle_heard = instance, clock.monotonic()
+        self._vehicle, self._vehicle_received_at = instance, clock.monotonic()
 
-    def put(self, topic: str, message: Received, *, greets: bool = False) -> bool:
+    def send(self, topic: str, message: Received, *, greets: bool = False) -> bool:
         """Send without waiting; return whether it was sent, whether or not the lane is up.
 
         Args:
@@ -106,27 +106,27 @@ class StationLane:
             self._socket.close()
 
     def _run(self) -> None:
-        stood = False
+        was_up = False
         while not self._closing.wait(HELLO_PERIOD):
             if time.monotonic() - self._greeted >= HELLO_PERIOD:
-                self.put(HELLO, A_HELLO)
-            if self.stands != stood:
-                stood = not stood
-                self._tell(stood)
-            if stood:
+                self.send(HELLO, A_HELLO)
+            if self.is_up != was_up:
+                was_up = not was_up
+                self._report_change(was_up)
+            if was_up:
                 self._pause = ASK_AGAIN
-            if self._should_ask(stood):
+            if self._should_ask(was_up):
                 self._asking = True
                 # In a thread: an answer may take a second, and hellos must continue.
                 threading.Thread(target=self._get_keys, name="lane keys", daemon=True).start()
 
-    def _should_ask(self, stands: bool) -> bool:
+    def _should_ask(self, is_up: bool) -> bool:
         now, keys = clock.monotonic(), self._keys
-        if self._asking or now - self._vehicle_heard > SILENT_AFTER:
+        if self._asking or now - self._vehicle_received_at > SILENT_AFTER:
             return False
         if keys is not None and keys.vehicle != self._vehicle:  # another process: ask at once
             return now - self._asked >= HELLO_PERIOD
-        return not stands and now - self._asked >= self._pause
+        return not is_up and now - self._asked >= self._pause
 
     def _get_keys(self) -> None:
         vehicle = self._vehicle
@@ -151,25 +151,25 @@ class StationLane:
         family, _, _, _, address = found[0]
         if self._socket is None:
             self._socket = LaneSocket(family, "::" if family == socket.AF_INET6 else "0.0.0.0", 0)
-            self._socket.start(self._take)
+            self._socket.start(self._handle)
         key_id = int(answer.key_id)
         sealer = Sealer(key_id, to_vehicle)
         opener = Opener(to_station, TO_STATION, self.refused)
         self._keys = _Keys(vehicle, key_id, address, sealer, opener)
-        self.put(HELLO, A_HELLO)
+        self.send(HELLO, A_HELLO)
 
-    def _take(self, datagram: bytes, _: Address) -> None:
+    def _handle(self, datagram: bytes, _: Address) -> None:
         keys = self._keys
         if keys is None or key_id_of(datagram) != keys.key_id:
             self.refused.foreign += 1
             return
         opened = keys.opener.open(datagram)
         if opened is not None:
-            self._heard = clock.monotonic()
+            self._received_at = clock.monotonic()
             self._deliver(*opened)
 
-    def _tell(self, stands: bool) -> None:
+    def _report_change(self, is_up: bool) -> None:
         try:
-            self._changed(stands)
+            self._changed(is_up)
         except LinkError as error:  # the session is closing
             log.info("lane of %s: %s", self._host, error)

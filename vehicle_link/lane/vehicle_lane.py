@@ -25,13 +25,13 @@ from vehicle_link.messages import Message, new
 from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.publisher import Received
 
-MOST = 8
+MAX_STATIONS = 8
 """Largest number of stations; one more replaces the one silent for the longest, receive-only
 stations first."""
 PATIENCE_NS = 2_000_000_000
 """Nanoseconds after a station's last datagram for which it is still sent to. Longer than most radio
 outages: data then resume with the first packet that gets through, not with the next hello."""
-GONE_NS = 60_000_000_000
+PLACE_KEPT_NS = 60_000_000_000
 """Nanoseconds for which a silent station that may send keeps its place."""
 
 Deliver = Callable[[str, Received], None]
@@ -59,12 +59,12 @@ class _Lane:
         """Return the sort key: stations that may send and are present rank highest, then those with
         the latest datagram.
         """
-        is_there = clock.monotonic_ns() - self.since_ns < GONE_NS
+        is_there = clock.monotonic_ns() - self.since_ns < PLACE_KEPT_NS
         return len(self.topics) > 1 and is_there, self.since_ns
 
 
 class VehicleLane:
-    """Vehicle end of the lanes of all stations. `put` is thread-safe.
+    """Vehicle end of the lanes of all stations. `send` is thread-safe.
 
     Args:
         port: UDP port; another one is used when it is taken.
@@ -79,7 +79,7 @@ class VehicleLane:
         self._changing = threading.Lock()
         self._lanes: dict[int, _Lane] = {}  # by key id; replaced, never changed
         self.refused = Refused()
-        self._socket.start(self._take)
+        self._socket.start(self._handle)
 
     @property
     def port(self) -> int:
@@ -117,7 +117,7 @@ class VehicleLane:
             key_to_vehicle=list(to_vehicle),
         )
 
-    def put(self, topic: str, message: Received) -> bool:
+    def send(self, topic: str, message: Received) -> bool:
         """Send to all listening stations without waiting; return whether there is one."""
         if len(message.payload) > LARGEST_PAYLOAD:
             return False
@@ -130,7 +130,7 @@ class VehicleLane:
     def close(self) -> None:
         self._socket.close()
 
-    def _take(self, datagram: bytes, address: Address) -> None:
+    def _handle(self, datagram: bytes, address: Address) -> None:
         key_id = key_id_of(datagram)
         lane = None if key_id is None else self._lanes.get(key_id)
         if lane is None:
@@ -164,13 +164,13 @@ def _listens(lane: _Lane, oldest_ns: int) -> bool:
 
 
 def _with(lanes: dict[int, _Lane], lane: _Lane) -> dict[int, _Lane]:
-    """Return the lanes with one more, limited to MOST stations; each station keeps the lanes in use
+    """Return the lanes with one more, limited to MAX_STATIONS; each station keeps the lanes in use
     and the newest.
     """
     kept = [one for one in lanes.values() if one.station != lane.station or one.address]
     kept.append(lane)
     kept.sort(key=lambda one: one.rank)
-    stations = list(dict.fromkeys(one.station for one in reversed(kept)))[:MOST]
+    stations = list(dict.fromkeys(one.station for one in reversed(kept)))[:MAX_STATIONS]
     return {one.key_id: one for one in kept if one.station in stations}
 
 

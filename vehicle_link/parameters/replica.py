@@ -62,7 +62,7 @@ class ParameterReplica:
         self.clock = 0
 
     # ------------------------------------------------------------------ updates
-    def show(self, instance: int, revision: int) -> None:
+    def note_status(self, instance: int, revision: int) -> None:
         """Store the instance and revision that the vehicle reports in its status."""
         with self._lock:
             self.shown = (instance, revision)
@@ -71,7 +71,7 @@ class ParameterReplica:
             else:
                 self._behind_since = None
 
-    def lost(self) -> None:
+    def mark_incomplete(self) -> None:
         """Note that changes may have been lost: the next snapshot may be of other processes."""
         with self._lock:
             self.is_whole = False
@@ -105,7 +105,7 @@ class ParameterReplica:
                     self._revisions[name] = max(self._revisions.get(name, -1), revision)
             self.revision = max(self.revision, revision)
             self._complete = max(self._complete, revision)
-            self._close_ranks()
+            self._advance_complete()
             self.instance, self.is_whole, self._behind_since = instance, True, None
             return Snapshot(before, dict(self._values), revision, instance, instance_before)
 
@@ -137,7 +137,7 @@ class ParameterReplica:
                     self.revision = max(self.revision, revision)
                 if self._values.get(name) != value:
                     self._values[name] = news[name] = value
-            self._close_ranks()
+            self._advance_complete()
         return news
 
     # ------------------------------------------------------------------ queries
@@ -176,7 +176,7 @@ class ParameterReplica:
         instance, revision = self.shown or (None, -1)
         return self.instance is None or instance != self.instance or revision > self._complete
 
-    def _close_ranks(self) -> None:
+    def _advance_complete(self) -> None:
         """Advance `_complete` over the revisions that follow it without a gap: each change has
         the next number.
         """

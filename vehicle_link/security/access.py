@@ -20,7 +20,7 @@ PILOT_WHOAMI = "pilot/whoami"
 LANE, PILOT_LANE = "lane", "pilot/lane"
 """Services that give a station the keys of the lane; the first one is for receiving only."""
 
-TELLING = (
+READ_ONLY_SERVICES = (
     WHOAMI,
     LANE,
     "time_sync",
@@ -43,7 +43,7 @@ _UP = ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveline
 def access_control() -> dict[str, Any]:
     """Return the vehicle's access control for Zenoh; other certificates have no rights."""
     topics = [row.name for row in TOPICS.values() if row.sender == "vehicle"]
-    open_to_all = [*(f"*/*/{name}/**" for name in (*topics, *TELLING)), _TOKENS]
+    open_to_all = [*(f"*/*/{name}/**" for name in (*topics, *READ_ONLY_SERVICES)), _TOKENS]
     return {
         "enabled": True,
         "default_permission": "deny",

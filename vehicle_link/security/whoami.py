@@ -11,17 +11,17 @@ from vehicle_link.transport.node import Node
 from vehicle_link.transport.protocol import protocol, version
 
 TYPE = SERVICES[WHOAMI]
-SHOWN_WITHIN = 0.3
+DISCOVERY_TIMEOUT = 0.3
 """Seconds to wait for the pilot's service once the other is discovered: both are announced at once,
 unless one is hidden."""
-DOORS: dict[Access, str] = {"pilot": PILOT_WHOAMI, "observer": WHOAMI}
+SERVICE_BY_ACCESS: dict[Access, str] = {"pilot": PILOT_WHOAMI, "observer": WHOAMI}
 
 
 def serve_whoami(node: Node, name: str, instance: int, identity: Identity) -> None:
     """Serve the vehicle's identity under two services, as an observer can reach only one of
     them.
     """
-    for access, door in DOORS.items():
+    for access, service in SERVICE_BY_ACCESS.items():
         answer = new(
             f"{TYPE}_Response",
             name=name,
@@ -37,14 +37,14 @@ def serve_whoami(node: Node, name: str, instance: int, identity: Identity) -> No
         def handle(request: Message, answer: Message = answer) -> Message:
             return answer
 
-        node.serve(door, TYPE, handle)
+        node.serve(service, TYPE, handle)
 
 
 class WhoAmI:
     """Client of the service `whoami`."""
 
     def __init__(self, node: Node) -> None:
-        self._clients = [node.client(door, TYPE) for door in DOORS.values()]
+        self._clients = [node.client(service, TYPE) for service in SERVICE_BY_ACCESS.values()]
 
     @property
     def is_there(self) -> bool:
@@ -60,4 +60,4 @@ class WhoAmI:
         request = new(f"{TYPE}_Request")
         if not self.is_there:
             raise LinkError("the vehicle does not identify itself")
-        return (pilot if pilot.wait(SHOWN_WITHIN) else observer).call(request, timeout)
+        return (pilot if pilot.wait(DISCOVERY_TIMEOUT) else observer).call(request, timeout)

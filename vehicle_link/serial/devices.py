@@ -15,7 +15,7 @@ from vehicle_link.serial.discovery import Device, Finding, discover
 PATIENCE_S = 10.0
 PAUSE_S = 0.1
 WORTH_WAITING = frozenset(
-    {Finding.MISSING, Finding.BUSY, Finding.SILENT, Finding.DEAF, Finding.FAILED, Finding.GONE}
+    {Finding.MISSING, Finding.BUSY, Finding.SILENT, Finding.DEAF, Finding.FAILED, Finding.UNPLUGGED}
 )
 """Findings that plugging in, switching on or ending another program may resolve in the meantime."""
 

@@ -53,7 +53,7 @@ class Finding(Enum):
     FORBIDDEN = "permission denied"
     NOT_SERIAL = "not a serial device"
     FAILED = "cannot be opened"
-    GONE = "was unplugged or hung up"
+    UNPLUGGED = "was unplugged or hung up"
 
 
 class Clock(msgspec.Struct, frozen=True):
@@ -236,8 +236,11 @@ class _Probe:
         if all(id in self._answers for id in _IDENTITY):
             return self._identify(robot_id, firmware)
         if self._answers:
-            told = ", ".join(f"{Id(id).name.lower()} {v}" for id, v in self._answers.items())
-            return Finding.DEAF, f"stopped answering after {told}; check its cables and its supply"
+            answers = ", ".join(f"{Id(id).name.lower()} {v}" for id, v in self._answers.items())
+            return (
+                Finding.DEAF,
+                f"stopped answering after {answers}; check its cables and its supply",
+            )
         if self._echo:
             return Finding.ECHO, (
                 "gives back what is sent: its two lines touch, or it is another kind of device"

@@ -55,7 +55,7 @@ class Request:
     given_up: bool = False
 
     @property
-    def told(self) -> str:
+    def outcome(self) -> str:
         """Return the last answer, and what to try, as the end of a sentence."""
         advice = CHECK if self.answer.startswith("nothing") else self.advice
         return f"it answered {self.answer}{advice}"
@@ -110,13 +110,13 @@ class Exchange:
 
     def _report(self, in_vain: Sequence[Request]) -> None:
         """Report a line for each request tried in vain; a single one for all without an answer."""
-        unheard = [request for request in in_vain if request.answer == "nothing"]
-        heard = [[request] for request in in_vain if request.answer != "nothing"]
-        for group in ([unheard] if unheard else []) + heard:
+        unanswered = [request for request in in_vain if request.answer == "nothing"]
+        answered = [[request] for request in in_vain if request.answer != "nothing"]
+        for group in ([unanswered] if unanswered else []) + answered:
             names = ", ".join(request.name for request in group)
             self.failures.append(
                 f"microcontroller: could not {names} in {TRIES} tries, "
-                f"{TRIES * REPEAT_S:.1f} s; {group[0].told}"
+                f"{TRIES * REPEAT_S:.1f} s; {group[0].outcome}"
             )
 
     def _next(self, request: Request, now_s: float, command: Sequence[int]) -> bytes | None:

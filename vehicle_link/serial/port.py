@@ -32,14 +32,14 @@ class PortProblem(Enum):
     FORBIDDEN = "permission denied"
     NOT_SERIAL = "not a serial device"
     FAILED = "cannot be opened"
-    GONE = "gone"
+    UNPLUGGED = "gone"
 
 
 class PortError(LinkError):
     """A serial device cannot be opened, or was lost. `why` is the message without the path."""
 
     def __init__(self, problem: PortProblem, path: str, why: str) -> None:
-        verb = "is gone" if problem is PortProblem.GONE else "cannot be opened"
+        verb = "is gone" if problem is PortProblem.UNPLUGGED else "cannot be opened"
         super().__init__(f"serial port {path} {verb}: {why}")
         self.problem = problem
         self.why = why
@@ -121,7 +121,7 @@ class SerialPort:
 
     def _gone(self, error: OSError) -> PortError:
         return PortError(
-            PortProblem.GONE,
+            PortProblem.UNPLUGGED,
             self.path,
             f"{error.strerror}; plug it in (or start `quadlab simulator`) "
             "and start the vehicle again",
@@ -181,7 +181,7 @@ class MemoryPort:
             self._peer._gone = False
 
     def _error(self) -> PortError:
-        return PortError(PortProblem.GONE, "in memory", "pulled out; fly again to plug it in")
+        return PortError(PortProblem.UNPLUGGED, "in memory", "pulled out; fly again to plug it in")
 
 
 def memory_port_pair() -> tuple[MemoryPort, MemoryPort]:

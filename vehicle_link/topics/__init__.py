@@ -25,7 +25,7 @@ from vehicle_link.topics.measurements import (
 from vehicle_link.topics.pictures import PICTURE, decode_picture, encode_picture
 from vehicle_link.topics.scene import SCENE_TOPICS, SceneMessages
 from vehicle_link.topics.status import (
-    UNHEARD,
+    DELAYED_PREFIX,
     encode_batteries,
     encode_estimators,
     encode_event,
@@ -52,11 +52,11 @@ from vehicle_link.topics.ticks import (
 )
 
 __all__ = [
+    "DELAYED_PREFIX",
     "PICTURE",
     "SCENE_TOPICS",
     "SERVICES",
     "TOPICS",
-    "UNHEARD",
     "Priority",
     "SceneMessages",
     "Sticks",

@@ -149,7 +149,7 @@ def encode_pressures(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
     return pressures.encode(out)
 
 
-UNHEARD = "while the station sent nothing: "
+DELAYED_PREFIX = "while the station sent nothing: "
 """Beginning of an event that repeats what the vehicle reported while the station had no contact."""
 
 

@@ -20,7 +20,7 @@ TIMEOUT = 1.0
 """Seconds to wait for an answer; a command should be repeated under the same request id for 5 s
 rather than waited for longer."""
 
-NOBODY = 0.1
+UNREACHED_WITHIN = 0.1
 """Seconds within which a request that reaches no service fails; one that fails later may have been
 executed."""
 
@@ -118,7 +118,7 @@ class ServiceClient:
                 raise KINDS.get(kind, LinkError)(text)
         waited, peer = time.monotonic() - started, peer_of(self._name)
         log.debug("%s: no answer in %.3f s of %g s", self._name, waited, timeout)
-        if waited < NOBODY:
+        if waited < UNREACHED_WITHIN:
             raise UnreachableError(f"{peer} is not reached; is it running?")
         if waited < 0.9 * timeout:  # it was reached, and since then it or the link has ended
             raise NoAnswerError(f"contact with {peer} broke before it answered")

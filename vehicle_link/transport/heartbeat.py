@@ -7,7 +7,7 @@ from enum import StrEnum
 HEARTBEAT_RATE = 20.0  # Hz
 DEGRADED_AFTER = 0.2  # s
 LOST_AFTER = 1.0  # s
-SELDOM = 2
+LINK_HEARTBEAT_EVERY = 2
 """Where several vehicles share a computer, the number of heartbeats carried by a connected lane of
 which one is also sent over the link: enough to know that it works."""
 
@@ -30,20 +30,20 @@ class HeartbeatMonitor:
     ) -> None:
         self._degraded_ns = round(degraded_after * 1e9)
         self._lost_ns = round(lost_after * 1e9)
-        self._heard_ns: int | None = None
+        self._received_ns: int | None = None
 
-    def heard(self, now_ns: int) -> None:
+    def note_received(self, now_ns: int) -> None:
         """Note a sign of life at this time of any steady clock."""
-        if self._heard_ns is None or now_ns > self._heard_ns:
-            self._heard_ns = now_ns
+        if self._received_ns is None or now_ns > self._received_ns:
+            self._received_ns = now_ns
 
     def age(self, now_ns: int) -> float:
         """Return the seconds since the last heartbeat; inf before the first."""
-        return float("inf") if self._heard_ns is None else (now_ns - self._heard_ns) * 1e-9
+        return float("inf") if self._received_ns is None else (now_ns - self._received_ns) * 1e-9
 
     def state(self, now_ns: int) -> LinkState:
-        if self._heard_ns is None or now_ns - self._heard_ns >= self._lost_ns:
+        if self._received_ns is None or now_ns - self._received_ns >= self._lost_ns:
             return LinkState.LOST
-        if now_ns - self._heard_ns >= self._degraded_ns:
+        if now_ns - self._received_ns >= self._degraded_ns:
             return LinkState.DEGRADED
         return LinkState.GOOD

@@ -24,7 +24,7 @@ from vehicle_link.transport.node import Node
 from vehicle_link.transport.peers import namespaces
 from vehicle_link.transport.protocol import disagreement
 from vehicle_link.transport.publisher import Received
-from vehicle_link.transport.quic_probe import WHY, knock
+from vehicle_link.transport.quic_probe import EXPLANATIONS, probe
 from vehicle_link.transport.session import (
     check_station,
     parse_endpoint,
@@ -109,7 +109,7 @@ def _connected(endpoint: str, tls: TlsFiles, host: str, port: int) -> Iterator[z
     try:
         if not wait_connected(session, CONNECT):
             raise LinkError(
-                f"no link to {host}:{port} within {CONNECT:g} s: {WHY[knock(host, port)]}"
+                f"no link to {host}:{port} within {CONNECT:g} s: {EXPLANATIONS[probe(host, port)]}"
             )
         yield session
     finally:

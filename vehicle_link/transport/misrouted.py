@@ -19,7 +19,7 @@ KNOWN = 1000
 first."""
 
 
-class Topics:
+class PublisherTopics:
     """The topics of each publisher, learnt from its samples. Thread-safe.
 
     Attributes:

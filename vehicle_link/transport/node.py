@@ -27,9 +27,9 @@ from quadrotor.errors import LinkError, QuadlabError
 from vehicle_link import clock
 from vehicle_link.messages import Message, decode, encode
 from vehicle_link.transport.client import ServiceClient, encoding_of, peer_of
+from vehicle_link.transport.executor_queue import ExecutorQueue
 from vehicle_link.transport.idempotent import answering
-from vehicle_link.transport.in_turn import InTurn
-from vehicle_link.transport.misrouted import Topics
+from vehicle_link.transport.misrouted import PublisherTopics
 from vehicle_link.transport.publisher import Publisher, Received
 from vehicle_link.transport.rmw_keys import (
     RELIABLE,
@@ -52,9 +52,9 @@ log = logging.getLogger(__name__)
 # One counter for each session numbers nodes and endpoints (rmw_zenoh).
 _counters: dict[str, itertools.count[int]] = {}
 _counters_lock = threading.Lock()
-_published = Topics()
+_published = PublisherTopics()
 PUT_LONGEST = 2.0  # s
-MOST_THREADS = 64
+MAX_THREADS = 64
 """Limit of a node's threads: more than subscriptions and services are active at one time."""
 
 
@@ -77,7 +77,7 @@ class Node:
         self.domain = domain
         self._identity = NodeIdentity(zid, next(self._ids), self.namespace, name, domain)
         self._entities: list[Any] = []
-        self._pool = ThreadPoolExecutor(MOST_THREADS, thread_name_prefix=self.full_name)
+        self._pool = ThreadPoolExecutor(MAX_THREADS, thread_name_prefix=self.full_name)
         self._declare_token(self._identity.token)
 
     def publisher(
@@ -153,12 +153,14 @@ class Node:
             except Exception:
                 log.exception("a message of %s could not be handled", topic)
 
-        heard: Any
+        subscriber: Any
         if newest:
-            heard = self.session.declare_subscriber(key, RingChannel(newest))
-            threading.Thread(target=_each, args=(heard, deliver), name=topic, daemon=True).start()
+            subscriber = self.session.declare_subscriber(key, RingChannel(newest))
+            threading.Thread(
+                target=_each, args=(subscriber, deliver), name=topic, daemon=True
+            ).start()
         else:
-            samples = InTurn(self._pool, deliver)
+            samples = ExecutorQueue(self._pool, deliver)
 
             def arrived(sample: zenoh.Sample) -> None:
                 if direct:
@@ -166,8 +168,8 @@ class Node:
                 with suppress(RuntimeError):  # the pool is closed: it arrived during `close`
                     samples.put((sample, clock.time_ns()))
 
-            heard = self.session.declare_subscriber(key, Callback(arrived, indirect=False))
-        self._entities.append(heard)
+            subscriber = self.session.declare_subscriber(key, Callback(arrived, indirect=False))
+        self._entities.append(subscriber)
 
     def serve(
         self,
@@ -203,10 +205,10 @@ class Node:
                     query.reply_err(str(error).encode(), encoding=encoding_of(error))
                 except Exception as error:
                     log.exception("service %s failed", name)
-                    told = f"a defect of {peer_of(name)}, see its log: {error!r}"
-                    query.reply_err(told.encode())
+                    reason = f"a defect of {peer_of(name)}, see its log: {error!r}"
+                    query.reply_err(reason.encode())
 
-        queries = InTurn(self._pool, answer, at_once)
+        queries = ExecutorQueue(self._pool, answer, at_once)
 
         def hand_over(query: zenoh.Query) -> None:
             try:

@@ -30,17 +30,17 @@ class Publisher:
     """Publisher of one topic, made by `Node.publisher`.
 
     Attributes:
-        beside: called with each message before it is published, to send it over another path as
+        also_send: called with each message before it is published, to send it over another path as
             well; returns whether that path works.
-        every: while the other path works, one message in so many is also published here.
+        send_one_in: while the other path works, one message in so many is also published here.
     """
 
     def __init__(self, publisher: zenoh.Publisher, gid: bytes) -> None:
         self._publisher = publisher
         self._gid = gid
         self._sequence = itertools.count(1)
-        self.beside: Callable[[Received], bool] | None = None
-        self.every = 1
+        self.also_send: Callable[[Received], bool] | None = None
+        self.send_one_in = 1
 
     def put(self, payload: bytes, source_ns: int | None = None) -> None:
         """Publish CDR bytes.
@@ -53,9 +53,9 @@ class Publisher:
         """
         stamp = clock.time_ns() if source_ns is None else source_ns
         sequence = next(self._sequence)
-        if self.beside is not None:
-            is_sent = self.beside(Received(payload, sequence, stamp, stamp, self._gid))
-            if is_sent and sequence % self.every:
+        if self.also_send is not None:
+            is_sent = self.also_send(Received(payload, sequence, stamp, stamp, self._gid))
+            if is_sent and sequence % self.send_one_in:
                 return
         try:
             self._publisher.put(payload, attachment=attachment(sequence, stamp, self._gid))
@@ -63,7 +63,7 @@ class Publisher:
             raise LinkError(f"cannot publish, the session is closed ({error})") from error
 
     @property
-    def is_heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Return whether any node subscribes; False when the session is closed."""
         try:
             status: Any = self._publisher.matching_status

@@ -21,33 +21,33 @@ TRIES = 3
 AT_ONCE = 64
 
 
-class Door(StrEnum):
+class ProbeResult(StrEnum):
     ANSWERS = "answers"
     CLOSED = "closed"  # the machine is up, but nothing listens
     SILENT = "silent"
     NAMELESS = "nameless"  # the host name cannot be resolved
 
 
-WHY = {
-    Door.ANSWERS: "a vehicle answers there, but the link does not open: one end does not accept "
-    "the other's certificate (it is of another base, out of date by that end's clock, or not for "
-    "this address: enrol the vehicle again with `quadlab link enrol`, and check both clocks), or "
-    f"is too busy to open the link within {OPEN_S:g} s",
-    Door.CLOSED: "the machine is there, but no `quadlab vehicle` listens on this port",
-    Door.SILENT: "nothing answers; is the vehicle on, in this network, and UDP let through?",
-    Door.NAMELESS: "this name cannot be resolved; give the vehicle's address instead",
+EXPLANATIONS = {
+    ProbeResult.ANSWERS: "a vehicle answers there, but the link does not open: one end does not "
+    "accept the other's certificate (it is of another base, out of date by that end's clock, or "
+    "not for this address: enrol the vehicle again with `quadlab link enrol`, and check both "
+    f"clocks), or is too busy to open the link within {OPEN_S:g} s",
+    ProbeResult.CLOSED: "the machine is there, but no `quadlab vehicle` listens on this port",
+    ProbeResult.SILENT: "nothing answers; is the vehicle on, in this network, and UDP let through?",
+    ProbeResult.NAMELESS: "this name cannot be resolved; give the vehicle's address instead",
 }
 """Reasons, for users, why there is no link."""
 
 
-def knock(host: str, port: int, timeout: float = 0.3) -> Door:
+def probe(host: str, port: int, timeout: float = 0.3) -> ProbeResult:
     """Probe one host; wait at most three times `timeout` seconds, and for the resolver."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[
             0
         ]
     except (OSError, UnicodeError):
-        return Door.NAMELESS
+        return ProbeResult.NAMELESS
     own = secrets.token_bytes(8)
     with socket.socket(family, kind, protocol) as sender:
         sender.settimeout(timeout)
@@ -57,23 +57,23 @@ def knock(host: str, port: int, timeout: float = 0.3) -> Door:
                 sender.send(_initial(own))
                 try:
                     if _negotiates(sender.recv(2048), own):
-                        return Door.ANSWERS
+                        return ProbeResult.ANSWERS
                 except TimeoutError:
                     continue
         except ConnectionRefusedError:
-            return Door.CLOSED
+            return ProbeResult.CLOSED
         except OSError:  # no route
-            return Door.SILENT
-    return Door.SILENT
+            return ProbeResult.SILENT
+    return ProbeResult.SILENT
 
 
-def knock_at_all(places: Sequence[tuple[str, int]]) -> dict[tuple[str, int], Door]:
-    """Probe many (host, port) at once, as `knock` does; the answers are in their order."""
+def probe_all(places: Sequence[tuple[str, int]]) -> dict[tuple[str, int], ProbeResult]:
+    """Probe many (host, port) at once, as `probe` does; the answers are in their order."""
     if not places:
         return {}
     with ThreadPoolExecutor(min(AT_ONCE, len(places))) as pool:
-        doors = pool.map(lambda place: knock(*place), places)
-        return dict(zip(places, doors, strict=True))
+        results = pool.map(lambda place: probe(*place), places)
+        return dict(zip(places, results, strict=True))
 
 
 def _initial(own: bytes) -> bytes:

@@ -18,23 +18,23 @@ from quadrotor.errors import LinkError
 from vehicle_link.security.authority import TlsFiles
 from vehicle_link.transport.peers import namespaces
 from vehicle_link.transport.session import check_station, parse_endpoint, radio_session
-from vehicle_link.transport.unused_memory import give_back_what_is_free
+from vehicle_link.transport.unused_memory import trim_heaps
 
-SILENT = 2.0
+REOPEN_AFTER = 2.0
 """Seconds without data over a connected link after which its session is opened again."""
 LONGEST = 60.0
 """Longest patience in s: each attempt in vain doubles it, so that a vehicle that hangs is not
 flooded with attempts."""
 LOOK, LOOK_CLOSELY = 0.1, 0.03  # s
-AWAY = 0.4
+OUTAGE_AFTER = 0.4
 """Seconds without data from the vehicle over any path that make an outage."""
-AWAKE = 0.2
+ANSWER_WITHIN = 0.2
 """Seconds after an outage in which a session that stayed connected must deliver an answer; if not,
 it is opened again."""
 ABANDONED = "abandoned radio"
 
 
-def never() -> float:
+def infinite_silence() -> float:
     """Return the seconds since an event that never happened: inf."""
     return math.inf
 
@@ -46,7 +46,7 @@ def is_hanging_up() -> bool:
     return any(thread.name.startswith(ABANDONED) for thread in threading.enumerate())
 
 
-class Outage:
+class OutageDetector:
     """Detector of outages of all data from a vehicle.
 
     QUIC doubles its pause before each probe whether the other end is alive (RFC 9002, section 6.2):
@@ -61,7 +61,7 @@ class Outage:
         """Return the duration of the outage in s, once, when the vehicle is received again; else
         0.
         """
-        if unheard > AWAY:
+        if unheard > OUTAGE_AFTER:
             self._lasted = unheard
             return 0.0
         lasted, self._lasted = self._lasted, 0.0
@@ -74,12 +74,12 @@ class Radio:
     Args:
         endpoint: `host`, `host:port` or `quic/host:port`.
         loopback_port, loopback_host: of the hub.
-        silent: returns the seconds since data arrived from the vehicle over its session (not by
-            the lane); inf before the first. Called in a thread of the radio.
-        beside: the same for data that arrived outside the session.
-        answers: returns whether the vehicle answers over the session within so many seconds;
+        session_silence: returns the seconds since data arrived from the vehicle over its session
+            (not by the lane); inf before the first. Called in a thread of the radio.
+        lane_silence: the same for data that arrived outside the session.
+        probe: returns whether the vehicle answers over the session within so many seconds;
             called in the same thread, after an outage.
-        say: called with a line when a session is opened again.
+        report: called with a line when a session is opened again.
 
     Raises:
         LinkError: a certificate does not fit.
@@ -91,11 +91,11 @@ class Radio:
         endpoint: str,
         tls: TlsFiles,
         loopback_port: int,
-        silent: Callable[[], float],
+        session_silence: Callable[[], float],
         loopback_host: str = "127.0.0.1",
-        say: Callable[[str], None] = lambda line: None,
-        beside: Callable[[], float] = never,
-        answers: Callable[[float], bool] = lambda timeout: True,
+        report: Callable[[str], None] = lambda line: None,
+        lane_silence: Callable[[], float] = infinite_silence,
+        probe: Callable[[float], bool] = lambda timeout: True,
     ) -> None:
         check_station(endpoint, tls)
         host, port = parse_endpoint(endpoint)
@@ -104,10 +104,11 @@ class Radio:
         self._unopened = ""
         self._endpoint, self._tls = endpoint, tls
         self._loopback = loopback_port, loopback_host
-        self._silent, self._beside, self._answers, self._say = silent, beside, answers, say
+        self._session_silence, self._lane_silence = session_silence, lane_silence
+        self._probe, self._report = probe, report
         self._session: zenoh.Session | None = None
-        self._stands = threading.Event()
-        self._stands_since = 0.0
+        self._connected = threading.Event()
+        self._connected_since = 0.0
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"radio {host}", daemon=True)
         self._thread.start()
@@ -117,16 +118,16 @@ class Radio:
         """Return whether the link is connected: certificates are accepted, and the other end is
         alive.
         """
-        return self._stands.is_set()
+        return self._connected.is_set()
 
     @property
     def connected_for(self) -> float:
         """Return the seconds for which the link has been connected; 0 when it is not."""
-        return time.monotonic() - self._stands_since if self._stands.is_set() else 0.0
+        return time.monotonic() - self._connected_since if self._connected.is_set() else 0.0
 
     def wait(self, timeout: float) -> bool:
         """Wait for the link for at most `timeout` seconds; return whether it is connected."""
-        return self._stands.wait(timeout)
+        return self._connected.wait(timeout)
 
     def names(self) -> set[str]:
         """Return the namespaces of the nodes at the other end; asks it, for at most a second."""
@@ -149,19 +150,19 @@ class Radio:
         self._thread.join(patience)
 
     def _run(self) -> None:
-        patience = SILENT
+        patience = REOPEN_AFTER
         while not self._closing.is_set():
             try:
                 session = radio_session(self._endpoint, self._tls, *self._loopback)
             except LinkError as error:  # missing files or no memory: may be temporary
                 self._unopened = str(error)
-                self._say(f"radio to {self.address}: {error}; trying again in {patience:g} s")
+                self._report(f"radio to {self.address}: {error}; trying again in {patience:g} s")
                 self._closing.wait(patience)
                 patience = min(2 * patience, LONGEST)
                 continue
             self._session, self._unopened = session, ""
             patience = self._watch(session, patience)
-            self._stands.clear()
+            self._connected.clear()
             self._session = None
             abandoned = threading.Thread(
                 target=session.close, name=f"{ABANDONED} {self.address}", daemon=True
@@ -177,27 +178,27 @@ class Radio:
             if not event.link.dst.startswith("quic/"):
                 return
             if event.kind == zenoh.SampleKind.PUT:
-                self._stands_since = time.monotonic()
-                self._stands.set()
+                self._connected_since = time.monotonic()
+                self._connected.set()
             else:
-                self._stands.clear()
+                self._connected.clear()
 
-        outage = Outage()
+        outage = OutageDetector()
         with session.info.declare_link_events_listener(changed, history=True):
-            silent = 0.0
-            while not self._closing.wait(LOOK if silent < AWAY else LOOK_CLOSELY):
-                stood, silent = self.connected_for, self._silent()
-                lasted = outage.ended(min(silent, self._beside()))
+            session_silence = 0.0
+            while not self._closing.wait(LOOK if session_silence < OUTAGE_AFTER else LOOK_CLOSELY):
+                connected_for, session_silence = self.connected_for, self._session_silence()
+                lasted = outage.ended(min(session_silence, self._lane_silence()))
                 if lasted:
-                    give_back_what_is_free()
-                if 0.0 < lasted < stood and not self._answers(AWAKE):
+                    trim_heaps()
+                if 0.0 < lasted < connected_for and not self._probe(ANSWER_WITHIN):
                     self.reopened += 1
                     return patience
-                if silent < min(stood, SILENT):
-                    patience = SILENT  # this one works
-                elif stood > patience:
+                if session_silence < min(connected_for, REOPEN_AFTER):
+                    patience = REOPEN_AFTER  # this one works
+                elif connected_for > patience:
                     self.reopened += 1
-                    self._say(
+                    self._report(
                         f"the link to {self.address} is open but brought nothing for "
                         f"{patience:g} s: reopened"
                     )

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from quadrotor.errors import LinkError, UsageError
 from vehicle_link.security.access import access_control
 from vehicle_link.security.authority import Role, TlsFiles, check_certificate
-from vehicle_link.transport.unused_memory import keep_large_buffers_apart
+from vehicle_link.transport.unused_memory import map_large_buffers
 
 if TYPE_CHECKING:
     import zenoh
@@ -99,7 +99,7 @@ def radio_session(
         LinkError: the session cannot be opened.
         UsageError: the endpoint cannot be parsed.
     """
-    keep_large_buffers_apart()
+    map_large_buffers()
     config = link_config("router", tls, "station")
     endpoints = [quic(*parse_endpoint(vehicle_endpoint))]
     if loopback_port is not None:

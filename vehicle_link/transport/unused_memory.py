@@ -9,7 +9,7 @@ M_MMAP_THRESHOLD = -3
 LARGE = 1 << 20  # B
 
 
-def keep_large_buffers_apart() -> bool:
+def map_large_buffers() -> bool:
     """Allocate each buffer of 1 MiB or more as a separate mapping, returned when it is freed.
 
     Each attempt to dial in vain allocates a receive buffer of 3 MB in QUIC's endpoint (quinn), most
@@ -25,7 +25,7 @@ def keep_large_buffers_apart() -> bool:
     return hasattr(library, "mallopt") and bool(library.mallopt(M_MMAP_THRESHOLD, LARGE))
 
 
-def give_back_what_is_free() -> bool:
+def trim_heaps() -> bool:
     """Return whole free pages inside the heaps to the system; takes 0.2 to 2 ms.
 
     glibc has one heap for every few threads and returns only what is at a heap's end. Sixty outages

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bearing_sim.beacons import Beacons
-from bearing_sim.observability import Sight, bound_map
+from bearing_sim.observability import FieldOfView, bound_map
 from web.beacons.bound_image import Scale, legend, picture
 
 PERIOD = 0.2  # shortest time between two maps, in s, as when a beacon is dragged
@@ -25,7 +25,7 @@ class Wish:
 
     beacons: Beacons
     sigma: float  # rad
-    sight: Sight
+    sight: FieldOfView
     volume: Box
     height: float  # m
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bearing_sim.beacons import PAPER_BEACONS, Beacons
-from bearing_sim.observability import Sight as SensorSight
+from bearing_sim.observability import FieldOfView
 from quadrotor.errors import OutOfBoundsError
 from web.beacons.drag import BeaconDrags, Drag
 from web.beacons.estimate import ONE_FRAME, Estimate, EstimateGhost, of_comparison, of_one_frame
@@ -73,7 +73,7 @@ class BeaconScene:
         self._drags = BeaconDrags()
         self._history = PoseHistory()
         self._sigma, self._rate = math.radians(1.5), 30.0
-        self._sensor = SensorSight()
+        self._sensor = FieldOfView()
         self._volume: Box | None = None
         self._lit: dict[int, float] = {}
         self._now = self._due = -math.inf
@@ -97,7 +97,7 @@ class BeaconScene:
         self,
         beacons: Beacons,
         sigma_rad: float,
-        sensor: SensorSight | None = None,
+        sensor: FieldOfView | None = None,
         rate: float = 30.0,
     ) -> None:
         """Set the confirmed layout and the sensor's parameters used by the view.
@@ -107,7 +107,7 @@ class BeaconScene:
             sensor: what it sees; everything if None.
             rate: frames a second.
         """
-        self._sigma, self._rate, self._sensor = sigma_rad, rate, sensor or SensorSight()
+        self._sigma, self._rate, self._sensor = sigma_rad, rate, sensor or FieldOfView()
         if beacons != self._marks.beacons:
             self._marks.show(beacons)
             self._publish_handles()

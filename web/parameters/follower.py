@@ -12,7 +12,7 @@ from typing import Any
 
 from bearing_sim.beacons import parse_layout
 from bearing_sim.bearing_parameters import BearingParameters
-from bearing_sim.observability import Sight
+from bearing_sim.observability import FieldOfView
 from quadrotor.errors import QuadlabError
 from vehicle_link.parameters.authority import SIMULATOR, STATION, VEHICLE, authority_of
 from vehicle_link.parameters.change import ParameterChange
@@ -66,7 +66,7 @@ class ParameterFollower:
             due = loop.time() + PERIOD
             status = self._live.current("status")
             if status is None:
-                self._replica.lost()  # another vehicle may appear
+                self._replica.mark_incomplete()  # another vehicle may appear
             elif self._is_due(status):
                 await self._read(status)
             elif loop.time() >= round_due:
@@ -89,12 +89,12 @@ class ParameterFollower:
             self._scene.beacons.set_beacons(
                 parse_layout(sensor.layout),
                 math.radians(sensor.sigma),
-                Sight.of(sensor),
+                FieldOfView.of(sensor),
                 sensor.rate,
             )
 
     def _is_due(self, status: Any) -> bool:
-        self._replica.show(int(status.instance), int(status.parameter_revision))
+        self._replica.note_status(int(status.instance), int(status.parameter_revision))
         return self._replica.is_due
 
     async def is_simulator_news(self) -> bool:

@@ -36,7 +36,7 @@ def make_report(log: Path, report: Callable[[float], None]) -> None:
     """Write a run's report next to its result; this is the job."""
     from console.reports.report import write_report  # imports matplotlib, not needed by the page
 
-    write_report(log, report_folder(log), tell=report)
+    write_report(log, report_folder(log), progress=report)
 
 
 class ReportMaking:

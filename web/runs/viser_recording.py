@@ -10,7 +10,7 @@ from typing import Any
 
 from bearing_sim.beacons import parse_layout
 from bearing_sim.bearing_parameters import BearingParameters
-from bearing_sim.observability import Sight
+from bearing_sim.observability import FieldOfView
 from flight_log import read_attachments, read_log, summarize
 from flight_log.attached import json_value, logged_value
 from quadrotor.errors import QuadlabError, StorageError
@@ -114,7 +114,7 @@ class _Flight:
             self._scene.beacons.set_beacons(
                 parse_layout(sensor.layout),
                 math.radians(sensor.sigma),
-                Sight.of(sensor),
+                FieldOfView.of(sensor),
                 sensor.rate,
             )
         except (QuadlabError, ValueError, TypeError):

@@ -156,7 +156,7 @@ def test_no_link_is_told_with_its_likely_cause(tmp_path: Path, closed: list[Any]
 def test_a_vehicle_s_certificate_at_the_station_is_told_until_the_right_one_is_there(
     tmp_path: Path, closed: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(radio, "SILENT", 0.3)
+    monkeypatch.setattr(radio, "REOPEN_AFTER", 0.3)
     monkeypatch.setattr(introduction, "DOWN", 60.0)  # however slowly it is opened again
     ours, port = ensure_certificates(tmp_path / "base"), free_port(socket.SOCK_DGRAM)
     serve_whoami(_vehicle(closed, port, ours), "quad1", 5, THE_ONE)

@@ -92,7 +92,7 @@ class Ends:
             tick.wait(0.02)
 
     def by_the_lane_alone(self) -> bool:
-        return self.link.path == "datagram" and not self.zenoh.is_heard
+        return self.link.path == "datagram" and not self.zenoh.has_subscribers
 
     def heartbeats_by_lane(self) -> list[int]:
         """Return the list that collects the numbers of the station's heartbeats by the lane.
@@ -140,7 +140,7 @@ def test_telemetry_comes_by_datagrams_and_no_longer_over_zenoh(ends: Ends) -> No
     ends.send_until(ends.by_the_lane_alone)
     newest = ends.send()
     ends.send_until(lambda: newest in [received.payload for received in ends.telemetry])
-    assert ends.link.silent() < WAIT  # heartbeats also arrive over Zenoh
+    assert ends.link.session_silence() < WAIT  # heartbeats also arrive over Zenoh
 
 
 def test_without_datagrams_it_comes_over_zenoh_and_with_them_back_again(ends: Ends) -> None:
@@ -192,13 +192,13 @@ def test_poses_come_over_zenoh_only_while_the_station_is_not_heard_by_the_lane(e
     ends.send_until(lambda: is_by_the_lane_alone() and one_comes())
     station = ends.station._lane
     assert station is not None
-    station.put = lambda *_, **__: False  # type: ignore[method-assign]
+    station.send = lambda *_, **__: False  # type: ignore[method-assign]
     try:
         ends.send_until(lambda: lane._over_zenoh is not None)
         came.clear()
         ends.send_until(one_comes)
     finally:
-        del station.put
+        del station.send
 
 
 def test_a_vehicles_other_process_is_asked_for_keys_by_the_station(ends: Ends) -> None:
@@ -215,7 +215,7 @@ def test_of_heartbeats_that_go_by_the_lane_one_in_so_many_goes_over_zenoh_too(en
     ends.send_until(ends.by_the_lane_alone)
     beats = ends.radio.publishers["vehicle_heartbeat"], ends.beats
     for publisher in beats:
-        publisher.every = 4
+        publisher.send_one_in = 4
     by_lane = ends.heartbeats_by_lane()
     try:
         before = len(ends.over_zenoh)
@@ -239,4 +239,4 @@ def test_of_heartbeats_that_go_by_the_lane_one_in_so_many_goes_over_zenoh_too(en
         assert other == one + 1
     finally:
         for publisher in beats:
-            publisher.every = 1
+            publisher.send_one_in = 1

@@ -13,7 +13,7 @@ MS = 1_000_000
 
 def beating(outages: Outages, *times_ms: int) -> None:
     for ms in times_ms:
-        outages.heard(START + ms * MS)
+        outages.note_received(START + ms * MS)
 
 
 def test_before_the_vehicle_was_heard_there_is_no_outage() -> None:

@@ -27,9 +27,9 @@ def test_a_run_has_its_pictures_at_the_rate_that_is_set_and_none_are_made_withou
     linked: LinkedStation,
 ) -> None:
     station, camera = linked.station, linked.page.advertise(TOPICS["camera_picture"])
-    assert not camera.is_heard
+    assert not camera.has_subscribers
     station.runs.by_hand(True, "ada")
-    wait_for(lambda: camera.is_heard)
+    wait_for(lambda: camera.has_subscribers)
     for k in range(20):  # 2 s at 10 Hz; wait for each, because the station holds only two
         stamp_ns = START_NS + k * PERIOD_NS
         before = station._pictures._last.get("camera_picture")
@@ -37,7 +37,7 @@ def test_a_run_has_its_pictures_at_the_rate_that_is_set_and_none_are_made_withou
         if k % 2 == 0:
             wait_for(lambda: station._pictures._last.get("camera_picture") != before)  # noqa: B023
     run_id = station.runs.by_hand(False, "ada")
-    wait_for(lambda: not camera.is_heard)
+    wait_for(lambda: not camera.has_subscribers)
     assert station.runs.recorder.wait_idle(10.0)
     messages = list(read_log(linked.catalogue.resolve(run_id), {"/quad1/camera_picture"}))
     assert [decode_picture(one.payload)[2] for one in messages] == list(range(0, 20, 2))
@@ -48,6 +48,6 @@ def test_a_run_has_its_pictures_at_the_rate_that_is_set_and_none_are_made_withou
 def test_pictures_that_are_switched_off_are_not_recorded(linked: LinkedStation) -> None:
     station, camera = linked.station, linked.page.advertise(TOPICS["tracker_picture"])
     station.runs.by_hand(True, "ada")
-    wait_for(lambda: camera.is_heard)
+    wait_for(lambda: camera.has_subscribers)
     station._store.change({"station.recorder.pictures": 0.0}, "ada")
-    wait_for(lambda: not camera.is_heard)
+    wait_for(lambda: not camera.has_subscribers)

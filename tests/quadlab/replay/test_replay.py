@@ -85,7 +85,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_recording_is_held_up_to_a_bound(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     count = len(read_recording(log).imu)
-    monkeypatch.setattr(log_module, "MOST_SAMPLES", count - 1)
+    monkeypatch.setattr(log_module, "MAX_SAMPLES", count - 1)
     with pytest.raises(LogFormatError, match=rf"{count} .* cut it .*--include-attachments"):
         read_recording(log)
 

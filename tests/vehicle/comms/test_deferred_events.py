@@ -6,7 +6,7 @@ import math
 
 from vehicle.comms.deferred_events import MOST, SETTLED, SILENT, Unheard
 from vehicle.processes.mailbox import ERROR, INFO, WARN, Event
-from vehicle_link.topics import UNHEARD
+from vehicle_link.topics import DELAYED_PREFIX
 
 BRAKING, LANDING = Event(1, WARN, "braking: a"), Event(2, ERROR, "emergency land: b")
 
@@ -20,7 +20,7 @@ def test_warnings_of_a_silence_are_told_once_when_it_is_over_and_settled() -> No
     assert unheard.due(10.0, 0.05) is None, "nobody may listen yet"
     assert unheard.due(10.0 + SETTLED - 0.1, 0.05) is None
     told = unheard.due(10.0 + SETTLED, 0.05)
-    assert told == (ERROR, f"{UNHEARD}{BRAKING.text}; {LANDING.text}")
+    assert told == (ERROR, f"{DELAYED_PREFIX}{BRAKING.text}; {LANDING.text}")
     assert unheard.due(99.0, 0.05) is None
 
 

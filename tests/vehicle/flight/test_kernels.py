@@ -67,7 +67,7 @@ class Beside:
     def __init__(self) -> None:
         self.ended = self.stopped = False
 
-    def look(self) -> bool:
+    def poll(self) -> bool:
         return self.ended
 
     def stop(self) -> None:

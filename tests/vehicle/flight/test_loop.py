@@ -239,8 +239,8 @@ def test_a_sample_counts_as_dealt_with_when_its_command_is_written() -> None:
 
     served: list[tuple[int, int]] = []
     rings = open_rings(create_rings())
-    part: Any = Part()
-    loop = FlightLoop(stack, mcu, rings, NoWaiting(), real_time=True, part=part)
+    progress: Any = Part()
+    loop = FlightLoop(stack, mcu, rings, NoWaiting(), real_time=True, progress=progress)
     loop.once()
     began_ns = clock.monotonic_ns()
     taken = RawSample(2_000_000, (512,) * 3, (512,) * 3, 16.0, 1e5, MotorState.OFF)

@@ -46,7 +46,7 @@ class Process:
         self.ended = False
         self.terminated = 0
 
-    def look(self) -> bool:
+    def poll(self) -> bool:
         return self.ended
 
     def terminate(self) -> None:
@@ -198,6 +198,6 @@ def test_closing_ends_the_process(tmp_path: Path) -> None:
     harness.after(0.0)
     harness.mending.close()
     (process,) = processes
-    assert process.look()
+    assert process.poll()
     assert len(list(read_log(path))) == 100, "torn or mended, nothing is lost"
     harness.mending.close()

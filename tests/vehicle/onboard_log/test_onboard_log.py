@@ -556,7 +556,7 @@ def test_a_log_torn_by_a_full_disk_is_mended_on_the_ground(
     process = now(log)._mending._process
     assert process is not None
     end = time.monotonic() + 3 * BOUND
-    while not process.look(1.0):
+    while not process.poll(1.0):
         assert time.monotonic() < end
     log._look_after(on_ground=True)
     assert is_closed(path)

@@ -20,7 +20,7 @@ from vehicle.simulator.lockstep import MADE_UP_NS, PATIENCE_NS, LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.process import run
 from vehicle_link import clock
-from vehicle_link.lockstep import FLIGHT_PROCESS, STATION_PROCESS, Page, Part, words_of
+from vehicle_link.lockstep import FLIGHT_PROCESS, STATION_PROCESS, Page, ProcessProgress, words_of
 from vehicle_link.serial.commands import encode_data
 
 MS = 1_000_000
@@ -53,7 +53,7 @@ class Bench:
             self._sleep,
             is_asked=is_asked,
         )
-        self.part = Part(NAME)
+        self.progress = ProcessProgress(NAME)
         self.now_ns = self.pace.begin()
 
     def _sleep(self, seconds: float) -> None:
@@ -74,7 +74,7 @@ class Bench:
 
     def truth(self) -> None:
         """Report that the station has handled the present truth."""
-        self.part.truth(self.now_ns + self.page[clock.EPOCH])
+        self.progress.truth(self.now_ns + self.page[clock.EPOCH])
 
     @property
     def offset_ns(self) -> int:
@@ -105,14 +105,14 @@ def test_alone_it_goes_at_the_computers_pace(bench: Bench) -> None:
 
 def test_it_waits_for_the_tick_on_a_sample(bench: Bench) -> None:
     bench.deliver(7)
-    bench.part.answered(0, 7)
+    bench.progress.answered(0, 7)
     assert bench.step() == MS
     bench.deliver(9)
     begun_ns = bench.wall_ns
 
     def late() -> None:
         if bench.wall_ns >= begun_ns + 3000 * MS:
-            bench.part.answered(0, 9)
+            bench.progress.answered(0, 9)
 
     bench.meanwhile = late
     assert bench.step() == pytest.approx(3000 * MS, abs=3 * MS)
@@ -123,13 +123,13 @@ def test_it_waits_for_the_tick_on_a_sample(bench: Bench) -> None:
 def test_of_a_board_that_is_asked_it_waits_until_flight_has_looked(page: memoryview) -> None:
     bench = Bench(page, is_asked=True)
     bench.deliver(7)  # which the flight process need not handle
-    bench.part.served(bench.now_ns)
+    bench.progress.served(bench.now_ns)
     assert [bench.step() for _ in range(2)] == [MS] * 2
     begun_ns = bench.wall_ns
 
     def late() -> None:
         if bench.wall_ns >= begun_ns + 3000 * MS:
-            bench.part.served(bench.now_ns)
+            bench.progress.served(bench.now_ns)
 
     bench.meanwhile = late
     assert bench.step() >= 3000 * MS
@@ -138,7 +138,7 @@ def test_of_a_board_that_is_asked_it_waits_until_flight_has_looked(page: memoryv
 
 def test_a_damaged_sample_is_not_waited_for(bench: Bench) -> None:
     bench.deliver(7)
-    bench.part.answered(0, 7)
+    bench.progress.answered(0, 7)
     bench.step()
     frame = bytearray(sample(9))
     frame[10] ^= 1
@@ -148,7 +148,7 @@ def test_a_damaged_sample_is_not_waited_for(bench: Bench) -> None:
 
 def test_a_flight_process_that_is_gone_does_not_stop_time_and_may_come_back(bench: Bench) -> None:
     bench.deliver(7)
-    bench.part.answered(0, 7)
+    bench.progress.answered(0, 7)
     bench.step()
     bench.deliver(9)
     assert bench.step() == pytest.approx(PATIENCE_NS, abs=4 * MS)
@@ -156,7 +156,7 @@ def test_a_flight_process_that_is_gone_does_not_stop_time_and_may_come_back(benc
     for milliseconds in range(11, 31, 2):
         bench.deliver(milliseconds)
         assert bench.step() <= MS
-    bench.part.answered(0, 29)
+    bench.progress.answered(0, 29)
     assert bench.step() <= MS
     bench.deliver(31)
     assert bench.step() > 100 * MS  # it counts again
@@ -165,7 +165,7 @@ def test_a_flight_process_that_is_gone_does_not_stop_time_and_may_come_back(benc
 
 def test_the_end_of_a_part_that_is_being_stopped_is_no_news(bench: Bench) -> None:
     bench.deliver(7)
-    bench.part.answered(0, 7)
+    bench.progress.answered(0, 7)
     bench.step()
     bench.page[clock.STOPPING] = 1
     bench.deliver(9)
@@ -184,7 +184,7 @@ def test_a_flight_process_that_was_killed_is_not_waited_for_and_the_next_one_is(
             ended.callback(child.communicate)
             words[FLIGHT_PROCESS] = child.pid
             bench.deliver(last)
-            bench.part.answered(0, last)
+            bench.progress.answered(0, last)
             assert bench.step() == MS
             child.kill()
             os.waitid(os.P_PID, child.pid, os.WEXITED | os.WNOWAIT)  # dead, and not collected
@@ -254,7 +254,7 @@ def test_the_real_time_factor_is_that_of_the_last_seconds(bench: Bench) -> None:
 
 def test_the_real_time_factor_falls_while_a_part_is_waited_for(bench: Bench) -> None:
     bench.deliver(7)
-    bench.part.answered(0, 7)
+    bench.progress.answered(0, 7)
     for _ in range(1000):
         bench.step()
     bench.deliver(9)
@@ -264,7 +264,7 @@ def test_the_real_time_factor_falls_while_a_part_is_waited_for(bench: Bench) -> 
     def late() -> None:
         seen.append((bench.wall_ns - begun_ns, clock.real_time_factor()))
         if seen[-1][0] >= 4000 * MS:
-            bench.part.answered(0, 9)
+            bench.progress.answered(0, 9)
 
     bench.meanwhile = late
     bench.step()
@@ -288,14 +288,14 @@ def test_the_simulator_goes_on_while_it_is_answered_and_without_who_left(
     )
     thread.start()
     try:
-        ports, part, stamps = open_ports(tmp_path), Part(NAME), list[int]()
+        ports, progress, stamps = open_ports(tmp_path), ProcessProgress(NAME), list[int]()
         mcu = Microcontroller(ports)
         waited = threading.Event()
         for _ in range(int(BOUND / 0.001)):
             stamps += [sample.stamp_ns for sample in mcu.receive()]
             mcu.service(clock.monotonic())
             for line, milliseconds in enumerate(mcu.newest_ms):
-                part.answered(line, milliseconds)
+                progress.answered(line, milliseconds)
             if len(stamps) > 300:
                 break
             waited.wait(0.001)

@@ -21,7 +21,7 @@ def later(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 def replica() -> ParameterReplica:
     """Return the replica of process 1 of a vehicle, read at revision 3."""
     made = ParameterReplica()
-    made.show(1, 3)
+    made.note_status(1, 3)
     made.load({KP: 4.0, KV: 3.0, LAYOUT: "paper"}, 3, 1)
     return made
 
@@ -29,7 +29,7 @@ def replica() -> ParameterReplica:
 def test_the_first_snapshot_is_due_when_a_vehicle_is_seen() -> None:
     replica = ParameterReplica({KP: 9.0})
     assert (replica.is_due, replica.in_step) == (False, False)
-    replica.show(1, 0)
+    replica.note_status(1, 0)
     assert (replica.is_due, replica.in_step) == (True, False)
     snapshot = replica.load({KP: 4.0}, 0, 1)
     assert (replica.is_due, replica.in_step) == (False, True)
@@ -41,26 +41,26 @@ def test_a_change_that_was_received_needs_no_snapshot(
     replica: ParameterReplica, later: list[float]
 ) -> None:
     assert replica.apply({KP: 5.0}, 4, 1) == {KP: 5.0}
-    replica.show(1, 4)
+    replica.note_status(1, 4)
     later[0] = 10 * MISSED
     assert (replica.in_step, replica.is_due, replica.value(KP)) == (True, False, 5.0)
 
 
 def test_a_status_may_overtake_its_change(replica: ParameterReplica, later: list[float]) -> None:
-    replica.show(1, 4)
+    replica.note_status(1, 4)
     later[0] = 0.9 * MISSED
-    replica.show(1, 4)
+    replica.note_status(1, 4)
     assert (replica.in_step, replica.is_due) == (False, False)
     replica.apply({KP: 5.0}, 4, 1)
     later[0] = 10 * MISSED
-    replica.show(1, 4)
+    replica.note_status(1, 4)
     assert (replica.in_step, replica.is_due) == (True, False)
 
 
 def test_a_change_that_was_missed_needs_a_snapshot(
     replica: ParameterReplica, later: list[float]
 ) -> None:
-    replica.show(1, 4)
+    replica.note_status(1, 4)
     later[0] = 1.1 * MISSED
     assert replica.is_due
     snapshot = replica.load({KP: 4.0, KV: 9.0}, 4, 1)
@@ -72,7 +72,7 @@ def test_a_newer_change_does_not_hide_one_that_was_missed(
     replica: ParameterReplica, later: list[float]
 ) -> None:
     replica.apply({KP: 5.0}, 5, 1)
-    replica.show(1, 5)
+    replica.note_status(1, 5)
     assert (replica.in_step, replica.is_due) == (False, False)
     later[0] = 1.1 * MISSED
     assert replica.is_due
@@ -84,7 +84,7 @@ def test_changes_may_overtake_each_other(replica: ParameterReplica, later: list[
     replica.apply({KP: 5.0}, 6, 1)
     replica.apply({KV: 9.0}, 4, 1)
     replica.apply({KP: 4.5}, 5, 1)
-    replica.show(1, 6)
+    replica.note_status(1, 6)
     later[0] = 10 * MISSED
     assert (replica.in_step, replica.is_due) == (True, False)
     assert (replica.value(KP), replica.value(KV)) == (5.0, 9.0)
@@ -92,7 +92,7 @@ def test_changes_may_overtake_each_other(replica: ParameterReplica, later: list[
 
 def test_another_process_needs_a_snapshot_at_once(replica: ParameterReplica) -> None:
     replica.apply({KP: 5.0}, 40, 1)
-    replica.show(2, 0)
+    replica.note_status(2, 0)
     assert (replica.in_step, replica.is_due) == (False, True)
     snapshot = replica.load({KP: 4.0, KV: 3.0}, 0, 2)
     assert (snapshot.instance_before, snapshot.instance) == (1, 2)
@@ -103,7 +103,7 @@ def test_another_process_needs_a_snapshot_at_once(replica: ParameterReplica) -> 
 def test_a_change_of_a_new_process_outlives_the_snapshot_that_began_before_it(
     replica: ParameterReplica,
 ) -> None:
-    replica.show(2, 1)
+    replica.note_status(2, 1)
     since = replica.clock
     assert replica.apply({KV: 3.5}, 2, 2) == {KV: 3.5}
     replica.load({KP: 4.0, KV: 3.0}, 1, 2, since)
@@ -113,7 +113,7 @@ def test_a_change_of_a_new_process_outlives_the_snapshot_that_began_before_it(
 def test_after_a_lost_link_a_snapshot_is_due_though_nothing_is_known_to_be_missed(
     replica: ParameterReplica,
 ) -> None:
-    replica.lost()
+    replica.mark_incomplete()
     assert (replica.in_step, replica.is_due) == (True, True)
     replica.load({KP: 4.0, LAYOUT: "wide"}, 3, 1)
     assert not replica.is_due
@@ -124,6 +124,6 @@ def test_revisions_of_an_unknown_station_do_not_outlive_a_lost_link(
     replica: ParameterReplica,
 ) -> None:
     replica.apply({LAYOUT: "wide"}, 30)
-    replica.lost()
+    replica.mark_incomplete()
     replica.load({LAYOUT: "paper"}, 3, 1)
     assert replica.apply({LAYOUT: "eight"}, 1) == {LAYOUT: "eight"}

@@ -23,7 +23,7 @@ from tests.waiting import free_port, wait_for
 from vehicle.comms.inbound import Inbound
 from vehicle.comms.vehicle_clock import VehicleClock
 from vehicle_link import topics
-from vehicle_link.process_instance import new_instance, spoken
+from vehicle_link.process_instance import new_instance, short_id
 from vehicle_link.security.authority import TlsFiles, ensure_certificates
 from vehicle_link.topics import TOPICS
 from vehicle_link.transport.node import Node
@@ -145,7 +145,7 @@ def test_a_second_station_waits_until_the_first_is_gone(make: Callable[[int], An
     wait_for(lambda: vehicle.poses)
     second = make(2)
     wait_for(lambda: second.link.problem())
-    assert second.link.problem() == f"another station ({spoken(first.instance)}) flies quad1"
+    assert second.link.problem() == f"another station ({short_id(first.instance)}) flies quad1"
     assert second.link.refusal("arm").startswith("another station")
     assert second.link.refusal("emergency") == ""
     assert first.link.problem() == ""
@@ -176,7 +176,7 @@ def test_two_vehicles_of_one_name_are_noticed(make: Callable[[int], Any], tmp_pa
     try:
         wait_for(lambda: station.link.problem().startswith("two vehicles are called quad1"))
         for one in (vehicle, twin):
-            assert spoken(one.instance) in station.link.problem()
+            assert short_id(one.instance) in station.link.problem()
         assert station.link.refusal("arm")
     finally:
         second.close(WAIT)
@@ -192,4 +192,4 @@ def test_the_first_that_comes_back_finds_the_second_flying(make: Callable[[int],
     wait_for(lambda: vehicle.inbound.holder == second.instance)
     first.radio = first.dial()
     wait_for(lambda: first.link.problem())
-    assert spoken(second.instance) in first.link.problem()
+    assert short_id(second.instance) in first.link.problem()

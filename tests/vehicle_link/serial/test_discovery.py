@@ -221,7 +221,7 @@ def test_everything_else_is_one_clear_line(lab: ExitStack, tmp_path: Path) -> No
         start(lab, Forgetful(1)): (Finding.DEAF, "stopped answering after robot_id 1;"),
         start(lab, Echo(1)): (Finding.ECHO, "gives back what is sent"),
         start(lab, Flood(1)): (Finding.GARBAGE, "bytes with 0 whole frames"),
-        start(lab, Unplugged(1)): (Finding.GONE, "plug it in"),
+        start(lab, Unplugged(1)): (Finding.UNPLUGGED, "plug it in"),
         taken: (Finding.BUSY, "busy: another program has it open"),
         tmp_path / "file": (Finding.NOT_SERIAL, "not a serial device"),
         tmp_path / "none": (Finding.MISSING, "No such file or directory; plug it in"),

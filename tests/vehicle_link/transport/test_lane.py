@@ -100,10 +100,10 @@ def test_the_window_agrees_with_a_set_of_all_that_came() -> None:
         expected = counter > 0 and counter not in came and counter > newest - SIZE
         assert window.is_new(counter) == expected, (counter, newest)
         if expected:
-            window.take(counter)
+            window.mark_received(counter)
             came.add(counter)
             newest = max(newest, counter)
-    window.take(2**64 - 1)
+    window.mark_received(2**64 - 1)
     assert not window.is_new(newest)
 
 
@@ -253,7 +253,7 @@ class Ends:
         while not reached():
             assert time.monotonic() < end
             for lane in lanes:
-                lane.vehicle_is(self.instance)
+                lane.note_vehicle(self.instance)
             tick.wait(0.01)
 
     def heard_by(self, inbox: Inbox, payload: bytes) -> None:
@@ -261,7 +261,7 @@ class Ends:
         got: list[tuple[str, int, bytes]] = []
 
         def came() -> bool:
-            self.vehicle.put("telemetry", message(payload=payload))
+            self.vehicle.send("telemetry", message(payload=payload))
             while not inbox.got.empty():
                 got.append(inbox.next())
             return ("telemetry", 5, payload) in got
@@ -277,12 +277,12 @@ def ends() -> Iterator[Ends]:
 
 def test_a_lane_carries_both_ways(ends: Ends) -> None:
     lane, wire, inbox = ends.station()
-    ends.vehicle.put("telemetry", message(1, b"there"))
+    ends.vehicle.send("telemetry", message(1, b"there"))
     assert inbox.next() == ("telemetry", 1, b"there")
-    assert lane.stands
-    assert lane.put("tracker_pose", message(2, b"here"))
+    assert lane.is_up
+    assert lane.send("tracker_pose", message(2, b"here"))
     assert ends.at_vehicle.next() == ("tracker_pose", 2, b"here")
-    assert not lane.put("bearings", message(payload=bytes(LARGEST_PAYLOAD + 1)))
+    assert not lane.send("bearings", message(payload=bytes(LARGEST_PAYLOAD + 1)))
     assert all(b"here" not in datagram for datagram in wire.carried)
     assert ends.asked == 1
 
@@ -298,7 +298,7 @@ def test_who_greets_otherwise_says_no_hello(ends: Ends) -> None:
         """
         before = len(wire.carried)
         for count in range(12):
-            lane.put("station_heartbeat", message(count + 1, b"a beat"), greets=True)
+            lane.send("station_heartbeat", message(count + 1, b"a beat"), greets=True)
             assert ends.at_vehicle.next()[2] == b"a beat"
             pause.wait(0.03)
         return len(wire.carried) == before + 12
@@ -318,9 +318,9 @@ def test_the_vehicle_answers_nobody_without_keys(ends: Ends) -> None:
             stranger.sendto(garbage, ("127.0.0.1", ends.vehicle.port))
         ends.until(lambda: ends.vehicle.refused.total == before + 6)
         assert ends.vehicle.refused == Refused(foreign=4, forged=1, replayed=1)
-        lane.put("joy", message(1))  # behind them in the same socket
+        lane.send("joy", message(1))  # behind them in the same socket
         assert ends.at_vehicle.next()[0] == "joy"
-        ends.vehicle.put("telemetry", message())
+        ends.vehicle.send("telemetry", message())
         assert not select.select([stranger], [], [], 0.0)[0]
 
 
@@ -348,10 +348,10 @@ def test_a_break_needs_no_new_keys(ends: Ends) -> None:
     lane, wire, inbox = ends.station()
     ends.heard_by(inbox, b"before")
     wire.cut = True
-    ends.until(lambda: not lane.stands)  # the link is down as well: no one can be asked
+    ends.until(lambda: not lane.is_up)  # the link is down as well: no one can be asked
     wire.cut = False
     ends.heard_by(inbox, b"after")
-    assert lane.stands
+    assert lane.is_up
     assert ends.asked == 1
 
 
@@ -379,30 +379,30 @@ def test_keys_in_use_stay_good_until_new_ones_are_used(ends: Ends) -> None:
 def test_two_stations_have_a_lane_each(ends: Ends) -> None:
     (one, _, at_one), (two, _, at_two) = ends.station(1), ends.station(2)
     ends.until(lambda: ends.vehicle.stations == 2)
-    ends.vehicle.put("telemetry", message(1, b"to both"))
+    ends.vehicle.send("telemetry", message(1, b"to both"))
     assert at_one.next() == at_two.next() == ("telemetry", 1, b"to both")
     assert one._keys is not None
     assert two._keys is not None
     assert one._keys.key_id != two._keys.key_id
     for lane, number in ((one, 1), (two, 2)):
-        lane.put("joy", message(number))
+        lane.send("joy", message(number))
     assert {ends.at_vehicle.next()[1] for _ in range(2)} == {1, 2}
 
 
 def test_every_answer_has_keys_of_its_own_and_the_ninth_station_a_place(ends: Ends) -> None:
-    answers = [ends.vehicle.grant(k // 2 + 1) for k in range(2 * vehicle_lane.MOST + 4)]
+    answers = [ends.vehicle.grant(k // 2 + 1) for k in range(2 * vehicle_lane.MAX_STATIONS + 4)]
     keys = [bytes(key) for a in answers for key in (a.key_to_station, a.key_to_vehicle)]
     assert len(set(keys)) == len(keys)
     assert len({answer.key_id for answer in answers}) == len(answers)
     lanes = list(ends.vehicle._lanes.values())
-    assert [lane.instance for lane in lanes] == list(range(3, vehicle_lane.MOST + 3))
+    assert [lane.instance for lane in lanes] == list(range(3, vehicle_lane.MAX_STATIONS + 3))
     assert "key" not in repr(lanes[0]).replace("key_id", "")
 
 
 def test_who_only_hears_takes_no_place_of_who_may_send(ends: Ends) -> None:
     """Neither the pilot's own number, which heartbeats carry, nor many listeners take it."""
     _, _, inbox = ends.station(1)
-    for k in range(2 * vehicle_lane.MOST):
+    for k in range(2 * vehicle_lane.MAX_STATIONS):
         answer = ends.vehicle.grant(1 + k, (HELLO,))
         sealer = Sealer(answer.key_id, bytes(answer.key_to_vehicle))
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as looker:
@@ -411,7 +411,7 @@ def test_who_only_hears_takes_no_place_of_who_may_send(ends: Ends) -> None:
             ends.until(lambda key_id=key_id: ends.vehicle._lanes[key_id].address)  # type: ignore[misc]
     ends.heard_by(inbox, b"still")
     assert ends.asked == 1
-    assert ends.vehicle.stations == vehicle_lane.MOST
+    assert ends.vehicle.stations == vehicle_lane.MAX_STATIONS
 
 
 def test_a_taken_port_gives_another(ends: Ends) -> None:
@@ -429,7 +429,7 @@ def test_what_stations_may_send_is_the_vehicles_choice(ends: Ends) -> None:
             looker.sendto(sealer.seal(topic, message()), ("127.0.0.1", ends.vehicle.port))
         ends.until(lambda: ends.vehicle.refused.unexpected == len(TO_VEHICLE) - 1)
         assert ends.at_vehicle.got.empty()
-        ends.vehicle.put("telemetry", message())
+        ends.vehicle.send("telemetry", message())
         assert looker.recv(2000)
 
 
@@ -443,13 +443,13 @@ def test_a_station_is_not_given_up_while_simulated_time_stands_still(
     try:
         granted = vehicle.grant(5)
         hello = Sealer(int(granted.key_id), bytes(granted.key_to_vehicle)).seal(HELLO, A_HELLO)
-        vehicle._take(hello, ("127.0.0.1", 9))
+        vehicle._handle(hello, ("127.0.0.1", 9))
         words = clock.page()
         assert words is not None
         words[clock.LIMIT] = clock.monotonic_ns()
         later_ns = time.monotonic_ns() + vehicle_lane.PATIENCE_NS + 1_000_000_000
         monkeypatch.setattr(time, "monotonic_ns", lambda: later_ns)
-        assert vehicle.put("telemetry", message())
+        assert vehicle.send("telemetry", message())
     finally:
         vehicle.close()
         clock.follow(None)

@@ -72,7 +72,7 @@ def test_link_is_lost_until_the_first_heartbeat() -> None:
     monitor = HeartbeatMonitor()
     assert monitor.state(10**18) is LinkState.LOST
     assert monitor.age(10**18) == float("inf")
-    monitor.heard(10**18)
+    monitor.note_received(10**18)
     assert monitor.state(10**18) is LinkState.GOOD
 
 
@@ -82,16 +82,16 @@ def test_link_is_lost_until_the_first_heartbeat() -> None:
 )
 def test_link_state_follows_the_silence(silence_ms: int, state: str) -> None:
     monitor = HeartbeatMonitor()
-    monitor.heard(0)
+    monitor.note_received(0)
     assert monitor.state(silence_ms * MS) == state
-    monitor.heard(silence_ms * MS)
+    monitor.note_received(silence_ms * MS)
     assert monitor.state(silence_ms * MS) is LinkState.GOOD
 
 
 def test_a_late_heartbeat_does_not_turn_the_time_back() -> None:
     monitor = HeartbeatMonitor()
-    monitor.heard(500 * MS)
-    monitor.heard(100 * MS)
+    monitor.note_received(500 * MS)
+    monitor.note_received(100 * MS)
     assert monitor.age(600 * MS) == pytest.approx(0.1)
 
 

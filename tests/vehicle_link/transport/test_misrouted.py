@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from tests.waiting import wait_for
-from vehicle_link.transport.misrouted import ESTABLISHED, FORGIVEN, KNOWN, Topics
+from vehicle_link.transport.misrouted import ESTABLISHED, FORGIVEN, KNOWN, PublisherTopics
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.rmw_keys import attachment, data_key
 
@@ -17,14 +17,14 @@ GID = bytes(range(16))
 
 
 @pytest.fixture
-def known() -> Topics:
-    topics = Topics()
+def known() -> PublisherTopics:
+    topics = PublisherTopics()
     for _ in range(ESTABLISHED):
         assert topics.belongs(GID, "truth")
     return topics
 
 
-def test_a_publisher_that_is_known_is_refused_elsewhere(known: Topics) -> None:
+def test_a_publisher_that_is_known_is_refused_elsewhere(known: PublisherTopics) -> None:
     assert not known.belongs(GID, "parameter_changes")
     assert known.belongs(GID, "truth")
     assert not known.belongs(GID, "parameter_changes")
@@ -32,18 +32,18 @@ def test_a_publisher_that_is_known_is_refused_elsewhere(known: Topics) -> None:
 
 
 def test_one_hardly_known_may_go_on_elsewhere() -> None:
-    topics = Topics()
+    topics = PublisherTopics()
     assert topics.belongs(GID, "state")
     assert topics.belongs(GID, "truth")
     assert topics.refused == 0
 
 
-def test_who_goes_on_elsewhere_is_believed(known: Topics) -> None:
+def test_who_goes_on_elsewhere_is_believed(known: PublisherTopics) -> None:
     found = [known.belongs(GID, "state") for _ in range(FORGIVEN + 2)]
     assert found == [False] * FORGIVEN + [True, True]
 
 
-def test_publishers_not_heard_for_long_are_forgotten(known: Topics) -> None:
+def test_publishers_not_heard_for_long_are_forgotten(known: PublisherTopics) -> None:
     for number in range(KNOWN):
         assert known.belongs(number.to_bytes(16, "big"), "status")
     assert known.belongs(GID, "state")

@@ -80,8 +80,8 @@ class Lab:
             self.tls,
             self.port,
             heard.silent,
-            say=self.said.append,
-            answers=answers,
+            report=self.said.append,
+            probe=answers,
         )
         self.closed.append(lambda: made.close(WAIT))
         return made
@@ -148,7 +148,7 @@ def test_each_vehicle_has_a_radio_of_its_own(lab: Lab) -> None:
 def test_a_link_that_stands_but_is_deaf_is_opened_anew_with_patience(
     lab: Lab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(radio, "SILENT", 0.3)
+    monkeypatch.setattr(radio, "REOPEN_AFTER", 0.3)
     vehicle = lab.vehicle("quad1")
     other = lab.vehicle("quad2")
     heard, beside = Heard(lab.hub, "quad1"), Heard(lab.hub, "quad2")
@@ -176,16 +176,16 @@ def test_a_session_that_sleeps_on_after_an_outage_is_opened_anew_at_once(
     heard = Heard(lab.hub, "quad1")
 
     def ask(within: float) -> bool:
-        assert within == radio.AWAKE
+        assert within == radio.ANSWER_WITHIN
         asked.set()
         return answers
 
     dialled = lab.radio(vehicle, heard, ask)
     heard.messages.get(timeout=WAIT)
-    wait_for(lambda: dialled.connected_for > 2.0 * radio.AWAY)
+    wait_for(lambda: dialled.connected_for > 2.0 * radio.OUTAGE_AFTER)
     assert not asked.is_set()
     vehicle.talks.clear()  # the link stays up in the meantime
-    wait_for(lambda: heard.silent() > 1.5 * radio.AWAY)
+    wait_for(lambda: heard.silent() > 1.5 * radio.OUTAGE_AFTER)
     assert not asked.is_set()
     vehicle.talks.set()
     assert asked.wait(WAIT)
@@ -208,7 +208,7 @@ def test_a_session_that_sleeps_on_after_an_outage_is_opened_anew_at_once(
 def test_an_outage_is_over_when_anything_is_heard(
     unheard: list[float], lasted: list[float]
 ) -> None:
-    outage = radio.Outage()
+    outage = radio.OutageDetector()
     assert [outage.ended(each) for each in unheard] == lasted
 
 

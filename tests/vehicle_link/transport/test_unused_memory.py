@@ -26,11 +26,11 @@ def touched(size):
 """
 
 LARGE = """
-from vehicle_link.transport.unused_memory import keep_large_buffers_apart
+from vehicle_link.transport.unused_memory import map_large_buffers
 SIZE, COUNT = 3 << 20, 9
 
 if sys.argv[1] == "apart":
-    assert keep_large_buffers_apart()
+    assert map_large_buffers()
 library.free(touched(SIZE))  # glibc takes buffers of this size from its heap from now on
 before = resident()
 freed = [touched(SIZE) for _ in range(COUNT)]
@@ -41,7 +41,7 @@ print((resident() - before) / SIZE)
 """
 
 SMALL = """
-from vehicle_link.transport.unused_memory import give_back_what_is_free
+from vehicle_link.transport.unused_memory import trim_heaps
 SIZE, COUNT = 10_000, 3_000
 
 before = resident()
@@ -50,7 +50,7 @@ above = touched(SIZE)  # the heap ends behind it, so all before it stays
 for address in freed:
     library.free(address)
 print((resident() - before) / (SIZE * COUNT))
-assert give_back_what_is_free()
+assert trim_heaps()
 print((resident() - before) / (SIZE * COUNT))
 """
 

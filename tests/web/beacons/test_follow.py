@@ -10,7 +10,7 @@ import pytest
 
 from bearing_sim.beacons import PRESETS, Beacons
 from bearing_sim.bearing_parameters import BearingParameters
-from bearing_sim.observability import Sight
+from bearing_sim.observability import FieldOfView
 from web.parameters.follower import BEARINGS, ParameterFollower
 from web.parameters.replica import PageParameters
 
@@ -19,7 +19,7 @@ class Shown:
     """The part of a scene's beacons that the follower uses."""
 
     def __init__(self) -> None:
-        self.calls: list[tuple[Beacons, float, Sight, float]] = []
+        self.calls: list[tuple[Beacons, float, FieldOfView, float]] = []
 
     def set_beacons(self, *given: Any) -> None:
         self.calls.append(given)
@@ -65,7 +65,7 @@ def test_each_confirmed_change_is_shown_once(
     assert beacons == PRESETS["paper"]
     assert sigma == pytest.approx(math.radians(1.5))
     assert rate == 30.0
-    assert sight == Sight.of(BearingParameters())
+    assert sight == FieldOfView.of(BearingParameters())
 
     confirm(replica, layout="eight", sigma=2.0, field_of_view=90.0, mount_pitch=10.0, lost="3")
     follower.show_beacons()

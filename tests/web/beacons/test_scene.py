@@ -14,7 +14,7 @@ import pytest
 import websockets.sync.client
 
 from bearing_sim.beacons import PAPER_BEACONS, PRESETS, Beacons
-from bearing_sim.observability import Sight, bound_map
+from bearing_sim.observability import FieldOfView, bound_map
 from quadrotor.errors import OutOfBoundsError
 from tests.support.clock import Clock
 from vehicle_link.messages import decode, encode, header, new
@@ -431,7 +431,7 @@ def test_where_nothing_is_determined_there_is_no_map(
     scene.set_volume(VOLUME)
     scene.show(BeaconView(map=True))
     settled(scene, until, lambda: scene.legend() is not None)
-    scene.set_beacons(PAPER_BEACONS, SIGMA, replace(Sight(), lost=None))
+    scene.set_beacons(PAPER_BEACONS, SIGMA, replace(FieldOfView(), lost=None))
     settled(scene, until, lambda: scene.legend() is None)
     assert not node("/bound").visible
 

@@ -40,7 +40,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_log_of_more_messages_than_are_held_is_refused(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("flight_log.run.MOST_MESSAGES", 1000)
+    monkeypatch.setattr("flight_log.run.MAX_MESSAGES", 1000)
     with pytest.raises(LogFormatError, match="at most 1000 are shown"):
         build_replay(log, lambda share: None)
 

@@ -126,7 +126,8 @@ class Microcontroller:
             return self._bus.why
         waiting = self._handshake.open[0]
         return (
-            f"the microcontroller is not recognised: could not yet {waiting.name}, {waiting.told}"
+            f"the microcontroller is not recognised: could not yet {waiting.name}, "
+            f"{waiting.outcome}"
         )
 
     @property

@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 
 
-class InTurn(Generic[T]):
+class ExecutorQueue(Generic[T]):
     """Queue that handles items in the order of their arrival, a limited number at a time.
 
     Args:

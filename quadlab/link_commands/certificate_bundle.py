@@ -10,11 +10,11 @@ from pathlib import Path
 from quadrotor.errors import StorageError
 from vehicle_link.security.authority import TlsFiles
 
-THERE = ".local/share/quadlab/certificates"
+REMOTE_FOLDER = ".local/share/quadlab/certificates"
 """Default folder of the certificates on another machine, below its home folder."""
 
 
-def hand_over(out: Path, issue: Callable[[Path], TlsFiles]) -> Path:
+def write_bundle(out: Path, issue: Callable[[Path], TlsFiles]) -> Path:
     """Issue files for another machine; return where they are: a folder, or a file ending in .tar.
 
     Raises StorageError or LinkError.
@@ -38,7 +38,7 @@ def hand_over(out: Path, issue: Callable[[Path], TlsFiles]) -> Path:
 
 def how_to_copy(made: Path, host: str) -> list[str]:
     """Return lines with commands that copy the files to the machine `host` by ssh."""
-    begin = f"ssh {host} 'mkdir -p -m 700 {THERE}"
+    begin = f"ssh {host} 'mkdir -p -m 700 {REMOTE_FOLDER}"
     if made.suffix == ".tar":
-        return [f"{begin} && tar -x -C {THERE}' < {made}"]
-    return [f"{begin}'", f"scp -p {made}/* {host}:{THERE}/"]
+        return [f"{begin} && tar -x -C {REMOTE_FOLDER}' < {made}"]
+    return [f"{begin}'", f"scp -p {made}/* {host}:{REMOTE_FOLDER}/"]

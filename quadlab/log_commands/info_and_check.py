@@ -34,15 +34,15 @@ class Info:
         check_log_file(self.file)
         with progress_of(f"reading {self.file.name}") as progress:
             found = summarize(self.file, progress)
-        told: list[Finding] = []
+        findings: list[Finding] = []
         if self.explain:
             from console.evaluation.explanation.explain import explain_log
 
-            told = explain_log(self.file)
+            findings = explain_log(self.file)
         if self.json:
             described = _described(found)
             if self.explain:
-                described["findings"] = [one.as_json() for one in told]
+                described["findings"] = [one.as_json() for one in findings]
             print(json.dumps(described))
             return 0
         print(
@@ -61,7 +61,7 @@ class Info:
         for name, size in sorted(found.attachments.items()):
             print(f"  attached: {name}, {size} bytes")
         if self.explain:
-            claims = [f"{one.start:.1f} s: {one.claim}" for one in told]
+            claims = [f"{one.start:.1f} s: {one.claim}" for one in findings]
             print(
                 "what happened:",
                 *claims or ["No anomalies found in what was recorded."],
