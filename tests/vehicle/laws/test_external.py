@@ -243,7 +243,7 @@ def test_parameters_of_a_flight_may_name_a_law_before_it_begins(tmp_path: Path) 
 
 def test_nothing_is_compiled_in_the_first_tick_that_it_flies(fly: Callable[..., Lab]) -> None:
     lab = fly(good())
-    before = len(apply_wrench.signatures)  # compiled by numba
+    before = len(apply_wrench.signatures)  # type: ignore[attr-defined]  # compiled by numba
     assert before >= 1
     lab.hovering()
     assert len(apply_wrench.signatures) == before  # type: ignore[attr-defined]
