@@ -1,4 +1,4 @@
-"""What mkdocs calls while it builds the site: pages from the code, and links out of docs/.
+"""Hooks that mkdocs calls while it builds the site: pages from the code, and links out of docs/.
 
 The documents are written for a git host, where a link may lead to any file of the repository,
 and one to a folder shows its README. In the site such a file has a page of its own.

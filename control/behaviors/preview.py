@@ -14,7 +14,7 @@ POINTS = 400
 
 @dataclass(frozen=True, slots=True)
 class Preview:
-    """What a trajectory asks of the vehicle."""
+    """The demands of a trajectory on the vehicle."""
 
     points: list[tuple[float, float, float]]  # m, world, evenly over time
     duration: float  # s

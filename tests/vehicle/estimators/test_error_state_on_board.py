@@ -50,7 +50,7 @@ class MovedLab(Lab):
 # ---------------------------------------------------------------------- starts
 @pytest.mark.parametrize(("layout", "lost"), [("paper", "4"), (HOUSE, "")])
 def test_beside_a_known_pose_it_starts_on_bearings_that_give_none(layout: str, lost: str) -> None:
-    """With three beacons, or some in no common plane; then it is flown on."""
+    """Three beacons, or beacons in no common plane, give no pose; then it is flown on."""
     lab = MovedLab(
         layout=layout, lost=lost, shadow="error_state", shadow_source="bearings"
     ).hovering()
