@@ -1,5 +1,5 @@
-"""A trajectory of follow_trajectory before it is flown: its path, its demands, and why it would be
-refused. Heavy modules are imported only where it is computed, which is a process of its own.
+"""The preview of a trajectory of follow_trajectory: its path, its demands, and the reason of a
+refusal. The function imports heavy modules itself, because it runs in a helper process.
 """
 
 from __future__ import annotations

@@ -16,12 +16,12 @@ from quadrotor.errors import StorageError, UsageError
 
 
 class Kind(NamedTuple):
-    """A kind of file that may be written: a copy of an example, and of its test if it has one.
+    """A kind of file that can be written: a copy of an example, and of its test if it has one.
 
     Attributes:
-        template: file below examples, without its ending. folder: of the data folder.
-        fly: how it is flown, with {name}, {path} and {plugins}.
-        taken: the names that are built in.
+        template: file in examples, without its suffix. folder: folder in the data folder.
+        fly: command that flies it, with {name}, {path} and {plugins}.
+        taken: returns the names of the built-in ones.
     """
 
     template: str

@@ -1,5 +1,5 @@
 """Trajectories before and while they are flown: `POST /api/trajectories/preview` draws one in the
-3D view and says what it asks of the vehicle; the summary has how far the one under way is.
+3D view and returns its demands on the vehicle; the summary has the progress of the one in flight.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from web.requester import Operator
 from web.view.scene import Scene
 
 FOLLOW = "follow_trajectory"
-HOVER = 1.0  # m, where a trajectory would start that is looked at on the ground
+HOVER = 1.0  # m, start height of a preview while the vehicle is on the ground
 TIME_LIMIT = 20.0  # s
 NICENESS = 0  # added to that of this process: a person waits for the answer
 Arguments = dict[str, ParameterValue]
@@ -35,7 +35,7 @@ class PreviewBody(Body):
 
 
 class TrajectoryDesk:
-    """The trajectory that was looked at last, and the one that is flown; for the event loop."""
+    """The newest preview and the trajectory in flight. Use it from the event loop only."""
 
     def __init__(self, live: Live, replica: PageParameters, scene: Scene) -> None:
         self._live, self._replica, self._scene = live, replica, scene
@@ -45,7 +45,7 @@ class TrajectoryDesk:
         self._began_ns: int | None = None
 
     async def look(self, arguments: Arguments) -> dict[str, Any]:
-        """Show a trajectory that would start here, and return its demands.
+        """Draw a trajectory that would start here, and return its demands on the vehicle.
 
         Raises ParameterError, RefusedError, JobError.
         """
@@ -77,11 +77,11 @@ class TrajectoryDesk:
         return {"duration": found.duration, "speed": found.speed, "refusal": found.refusal}
 
     def started(self, arguments: Arguments) -> None:
-        """Take note that the vehicle has accepted to fly it."""
+        """Note that the vehicle has accepted this trajectory."""
         self._started, self._began_ns = arguments, None
 
     def summary(self) -> dict[str, Any] | None:
-        """Return how far the trajectory under way is, None where none is or it is not known."""
+        """Return the progress of the trajectory in flight, None if unknown or none."""
         status = self._live.current("status")
         if status is None or self._started is None:
             return None
@@ -100,7 +100,7 @@ class TrajectoryDesk:
 
     @property
     def _here(self) -> tuple[float, float, float, float]:
-        """Return x, y, z (m) and yaw (rad) where it would start."""
+        """Return x, y, z (m) and yaw (rad) of the start of a preview."""
         status, reference = self._live.current("status"), self._live.current("reference")
         if reference is not None and status is not None and status.airborne:
             return (*point_of(reference.position), float(reference.yaw))
