@@ -17,9 +17,8 @@ from pydantic import Field
 
 from estimation.tags.detector import DEFAULT_FAMILY, Picture, TagDetector, Tags
 from estimation.tags.intrinsics import Intrinsics
-from estimation.tags.tag_fit import RESIDUAL_MAX, fitting
 from estimation.tags.tag_layout import Size, Strict, TagPlace, Triple, read_tags
-from estimation.tags.tag_pose import NOISE, TagPose, poses_of
+from estimation.tags.tag_pose import NOISE, RESIDUAL_MAX, TagPose, fitting, poses_of
 from quadrotor.records import MAX_BEACONS
 from quadrotor.rotations import quaternion_from_euler, quaternion_to_matrix
 

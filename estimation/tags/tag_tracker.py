@@ -9,9 +9,8 @@ import numpy.typing as npt
 
 from estimation.tags.detector import Picture, TagDetector, Tags
 from estimation.tags.intrinsics import Intrinsics
-from estimation.tags.tag_fit import RESIDUAL_MAX, STILL_RESIDUAL_MAX, fitting
 from estimation.tags.tag_layout import TagLayout, TagPlace
-from estimation.tags.tag_pose import TagPose, likeliest
+from estimation.tags.tag_pose import RESIDUAL_MAX, STILL_RESIDUAL_MAX, TagPose, fitting, likeliest
 from quadrotor.errors import MeasurementError
 from quadrotor.rotations import quaternion_from_matrix
 

@@ -30,7 +30,7 @@ class Export:
             raise UsageError(f"--out {self.out}: the file must end in .fmu")
         if not self.out.parent.is_dir():
             raise StorageError(f"--out {self.out}: there is no folder {self.out.parent}; make it")
-        from quadlab.fmu_export.archive import export_fmu
+        from quadlab.fmu_export.description import export_fmu
 
         export_fmu(self.model, self.set, self.out)
         print(self.out)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from quadlab.commands.option_types import File, Flag, Folder, Settings
-from quadlab.simulated.beacon_file import beacon_words
+from quadlab.settings import beacon_words
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ class Fly:
         print(f"  log {path}")
         store = flight.stack.store
         if proposal is not None and not self.json:
-            from quadlab.calibration.proposal_lines import proposal_lines
+            from quadlab.calibration.lines import proposal_lines
 
             print("\n".join(f"  {line}" for line in proposal_lines(proposal, store)))
         files = write_report(experiment, path, result, proposal) if self.report else []
@@ -109,7 +109,7 @@ class Fly:
                 },
             }
             if proposal is not None:
-                from quadlab.calibration.proposal_lines import proposal_json
+                from quadlab.calibration.lines import proposal_json
 
                 report["proposal"] = proposal_json(proposal, store)
             print(json.dumps(report))

@@ -21,7 +21,7 @@ from quadlab.up.supervise import Child
 from quadlab.vehicle_names import THE_VEHICLE, check_name, parse_names, parse_vehicles
 from quadrotor.errors import QuadlabError, UsageError
 from vehicle.boards.kind import MIKROKOPTER
-from vehicle_link.serial.identity import THE_ONE, Identity
+from vehicle_link.serial.ids import THE_ONE, Identity
 
 WATCH_PERIOD = 0.2
 SIGN_IN_TOKEN = "QUADLAB_SIGN_IN_TOKEN"

@@ -21,11 +21,9 @@ from quadlab.commands.processes import OPEN_BROWSER, SIGN_IN_TOKEN, WATCH_PERIOD
 from quadlab.data_folder import data_folder, open_data_folder, owned
 from quadlab.settings import check_laws, offer_estimators, parse_board_options, parse_settings
 from quadlab.simulated.fleet import SimulatedFleet
-from quadlab.up.free_port import require_free
-from quadlab.up.landing import land_before_stopping
+from quadlab.up.landing import StopRequest, land_before_stopping
 from quadlab.up.page_options import PageOptions
-from quadlab.up.progress import Progress
-from quadlab.up.stop_request import StopRequest
+from quadlab.up.progress import Progress, require_free
 from quadlab.up.supervise import Child
 from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import UsageError

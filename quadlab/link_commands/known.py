@@ -29,8 +29,7 @@ class List:
 
     def run(self) -> int:
         from console.link.known_vehicles import KnownVehicles
-        from vehicle_link.transport.local_networks import own_networks
-        from vehicle_link.transport.quic_probe import ProbeResult, probe_all
+        from vehicle_link.transport.quic_probe import ProbeResult, own_networks, probe_all
         from vehicle_link.transport.session import VEHICLE_PORT, parse_endpoint
 
         known = KnownVehicles(open_data_folder(self.data)).all()

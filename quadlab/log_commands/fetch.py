@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from quadlab.commands.option_types import Flag
-from quadlab.log_commands.progress import progress_of
+from quadlab.log_commands.log_file import progress_of
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import LinkError, StorageError, UsageError
 

@@ -11,7 +11,7 @@ import tyro
 from quadlab.commands.option_types import File, Flag, Names, Settings
 from quadlab.data_folder import data_folder
 from quadlab.log_commands.log_file import check_log_file
-from quadlab.simulated.beacon_file import beacon_words
+from quadlab.settings import beacon_words
 from quadrotor.errors import LogFormatError, StorageError, UsageError
 
 if TYPE_CHECKING:
@@ -77,12 +77,17 @@ class Replay:
 
     def run(self) -> int:
         self._check_words()
-        from quadlab.replay.flown import flown_choices
-        from quadlab.replay.lines import plan_runs
+        from quadlab.replay.lines import flown_choices, plan_runs
         from quadlab.replay.log import read_recording
         from quadlab.replay.measurements import MeasurementStore
-        from quadlab.replay.plot import draw
-        from quadlab.replay.report import as_json, print_table, recorded_row, run_row, write_csv
+        from quadlab.replay.report import (
+            as_json,
+            draw,
+            print_table,
+            recorded_row,
+            run_row,
+            write_csv,
+        )
         from quadlab.replay.run import replay
         from quadlab.replay.window import find_window
         from vehicle.estimators.estimators import Estimators
@@ -144,7 +149,7 @@ class Replay:
             if path is not None and path.resolve() == self.file.resolve():
                 raise UsageError(f"{word} {path} is the log itself; name another file")
         if self.plot is not None:
-            from quadlab.replay.plot import check_plot
+            from quadlab.replay.report import check_plot
 
             check_plot(self.plot)
 

@@ -19,8 +19,8 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import Beacons, parse_layout
-from bearing_sim.known_beacons import KnownBeacons
 from estimation.error_state.estimator import ErrorStateEstimator
 from quadlab.replay.errors import Array
 from quadlab.replay.lines import Run

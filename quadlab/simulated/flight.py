@@ -11,9 +11,9 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import parse_layout
 from bearing_sim.emulator import BearingEmulator
-from bearing_sim.known_beacons import KnownBeacons
 from bearing_sim.tracker import SimulatedTracker
 from console.experiments.client import VehicleView
 from estimation.convergence import Convergence

@@ -15,9 +15,8 @@ from bearing_sim.bearing_parameters import parse_lost
 from bearing_sim.pose_track import PoseTrack
 from bearing_sim.rendered_camera import Pattern, RenderedCamera
 from bearing_sim.sampling import SECOND_NS, DelayLine, InstantGrid
-from estimation.tags.detector import Picture, TagDetector
+from estimation.tags.detector import Picture, TagDetector, marked_picture
 from estimation.tags.intrinsics import Intrinsics
-from estimation.tags.marked_picture import marked_picture
 from estimation.tags.tag_bearings import BeaconTags, Mount, TagBearings
 from quadlab.simulated.parameters import CameraParameters
 from quadrotor.errors import MeasurementError

@@ -10,8 +10,8 @@ import numpy.typing as npt
 import pytest
 
 from bearing_sim import PAPER_BEACONS, BearingEmulator, BearingMeasurement, BearingParameters
-from bearing_sim.chance import Draws, hidden, pair
 from bearing_sim.emulator import perturbed
+from bearing_sim.sampling import Draws, hidden, pair
 
 Array = npt.NDArray[np.float64]
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])

@@ -22,7 +22,7 @@ from vehicle.simulator.attendant import Attendant
 from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.live_parameters import LiveParameters
 from vehicle_link import clock
-from vehicle_link.transport.shared_session import SharedSession
+from vehicle_link.transport.session import SharedSession
 
 if TYPE_CHECKING:
     from vehicle_link.topics.table import Topic
@@ -84,7 +84,7 @@ class TruthPublisher:
     def _run(self) -> None:
         hurry(True)
         # Imported here: the message types take a while to load, which the plant need not wait for.
-        from vehicle_link.topics.bench import encode_bench_reading
+        from vehicle_link.topics.measurements import encode_bench_reading
         from vehicle_link.topics.ticks import encode_odometries
 
         while not self._stop.is_set():

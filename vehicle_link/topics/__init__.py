@@ -1,6 +1,5 @@
 """The topics of a vehicle: their table, and conversions between payloads and tick records."""
 
-from vehicle_link.topics.bench import encode_bench_reading
 from vehicle_link.topics.control_inputs import (
     Sticks,
     decode_external_reference,
@@ -10,19 +9,22 @@ from vehicle_link.topics.control_inputs import (
     encode_joy,
 )
 from vehicle_link.topics.measurements import (
+    PICTURE,
     decode_bearings,
+    decode_picture,
     decode_pose,
     decode_position,
     decode_sweeps,
     encode_bearing_pose,
     encode_bearings,
+    encode_bench_reading,
+    encode_picture,
     encode_poses,
     encode_positions,
     pose_messages,
     position_messages,
     sweep_messages,
 )
-from vehicle_link.topics.pictures import PICTURE, decode_picture, encode_picture
 from vehicle_link.topics.scene import SCENE_TOPICS, SceneMessages
 from vehicle_link.topics.status import (
     DELAYED_PREFIX,

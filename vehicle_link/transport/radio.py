@@ -16,9 +16,26 @@ import zenoh
 
 from quadrotor.errors import LinkError
 from vehicle_link.security.authority import TlsFiles
-from vehicle_link.transport.peers import namespaces
 from vehicle_link.transport.session import check_station, parse_endpoint, radio_session
 from vehicle_link.transport.unused_memory import trim_heaps
+
+
+def namespaces(session: zenoh.Session, timeout: float = 1.0) -> set[str]:
+    """Return the namespaces of the nodes there (`quad1`) that this session may see; asks over the
+    link.
+    """
+    found: set[str] = set()
+    try:
+        links = session.info.links()
+        for zid in {str(link.zid) for link in links if link.dst.startswith("quic/")}:
+            for reply in session.liveliness().get(f"@ros2_lv/*/{zid}/**", timeout=timeout):
+                if reply.ok is not None:
+                    # @ros2_lv/domain/session/node/endpoint/kind/enclave/namespace/…
+                    found.add(str(reply.ok.key_expr).split("/")[7].strip("%"))
+    except zenoh.ZError:  # closed in the meantime
+        return set()
+    return found - {""}
+
 
 REOPEN_AFTER = 2.0
 """Seconds without data over a connected link after which its session is opened again."""

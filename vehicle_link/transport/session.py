@@ -13,6 +13,7 @@ import ipaddress
 import json
 import os
 import threading
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, UsageError
@@ -241,3 +242,30 @@ def open_session(config: dict[str, Any], place: str) -> zenoh.Session:
                 f"{place} is in use; stop the other quadlab, or choose another port"
             ) from error
         raise LinkError(f"cannot open a session on {place}: {text}") from error
+
+
+class SharedSession:
+    """Shared session; thread-safe. `open_session` returns a Zenoh session or raises LinkError."""
+
+    def __init__(self, open_session: Callable[[], Any]) -> None:
+        self._open_session = open_session
+        self._lock = threading.Lock()
+        self._session: Any = None
+        self._users = 0
+
+    def open(self) -> Any:
+        """Open the session or share the open one; release it with `close`. Raises LinkError."""
+        with self._lock:
+            if self._session is None:
+                self._session = self._open_session()
+            self._users += 1
+            return self._session
+
+    def close(self) -> None:
+        """Release the session; after its last user it is closed, which may take long."""
+        with self._lock:
+            self._users -= 1
+            if self._users:
+                return
+            session, self._session = self._session, None
+        session.close()

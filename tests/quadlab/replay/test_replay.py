@@ -19,8 +19,7 @@ from flight_log import LogWriter, read_attachments, read_log
 from quadlab.__main__ import main
 from quadlab.replay import log as log_module
 from quadlab.replay.errors import Truth, angles, errors
-from quadlab.replay.flown import flown_choices
-from quadlab.replay.lines import plan_runs
+from quadlab.replay.lines import flown_choices, plan_runs
 from quadlab.replay.log import Recording, read_recording
 from quadlab.replay.measurements import MeasurementStore, emulated_bearings, emulated_poses
 from quadlab.replay.run import replay

@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.logs.recorded_run import STEP_NS, MadeRun, position_at, write_run
 from flight_log import LogWriter, read_log
-from flight_log.message_times import common_stamps, gaps
+from flight_log.run import common_stamps, gaps
 from quadrotor.errors import LogFormatError, MeasurementError, OutOfBoundsError
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.topics import PICTURE, encode_picture
