@@ -13,9 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
-from quadrotor.records import BEARINGS_SAMPLE, MAX_BEACONS, Record, beacon_ids_of
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import BEARINGS_SAMPLE, MAX_BEACONS, Array, Record, beacon_ids_of
 
 LEAST = 4
 """Least number of beacons of a set: a pose from one frame needs as many in view."""

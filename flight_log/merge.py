@@ -33,12 +33,12 @@ from flight_log.vehicle_messages import (
     Comparison,
     LogOverview,
     Selection,
-    Stamps,
     compare,
     joined,
 )
 from flight_log.writer import FILLED_METADATA, MEDIA_TYPES
 from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.records import Stamps
 from vehicle_link.topics.table import SHARED
 
 LEAD_NS = 2_000_000_000

@@ -16,8 +16,7 @@ from flight_log.columns.log_columns import LogColumns, read_columns
 from flight_log.columns.topic import Topic
 from flight_log.topic_columns import text_fields
 from quadrotor.errors import LogFormatError
-
-Stamps = npt.NDArray[np.int64]
+from quadrotor.records import Stamps
 
 OTHER_CLOCK = 500_000_000
 """Median delay, in ns, above which a source's clock counts as different from the recorder's."""

@@ -21,6 +21,7 @@ from flight_log.run_folder import station_log
 from flight_log.tick_columns import TICK_TOPICS
 from flight_log.writer import RUN_METADATA
 from quadrotor.errors import LinkError
+from quadrotor.records import Stamps
 from vehicle_link.messages import decode
 from vehicle_link.topics.table import TOPICS
 
@@ -31,7 +32,6 @@ FILLED_TOPICS = (
 """Topics whose messages are copied from the vehicle's log."""
 EARLIEST, LATEST = -(2**62), 2**62
 
-Stamps = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
 

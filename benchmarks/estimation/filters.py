@@ -19,7 +19,6 @@ from benchmarks.estimation.flights import (
     RATE_BIAS,
     RATE_NOISE,
     SIGMA,
-    Array,
     Flight,
     flight,
     quaternion,
@@ -39,6 +38,7 @@ from quadrotor.records import (
     IMU_SAMPLE,
     POSE_SAMPLE,
     STATE,
+    Array,
     Record,
     new_state,
 )

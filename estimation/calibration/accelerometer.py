@@ -16,13 +16,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.calibration.still_poses import StillPose
 from quadrotor.constants import GRAVITY
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 POSES_MIN = 4
 CONDITION_MAX = 120.0

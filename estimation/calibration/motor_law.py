@@ -11,12 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.calibration.motor_bench import BenchSteps
 from quadrotor.errors import MeasurementError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 USABLE = (30.0, 180.0)
 """Usable range of references, in counts, as in the paper."""

@@ -6,7 +6,6 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.compiled_estimator import CompiledEstimator
 from estimation.convergence import Convergence, Deviations
@@ -35,13 +34,12 @@ from quadrotor.records import (
     NO_ATTITUDE,
     POSE_SAMPLE,
     SWEEPS_SAMPLE,
+    Array,
     Record,
     has_attitude,
     pose_sample,
 )
 from quadrotor.rotations import quaternion_from_euler, rotate
-
-Array = npt.NDArray[np.float64]
 
 ANCHOR_NS = 200_000_000
 """Time in ns without a measurement after which the covariance is propagated to the

@@ -10,13 +10,11 @@ import math
 from collections import deque
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.error_state.gate import RUN_DEVIATIONS, RUN_GAP, RUN_LEAST, RUN_RATE, RUN_SPEED
 from estimation.poses.planar_pose import PlanarPose
+from quadrotor.records import Array
 from quadrotor.rotations import norm, quaternion_conjugate, quaternion_log, quaternion_multiply
-
-Array = npt.NDArray[np.float64]
 
 
 class FrameRun:

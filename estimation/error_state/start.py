@@ -7,16 +7,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.error_state.memory import ERRORS
 from estimation.outcome import Outcome
 from estimation.poses.planar_pose import PlanarPose, planar_pose
 from estimation.poses.sweep_pose import SweepPose, sweep_pose
 from quadrotor.errors import DegenerateGeometryError, UndeterminedStartError
-from quadrotor.records import Record
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array, Record
 
 START = np.repeat([0.05, math.radians(3.0), 0.5, 0.01, 0.1], 3)
 """Deviations at a start: m, rad, m/s (assumed at rest), rad/s, m/s^2."""

@@ -16,8 +16,8 @@ import numpy.typing as npt
 from scipy.special import erf
 
 from estimation.tags.intrinsics import Intrinsics
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
 
 PLACES = 4

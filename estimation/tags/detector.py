@@ -17,6 +17,7 @@ import numpy.typing as npt
 from estimation.tags.corners import refine_corners
 from estimation.tags.intrinsics import Intrinsics
 from quadrotor.errors import MeasurementError
+from quadrotor.records import Array
 
 DARK, BRIGHT = 12.0, 243.0
 """Mean grey levels beyond which the exposure is wrong."""
@@ -27,7 +28,6 @@ def wrong_exposure(level: float) -> str:
     return "black" if level <= DARK else "white" if level >= BRIGHT else ""
 
 
-Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
 
 Tags = dict[int, Array]

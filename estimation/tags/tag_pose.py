@@ -13,15 +13,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.tags.detector import Tags
 from estimation.tags.intrinsics import Intrinsics
 from estimation.tags.tag_layout import TagPlace
 from quadrotor.errors import MeasurementError
+from quadrotor.records import Array
 from quadrotor.rotations import hat, rotation_exp, rotation_log
-
-Array = npt.NDArray[np.float64]
 
 FLAT = 1e-3
 """Share of the extent by which points may leave a plane and still count as coplanar."""

@@ -9,7 +9,6 @@ acceleration of their positions must agree with the specific force, rotated by t
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from flight_log.imports.flight import ImportedFlight, Imu
 from flight_log.imports.frames import axes, bodies
@@ -18,8 +17,7 @@ from flight_log.imports.raw import RawFlight, RawImu, RawTrack
 from flight_log.imports.tracks import Checked
 from flight_log.imports.trajectory import align
 from quadrotor.errors import LogFormatError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 GRAVITY = 9.80665
 LIKELY_FORCE = (0.7, 1.6)

@@ -6,7 +6,6 @@ import math
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.calibration import motion
 from estimation.calibration.motion import (
@@ -29,9 +28,7 @@ from flight_log.imports.raw import RawTrack, ordered
 from flight_log.imports.trajectory import derivative
 from quadrotor.errors import LogFormatError
 from quadrotor.plain_rotations import matrices_of
-from quadrotor.records import STATE
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import STATE, Array
 
 CALM = 0.15
 """m/s² rms below which acceleration is too small to judge by."""

@@ -18,10 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.plain_rotations import rotation_vectors_between
-from quadrotor.records import Record
-
-Array = npt.NDArray[np.float64]
-Stamps = npt.NDArray[np.int64]
+from quadrotor.records import Array, Record, Stamps
 
 GAP_NS = 200_000_000
 """Longest gap of the truth, in ns, across which errors are computed."""

@@ -22,13 +22,12 @@ from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LogFormatError, MeasurementError, ParameterError
 from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.plain_rotations import rotate
-from quadrotor.records import IMU_SAMPLE, STATE, Record
+from quadrotor.records import IMU_SAMPLE, STATE, Record, Stamps
 from vehicle.estimators.choice import ESTIMATOR, NONE, SHADOW
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics import decode_bearings, decode_pose, decode_position, decode_sweeps
 from vehicle_link.topics.ticks import FROM_ROS, SECOND_NS, WORLD, layout
 
-Stamps = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 
 IMU = tuple(f"{of}.{axis}" for of in ("linear_acceleration", "angular_velocity") for axis in "xyz")

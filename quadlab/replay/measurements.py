@@ -9,11 +9,11 @@ import numpy as np
 
 from bearing_sim.emulator import BearingEmulator, BearingParameters
 from bearing_sim.tracker import SimulatedTracker, TrackerParameters
-from quadlab.replay.errors import Array, Stamps, Truth
+from quadlab.replay.errors import Truth
 from quadlab.replay.lines import SWEEPS, Run
 from quadlab.replay.log import Arrival, Recording
 from quadrotor.errors import LogFormatError
-from quadrotor.records import bearings_sample, pose_sample
+from quadrotor.records import Array, Stamps, bearings_sample, pose_sample
 
 T = TypeVar("T")
 

@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from quadlab.replay.errors import Array, Consistency, Errors, Stamps, Truth, errors, of_errors
+from quadlab.replay.errors import Consistency, Errors, Truth, errors, of_errors
 from quadlab.replay.lines import Run
 from quadlab.replay.log import Recording
 from quadlab.replay.run import Replayed
 from quadlab.replay.window import Window
 from quadrotor.errors import StorageError, UsageError
+from quadrotor.records import Array, Stamps
 
 RECORDED = "recorded state"
 

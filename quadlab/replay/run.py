@@ -13,7 +13,7 @@ from bearing_sim.beacons import parse_layout
 from estimation import registry
 from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.estimator import Estimator, TakesHeading
-from quadlab.replay.errors import ALL, Array, Consistency, Posterior, Stamps, of_innovations
+from quadlab.replay.errors import ALL, Consistency, Posterior, of_innovations
 from quadlab.replay.lines import BELIEVED_LAYOUT, Run
 from quadlab.replay.log import Arrival, Change, Recording
 from quadrotor.errors import MeasurementError, ParameterError, UndeterminedStartError
@@ -23,7 +23,9 @@ from quadrotor.records import (
     POSE_SAMPLE,
     STATE,
     SWEEPS_SAMPLE,
+    Array,
     Record,
+    Stamps,
     new_state,
     pose_sample,
 )

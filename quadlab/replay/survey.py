@@ -22,12 +22,11 @@ from scipy.spatial.transform import Rotation
 from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import Beacons, parse_layout
 from estimation.error_state.estimator import ErrorStateEstimator
-from quadlab.replay.errors import Array
 from quadlab.replay.lines import Run
 from quadlab.replay.log import Arrival, Recording
 from quadlab.replay.run import Vehicle
 from quadrotor.errors import MeasurementError
-from quadrotor.records import MAX_BEACONS, POSE_SAMPLE, SWEEPS_SAMPLE, Record
+from quadrotor.records import MAX_BEACONS, POSE_SAMPLE, SWEEPS_SAMPLE, Array, Record
 
 XYZW, WXYZ = (1, 2, 3, 0), (3, 0, 1, 2)
 SPREAD = (0.1, 0.1, 0.1, 0.05, 0.05, 0.05)

@@ -6,23 +6,28 @@ import json
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from bearing_sim.emulator import BearingMeasurement
 from flight_log import LogWriter
 from flight_log.provenance import provenance
 from flight_log.writer import Batch
 from quadrotor.parameters import ParameterStore
-from quadrotor.records import POSE_SAMPLE, STATE, TICK, Record, has_attitude, pose_sample
+from quadrotor.records import (
+    POSE_SAMPLE,
+    STATE,
+    TICK,
+    Array,
+    Record,
+    Stamps,
+    has_attitude,
+    pose_sample,
+)
 from vehicle.comms.publish import FLOWN_ON, Publisher
 from vehicle.processes import mailbox
 from vehicle_link import topics
 from vehicle_link.messages.cdr_layout import Records
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.transport.rmw_keys import full_name
-
-Array = npt.NDArray[np.float64]
-Stamps = npt.NDArray[np.int64]
 
 GROUP = 5
 """Number of ticks passed at once to the publisher of the slow topics, as in the comms process."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from bearing_sim import Beacons, BearingMeasurement, BearingParameters, parse_layout
 from bearing_sim.bearing_parameters import parse_lost
@@ -20,9 +19,8 @@ from estimation.tags.intrinsics import Intrinsics
 from estimation.tags.tag_bearings import BeaconTags, Mount, TagBearings
 from quadlab.simulated.parameters import CameraParameters
 from quadrotor.errors import MeasurementError
+from quadrotor.records import Array
 from quadrotor.rotations import quaternion_to_matrix, rotation_log
-
-Array = npt.NDArray[np.float64]
 
 WIDTH, HEIGHT = 640, 480
 IN_TIME = 0.9

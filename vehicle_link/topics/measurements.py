@@ -20,6 +20,7 @@ from quadrotor.records import (
     NO_ATTITUDE,
     POSE_SAMPLE,
     SWEEPS_SAMPLE,
+    Array,
     Record,
     bearings_sample,
     pose_sample,
@@ -37,8 +38,6 @@ from vehicle_link.topics.ticks import (
     stamp_of_record,
     xyz,
 )
-
-Array = npt.NDArray[np.float64]
 
 CALIBRATION = ("tilt", "phase", "gib_magnitude", "gib_phase", "curve")  # of a SWEEP_PLANE
 

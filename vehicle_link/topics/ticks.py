@@ -11,10 +11,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from quadrotor.plain_rotations import rotate
-from quadrotor.records import ACTUATORS, IMU_SAMPLE, REFERENCE, STATE, Record
+from quadrotor.records import ACTUATORS, IMU_SAMPLE, REFERENCE, STATE, Array, Record
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.messages.cdr_layout import FixedLayout, Records, payloads_of
 
@@ -22,7 +21,6 @@ WORLD = "world"
 SECOND_NS = 1_000_000_000
 VEHICLE = "quad1"
 
-Array = npt.NDArray[np.float64]
 
 # ROS orders quaternions (x, y, z, w), we (w, x, y, z).
 TO_ROS, FROM_ROS = [1, 2, 3, 0], [3, 0, 1, 2]
