@@ -54,7 +54,6 @@ class LogWriter:
         path: a new file; missing folders are made.
         run: the metadata record `quadlab.run` (run id, vehicle, operator, git revision, …).
         attachments: name → bytes, written before the first message so that a crash keeps them.
-        qos_profiles: topic → rosbag2's YAML text of its profiles, where known.
         chunk_age_ns: log time after which a chunk is closed, full or not.
 
     Raises:
@@ -66,11 +65,9 @@ class LogWriter:
         path: Path,
         run: Mapping[str, str],
         attachments: Mapping[str, bytes],
-        qos_profiles: Mapping[str, str] | None = None,
         chunk_age_ns: int = CHUNK_AGE_NS,
     ) -> None:
         self.path = path
-        self._qos_profiles = dict(qos_profiles or {})
         self._file = LogFile(path)
         self._channels: dict[tuple[str, str], int] = {}
         self._schemas: dict[str, int] = {}
@@ -251,10 +248,7 @@ class LogWriter:
             topic,
             "cdr",
             self._schemas[name],
-            {
-                "offered_qos_profiles": self._qos_profiles.get(topic, "[]"),
-                "topic_type_hash": messages.type_hash(type_name),
-            },
+            {"offered_qos_profiles": "[]", "topic_type_hash": messages.type_hash(type_name)},
         )
         self._channels[topic, type_name] = channel
         return channel

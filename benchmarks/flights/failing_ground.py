@@ -142,7 +142,7 @@ class Ground:
             sample["position_w"] = state["position_w"]
             sample["quaternion_wb"] = state["quaternion_wb"]
             with suppress(LinkError):
-                self._poses.put(topics.encode_poses(sample)[0], stamp_ns)
+                self._poses.put(topics.pose_messages(sample).tobytes(), stamp_ns)
         self.watch(self.stamp, state)
 
     def _beat(self) -> None:

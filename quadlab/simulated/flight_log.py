@@ -113,7 +113,9 @@ class FlightLog:
         """Log a tracker pose, or the position of a marker, that arrived at `log_ns`."""
         if not has_attitude(quaternion_wb):
             sample = pose_sample(stamp_ns, position_w, quaternion_wb)
-            self._put("tracker_position", topics.encode_positions(sample)[0], stamp_ns, log_ns)
+            self._put(
+                "tracker_position", topics.position_messages(sample).tobytes(), stamp_ns, log_ns
+            )
             return
         self._poses.append((stamp_ns, position_w, quaternion_wb))
         self._pose_arrivals.append(log_ns)

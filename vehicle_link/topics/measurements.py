@@ -26,7 +26,7 @@ from quadrotor.records import (
     pose_sample,
 )
 from vehicle_link.messages import decode, encode, header, new, stamp_of
-from vehicle_link.messages.cdr_layout import FixedLayout, Records, payloads_of
+from vehicle_link.messages.cdr_layout import FixedLayout, Records
 from vehicle_link.topics.ticks import (
     FROM_ROS,
     TO_ROS,
@@ -42,13 +42,8 @@ from vehicle_link.topics.ticks import (
 CALIBRATION = ("tilt", "phase", "gib_magnitude", "gib_phase", "curve")  # of a SWEEP_PLANE
 
 
-def encode_poses(samples: Record) -> list[bytes]:
-    """Encode `tracker_pose`: geometry_msgs/PoseStamped of POSE_SAMPLE records, shape (N,)."""
-    return payloads_of(pose_messages(samples))
-
-
 def pose_messages(samples: Record) -> Records:
-    """Encode as `encode_poses`, as records of shape (N,)."""
+    """Encode `tracker_pose`: geometry_msgs/PoseStamped of POSE_SAMPLE records, shape (N,)."""
     poses = layout("geometry_msgs/PoseStamped", WORLD)
     out = poses.new(len(samples))
     set_stamps(out, samples["stamp_ns"])
@@ -92,15 +87,10 @@ def decode_pose(payload: bytes, *, or_position: bool = False) -> Record:
     return sample
 
 
-def encode_positions(samples: Record) -> list[bytes]:
+def position_messages(samples: Record) -> Records:
     """Encode `tracker_position`: geometry_msgs/PointStamped of POSE_SAMPLE records without
     attitude, shape (N,).
     """
-    return payloads_of(position_messages(samples))
-
-
-def position_messages(samples: Record) -> Records:
-    """Encode as `encode_positions`, as records of shape (N,)."""
     out = layout("geometry_msgs/PointStamped", WORLD).new(len(samples))
     set_stamps(out, samples["stamp_ns"])
     out["point"] = samples["position_w"]

@@ -33,6 +33,7 @@ from quadrotor.records import STATE
 from vehicle.flight.kernels import prepare
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link import topics
+from vehicle_link.messages.cdr_layout import payloads_of
 
 ON_BEARINGS = 9.0
 """Duration of the flight on bearings, s."""
@@ -139,7 +140,7 @@ def as_flown(recording: Recording, truth: Truth) -> list[bool]:
     """Return whether each replayed state is the message in the log, byte for byte."""
     [run] = plan_runs(recording, (), (), (), None)
     replayed = replay(recording, run, MeasurementStore(recording, truth).of(run))
-    again = topics.encode_odometries(recording.imu["stamp_ns"], replayed.states)
+    again = payloads_of(topics.odometry_messages(recording.imu["stamp_ns"], replayed.states))
     logged = [message.payload for message in read_log(recording.path, {"/quad1/state"})]
     return [one == other for one, other in zip(again, logged, strict=True)]
 
