@@ -21,15 +21,15 @@ class Calibrate:
 
     calibration: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = None
     """gyroscope, accelerometer, motor_bench, mass, inertia, drag, vibration, tracker_delay,
-    tracker_body, or one of a file of your own"""
+    tracker_body, or one from your own file"""
     set: Settings = ()
     """an option of the calibration"""
     yes: Flag = False
-    """say yes to every question: propellers are off, the vehicle is fixed, …"""
+    """answer yes to every question: propellers are off, the vehicle is fixed, …"""
     accept: Flag = False
-    """have the vehicle take over a result within its limits, without asking"""
+    """accept a result within its limits without asking"""
     reject: Flag = False
-    """change nothing on the vehicle, without asking"""
+    """reject the result without asking; nothing on the vehicle changes"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback; --link-port of `quadlab up`"""
     name: str = "quad1"

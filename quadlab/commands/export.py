@@ -21,9 +21,9 @@ class Export:
     model: Annotated[Literal["plant", "law"], tyro.conf.Positional]
     """plant: rotors, rigid body, air, ground; law: the paper's controller"""
     out: Annotated[Path, tyro.conf.arg(metavar="FILE.fmu")]
-    """the file to write; one that is there is replaced"""
+    """the file to write; an existing one is replaced"""
     set: Settings = ()
-    """a start value other than the default, as mass=1.5 or control.position.kp_xy=6"""
+    """a start value other than the default, like mass=1.5 or control.position.kp_xy=6"""
 
     def run(self) -> int:
         if self.out.suffix != ".fmu":

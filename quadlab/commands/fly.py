@@ -32,7 +32,7 @@ class Fly:
     out: Folder = None
     """folder for the log (default: flights in the data folder)"""
     seed: int = 1
-    """of all noise; the same seed gives the same messages"""
+    """seed of all simulated noise; the same seed gives the same messages"""
     board: str = "mikrokopter"
     """the vehicle's board: mikrokopter; betaflight, whose real firmware flies (scripts/betaflight
     builds it)"""
@@ -43,7 +43,7 @@ class Fly:
     """beacons of a CSV file with the header id,x,y,z (m); layouts by name with
     --set bearings.layout=NAME"""
     plugins: Folder = None
-    """folder of control laws of your own (default: plugins in the data folder)"""
+    """folder of your own control laws and estimators (default: plugins in the data folder)"""
     true_state: Flag = False
     """let the controller see the true state instead of the estimate"""
     report: Flag = False

@@ -54,19 +54,19 @@ class Up(PageOptions):
     vehicles: Annotated[int, tyro.conf.arg(metavar="N")] = 1
     """simulated vehicles, 1 to 8: quad1, quad2, …; several fly at reduced rates"""
     rate: Annotated[int | None, optional("HZ")] = None
-    """ticks of each vehicle a second, 60 to 677: what two serial ports carry (default: 500; of
-    two or three 100, of more 60)"""
+    """ticks per second of each vehicle, 60 to 677, the limit of two serial ports (default: 500;
+    with two or three vehicles 100, with more 60)"""
     name: str = THE_VEHICLE
     """namespace of the vehicle's topics"""
     real_time: Flag = False
-    """for timing tests: let the simulation go on by the computer's time, even when flight stack or
-    station are late (default: it waits for them, and slows on a busy machine)"""
+    """for timing tests: run the simulation in real time, even when flight stack or station are
+    late (default: it waits for them, and slows down on a busy computer)"""
     tracker: Annotated[str, tyro.conf.arg(metavar="WORDS")] = ""
-    """fly on the poses of `quadlab tracker` with these words, in real time: vrpn, natnet and qtm
-    without --host are served by the simulator, udp is what you send (default: on the simulated
-    tracker's, without such a process)"""
+    """fly on the poses of `quadlab tracker` with these arguments, in real time: vrpn, natnet and
+    qtm without --host come from the simulator, udp from your own program (default: the station's
+    simulated tracker)"""
     firmware: Literal["python", "c"] = "python"
-    """what the simulated microcontroller runs; gcc and make build the C one (firmware/) first"""
+    """firmware of the simulated microcontroller; c (firmware/) is first built with gcc and make"""
     board: str = MIKROKOPTER
     """the simulated vehicles' board: mikrokopter; betaflight, its real firmware
     (scripts/betaflight builds it)"""

@@ -63,13 +63,13 @@ class Enrol:
     """Register a vehicle here, and issue the certificate with which it accepts our stations."""
 
     name: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME")]
-    """of the vehicle, like quad2"""
+    """name of the vehicle, like quad2"""
     address: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="ADDRESS")]
-    """host name or address under which it is dialled, with :port unless it is 7447"""
+    """host name or address at which it is reached, with :port unless it is 7447"""
     also: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="HOST")] = ()
-    """a further name or address of it"""
+    """another host name or address of it"""
     out: Annotated[Path | None, optional("DIR")] = None
-    """folder, or file ending in .tar, for what the vehicle needs"""
+    """folder, or file ending in .tar, for the vehicle's files"""
     data: Folder = None
     """data folder"""
 
@@ -119,9 +119,9 @@ MAY = {
 @dataclass
 class _Station:
     name: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME")]
-    """of the person or machine, like ben"""
+    """name of the person or machine, like ben"""
     out: Annotated[Path | None, optional("DIR")] = None
-    """folder, or file ending in .tar, for what the station needs"""
+    """folder, or file ending in .tar, for the station's files"""
     data: Folder = None
     """data folder"""
 

@@ -26,7 +26,7 @@ class Info:
     json: Flag = False
     """print it as one line of JSON"""
     explain: Flag = False
-    """also what happened in the flight, the heaviest first"""
+    """also print what happened in the flight, the most important first"""
 
     def run(self) -> int:
         from flight_log.summary import summarize
@@ -159,11 +159,11 @@ class Recover:
             return self._left_alone()
         print(
             f"{self.file} was torn ({found.reason}) and was repaired in place: "
-            f"{found.messages} messages kept, {found.lost_bytes} bytes behind the tear "
+            f"{found.messages} messages kept, {found.lost_bytes} bytes after the tear "
             f"and {found.damaged_chunks} damaged chunks lost"
         )
         if found.kept is not None:
-            print(f"as it was, it is kept as {found.kept}: there is more behind the tear")
+            print(f"the original is kept as {found.kept}, as more data follow the tear")
         return 0
 
     def _left_alone(self) -> int:
@@ -174,7 +174,7 @@ class Recover:
         except LogFormatError:  # its compression is not supported; its index is sound
             lines = []
         for line in lines:
-            print(f"damaged, and cannot be brought back: {line}")
+            print(f"damaged, and cannot be repaired: {line}")
         if lines:
             print(
                 f"{self.file} has its index, and nothing was changed; the rest of it can be read, "

@@ -231,7 +231,7 @@ def test_check_and_recover_agree_on_a_damaged_chunk(
     [which, rest] = out.splitlines()
     assert (status, complaint) == (1, "")
     assert which == (
-        f"damaged, and cannot be brought back: a chunk of {chunk.chunk_length} bytes at byte "
+        f"damaged, and cannot be repaired: a chunk of {chunk.chunk_length} bytes at byte "
         f"{chunk.chunk_start_offset}, with the messages from {first:.3f} to {last:.3f} s"
     )
     assert "nothing was changed" in rest
