@@ -17,7 +17,7 @@ import numpy.typing as npt
 from mcap.records import Attachment
 
 from flight_log.file import LogFile
-from flight_log.mcap_writer import McapWriter, MessageBatch, OneMessage
+from flight_log.mcap_writer import McapWriter, MessageBatch
 from quadrotor.errors import StorageError
 from vehicle_link import messages
 
@@ -123,19 +123,14 @@ class LogWriter:
         with self._guarded():
             if not messages:
                 return
-            found = self._channels
+            known, register = self._channels, self._register
             rows = [
-                OneMessage(
-                    found.get((topic, kind)) or self._register(topic, kind),
-                    payload,
-                    log,
-                    publish if publish > 0 else 0,
-                )
-                for topic, kind, payload, log, publish in messages
+                (known.get((of, kind)) or register(of, kind), data, log, at if at > 0 else 0)
+                for of, kind, data, log, at in messages
             ]
             self._writer.add_messages(rows, self.message_count + 1)
             self.message_count += len(rows)
-            self._close_old_chunk(rows[-1].log_ns)
+            self._close_old_chunk(messages[-1][3])
 
     def write_batches(self, batches: Sequence[Batch]) -> None:
         """Write many messages in the order of their log time; at equal times, in that of `batches`.

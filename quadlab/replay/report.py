@@ -20,6 +20,24 @@ from quadrotor.records import Array, Stamps
 
 RECORDED = "recorded state"
 
+COLUMNS = (
+    ("position mm", "position_rms_m", 1e3, ".1f"),
+    ("max", "position_max_m", 1e3, ".1f"),
+    ("velocity mm/s", "velocity_rms_m_s", 1e3, ".1f"),
+    ("max", "velocity_max_m_s", 1e3, ".1f"),
+    ("attitude deg", "attitude_rms_deg", 1.0, ".2f"),
+    ("max", "attitude_max_deg", 1.0, ".2f"),
+    ("measured", "measurements", 1.0, ".0f"),
+    ("rejected", "rejected_share", 1.0, ".1%"),
+    ("NIS", "nis", 1.0, ".2f"),
+    ("expected", "nis_low nis_high", 1.0, ".2f"),
+    ("NEES", "nees", 1.0, ".2f"),
+    ("expected", "nees_low nees_high", 1.0, ".2f"),
+    ("inside", "nees_inside_share", 1.0, ".0%"),
+    ("ms per s", "processor_s_per_s", 1e3, ".0f"),
+)
+"""Columns of the table: heading, values, factor to the heading's unit, format."""
+
 Value = float | int | str | None
 
 
@@ -84,26 +102,8 @@ def run_row(
 
 def print_table(rows: list[Row]) -> None:
     """Print the rows aligned; lengths in mm, angles in degrees."""
-    head = (
-        "run",
-        "on",
-        "position mm",
-        "max",
-        "velocity mm/s",
-        "max",
-        "attitude deg",
-        "max",
-        "measured",
-        "rejected",
-        "NIS",
-        "expected",
-        "NEES",
-        "expected",
-        "inside",
-        "ms per s",
-    )
-    lines = [head, *(_cells(row) for row in rows)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
+    lines = [("run", "on", *(column[0] for column in COLUMNS)), *map(_cells, rows)]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for line in lines:
         texts = [f"{text:<{width}}" for text, width in zip(line[:2], widths[:2], strict=True)]
         numbers = [f"{text:>{width}}" for text, width in zip(line[2:], widths[2:], strict=True)]
@@ -149,25 +149,12 @@ def _inside(stamps_ns: Stamps, window: Window) -> npt.NDArray[np.bool_]:
 
 
 def _cells(row: Row) -> tuple[str, ...]:
-    v = row.values
-    return (
-        row.label,
-        row.measurements or "-",
-        _text(v["position_rms_m"], 1e3, 1),
-        _text(v["position_max_m"], 1e3, 1),
-        _text(v["velocity_rms_m_s"], 1e3, 1),
-        _text(v["velocity_max_m_s"], 1e3, 1),
-        _text(v["attitude_rms_deg"], 1.0, 2),
-        _text(v["attitude_max_deg"], 1.0, 2),
-        _text(v["measurements"], 1.0, 0),
-        "-" if v["rejected_share"] is None else f"{float(v['rejected_share']):.1%}",
-        _text(v["nis"], 1.0, 2),
-        _range(v["nis_low"], v["nis_high"]),
-        _text(v["nees"], 1.0, 2),
-        _range(v["nees_low"], v["nees_high"]),
-        "-" if v["nees_inside_share"] is None else f"{float(v['nees_inside_share']):.0%}",
-        _text(v["processor_s_per_s"], 1e3, 0),
-    )
+    cells = [row.label, row.measurements or "-"]
+    for _, names, factor, style in COLUMNS:
+        values = [row.values[name] for name in names.split()]
+        known = [f"{factor * float(value):{style}}" for value in values if value is not None]
+        cells.append("–".join(known) if len(known) == len(values) else "-")
+    return tuple(cells)
 
 
 def _consistency(name: str, found: Consistency | None) -> dict[str, Value]:
@@ -179,14 +166,6 @@ def _consistency(name: str, found: Consistency | None) -> dict[str, Value]:
     if name != "nis":
         values[f"{name}_inside_share"] = found.inside if found else None
     return values
-
-
-def _range(low: Value, high: Value) -> str:
-    return "-" if low is None or high is None else f"{float(low):.2f}–{float(high):.2f}"
-
-
-def _text(value: Value, unit: float, digits: int) -> str:
-    return "-" if value is None else f"{unit * float(value):.{digits}f}"
 
 
 # Okabe and Ito's colours, which colour-blind people can distinguish too.
