@@ -21,7 +21,7 @@ from quadlab.commands.processes import OPEN_BROWSER, SIGN_IN_TOKEN, WATCH_PERIOD
 from quadlab.data_folder import data_folder, open_data_folder, owned
 from quadlab.settings import check_laws, offer_estimators, parse_board_options, parse_settings
 from quadlab.simulated.fleet import SimulatedFleet
-from quadlab.up.landing import StopRequest, land_before_stopping
+from quadlab.up.landing import land_before_stopping
 from quadlab.up.page_options import PageOptions
 from quadlab.up.progress import Progress, require_free
 from quadlab.up.supervise import Child
@@ -31,6 +31,7 @@ from vehicle.boards.kind import BETAFLIGHT, MIKROKOPTER, find_kind
 from vehicle_link import clock
 from vehicle_link.lockstep import Page
 from vehicle_link.serial.capacity import check_rate
+from vehicle_link.termination_signal import EndSignal
 
 if TYPE_CHECKING:
     from quadrotor.parameters import ParameterValue
@@ -239,22 +240,20 @@ class Up(PageOptions):
 
     def _watch(self, groups: Sequence[Sequence[Child]], fleet: SimulatedFleet) -> int:
         children = [child for group in groups for child in group]
-        stop = StopRequest()
-        with stop.installed():
-            try:
+        stop = EndSignal()
+        try:
+            for child in children:
+                child.start()
+            while not stop.wait(WATCH_PERIOD):
                 for child in children:
-                    child.start()
-                while not stop.wait(WATCH_PERIOD):
-                    for child in children:
-                        said = child.watch()
-                        if said:
-                            print(f"quadlab: {said}", flush=True)
-                land_before_stopping(self.link_port, fleet.names, stop)
-            finally:
-                if (words := clock.page()) is not None:
-                    words[clock.STOPPING] = 1
-                for group in reversed(groups):
-                    _stop(group)
+                    if event := child.watch():
+                        print(f"quadlab: {event}", flush=True)
+            land_before_stopping(self.link_port, fleet.names, stop)
+        finally:
+            if (words := clock.page()) is not None:
+                words[clock.STOPPING] = 1
+            for group in reversed(groups):
+                _stop(group)
         print("quadlab: stopped", flush=True)
         return 0
 

@@ -1,50 +1,15 @@
-"""Requests to stop by the user at the terminal, and landing before all processes are stopped."""
+"""Landing of flying vehicles before all processes are stopped."""
 
 from __future__ import annotations
 
-import contextlib
-import signal
 import threading
 import time
-from collections.abc import Iterator, Sequence
-from types import FrameType
+from collections.abc import Sequence
 from typing import Any
 
 from quadrotor.errors import LinkError
 from vehicle_link import clock
-
-
-class StopRequest:
-    """Counter of Ctrl-C and SIGTERM: the first asks to stop, the second to stop at once."""
-
-    def __init__(self) -> None:
-        self.count = 0
-
-    @contextlib.contextmanager
-    def installed(self) -> Iterator[None]:
-        """Count the signals within; restore the previous handlers afterwards."""
-        numbers = (signal.SIGINT, signal.SIGTERM)
-        previous = {number: signal.signal(number, self._on_signal) for number in numbers}
-        try:
-            yield
-        finally:
-            for number, handler in previous.items():
-                signal.signal(number, handler)
-
-    def wait(self, seconds: float) -> bool:
-        """Sleep at most `seconds`; return whether a stop was requested."""
-        end = time.monotonic() + seconds
-        while not self.count and (left := end - time.monotonic()) > 0:
-            time.sleep(min(left, 0.1))
-        return bool(self.count)
-
-    @property
-    def at_once(self) -> bool:
-        return self.count > 1
-
-    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
-        self.count += 1
-
+from vehicle_link.termination_signal import EndSignal
 
 LANDING_PATIENCE = 40.0
 HEARING = 1.5
@@ -103,7 +68,7 @@ class _Landing:
         print(f"quadlab: {self._shown}{line}", flush=True)
 
 
-def land_before_stopping(loopback_port: int, names: Sequence[str], stop: StopRequest) -> None:
+def land_before_stopping(loopback_port: int, names: Sequence[str], stop: EndSignal) -> None:
     """Land all through the station and wait for motors off; give up when asked twice or late."""
     from vehicle_link.transport.session import loopback_session
 
@@ -126,7 +91,7 @@ def land_before_stopping(loopback_port: int, names: Sequence[str], stop: StopReq
             thread.start()
         until = clock.monotonic() + LANDING_PATIENCE
         while clock.monotonic() < until:
-            if stop.at_once or all(landing.on_ground.is_set() for landing in due):
+            if stop.count > 1 or all(landing.on_ground.is_set() for landing in due):
                 return
             time.sleep(0.1)
         for landing in due:
