@@ -245,7 +245,7 @@ def run(quick: bool = False) -> Report:
         _row("error-state, bearings 20 ms late, stamped", late[True].rms, same, late[True].seconds)
     )
     report.rows.append(
-        _row("error-state, 20 ms late, not told", late[False].rms, same, late[False].seconds)
+        _row("error-state, 20 ms late, delay unknown", late[False].rms, same, late[False].seconds)
     )
     peer_rows, notes = peers(
         [flight(seed, DURATION) for seed in range(2)],

@@ -328,8 +328,8 @@ def measure(count: int, words: tuple[str, ...]) -> Report:
         Target("error, starved over alone", ratio, 1.1),
         Target("false events, starved", sum(len(one.false_events) for one in starved), 0),
     ]
-    told = sorted({event for one in starved for event in one.false_events})
-    report.notes += [f"told: {event}" for event in told[:20]]
+    reported = sorted({event for one in starved for event in one.false_events})
+    report.notes += [f"reported: {event}" for event in reported[:20]]
     return report
 
 
