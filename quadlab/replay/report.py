@@ -102,7 +102,10 @@ def run_row(
 
 def print_table(rows: list[Row]) -> None:
     """Print the rows aligned; lengths in mm, angles in degrees."""
-    lines = [("run", "on", *(column[0] for column in COLUMNS)), *map(_cells, rows)]
+    lines: list[tuple[str, ...]] = [
+        ("run", "on", *(column[0] for column in COLUMNS)),
+        *map(_cells, rows),
+    ]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for line in lines:
         texts = [f"{text:<{width}}" for text, width in zip(line[:2], widths[:2], strict=True)]
