@@ -21,7 +21,7 @@ from quadlab.replay import log as log_module
 from quadlab.replay.errors import Truth, angles, errors
 from quadlab.replay.lines import flown_choices, plan_runs
 from quadlab.replay.log import Recording, read_recording
-from quadlab.replay.measurements import MeasurementStore, emulated_bearings, emulated_poses
+from quadlab.replay.measurements import MeasurementStore, emulated
 from quadlab.replay.run import replay
 from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
@@ -183,12 +183,12 @@ def test_noise_of_the_same_seed_makes_the_recorded_measurements(
     recording: Recording, truth: Truth
 ) -> None:
     samples_ns = recording.imu["stamp_ns"]
-    frames = emulated_bearings(truth, samples_ns, recording.parameters.bearings)
+    frames = emulated(recording.parameters.bearings, truth, samples_ns)
     assert len(frames) == len(recording.bearings) > 100
     for made, recorded in zip(frames, recording.bearings, strict=True):
         assert made.arrival_ns == recorded.arrival_ns
         assert made.measurement.tobytes() == recorded.measurement.tobytes()
-    poses = emulated_poses(truth, samples_ns, recording.parameters.tracker)
+    poses = emulated(recording.parameters.tracker, truth, samples_ns)
     assert [(ns, pose.tobytes()) for ns, pose in poses] == [
         (ns, pose.tobytes()) for ns, pose in recording.poses
     ]
