@@ -168,7 +168,7 @@ def _compare_with_index(found: LogCheck) -> None:
         counted = found.topics[topic].count if topic in found.topics else 0
         if counted != stated.count:
             found.problems.append(
-                f"{topic}: the index tells {stated.count} messages, {counted} are there"
+                f"{topic}: the index states {stated.count} messages, the file has {counted}"
             )
     if index.recovered:
         found.notes.append("it was torn and has been repaired")

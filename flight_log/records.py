@@ -116,7 +116,7 @@ def _walk(
             if behind != MAGIC:
                 state.tear = "has a wrong end mark"
             elif more:
-                state.tear = f"has {more} bytes behind its end"
+                state.tear = f"has {more} bytes after its end"
             else:
                 state.closed = True
             return

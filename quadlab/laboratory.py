@@ -76,7 +76,9 @@ class Laboratory:
         try:
             self._tls = ssl.create_default_context(cafile=authority) if is_tls else None
         except OSError as error:  # ssl.SSLError is one
-            raise UsageError(f"{authority} is no certificate (PEM) to read: {error}") from None
+            raise UsageError(
+                f"{authority} cannot be read as a certificate (PEM): {error}"
+            ) from None
         self._client = httpx.Client(
             base_url=self._base,
             headers={"origin": self._base},
@@ -273,7 +275,7 @@ class Laboratory:
                 proxy=None,
             )
         except (OSError, WebSocketException) as error:
-            raise UnreachableError(f"{self._base}{path} is not reached: {error}") from None
+            raise UnreachableError(f"{self._base}{path} cannot be reached: {error}") from None
 
     def _hold_presence(self) -> None:
         """Stay connected like an open page, so that the station leaves control to this user."""

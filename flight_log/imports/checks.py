@@ -133,7 +133,7 @@ def _body(imu: RawImu, force: Array, notes: list[str]) -> Array:
     stated = imu.rows.body
     finding = f"[imu] the mean specific force is ({', '.join(f'{one:.2f}' for one in mean)}) m/s^2"
     if length < 0.5 * GRAVITY:
-        raise LogFormatError(f"{finding}, too small for gravity: is gravity taken out already?")
+        raise LogFormatError(f"{finding}, too small for gravity: has gravity been removed already?")
     fits = [one for one in bodies() if (axes(one, "") @ mean)[2] > POINTS_UP * length]
     if stated is None:
         if fits[:1] not in (["FLU"], ["FRD"]):

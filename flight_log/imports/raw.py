@@ -137,7 +137,7 @@ class _Files:
             return
         if not self._torn:
             raise LogFormatError(
-                f"{source.path.name} is incomplete: {source.torn}; --torn imports what is before"
+                f"{source.path.name} is incomplete: {source.torn}; --torn imports the part before"
             )
         note = f"{source.path.name} is incomplete: {source.torn}; imported up to there"
         if note not in self.notes:

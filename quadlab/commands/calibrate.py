@@ -44,12 +44,12 @@ class Calibrate:
         if self.accept and self.reject:
             raise UsageError("--accept and --reject: give one of them")
         if self.calibration is None and (self.set or self.yes or self.accept or self.reject):
-            raise UsageError("calibrate needs a name for that: quadlab calibrate NAME …")
+            raise UsageError("these options need a calibration: quadlab calibrate NAME …")
         screen = Screen()
         if self.calibration and not screen.is_terminal and not (self.accept or self.reject):
             raise UsageError(
-                "there is no terminal to decide at: give --accept or --reject, and --yes when it "
-                "asks for a confirmation"
+                "there is no terminal to answer on: give --accept or --reject, and --yes to "
+                "confirm its questions"
             )
         with station(self.loopback_port, self.name) as client:
             reply = client.ask("experiment", action="describe")
@@ -71,7 +71,7 @@ class Calibrate:
             if known.get(name):
                 raise UsageError(f"{name} cannot run: {known[name]}")
             there = [n for n, record in zip(reply.names, reply.calibrations, strict=True) if record]
-            raise UsageError(f"no calibration {name!r:.60}; there are {', '.join(there)}")
+            raise UsageError(f"no calibration {name!r:.60}; known are {', '.join(there)}")
         options = {one.name: one for one in map(from_descriptor, reply.descriptors)}
         values = {}
         for word in self.set:

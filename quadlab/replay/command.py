@@ -184,7 +184,7 @@ class Replay:
             return tracked_truth(recording)
         if len(recording.truth) < 2:
             hint = (
-                "--truth tracker takes the tracker's poses for it"
+                "--truth tracker uses the tracker's poses instead"
                 if with_attitude(recording)
                 else "and no tracker poses either, so nothing can be compared"
             )

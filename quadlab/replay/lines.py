@@ -170,7 +170,7 @@ def _run(
     if LAYOUT in fixed and BELIEVED_LAYOUT not in fixed:
         parameters.beacons.layout = parameters.bearings.layout
     if source == SWEEPS and name != "error_state":
-        raise UsageError(f"{name} takes no sweeps of base stations; error_state does")
+        raise UsageError(f"{name} cannot use sweeps of base stations; error_state can")
     parameters.estimation.estimator = name
     if source != SWEEPS:
         parameters.estimation.source = source
@@ -223,8 +223,8 @@ def _emulated(recording: Recording, fixed: set[str], source: str, on: On | None)
     changed = {name for name in fixed if name.startswith("bearings.")}
     if on == "recorded-bearings" and changed:
         raise UsageError(
-            f"--on recorded-bearings with {min(changed)} changed: what was recorded cannot be; "
-            "use --on bearings, or leave it out"
+            f"--on recorded-bearings with {min(changed)} changed: recorded bearings cannot be "
+            "changed; use --on bearings, or leave --on out"
         )
     computed = set()
     if changed or on == "bearings" or (not recording.bearings and on != "recorded-bearings"):
@@ -253,5 +253,5 @@ def _any(names: set[str], prefix: str) -> bool:
 def _unused(word: str, kind: str) -> UsageError:
     source = "poses" if kind == "bearings" else "bearings"
     return UsageError(
-        f"{word} changes {kind}, but only {source} are used; say {SOURCE}={kind} or both"
+        f"{word} changes {kind}, but only {source} are used; set {SOURCE}={kind} or both"
     )

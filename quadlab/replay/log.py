@@ -106,7 +106,7 @@ def read_recording(path: Path) -> Recording:
     if space is None:
         raise LogFormatError(
             f"{path} has no IMU samples (topic /…/imu); "
-            "replay a log of `quadlab fly`, or one of the vehicle's folder onboard/"
+            "replay a log of `quadlab fly`, or one from the vehicle's folder onboard/"
         )
     topics = {name: found.get(f"{space}/{name}") or Topic() for name in (*COLUMNS, *EVENTS)}
     for name in ("imu", "state", "truth"):
@@ -156,7 +156,7 @@ def _check_whole(path: Path, log: LogColumns) -> None:
     if log.tear or not is_closed(path):
         raise LogFormatError(
             f"{path} is torn: it {log.tear or NO_END}; "
-            f"`quadlab log recover {path}` mends it, then replay it again"
+            f"`quadlab log recover {path}` repairs it, then replay it again"
         )
     if log.damaged_chunks or log.damaged_records:
         raise LogFormatError(
@@ -174,7 +174,7 @@ def _parameters(path: Path, attachments: Mapping[str, bytes]) -> FlightParameter
     try:
         values = json_value(attached)
         if not isinstance(values, dict):
-            raise ValueError("they are no names with values")
+            raise ValueError("they are not names with values")
         chosen = {str(values[name]) for name in (ESTIMATOR, SHADOW) if name in values}
         registry.offer(sorted(chosen - {*registry.names(), NONE}))  # plugins of that vehicle
         store = ParameterStore(parameters)

@@ -38,8 +38,8 @@ class MeasurementStore:
         if key not in self._made:
             if not np.isfinite(self._truth.quaternion_wb).all():
                 raise LogFormatError(
-                    f"{self._recording.path} has a truth without attitude, and {kind} cannot be "
-                    "made of positions alone; --on poses or recorded-bearings takes what it holds"
+                    f"{self._recording.path} has a truth without attitude, from which {kind} "
+                    "cannot be emulated; use --on poses or --on recorded-bearings"
                 )
             self._made[key] = emulated(p, self._truth, self._recording.imu["stamp_ns"])
         return self._made[key]

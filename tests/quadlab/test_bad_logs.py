@@ -204,7 +204,7 @@ def test_a_torn_log_is_shown_exported_with_a_note_and_mended_to_be_sound(
     )
     status, _, complaint = run("replay", log)
     assert (status, complaint.count("\n")) == (1, 1)
-    assert "mends it" in complaint
+    assert "repairs it" in complaint
     assert run("recover", log)[0] == 0
     assert run("check", log)[0] == 0
     assert log.stat().st_size < 2 * len(whole)

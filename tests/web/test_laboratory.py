@@ -43,7 +43,7 @@ def test_it_is_signed_in_by_a_link_and_is_present_as_a_page_is(
 
 
 def test_what_is_no_laboratory_says_so(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="is no certificate"):
+    with pytest.raises(UsageError, match="cannot be read as a certificate"):
         quadlab.connect("https://127.0.0.1:1", authority=tmp_path / "missing.pem")
     with pytest.raises(UsageError, match="give http://HOST:PORT"):
         quadlab.connect("localhost:8080")
