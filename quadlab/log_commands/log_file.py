@@ -21,7 +21,8 @@ def check_log_file(path: Path) -> None:
         raise StorageError(f"{path} is no file; give the path of an .mcap file")
     from flight_log.file import open_log
 
-    open_log(path).close()
+    with open_log(path):
+        pass
 
 
 @contextmanager
