@@ -20,7 +20,7 @@ from console.tracker_feed import TrackerFeed
 from vehicle_link import topics
 from vehicle_link.lockstep import ProcessProgress
 from vehicle_link.messages import decode
-from vehicle_link.parameters.authority import VEHICLE, authority_of
+from vehicle_link.parameters.change import VEHICLE, authority_of
 from vehicle_link.parameters.messages import decode_change
 from vehicle_link.topics import TOPICS
 from vehicle_link.transport.publisher import Received

@@ -59,8 +59,7 @@ def run_web(
     Raises LinkError (port in use), UsageError (no such port) or StorageError (data folder).
     """
     from console.catalogue.catalogue import Catalogue
-    from vehicle_link.transport.session import loopback_session
-    from vehicle_link.transport.shared_session import SharedSession
+    from vehicle_link.transport.session import SharedSession, loopback_session
 
     session = SharedSession(lambda: loopback_session(loopback_port))
 

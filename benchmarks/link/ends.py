@@ -68,7 +68,7 @@ COMMAND, PART = SERVICES["arm"], SERVICES["onboard_part"]
 STATES = (LinkState.GOOD, LinkState.DEGRADED, LinkState.LOST)
 _STAMP = struct.Struct("<qq")  # number, ns
 _TELEMETRY = telemetry.pack(np.zeros(telemetry.SAMPLES_A_PACKET, TICK), 0)
-_POSE = topics.encode_poses(np.zeros(1, POSE_SAMPLE))[0]
+_POSE = topics.pose_messages(np.zeros(1, POSE_SAMPLE)).tobytes()
 _FRAMING = LARGEST - LARGEST_PAYLOAD
 
 

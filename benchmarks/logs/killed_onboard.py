@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -25,6 +24,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from benchmarks.harness import free_port
 from benchmarks.logs.killed_file import Kill, problems_of
 from benchmarks.onboard.flight_under_test import NICENESS
 from flight_log import is_closed, read_log
@@ -133,7 +133,7 @@ def _run(data: Path, descriptors: RingDescriptors, ending: signal.Signals, after
     """Run until `after_s` after its file exists; return that file."""
     folder = data / FOLDER
     before = set(folder.glob("*.mcap"))
-    config = CommsConfig(os.getpid(), descriptors, NAME, str(data), _free_port())
+    config = CommsConfig(os.getpid(), descriptors, NAME, str(data), free_port())
     process = subprocess.Popen(
         [sys.executable, "-m", "vehicle.comms.process", msgspec.json.encode(config).decode()],
         cwd=ROOT,
@@ -189,10 +189,3 @@ def _numbers(log: Path, flight: Flight) -> dict[str, list[int]]:
         number = (message.publish_ns - flight.start_ns) // STEP_NS
         found.setdefault(message.topic.rsplit("/", 1)[-1], []).append(number)
     return found
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port

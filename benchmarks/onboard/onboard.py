@@ -8,7 +8,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.harness import Report, Row, Target, time_in_turns
 from benchmarks.peers.cpp_twin import NATIVE, PORTABLE, TUNED, CppTwin
@@ -18,13 +17,20 @@ from control.parameters import ControlParameters
 from control.trajectories.figure_eight import FigureEight
 from estimation.complementary import ComplementaryEstimator
 from estimation.parameters import EstimationParameters
-from quadrotor.records import ACTUATORS, IMU_SAMPLE, POSE_SAMPLE, Record, new_reference, new_state
+from quadrotor.records import (
+    ACTUATORS,
+    IMU_SAMPLE,
+    POSE_SAMPLE,
+    Array,
+    Record,
+    new_reference,
+    new_state,
+)
 from quadrotor.rotations import rotate_inverse
 from quadrotor.vehicle_model import GRAVITY, VehicleModel
 from vehicle.closed_loop.batch import Scenario, fly_batch
 from vehicle.closed_loop.onboard import new_onboard, new_settings, onboard_step, onboard_steps
 
-Array = npt.NDArray[np.float64]
 PERIOD = 0.002
 TWINS = {
     "C++ -O3": PORTABLE,

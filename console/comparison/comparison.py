@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import Beacons
 from bearing_sim.emulator import BearingMeasurement
-from bearing_sim.known_beacons import KnownBeacons
 from bearing_sim.observability import frame_bound
 from bearing_sim.pose_track import Pose
 from console.comparison.bearings import residuals

@@ -105,9 +105,9 @@ class Outbox:
         """Send a tracked pose, or the position of a marker when it has no attitude."""
         sample = pose_sample(*pose)
         if has_attitude(pose.quaternion_wb):
-            self.put("tracker_pose", topics.encode_poses(sample)[0], pose.stamp_ns)
+            self.put("tracker_pose", topics.pose_messages(sample).tobytes(), pose.stamp_ns)
         else:
-            self.put("tracker_position", topics.encode_positions(sample)[0], pose.stamp_ns)
+            self.put("tracker_position", topics.position_messages(sample).tobytes(), pose.stamp_ns)
 
     def bearings(self, frame: BearingMeasurement) -> None:
         payload = topics.encode_bearings(

@@ -6,28 +6,24 @@ from collections.abc import Callable, Collection
 
 from console.runs.recorder import Message
 from quadrotor.records import Record
-from vehicle_link.topics import (
-    TOPICS,
-    encode_actuators,
-    encode_imus,
-    encode_references,
-    encode_states,
-)
+from vehicle_link import topics
+from vehicle_link.messages.cdr_layout import Records, payloads_of
+from vehicle_link.topics import TOPICS
 
-ENCODERS: dict[str, Callable[[Record, str], list[bytes]]] = {
-    "state": encode_states,
-    "reference": lambda ticks, vehicle: encode_references(ticks),
-    "imu": encode_imus,
-    "actuators": encode_actuators,
+ENCODERS: dict[str, Callable[[Record, str], Records]] = {
+    "state": topics.state_messages,
+    "reference": lambda ticks, vehicle: topics.reference_messages(ticks),
+    "imu": topics.imu_messages,
+    "actuators": topics.actuator_messages,
 }
-"""Topic → function that returns its payloads for TICK records, shape (N,)."""
+"""Topic → function that returns its messages for TICK records, shape (N,)."""
 
 
 def expanded(
     ticks: Record, vehicle: str, wanted: Collection[str] = tuple(ENCODERS)
 ) -> dict[str, list[bytes]]:
     """Return the payloads of the requested topics, one for each of the TICK records (N,)."""
-    return {topic: ENCODERS[topic](ticks, vehicle) for topic in wanted}
+    return {topic: payloads_of(ENCODERS[topic](ticks, vehicle)) for topic in wanted}
 
 
 def messages_of(

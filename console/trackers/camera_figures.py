@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from estimation.tags.exposure import wrong_exposure
+from estimation.tags.detector import wrong_exposure
 
 
 class Figures(NamedTuple):

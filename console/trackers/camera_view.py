@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from console.trackers.camera_figures import Figures
-from estimation.tags.detector import Picture, Tags
-from estimation.tags.marked_picture import marked_picture
+from estimation.tags.detector import Picture, Tags, marked_picture
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.topics import TOPICS
 

@@ -219,7 +219,7 @@ class Tracker:
         stamp_ns = to_epoch(taken_ns)
         turn = NO_ATTITUDE if body.quaternion_wb is None else body.quaternion_wb
         sample = pose_sample(stamp_ns, body.position_w, turn)
-        one.measured.put(topics.encode_poses(sample)[0], stamp_ns)
+        one.measured.put(topics.pose_messages(sample).tobytes(), stamp_ns)
 
     # ------------------------------------------------------------------ statuses
     def _tell(self) -> None:

@@ -11,11 +11,10 @@ from console.runs.report_folders import report_folder
 from console.transfers.download import Download
 from console.transfers.job import NotYetError
 from console.transfers.vehicle_files import VehicleFile
-from flight_log.comparison import EDGE_NS, Comparison
 from flight_log.file import sync_folder
 from flight_log.merge import LEAD_NS, merge
 from flight_log.run_folder import STATION, VEHICLE, run_bytes, vehicle_logs
-from flight_log.vehicle_messages import vehicle_times
+from flight_log.vehicle_messages import EDGE_NS, Comparison, vehicle_times
 from quadrotor.errors import StorageError
 from vehicle_link.jobs import run
 

@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-import numpy.typing as npt
-
-from quadrotor.records import Record
-
-Array = npt.NDArray[np.float64]
-Stamps = npt.NDArray[np.int64]
+from quadrotor.records import Array, Record, Stamps
 
 
 @dataclass

@@ -139,8 +139,8 @@ def chosen(name: str) -> Experiment:
         return load(Path(name))
     if name not in EXPERIMENTS:
         raise UsageError(
-            f"unknown experiment {name!r}; there are {', '.join(EXPERIMENTS)}, and files of your "
-            "own: quadlab fly FILE.py"
+            f"unknown experiment {name!r}; known are {', '.join(EXPERIMENTS)}, and your own files: "
+            "quadlab fly FILE.py"
         )
     return find(name)
 

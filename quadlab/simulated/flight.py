@@ -11,9 +11,9 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import parse_layout
 from bearing_sim.emulator import BearingEmulator
-from bearing_sim.known_beacons import KnownBeacons
 from bearing_sim.tracker import SimulatedTracker
 from console.experiments.client import VehicleView
 from estimation.convergence import Convergence
@@ -35,7 +35,7 @@ from vehicle.flight.modes import MOTORS_ON
 from vehicle.flight.stack import FlightStack
 from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle_link.topics import TOPICS, encode_joy
+from vehicle_link.topics import encode_joy
 
 HEARTBEAT_NS = 50_000_000
 TRUTH_NS = 10_000_000
@@ -128,8 +128,7 @@ class SimulatedFlight(SimulatedGuide):
         forward, left, up, yaw = (float(axis) for axis in axes)
         stamp_ns, held = self.stack.stamp_ns, (forward, left, up, yaw)
         self.stack.measure(mailbox.Joy(stamp_ns, held, True))
-        payload = encode_joy(stamp_ns, held, True)
-        self._log.message("joy", TOPICS["joy"].type_name, payload, stamp_ns, stamp_ns)
+        self._log.put("joy", encode_joy(stamp_ns, held, True), stamp_ns, stamp_ns)
 
     def wait_until(
         self, condition: Callable[[VehicleView], bool], *, what: str, timeout: float
@@ -211,7 +210,7 @@ class SimulatedFlight(SimulatedGuide):
                 self._complained_ns = now_ns
                 self.stack.say(f"bearings: {error}", mailbox.WARN)
             return
-        self._log.bearing_pose(int(seen["stamp_ns"][0]), payload, now_ns)
+        self._log.put("bearing_pose", payload, int(seen["stamp_ns"][0]), now_ns)
 
     def _drain_outbox(self) -> None:
         for message in self.stack.outbox:

@@ -30,6 +30,7 @@ from tests.waiting import free_port, until
 from vehicle_link import topics
 from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import decode, encode, header, new
+from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.parameters.messages import from_parameters, from_value, to_parameters
 from vehicle_link.parameters.service import ParameterClient, serve_parameters
 from vehicle_link.telemetry import pack
@@ -201,7 +202,7 @@ class Bench(LinkedStation):
     def send_truth(self, position: tuple[float, float, float], stamp_ns: int) -> None:
         state = np.zeros(1, TICK)["state"]
         state["position_w"], state["quaternion_wb"] = position, (1, 0, 0, 0)
-        [payload] = topics.encode_odometries(np.array([stamp_ns]), state)
+        [payload] = payloads_of(topics.odometry_messages(np.array([stamp_ns]), state))
         self.truth.put(payload, stamp_ns)
 
 

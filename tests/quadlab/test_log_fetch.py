@@ -66,7 +66,7 @@ def test_a_log_is_listed_and_fetched(
     assert main([*words, "nothing"]) == 1
     assert f"the newest is {NAME}.mcap" in capsys.readouterr().err
     assert main([*words, NAME]) == 0
-    assert "lies in the folder onboard/" in capsys.readouterr().out
+    assert "is in the folder onboard/" in capsys.readouterr().out
     there = tmp_path / "data" / "onboard" / "quad1" / f"{NAME}.mcap"
     assert there.read_bytes() == (tmp_path / "board" / f"{NAME}.mcap").read_bytes()
     assert main([*words, "newest"]) == 0

@@ -56,7 +56,7 @@ def test_several_vehicles_have_their_own_names_and_ports() -> None:
     assert SimulatedFleet(1, "lab", 7447).ports == {"lab": 7447}
     several = SimulatedFleet(3, "quad1", 7447)
     assert several.ports == {"quad1": 7447, "quad2": 7449, "quad3": 7451}
-    with pytest.raises(UsageError, match="leave --name or --vehicles away"):
+    with pytest.raises(UsageError, match="leave out --name or --vehicles"):
         SimulatedFleet(3, "lab", 7447).check()
 
 

@@ -16,8 +16,8 @@ import threading
 from collections.abc import Callable
 from functools import partial
 
+from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import PAPER_BEACONS, parse_layout
-from bearing_sim.known_beacons import KnownBeacons
 from estimation.outcome import LATEST_NS
 from estimation.poses.planar_pose import PlanarPoseSolver
 from quadrotor.errors import LinkError, MeasurementError

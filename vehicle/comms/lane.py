@@ -17,7 +17,7 @@ from functools import partial
 from quadrotor.errors import LinkError
 from vehicle_link.clock import monotonic
 from vehicle_link.lane.datagram import HELLO, TO_STATION, TO_VEHICLE
-from vehicle_link.lane.newest_only import NewestOnly
+from vehicle_link.lane.replay_window import NewestOnly
 from vehicle_link.lane.vehicle_lane import VehicleLane
 from vehicle_link.messages import Message
 from vehicle_link.security.access import LANE, PILOT_LANE

@@ -26,7 +26,7 @@ from vehicle_link.machine_checks import (
 )
 from vehicle_link.messages import Message, new
 from vehicle_link.security.certificate_checks import certificate_check
-from vehicle_link.serial.identity import THE_ONE, Identity
+from vehicle_link.serial.ids import THE_ONE, Identity
 from vehicle_link.topics import SERVICES
 
 PLACE: Place = "vehicle"

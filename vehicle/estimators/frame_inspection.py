@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bearing_sim.known_beacons import with_rows
+from bearing_sim.beacon_set import with_rows
 from estimation.estimator import fewest_beacons
 from quadrotor.records import Record, beacon_ids_of
 from vehicle.estimators.bearings_watch import BearingsWatch

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import PAPER_BEACONS, Beacons
-from bearing_sim.known_beacons import KnownBeacons
 from estimation.convergence import difference
 from estimation.estimator import Estimator, TakesHeading
 from estimation.parameters import EstimationParameters

@@ -22,7 +22,7 @@ from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.recovery import FOLDER
 from vehicle.onboard_log.ring import Fetched, Ring, free_bytes
 from vehicle.processes.mailbox import ERROR, INFO, WARN
-from vehicle_link.serial.identity import Identity
+from vehicle_link.serial.ids import Identity
 
 BUFFER_BYTES = 32_000_000
 AFTER_DISARMING_NS = 500_000_000

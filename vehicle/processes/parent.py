@@ -37,7 +37,7 @@ from vehicle_link import clock
 from vehicle_link.jobs import how_it_ended
 from vehicle_link.process_instance import new_instance
 from vehicle_link.serial.capacity import DEFAULT_RATE
-from vehicle_link.serial.identity import THE_ONE, Identity
+from vehicle_link.serial.ids import THE_ONE, Identity
 
 PATIENCE_S = 5.0
 GIVEN_UP = 3  # exit status of a comms process that cannot work with its configuration

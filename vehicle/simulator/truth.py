@@ -22,7 +22,7 @@ from vehicle.simulator.attendant import Attendant
 from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.live_parameters import LiveParameters
 from vehicle_link import clock
-from vehicle_link.transport.shared_session import SharedSession
+from vehicle_link.transport.session import SharedSession
 
 if TYPE_CHECKING:
     from vehicle_link.topics.table import Topic
@@ -84,8 +84,8 @@ class TruthPublisher:
     def _run(self) -> None:
         hurry(True)
         # Imported here: the message types take a while to load, which the plant need not wait for.
-        from vehicle_link.topics.bench import encode_bench_reading
-        from vehicle_link.topics.ticks import encode_odometries
+        from vehicle_link.topics.measurements import encode_bench_reading
+        from vehicle_link.topics.ticks import odometry_messages
 
         while not self._stop.is_set():
             hurry(False)  # the network's threads start now, at normal priority
@@ -111,7 +111,7 @@ class TruthPublisher:
                         )
                         put(payload, stamp_ns, "bench_reading")
                     else:
-                        put(encode_odometries(stamp_ns, what, self._vehicle)[0], stamp_ns)
+                        put(odometry_messages(stamp_ns, what, self._vehicle).tobytes(), stamp_ns)
             except LinkError as error:
                 self._complain(error)
             finally:

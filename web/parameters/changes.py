@@ -16,7 +16,7 @@ from typing import Protocol
 
 from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterValue
-from vehicle_link.parameters.authority import SIMULATOR, STATION, authority_of
+from vehicle_link.parameters.change import SIMULATOR, STATION, authority_of
 from web.parameters.replica import PageParameters
 from web.parameters.stepwise import step_towards, steps_between, walk
 

@@ -14,8 +14,13 @@ from bearing_sim.beacons import parse_layout
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import FieldOfView
 from quadrotor.errors import QuadlabError
-from vehicle_link.parameters.authority import SIMULATOR, STATION, VEHICLE, authority_of
-from vehicle_link.parameters.change import ParameterChange
+from vehicle_link.parameters.change import (
+    SIMULATOR,
+    STATION,
+    VEHICLE,
+    ParameterChange,
+    authority_of,
+)
 from web.live.latest import Live
 from web.live.station import Station
 from web.parameters.replica import PageParameters

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any
 
-from vehicle_link.messages.numbers import Path, number_at
+from vehicle_link.messages.units import Path, number_at
 
 
 @dataclass(frozen=True, slots=True)

@@ -190,7 +190,9 @@ class Bench(LinkedStation):
             state = np.zeros(1, TICK)["state"]
             state["quaternion_wb"] = (1, 0, 0, 0)
             if self.tracked:
-                self._truth.put(topics.encode_odometries(np.array([now_ns]), state)[0], now_ns)
+                self._truth.put(
+                    topics.odometry_messages(np.array([now_ns]), state).tobytes(), now_ns
+                )
             if self._deflection:
                 axes = (self._deflection, 0.0, 0.0, 0.0)
                 self.stick.put(topics.encode_joy(now_ns, axes, False), now_ns)

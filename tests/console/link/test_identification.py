@@ -24,7 +24,7 @@ from vehicle_link.security import whoami
 from vehicle_link.security.authority import Role, TlsFiles, ensure_certificates
 from vehicle_link.security.enrolment import issue_station
 from vehicle_link.security.whoami import serve_whoami
-from vehicle_link.serial.identity import THE_ONE
+from vehicle_link.serial.ids import THE_ONE
 from vehicle_link.transport import radio
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.radio import Radio

@@ -26,7 +26,7 @@ from quadlab.log_commands.report import new_defaults
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import LogFormatError, StorageError, UsageError
 from vehicle_link.messages import encode, new
-from vehicle_link.topics import decode_odometry, decode_reference
+from vehicle_link.topics import decode_external_reference, decode_odometry
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +106,7 @@ def test_figures_are_those_of_the_log(log: Path, page: str) -> None:
     run = read_run(log)
     [(start, end)] = [(a, b) for a, b, name in run.spans("status", "behavior") if name == "hover"]
     wanted = {
-        message.publish_ns: decode_reference(message.payload)[1]["position_w"][0].copy()
+        message.publish_ns: decode_external_reference(message.payload)[1]["position_w"][0].copy()
         for message in read_log(log, {"/quad1/reference"})
     }
     errors = []

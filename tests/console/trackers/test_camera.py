@@ -17,7 +17,7 @@ from console.trackers.source import Frame
 from quadlab.commands.tracker import Tracker
 from quadrotor.errors import MeasurementError, StorageError, UnreachableError, UsageError
 from tests.estimation.tags.rendered import CAMERA, LENS, a_scene
-from vehicle_link.topics.pictures import JPEG
+from vehicle_link.topics.measurements import JPEG
 
 TAGS = """
 [bodies.cf7.3]

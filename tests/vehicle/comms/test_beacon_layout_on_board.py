@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import PRESETS
-from bearing_sim.known_beacons import KnownBeacons
 from quadrotor.errors import MeasurementError
 from quadrotor.records import bearings_sample, new_state
 from vehicle.comms.bearing_pose import bearing_pose

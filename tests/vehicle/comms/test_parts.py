@@ -381,7 +381,7 @@ class Receiver:
         sample["stamp_ns"] = self.clock.now_ns() - age_ns
         sample["position_w"] = (1.0, 2.0, 3.0)
         sample["quaternion_wb"] = (0.0, 1.0, 0.0, 0.0)
-        self.inbound.take("tracker_pose", topics.encode_poses(sample)[0])
+        self.inbound.take("tracker_pose", topics.pose_messages(sample).tobytes())
 
     def bearings(self, position_w: np.ndarray, ids: list[int], age_ns: int = 0) -> None:
         places = dict(zip(PAPER_BEACONS.ids.tolist(), PAPER_BEACONS.positions_w, strict=True))
@@ -406,7 +406,7 @@ def test_a_fresh_pose_reaches_flight_and_log(receiver: Receiver) -> None:
 
 def test_the_position_of_a_marker_reaches_flight_and_log(receiver: Receiver) -> None:
     sent = pose_sample(START_NS - 30 * MS, (1.0, 2.0, 3.0), NO_ATTITUDE)
-    receiver.inbound.take("tracker_position", topics.encode_positions(sent)[0])
+    receiver.inbound.take("tracker_position", topics.position_messages(sent).tobytes())
     (taken,) = receiver.flight.measured()
     assert taken.tobytes() == sent.tobytes()
     assert receiver.logged == ["tracker_position"]

@@ -173,7 +173,7 @@ class FakeStation:
         sample["stamp_ns"] = stamp_ns
         sample["position_w"] = state["position_w"]
         sample["quaternion_wb"] = state["quaternion_wb"]
-        self._poses.put(topics.encode_poses(sample)[0], stamp_ns)
+        self._poses.put(topics.pose_messages(sample).tobytes(), stamp_ns)
 
     def _beat(self) -> None:
         number = 0

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from quadlab.fmu_export.archive import export_fmu
+from quadlab.fmu_export.description import export_fmu
 from quadlab.fmu_export.models import LAW
 from quadrotor.errors import UsageError
 from tests.support.lab import Lab, flight_parameters

@@ -25,7 +25,7 @@ from vehicle.onboard_log.onboard_log import OnboardLog, microcontroller_facts
 from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.recovery import recover_logs, torn_logs
 from vehicle_link import topics
-from vehicle_link.serial.identity import Identity
+from vehicle_link.serial.ids import Identity
 
 FREE_BYTES_MIN = OnboardLogParameters().stop_bytes
 MS = 1_000_000

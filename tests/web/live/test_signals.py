@@ -11,7 +11,7 @@ from console.link.outbox import RECORDED
 from console.link.subscriptions import AS_IT_COMES
 from console.link.telemetry_topics import ENCODERS
 from vehicle_link.messages import decode, encode, new
-from vehicle_link.messages.numbers import number_at, numbers
+from vehicle_link.messages.units import number_at, numbers
 from vehicle_link.topics import TOPICS
 from web.live.latest import STALE, Live
 from web.signals import COMPARED, INDEX, NAMED, SIGNALS, described, snapshot

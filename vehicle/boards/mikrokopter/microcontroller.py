@@ -40,8 +40,15 @@ from vehicle_link.serial.exchange import (
     set_value,
 )
 from vehicle_link.serial.frames import Frame
-from vehicle_link.serial.identity import THE_ONE, Identity
-from vehicle_link.serial.ids import MIRROR, PRESSURE_OFFSET, FlightControlMode, Id, MotorState
+from vehicle_link.serial.ids import (
+    MIRROR,
+    PRESSURE_OFFSET,
+    THE_ONE,
+    FlightControlMode,
+    Id,
+    Identity,
+    MotorState,
+)
 from vehicle_link.serial.port import Port
 
 REPEAT_COMMAND_S = 0.006

@@ -23,8 +23,7 @@ from vehicle_link.serial.devices import PATIENCE_S, await_devices
 from vehicle_link.serial.discovery import Device, Finding
 from vehicle_link.serial.exchange import Answer, Exchange, ask, decode_reply, mirror
 from vehicle_link.serial.frames import Frame, FrameDecoder
-from vehicle_link.serial.identity import THE_ONE, Identity
-from vehicle_link.serial.ids import MIRROR, Id
+from vehicle_link.serial.ids import MIRROR, THE_ONE, Id, Identity
 from vehicle_link.serial.port import SerialPort
 from vehicle_link.serial.values import to_si
 

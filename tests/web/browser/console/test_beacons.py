@@ -13,7 +13,7 @@ import pytest
 
 from console.catalogue.catalogue import Catalogue
 from console.trackers.camera_figures import Figures
-from estimation.tags.marked_picture import marked_picture
+from estimation.tags.detector import marked_picture
 from tests.support.runs import run_entry
 from vehicle_link.messages import decode, new
 from vehicle_link.topics import PICTURE, encode_picture
