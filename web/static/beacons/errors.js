@@ -1,7 +1,7 @@
 // Errors against the truth, a row for each estimate compared; the name chooses it as the ghost.
 
 import { colorOf, OFFERED, partsOf, wordsOf } from "./estimate_names.js";
-import { element, setText } from "../core/dom.js";
+import { element, setText, showNote } from "../core/dom.js";
 import { duration, fixed, NONE } from "../core/format.js";
 
 const COMPARED = "station.comparison.estimators";
@@ -88,10 +88,7 @@ export class Errors {
     try {
       await this.gains.set({ [COMPARED]: names.sort((a, b) => order(a) - order(b)).join(" ") });
       this.parameters();
-    } catch (error) {
-      this.reason.textContent = error.message;
-      this.reason.hidden = false;
-    }
+    } catch (error) { showNote(this.reason, error.message); }
   }
 }
 

@@ -7,7 +7,7 @@ import { CalibrationResult } from "./result.js";
 import { CalibrationRun } from "./run.js";
 import { CALIBRATIONS, labelOf, RUNNING } from "./labels.js";
 import { OptionForm } from "../experiments/options.js";
-import { $, element, setIfChanged, setText } from "../core/dom.js";
+import { $, element, setIfChanged, setText, showNote } from "../core/dom.js";
 import { words } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";
 
@@ -110,8 +110,7 @@ export class Calibrate {
   }
 
   refuse(text) {
-    this.reason.textContent = text;
-    this.reason.hidden = false;
+    showNote(this.reason, text);
     this.reason.scrollIntoView({ block: "nearest" });
   }
 

@@ -1,7 +1,7 @@
 // Event marks: `m`, or the button beside Record, marks this moment in the log; what it was can be typed afterwards.
 
 import { get, request } from "../core/api.js";
-import { element } from "../core/dom.js";
+import { element, showNote } from "../core/dom.js";
 import { duration, fixed } from "../core/format.js";
 import { onKey } from "../core/keys.js";
 
@@ -58,8 +58,7 @@ export class Marks {
   clock(time) { return `${duration(time)}.${fixed(time % 1, 1).slice(2, 3)}`; }
 
   tell(text, isWarning = false) {
-    this.note.textContent = text;
-    this.note.hidden = false;
+    showNote(this.note, text);
     this.note.classList.toggle("warn", isWarning);
     clearTimeout(this.fading);
     this.fading = setTimeout(() => { this.note.hidden = true; }, isWarning ? 2 * FADE : FADE);

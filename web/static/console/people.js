@@ -1,7 +1,7 @@
 // Who is signed in, with a small menu: signing out, invitations, and for admins the users.
 
 import { get, request } from "../core/api.js";
-import { $, element } from "../core/dom.js";
+import { $, element, optionsOf, showNote } from "../core/dom.js";
 import { duration } from "../core/format.js";
 import { Invitation } from "../core/invitation.js";
 
@@ -55,7 +55,7 @@ export class People {
   row(user) {
     const { name, role, account, sessions } = user;
     const change = (value) => this.attempt(async () => { await request("PUT", `/api/users/${encodeURIComponent(name)}/role`, { role: value }); }, true);
-    const roles = element("select", { ariaLabel: `role of ${name}`, onchange: (event) => change(event.target.value) }, ...ROLES.map((one) => element("option", { value: one, selected: one === role }, one)));
+    const roles = element("select", { ariaLabel: `role of ${name}`, onchange: (event) => change(event.target.value) }, ...optionsOf(ROLES, role));
     const end = element("button", { disabled: !sessions, title: "sign this user out everywhere now", onclick: () => this.attempt(() => request("POST", `/api/users/${encodeURIComponent(name)}/end_sessions`), true) }, "End sessions");
     return element("div", { className: "user" }, element("span", { className: "name", title: account ? "" : "signed in by a link" }, name), account ? roles : element("span", { className: "dim" }, role), element("span", { className: "dim" }, seen(user)), end);
   }
@@ -72,8 +72,7 @@ export class People {
 
   tell(text) {
     if ($("people").hidden) return;
-    this.note.hidden = false;
-    this.note.textContent = text;
+    showNote(this.note, text);
   }
 
   invite(role) {

@@ -33,6 +33,10 @@ export function bytes(value) {
   return value < 1e9 ? `${(value / 1e6).toFixed(value < 1e7 ? 1 : 0)} MB` : `${(value / 1e9).toFixed(2)} GB`;
 }
 
+// A number as people type it, also with a decimal comma; NaN for anything else.
+/** @param {string} text */
+export const parseNumber = (text) => (text.trim() === "" ? NaN : Number(text.trim().replace(",", ".").replace("−", "-")));
+
 // As many digits as a step of this size needs.
 /** @param {number} step */
 export const digitsOf = (step) => Math.min(7, Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)));

@@ -4,7 +4,7 @@ import { get, request } from "../core/api.js";
 import { isCalibration } from "../calibrate/labels.js";
 import { Guide } from "./guide.js";
 import { OptionForm } from "./options.js";
-import { element, setText } from "../core/dom.js";
+import { element, optionsOf, setText, tableHead } from "../core/dom.js";
 import { duration, words } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";
 
@@ -64,7 +64,7 @@ export class ExperimentSection {
       return;
     }
     const before = this.select.value, typed = this.form.taken();
-    this.select.replaceChildren(...this.known.map(({ name, problem }) => element("option", { value: name }, problem ? `${name}: broken` : words(name))));
+    this.select.replaceChildren(...optionsOf(this.known.map(({ name, problem }) => [name, problem ? `${name}: broken` : words(name)])));
     const running = this.known.find(({ name }) => name === this.status?.name);
     this.select.value = (running ?? this.known.find(({ name }) => name === before) ?? this.known.find(({ name }) => name === "bearings") ?? this.known[0])?.name ?? "";
     this.showOptions();
@@ -132,7 +132,7 @@ const UNITS = [["_m_s2", "m/s²"], ["_deg_s", "°/s"], ["_m_s", "m/s"], ["_deg",
 // A table of metrics [{name, value, limit}], those above their limit marked; units end their names.
 export function figures(metrics) {
   const number = (value) => (value === null || value === undefined ? "" : String(Number(Number(value).toPrecision(3))));
-  return element("table", { className: "figures" }, element("thead", {}, element("tr", {}, ...["", "value", "at most", ""].map((text) => element("th", {}, text)))),
+  return element("table", { className: "figures" }, tableHead("", "value", "at most", ""),
     element("tbody", {}, ...metrics.map(({ name, value, limit }) => {
       const above = limit !== null && limit !== undefined && !(value <= limit);
       const [end, unit] = UNITS.find(([ending]) => name.endsWith(ending)) ?? ["", ""];

@@ -1,7 +1,7 @@
 // Several values that would change, each with a tick: what is and what would be. Nothing is sent
 // before Apply; then all ticked ones at once, or none.
 
-import { element } from "../core/dom.js";
+import { element, showNote } from "../core/dom.js";
 import { exact } from "../core/format.js";
 
 export class Diff {
@@ -24,7 +24,7 @@ export class Diff {
       this.place.append(element("div", { className: "diff-head" }, element("label", {}, this.all, " all"), this.apply), this.reason);
     }
     this.place.append(element("ul", {}, ...lines.map((line) => this.line(line))));
-    this.heard = ({ detail }) => this.confirmed(detail);
+    this.heard = ({ detail }) => this.confirmed(detail.name);
     gains.addEventListener("confirmed", this.heard);
     this.count();
   }
@@ -69,10 +69,7 @@ export class Diff {
       const applied = await this.gains.set(Object.fromEntries(this.chosen.map(([name, { value }]) => [name, value])), true);
       this.stop();
       this.done(applied);
-    } catch (error) {
-      this.reason.textContent = error.message;
-      this.reason.hidden = false;
-    }
+    } catch (error) { showNote(this.reason, error.message); }
     this.busy = false;
     this.count();
   }

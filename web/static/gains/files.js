@@ -1,7 +1,7 @@
 // Values to a TOML file and back; a file is compared first, and the chosen lines are applied.
 
-import { element } from "../core/dom.js";
-import { here } from "../core/vehicle_path.js";
+import { request } from "../core/api.js";
+import { element, showNote } from "../core/dom.js";
 
 const PATH = "/api/parameters/file";
 
@@ -25,14 +25,9 @@ export class Files {
     if (!file) return;
     this.reason.hidden = true;
     try {
-      const response = await fetch(here(PATH), { method: "POST", body: await file.arrayBuffer(), headers: { "Content-Type": "application/toml" } });
-      const content = await response.json().catch(() => ({}));
-      if (!response.ok) throw new Error(content.error ?? `error ${response.status}`);
+      const content = await request("POST", PATH, file, "application/toml");
       this.show({ title: `Load ${file.name}`, empty: "The file has nothing that would change.", ...content });
-    } catch (error) {
-      this.reason.textContent = error.message;
-      this.reason.hidden = false;
-    }
+    } catch (error) { showNote(this.reason, error.message); }
     this.input.value = ""; // the same file again is a change again
   }
 }

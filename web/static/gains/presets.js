@@ -1,7 +1,7 @@
 // Sets of values under a name: the built-in ones and those somebody saved.
 
 import { get, request } from "../core/api.js";
-import { element } from "../core/dom.js";
+import { element, optionsOf } from "../core/dom.js";
 import { timeOf } from "./timeline.js";
 
 const PATH = "/api/parameters/presets";
@@ -25,7 +25,7 @@ export class Presets {
 
   fillScope() {
     const components = [...new Set([...this.gains.rows.keys()].map((name) => name.split(".")[0]))];
-    this.scope.replaceChildren(...components.map((name) => element("option", { value: name }, name)), element("option", { value: MODIFIED }, "all modified"));
+    this.scope.replaceChildren(...optionsOf([...components, [MODIFIED, "all modified"]]));
   }
 
   async read() {

@@ -2,8 +2,8 @@
 // The cell shows what the vehicle confirmed and never what was just sent; the thumb is the hand's
 // while it holds it, with the confirmed value as a mark beside it, then follows the confirmed value.
 
-import { element } from "../core/dom.js";
-import { digitsOf, exact } from "../core/format.js";
+import { element, optionsOf } from "../core/dom.js";
+import { digitsOf, exact, parseNumber } from "../core/format.js";
 import { GainSender } from "./sender.js";
 
 const MOST_STEPS = 1e6; // of a slider; a seed is typed
@@ -19,7 +19,6 @@ export class GainRow {
   constructor(description, isOperator, send, modifiedChanged, unfold = null) {
     this.description = description;
     this.confirmed = description.value;
-    this.order = [-1, -1];
     this.flightValue = undefined; // at the start of this flight, when it has changed since
     this.modifiedChanged = modifiedChanged;
     this.unfold = unfold;
@@ -81,7 +80,7 @@ export class GainRow {
       return [this.box, element("span")];
     }
     if (choices.length) {
-      this.box = element("select", { disabled: this.locked, ariaLabel: name, onchange: () => this.path.set(this.box.value) }, ...choices.map((choice) => element("option", { value: choice }, choice)));
+      this.box = element("select", { disabled: this.locked, ariaLabel: name, onchange: () => this.path.set(this.box.value) }, ...optionsOf(choices));
       return [this.box];
     }
     this.box = element("input", { className: this.isNumber ? "value" : "value text", disabled: this.locked, ariaLabel: `${name}, value`, inputMode: this.isNumber ? "decimal" : "text", spellcheck: false });
@@ -105,22 +104,18 @@ export class GainRow {
 
   enter(text) {
     if (!this.isNumber) { this.path.set(text); return; }
-    const number = Number(text.replace(",", ".").replace("−", "-"));
-    if (text === "" || !Number.isFinite(number)) this.fail(`${text || "nothing"} is not a number`);
+    const number = parseNumber(text);
+    if (!Number.isFinite(number)) this.fail(`${text || "nothing"} is not a number`);
     else this.path.set(number);
   }
 
-  // order: [generation, revision], without which it counts; false when something newer is known.
-  confirm(value, order = this.order) {
-    if (order[0] < this.order[0] || (order[0] === this.order[0] && order[1] < this.order[1])) return false;
-    this.order = order;
+  confirm(value) {
     this.path.heard();
-    if (value === this.confirmed) return true;
+    if (value === this.confirmed) return;
     const was = this.isModified;
     this.confirmed = value;
     this.draw();
     if (was !== this.isModified) this.modifiedChanged(this);
-    return true;
   }
 
   // The value at the start of this flight; undefined when it has not changed since.

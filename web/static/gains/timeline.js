@@ -1,7 +1,7 @@
 // The history of parameter changes: who, when, old and new value, in which flight; each can be restored.
 
 import { get } from "../core/api.js";
-import { element } from "../core/dom.js";
+import { element, showNote } from "../core/dom.js";
 import { exact } from "../core/format.js";
 
 const GESTURE = 2; // s between two values of one motion
@@ -19,7 +19,7 @@ export class TimeLine {
     this.list = element("ol", { className: "timeline" });
     this.more = element("button", { className: "link", hidden: true, onclick: () => { this.limit = Math.min(MOST, this.limit * 2); this.read(); } }, "Older");
     this.place.append(this.reason, this.list, this.more);
-    this.heard = ({ detail }) => this.confirmed(detail);
+    this.heard = ({ detail }) => this.confirmed(detail.name);
   }
 
   start() {
@@ -72,10 +72,7 @@ export class TimeLine {
     this.read();
   }
 
-  say(text) {
-    this.reason.textContent = text;
-    this.reason.hidden = !text;
-  }
+  say(text) { showNote(this.reason, text); }
 }
 
 // s since 1970 → "09:31:23" today, with the date before.

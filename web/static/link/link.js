@@ -1,7 +1,7 @@
 // The Link tab: how the radio to the vehicle does, and this page's own way to the station.
 
 import { REACTIONS } from "./contact_text.js";
-import { element, setText } from "../core/dom.js";
+import { element, setText, showNote } from "../core/dom.js";
 import { duration, fixed } from "../core/format.js";
 import { here } from "../core/vehicle_path.js";
 import { viewerButtons } from "../core/viewers.js";
@@ -93,12 +93,9 @@ export class LinkPanel {
     setText(this.since, link && !isOld ? `for ${spoken(link.state_duration)}` : "");
     setText(this.outages, link ? outages(link) : "");
     setText(this.way, link ? way(link) : "");
-    this.problem.hidden = !link?.problem || isOld;
-    setText(this.problem, link?.problem ? `⚠ Not commanded from here: ${link.problem}.` : "");
+    showNote(this.problem, link?.problem && !isOld ? `⚠ Not commanded from here: ${link.problem}.` : "");
     setText(this.reaction, this.reactionText());
-    const verdict = this.verdictText(link, isOld);
-    this.verdict.hidden = !verdict;
-    setText(this.verdict, verdict);
+    showNote(this.verdict, this.verdictText(link, isOld));
   }
 
   reactionText() {

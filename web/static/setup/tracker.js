@@ -1,9 +1,9 @@
 // The tracking system: what comes from it, how old it is at the vehicle, and its parameters.
 
 import { CameraPicture } from "../camera/picture.js";
-import { element } from "../core/dom.js";
+import { element, showNote } from "../core/dom.js";
 import { fixed, NONE } from "../core/format.js";
-import { Fields } from "./parameters.js";
+import { Fields } from "./fields.js";
 
 const PERIOD = 500; // ms
 const LABELS = [["rate", "Rate"], ["delay", "Delay"], ["drop_out", "Share lost"], ["position_noise", "Position noise"], ["attitude_noise", "Attitude noise"]];
@@ -41,8 +41,7 @@ export class TrackerSection {
     if (key === this.drawn) return;
     this.drawn = key;
     this.facts.replaceChildren(...rows.flatMap(([label, text]) => [element("dt", {}, label), element("dd", {}, text)]));
-    this.problem.textContent = problem;
-    this.problem.hidden = !problem;
+    showNote(this.problem, problem);
     this.simulated.hidden = Boolean(tracker);
     this.drawLatencies(tracker?.latency_counts ?? []);
   }

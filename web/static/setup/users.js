@@ -1,7 +1,7 @@
 // Who may use this station: an admin manages accounts; all others see who is signed in.
 
 import { get, request } from "../core/api.js";
-import { element } from "../core/dom.js";
+import { element, optionsOf, showNote, tableHead } from "../core/dom.js";
 import { Invitation } from "../core/invitation.js";
 import { ago } from "./vehicles.js";
 
@@ -17,7 +17,7 @@ export class UserSection {
     this.body = element("tbody");
     this.note = element("p", { className: "note", role: "status", hidden: true });
     const columns = ["name", "role", "signed in", "last seen", ...(this.isAdmin ? [""] : [])];
-    place.append(element("table", { className: "list" }, element("thead", {}, element("tr", {}, ...columns.map((text) => element("th", { scope: "col" }, text)))), this.body), this.note);
+    place.append(element("table", { className: "list" }, tableHead(...columns), this.body), this.note);
     if (this.isAdmin) place.append(this.form(), this.invitations());
     else place.append(element("p", { className: "hint" }, "Users are added and changed by admins."));
     this.refresh();
@@ -45,8 +45,7 @@ export class UserSection {
   }
 
   roles({ name, role }, path) {
-    return element("select", { ariaLabel: `role of ${name}`, title: "changing the role signs the user out", onchange: ({ target }) => this.act(() => request("PUT", `${path}/role`, { role: target.value }), `${name} is ${target.value} now`) },
-      ...ROLES.map((one) => element("option", { value: one, selected: one === role }, one)));
+    return element("select", { ariaLabel: `role of ${name}`, title: "changing the role signs the user out", onchange: ({ target }) => this.act(() => request("PUT", `${path}/role`, { role: target.value }), `${name} is ${target.value} now`) }, ...optionsOf(ROLES, role));
   }
 
   // The first press asks, the second does: a slip costs an account otherwise.
@@ -66,7 +65,7 @@ export class UserSection {
   form() {
     const name = element("input", { name: "name", required: true, maxLength: 32, pattern: "[a-z][a-z0-9_.\\-]*", title: "lower-case letters, digits and _ . -, beginning with a letter", autocomplete: "off", spellcheck: false });
     const password = element("input", { name: "password", type: "password", required: true, minLength: 10, maxLength: 1000, title: "ten characters or more", autocomplete: "new-password" });
-    const role = this.newRole = element("select", { name: "role", disabled: true }, ...ROLES.map((one) => element("option", { value: one, selected: one === "operator" }, one)));
+    const role = this.newRole = element("select", { name: "role", disabled: true }, ...optionsOf(ROLES, "operator"));
     const labelled = (label, input) => element("label", {}, element("span", {}, label), input);
     const form = element("form", { className: "add" }, element("h3", {}, "Add a user"), labelled("Name", name), labelled("Password", password), labelled("Role", role), element("button", {}, "Add"));
     form.addEventListener("submit", async (event) => {
@@ -104,8 +103,7 @@ export class UserSection {
   }
 
   tell(text, good = false) {
-    this.note.textContent = text;
     this.note.classList.toggle("good", good);
-    this.note.hidden = false;
+    showNote(this.note, text);
   }
 }

@@ -1,7 +1,7 @@
 // The vehicles this station knows, and what its control law believes of the connected one.
 
 import { get } from "../core/api.js";
-import { element } from "../core/dom.js";
+import { element, tableHead } from "../core/dom.js";
 import { exact, words } from "../core/format.js";
 
 const PERIOD = 5000; // ms between two looks at the list
@@ -26,10 +26,10 @@ export class VehicleSection {
     this.reached = element("dl", { className: "facts" });
     this.model = element("dl", { className: "facts" });
     place.append(
-      element("table", { className: "list" }, element("thead", {}, element("tr", {}, ...["name", "link", "state", "runs", "last seen"].map((text) => element("th", { scope: "col" }, text)))), this.body), this.reached,
+      element("table", { className: "list" }, tableHead("name", "link", "state", "runs", "last seen"), this.body), this.reached,
       element("h3", {}, `Model of ${session.vehicle} in the control law`), this.model,
       element("p", { className: "hint" }, "Edit on the ", element("a", { href: "/#tab=gains&search=model." }, "Gains tab"), ", under model, with bounds, history and undo."));
-    parameters.addEventListener("change", () => this.showModel());
+    for (const type of ["read", "confirmed"]) parameters.addEventListener(type, () => this.showModel());
     this.showModel();
     this.refresh();
     this.timer = setInterval(() => this.refresh(), PERIOD);

@@ -2,7 +2,7 @@
 
 import { get, request } from "../core/api.js";
 import { flightButton } from "../core/flight_button.js";
-import { element, setText } from "../core/dom.js";
+import { element, optionsOf, setText, showNote } from "../core/dom.js";
 import { exact, words } from "../core/format.js";
 import { colorsOf, TunePlot } from "./plot.js";
 import { TuneRuns } from "./runs.js";
@@ -41,7 +41,7 @@ export class Tune {
   }
 
   build() {
-    const choice = (name, values) => element("select", { ariaLabel: name, onchange: () => this.change(name) }, ...values.map((value) => element("option", { value }, value)));
+    const choice = (name, values) => element("select", { ariaLabel: name, onchange: () => this.change(name) }, ...optionsOf(values));
     const number = (name, value, min, max, step) => element("input", { type: "number", ariaLabel: name, value, min, max, step, oninput: () => this.draw() });
     this.axis = choice("axis", AXES);
     this.shape = choice("shape", SHAPES);
@@ -183,10 +183,7 @@ export class Tune {
     this.draw();
   }
 
-  refuse(text) {
-    this.reason.textContent = text;
-    this.reason.hidden = false;
-  }
+  refuse(text) { showNote(this.reason, text); }
 
   draw() {
     const { status } = this, isBusy = BUSY.includes(status.phase), hindrance = this.hindrance;
