@@ -50,7 +50,7 @@ def run_web(
         vehicles: names of the vehicles; the first one's page is at /, each one's at /v/NAME/.
         loopback_port: port of the station's router.
         token: a first sign-in token chosen by the caller; one is made if None.
-        host: where to listen; `web.access.reach.check_reach` checks whether that is allowed.
+        host: where to listen; `web.access.listen_address` checks whether that is allowed.
         tls: serve https with this certificate.
         survey: see `web.assembly.assemble`.
         open_browser: open the page in a browser, unless `token` was used before: then this is

@@ -12,16 +12,16 @@ from starlette.responses import Response
 
 from quadrotor.errors import StorageError
 from web.access.accounts import Accounts
-from web.access.attempts import Attempts
 from web.access.cookie import SessionCookie
 from web.access.database import AccessDatabase
-from web.access.door import Door
 from web.access.hashing import Hashing
 from web.access.open_sockets import OpenSockets
 from web.access.passwords import Passwords
 from web.access.roles import Session
 from web.access.sessions import Sessions
 from web.access.sign_in import SignIn
+from web.access.sign_in_limiter import SignInLimiter
+from web.access.sign_in_tokens import SignInTokens
 
 SEEN_PERIOD = 30.0  # s, between writes of when each user was last seen
 
@@ -33,7 +33,7 @@ class People:
     database: AccessDatabase
     accounts: Accounts
     sessions: Sessions
-    door: Door
+    tokens: SignInTokens
     cookie: SessionCookie
     hashing: Hashing
     sign_in: SignIn
@@ -41,7 +41,7 @@ class People:
 
     def signed_in(self, answer: Response, session: Session) -> Response:
         """Return the answer with the session's cookie."""
-        self.cookie.set(answer, self.door.sign(session))
+        self.cookie.set(answer, self.tokens.sign(session))
         return answer
 
     async def run(self) -> None:
@@ -64,29 +64,29 @@ def open_people(
     token: str | None,
     say: Callable[[str, str], None],
     on_link: Callable[[str], None],
-    attempts: Attempts | None = None,
+    limiter: SignInLimiter | None = None,
     passwords: Passwords | None = None,
 ) -> People:
     """Open the accounts and sessions in `<data>/web`.
 
     Args:
-        token: see `given` of `web.access.door.Door`.
-        say, on_link, attempts: see `web.access.sign_in.SignIn`.
+        token: see `given` of `web.access.sign_in_tokens.SignInTokens`.
+        say, on_link, limiter: see `web.access.sign_in.SignIn`.
 
     Raises StorageError.
     """
     database = AccessDatabase(folder)
     accounts = Accounts(database, passwords)
     sessions = Sessions(database)
-    door = Door(folder, sessions, token)
+    tokens = SignInTokens(folder, sessions, token)
     hashing = Hashing()
     return People(
         database=database,
         accounts=accounts,
         sessions=sessions,
-        door=door,
+        tokens=tokens,
         cookie=SessionCookie(base_url),
         hashing=hashing,
-        sign_in=SignIn(door, accounts, sessions, hashing, say, on_link, attempts),
+        sign_in=SignIn(tokens, accounts, sessions, hashing, say, on_link, limiter),
         sockets=OpenSockets(sessions),
     )

@@ -14,6 +14,7 @@ from pydantic import Field
 from control.behaviors.preview import Preview, preview
 from quadrotor.errors import JobTimeoutError, RefusedError
 from quadrotor.parameters import ParameterValue
+from quadrotor.plain_rotations import roll_pitch_yaw
 from vehicle_link.jobs import run
 from vehicle_link.messages import stamp_of
 from web.beacons.shapes import point_of, wxyz_of
@@ -108,8 +109,8 @@ class TrajectoryDesk:
         if state is None:
             return (0.0, 0.0, HOVER, 0.0)
         x, y, _ = point_of(state.pose.pose.position)
-        w, i, j, k = wxyz_of(state.pose.pose.orientation)
-        return (x, y, HOVER, float(np.arctan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))))
+        _, _, yaw = roll_pitch_yaw(*wxyz_of(state.pose.pose.orientation))
+        return (x, y, HOVER, yaw)
 
 
 def add_trajectories(app: FastAPI, desk: TrajectoryDesk) -> None:

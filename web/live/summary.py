@@ -14,7 +14,7 @@ from web.runs.onboard import transfers_summary
 from web.setup.preflight import preflight_summary
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 SHARED = 0.05  # s
 
@@ -26,8 +26,10 @@ class Summary:
         clock: s of a steady clock.
     """
 
-    def __init__(self, parts: Parts, clock: Callable[[], float] = time.monotonic) -> None:
-        self._parts = parts
+    def __init__(
+        self, context: VehicleContext, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._context = context
         self._clock = clock
         self._made = -math.inf
         self._newest: Message = {}
@@ -45,15 +47,15 @@ class Summary:
 
     def fresh(self) -> Message:
         """Return the summary as of now."""
-        parts = self._parts
+        context = self._context
         return {
-            **summarize(parts.live),
-            "experiment": experiment_summary(parts.live),
-            "proposal": proposal_summary(parts.live),
-            "control": parts.control.summary(),
-            "transfers": transfers_summary(parts.live),
-            "preflight": preflight_summary(parts.live),
-            "trajectory": parts.trajectories.summary(),
-            "emergency_land": parts.replica.value("safety.emergency_land"),
-            "pages": parts.hub.pages,
+            **summarize(context.live),
+            "experiment": experiment_summary(context.live),
+            "proposal": proposal_summary(context.live),
+            "control": context.control.summary(),
+            "transfers": transfers_summary(context.live),
+            "preflight": preflight_summary(context.live),
+            "trajectory": context.trajectories.summary(),
+            "emergency_land": context.replica.value("safety.emergency_land"),
+            "pages": context.hub.pages,
         }

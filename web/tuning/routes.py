@@ -19,7 +19,7 @@ from web.requester import Operator
 from web.tuning.bench import TuningBench
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 LIMITS = {"position": "behavior.excite_position_max", "yaw": "behavior.excite_yaw_max"}
 """Parameters with the largest amplitudes, for the page's form."""
@@ -35,9 +35,11 @@ class TestBody(Body):
     repeats: int = Field(1, ge=1, le=5)
 
 
-def add_tuning(app: FastAPI, parts: Parts) -> None:
-    kept = KeptRuns(parts.catalogue.folder.parent)
-    bench = TuningBench(parts.station, parts.live, parts.replica, parts.hub, kept, parts.vehicle)
+def add_tuning(app: FastAPI, context: VehicleContext) -> None:
+    kept = KeptRuns(context.catalogue.folder.parent)
+    bench = TuningBench(
+        context.station, context.live, context.replica, context.hub, kept, context.vehicle
+    )
 
     @app.get("/api/tuning")
     def tuning() -> dict[str, Any]:
@@ -46,7 +48,7 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
             "status": bench.status,
             "axes": AXES,
             "shapes": SHAPES,
-            "amplitude_max": {axis: parts.replica.value(name) for axis, name in LIMITS.items()},
+            "amplitude_max": {axis: context.replica.value(name) for axis, name in LIMITS.items()},
             "settling_band": BAND,
             "runs": [asdict(run) for run in kept.runs()],
         }
@@ -91,7 +93,7 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
                 "the gains of this test are in force already"
                 + (f"; of another kind and left: {', '.join(left)}" if left else "")
             )
-        applied, revision = await parts.gains.change(changes, session.label, walks=True)
+        applied, revision = await context.gains.change(changes, session.label, walks=True)
         return {"applied": applied, "revision": revision, "left": left}
 
 

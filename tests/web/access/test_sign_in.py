@@ -17,11 +17,11 @@ import websockets.exceptions
 
 from console.catalogue.catalogue import Catalogue
 from web.access.accounts import Accounts
-from web.access.attempts import FREE
 from web.access.database import AccessDatabase
 from web.access.passwords import Passwords
 from web.access.roles import Role
 from web.access.sign_in import LARGEST_FORM
+from web.access.sign_in_limiter import FREE
 
 WORDS = "correct horse battery"
 OTHER = "another staple here"

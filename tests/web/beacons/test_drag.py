@@ -69,7 +69,7 @@ class Table:
         server.viser.scene.reset()
         self.scene = BeaconScene(server, Live(decode))
         self.moved: list[tuple[int, tuple[float, float, float], str]] = []
-        self.scene.on_moved = lambda *move: self.moved.append(move)
+        self.scene.on_moved(lambda *move: self.moved.append(move))
         self.scene.show(BeaconView(drag=True))
         self.page = Upstream(server, Session("operator 3", Role.OPERATOR))
         self.page.takes(encode(CAMERA))
@@ -131,7 +131,7 @@ def test_nothing_moves_in_the_view_before_it_is_confirmed(table: Table) -> None:
 
 
 def test_a_refused_move_leaves_beacon_and_handle_where_they_were(table: Table) -> None:
-    table.scene.on_moved = lambda *_: table.scene.put_back()
+    table.scene.on_moved(lambda *_: table.scene.put_back())
     table.drag("start", (1.0, 1.0, 0.1))
     table.drag("update", (1.5, 1.0, 0.1))
     table.frames(2)
