@@ -23,7 +23,7 @@ from web.access.tls import Tls
 from web.app import create_app
 from web.beacons.survey import SurveyRun
 from web.fleet.fleet import Fleet
-from web.fleet.vehicle_of_request import ByVehicle
+from web.fleet.vehicle_router import VehicleRouter
 from web.live.events import EventHub
 from web.replay.store import ReplayStore
 from web.runs.exports import ViserExports
@@ -127,7 +127,7 @@ def assemble(
     apps = {first.vehicle: create_app(first, fleet, lifespan)}
     apps |= {context.vehicle: create_app(context, fleet) for context in others}
     return Gate(
-        ByVehicle(apps),
+        VehicleRouter(apps),
         base_url=base_url,
         hosts=allowed_hosts(base_url, names),
         people=people,

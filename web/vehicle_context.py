@@ -17,19 +17,19 @@ from vehicle_link.messages import decode
 from web.access.people import People
 from web.access.signed_links import SignedLinks
 from web.access.tls import Tls
-from web.beacons.survey import SurveyDesk, SurveyRun
+from web.beacons.survey import BeaconSurvey, SurveyRun
 from web.commands.control import Control
-from web.commands.emergency import EmergencyDesk
+from web.commands.emergency import EmergencyCommands
 from web.commands.sticks import StickOutput
-from web.commands.trajectories import TrajectoryDesk
+from web.commands.trajectories import TrajectoryMonitor
 from web.live.events import EventHub, Message
 from web.live.forwarding import Forwarding
 from web.live.latest import Live
 from web.live.station import Station
 from web.live.telemetry import TelemetryFeed
-from web.parameters.changes import GainPath
 from web.parameters.follower import ParameterFollower
 from web.parameters.replica import PageParameters
+from web.parameters.writer import ParameterWriter
 from web.replay.store import ReplayStore
 from web.runs.exports import ViserExports
 from web.runs.report_making import ReportMaking
@@ -82,7 +82,7 @@ class VehicleContext:
         self.base_url, self.tls = shared.base_url, shared.tls
         self.people, self.catalogue, self.links = shared.people, shared.catalogue, shared.links
         self.exports, self.reports, self.replays = shared.exports, shared.reports, shared.replays
-        self.survey = SurveyDesk(shared.survey)
+        self.survey = BeaconSurvey(shared.survey)
         self.history = ParameterHistory(shared.catalogue.engine, vehicle)
         self.presets = ParameterPresets(shared.catalogue.engine, vehicle)
 
@@ -98,15 +98,15 @@ class VehicleContext:
         station.on_stick_answer = self.stick.answer_from_thread
         sockets = shared.people.sockets
         self.control = Control(live, lambda: sockets.labels, station.publish_presence)
-        self.gains = GainPath(self.replica, station, self._is_airborne)
-        self.emergency = EmergencyDesk(
+        self.gains = ParameterWriter(self.replica, station, self._is_airborne)
+        self.emergency = EmergencyCommands(
             station,
             live,
             hub.publish,
             hub.say,
             chosen=lambda: self.replica.value("safety.emergency_land"),
         )
-        self.trajectories = TrajectoryDesk(live, self.replica, self.scene)
+        self.trajectories = TrajectoryMonitor(live, self.replica, self.scene)
         self.loops: Iterable[Runs] = (
             self.scene,
             self.feed,
@@ -131,7 +131,7 @@ class VehicleContext:
 
     def _publish_parameters(self, message: Message) -> None:
         self.hub.publish(message)
-        self.forwarding.told(message, self.replica.values)
+        self.forwarding.parameters_changed(message, self.replica.values)
 
     def _is_airborne(self) -> bool:
         status = self.live.current("status")

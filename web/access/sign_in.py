@@ -56,18 +56,18 @@ class SignIn:
         self._say = say
         self._on_link = on_link
         self._limiter = SignInLimiter() if limiter is None else limiter
-        self._told = SignInLimiter()  # so that wrong links do not fill the event list
+        self._link_limiter = SignInLimiter()  # so that wrong links do not fill the event list
 
     async def by_link(self, token: str, address: str) -> Session | Refusal:
         session = self._tokens.consume(token)
         if session is not None:
-            self.tell("info", f"{session.label} signed in by a link from {address}")
+            self.report("info", f"{session.label} signed in by a link from {address}")
             self._on_link(session.label)
             return session
         was_used = self._tokens.was_used(token)
-        if self._told.begin(address, address) == 0.0:
+        if self._link_limiter.begin(address, address) == 0.0:
             what = "used" if was_used else "wrong"
-            self.tell("warn", f"a sign-in link that was {what} came from {address}")
+            self.report("warn", f"a sign-in link that was {what} came from {address}")
         if was_used:
             return Refusal(401, "This sign-in link has been used; each one signs in one browser.")
         return Refusal(401, "This sign-in link is not valid (any more).")
@@ -78,7 +78,7 @@ class SignIn:
         if isinstance(account, Refusal):
             return account
         session = await self.open(account)
-        self.tell("info", f"{session.label} ({session.role}) signed in from {address}")
+        self.report("info", f"{session.label} ({session.role}) signed in from {address}")
         return session
 
     async def verify(self, name: str, password: str, address: str) -> Account | Refusal:
@@ -102,7 +102,7 @@ class SignIn:
         whose = f"the password of {name}" if name in names else "a name that is not known"
         wait = self._limiter.wait(address, name)
         then = f"; the next try from there is in {wait} s" if wait else ""
-        self.tell("warn", f"sign-in refused: {whose}, from {address}{then}")
+        self.report("warn", f"sign-in refused: {whose}, from {address}{then}")
         return Refusal(401, "The name or the password is wrong.", wait)
 
     async def open(self, account: Account) -> Session:
@@ -110,7 +110,7 @@ class SignIn:
             self._sessions.open, account.name, account.role, account.generation
         )
 
-    def tell(self, level: str, text: str) -> None:
+    def report(self, level: str, text: str) -> None:
         """Publish a line in everyone's event list and in the log."""
         self._say(level, text)
         _log.log(logging.WARNING if level == "warn" else logging.INFO, "%s", text)

@@ -16,9 +16,9 @@ from quadrotor.errors import OutOfBoundsError
 from vehicle_link.messages import stamp_of
 from web.beacons.drag import BeaconDrags, Drag
 from web.beacons.estimate import ONE_FRAME, Estimate, EstimateGhost, of_comparison, of_one_frame
-from web.beacons.map import BoundSlice, Box, Wish
+from web.beacons.map import BoundSlice, Box, MapRequest
 from web.beacons.marks import BeaconMarks
-from web.beacons.sight_lines import RATE, PoseHistory, Sight
+from web.beacons.sight_lines import RATE, PoseHistory, SightLines
 from web.live.latest import STALE, Live
 from web.view.server import ViewServer
 
@@ -67,7 +67,7 @@ class BeaconScene:
         self.view = BeaconView()
         api = server.viser.scene
         self._marks = BeaconMarks(api)
-        self._sight = Sight(api)
+        self._sight = SightLines(api)
         self._ghost = EstimateGhost(api)
         self._map = BoundSlice(api)
         self._drags = BeaconDrags()
@@ -136,9 +136,9 @@ class BeaconScene:
         """Draw one frame from the newest messages; `now` in s, monotonic."""
         self._now = now
         self._remember()
-        self._drags.hand_on(now)
+        self._drags.pass_on(now)
         self._marks.want(self._drags.wanted(self._marks.places, now))
-        if self._map.update(self._wish(), now):
+        if self._map.update(self._map_request(), now):
             self.on_legend()
         if now >= self._due or self._due > now + 1.0:
             # A little less than a period, as frames are not exact; longer for many beacons (more
@@ -189,11 +189,11 @@ class BeaconScene:
         message = self._live.current("comparison")
         return None if message is None else of_comparison(message, name)
 
-    def _wish(self) -> Wish | None:
+    def _map_request(self) -> MapRequest | None:
         beacons = self._marks.beacons
         if not self.view.map or self._volume is None or beacons is None:
             return None
-        return Wish(beacons, self._sigma, self._sensor, self._volume, self.view.map_height)
+        return MapRequest(beacons, self._sigma, self._sensor, self._volume, self.view.map_height)
 
     def _publish_handles(self) -> None:
         self._server.draggable = frozenset(self._marks.handles)

@@ -82,7 +82,7 @@ class PoseHistory:
         return p + share * (to_p - p), matrix_of((q + share * (to_q - q)).tolist())
 
 
-class Sight:
+class SightLines:
     """Nodes `/rays` and `/cones`."""
 
     def __init__(self, api: Any) -> None:

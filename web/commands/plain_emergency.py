@@ -43,11 +43,11 @@ _STYLE = """<style>form{margin:1rem 0}button{font-weight:600;padding:.7rem 1.1re
 
 
 def add_plain_emergency(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
-    desk = context.emergency
+    emergency = context.emergency
 
     @app.get("/emergency", include_in_schema=False)
-    async def stands(session: Asker) -> Response:
-        return _page(*_told(context.vehicle, desk.state), _buttons(session))
+    async def state(session: Asker) -> Response:
+        return _page(*_state_line(context.vehicle, emergency.state), _buttons(session))
 
     @app.post("/emergency", include_in_schema=False)
     async def press(session: Asker, request: Request) -> Response:
@@ -57,7 +57,7 @@ def add_plain_emergency(app: FastAPI, context: VehicleContext, fleet: Fleet) -> 
             return _page(f"Nothing was done: {error}.", "", _buttons(session), status=400)
         action = form.get("action", "")
         if action == "all":
-            return _page(_fleet_told(await fleet.land_all(session.label)), "", "")
+            return _page(_fleet_line(await fleet.land_all(session.label)), "", "")
         if action not in NAMES:
             said = f"Nothing was done: {action!r:.40} is neither land nor cut."
             return _page(said, "", _buttons(session), status=422)
@@ -70,7 +70,7 @@ def add_plain_emergency(app: FastAPI, context: VehicleContext, fleet: Fleet) -> 
             )
         try:
             with contextlib.suppress(TimeoutError):  # the press continues and is shown
-                await asyncio.wait_for(desk.press(action, session.label), SOON)
+                await asyncio.wait_for(emergency.press(action, session.label), SOON)
         except QuadlabError as error:
             said = f"{context.vehicle}: {NAMES[action]} failed: {error}. Press again."
             return _page(said, "", _buttons(session), status=409)
@@ -81,7 +81,7 @@ def _buttons(session: Session) -> str:
     return _LAND + (_CUT if session.role.may(Role.OPERATOR) else "")
 
 
-def _told(vehicle: str, press: Message | None) -> tuple[str, str]:
+def _state_line(vehicle: str, press: Message | None) -> tuple[str, str]:
     """Return a line on the newest press, and the tag that reloads the page while it is pending."""
     if press is None:
         return f"{vehicle}: no emergency was pressed.", ""
@@ -99,7 +99,7 @@ def _told(vehicle: str, press: Message | None) -> tuple[str, str]:
     return f"{vehicle}: {done}, acknowledged after {press['after']:.2f} s{note}.", ""
 
 
-def _fleet_told(vehicles: list[dict[str, Any]]) -> str:
+def _fleet_line(vehicles: list[dict[str, Any]]) -> str:
     outcomes = (
         f"{one['name']}: {one['outcome']}" + (f", {one['reason']}" if one.get("reason") else "")
         for one in vehicles

@@ -35,7 +35,7 @@ class PreviewBody(Body):
     arguments: Arguments = Field(description="of follow_trajectory, as start_behavior takes them")
 
 
-class TrajectoryDesk:
+class TrajectoryMonitor:
     """The newest preview and the trajectory in flight. Use it from the event loop only."""
 
     def __init__(self, live: Live, replica: PageParameters, scene: Scene) -> None:
@@ -45,7 +45,7 @@ class TrajectoryDesk:
         self._started: Arguments | None = None
         self._began_ns: int | None = None
 
-    async def look(self, arguments: Arguments) -> dict[str, Any]:
+    async def preview(self, arguments: Arguments) -> dict[str, Any]:
         """Draw a trajectory that would start here, and return its demands on the vehicle.
 
         Raises ParameterError, RefusedError, JobError.
@@ -113,10 +113,10 @@ class TrajectoryDesk:
         return (x, y, HOVER, yaw)
 
 
-def add_trajectories(app: FastAPI, desk: TrajectoryDesk) -> None:
+def add_trajectories(app: FastAPI, monitor: TrajectoryMonitor) -> None:
     @app.post("/api/trajectories/preview")
-    async def look(body: PreviewBody, _: Operator) -> dict[str, Any]:
+    async def show_preview(body: PreviewBody, _: Operator) -> dict[str, Any]:
         """Draw a trajectory of follow_trajectory in the 3D view, and return its duration (s),
         its largest speed (m/s), and why the vehicle would refuse it, "" where it can fly it.
         """
-        return await desk.look(body.arguments)
+        return await monitor.preview(body.arguments)

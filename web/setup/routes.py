@@ -48,14 +48,14 @@ def add_setup(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
             context.base_url, context.tls, await asyncio.to_thread(people.accounts.count)
         )
         checked: float = 0.0
-        told: list[Check] = []
+        others: list[Check] = []
         try:
             answer = await station.command("checks", requester, again=again)
-            checked, told = float(answer.checked), from_messages(answer.checks)
+            checked, others = float(answer.checked), from_messages(answer.checks)
         except LinkError as error:
             advice = f"{error}; start quadlab up or quadlab station"
-            told = [Check("station", "fail", "does not answer", "answers", advice, "station")]
-        return {"checked": checked or None, "checks": [asdict(one) for one in (*told, *ours)]}
+            others = [Check("station", "fail", "does not answer", "answers", advice, "station")]
+        return {"checked": checked or None, "checks": [asdict(one) for one in (*others, *ours)]}
 
     @app.get("/api/setup/checks")
     async def checks() -> dict[str, Any]:

@@ -16,7 +16,7 @@ from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
 from web.body import Body
 from web.requester import Operator
-from web.tuning.bench import TuningBench
+from web.tuning.step_tests import StepTests
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext
@@ -37,7 +37,7 @@ class TestBody(Body):
 
 def add_tuning(app: FastAPI, context: VehicleContext) -> None:
     kept = KeptRuns(context.catalogue.folder.parent)
-    bench = TuningBench(
+    step_tests = StepTests(
         context.station, context.live, context.replica, context.hub, kept, context.vehicle
     )
 
@@ -45,7 +45,7 @@ def add_tuning(app: FastAPI, context: VehicleContext) -> None:
     def tuning() -> dict[str, Any]:
         """Return the state of the test, the stored tests, newest first, and the allowed options."""
         return {
-            "status": bench.status,
+            "status": step_tests.status,
             "axes": AXES,
             "shapes": SHAPES,
             "amplitude_max": {axis: context.replica.value(name) for axis, name in LIMITS.items()},
@@ -59,7 +59,7 @@ def add_tuning(app: FastAPI, context: VehicleContext) -> None:
 
         The answer is sent when the vehicle has begun; the rest is published as `tuning`.
         """
-        await bench.start(Plan(**body.model_dump()), session.label)
+        await step_tests.start(Plan(**body.model_dump()), session.label)
         return {"accepted": True}
 
     @app.get("/api/tuning/runs/{run_id}")
@@ -72,13 +72,13 @@ def add_tuning(app: FastAPI, context: VehicleContext) -> None:
     def delete(run_id: str, _: Operator) -> dict[str, str]:
         """Delete a test; `restore` undoes it."""
         kept.delete(run_id)
-        bench.kept_changed()
+        step_tests.kept_changed()
         return {"deleted": run_id}
 
     @app.post("/api/tuning/runs/{run_id}/restore")
     def restore(run_id: str, _: Operator) -> dict[str, str]:
         kept.restore(run_id)
-        bench.kept_changed()
+        step_tests.kept_changed()
         return {"restored": run_id}
 
     @app.post("/api/tuning/runs/{run_id}/gains")
@@ -87,7 +87,7 @@ def add_tuning(app: FastAPI, context: VehicleContext) -> None:
 
         The choice of law or estimator is not changed: it is made where the vehicle can check it.
         """
-        changes, left = _differences(kept.run(run_id), bench)
+        changes, left = _differences(kept.run(run_id), step_tests)
         if not changes:
             raise RefusedError(
                 "the gains of this test are in force already"
@@ -97,9 +97,11 @@ def add_tuning(app: FastAPI, context: VehicleContext) -> None:
         return {"applied": applied, "revision": revision, "left": left}
 
 
-def _differences(run: KeptRun, bench: TuningBench) -> tuple[dict[str, ParameterValue], list[str]]:
+def _differences(
+    run: KeptRun, step_tests: StepTests
+) -> tuple[dict[str, ParameterValue], list[str]]:
     """Return the numbers to be changed, and the names of other parameters that differ."""
-    now = bench.gains()
+    now = step_tests.gains()
     differing = {n: v for n, v in run.gains.items() if n in now and now[n] != v}
     numbers = {n: v for n, v in differing.items() if type(v) in (int, float)}
     return numbers, [n for n in differing if n not in numbers]
