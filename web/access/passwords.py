@@ -28,7 +28,7 @@ def check_password(name: str, password: str) -> None:
     if len(plain) > LONGEST:
         raise RefusedError(f"the password has {len(plain)} characters; allowed are {LONGEST}")
     if plain.lower() == name or len(set(plain)) == 1:
-        raise RefusedError("the password is the first that anyone would try; choose another")
+        raise RefusedError("the password is too easy to guess; choose another")
 
 
 class Passwords:

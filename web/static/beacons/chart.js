@@ -30,7 +30,7 @@ export class ErrorChart extends Chart {
     };
     const span = element("select", { ariaLabel: "seconds shown", onchange: choose },
       ...optionsOf(WINDOWS.map((one) => [String(one), `${one} s`]), String(axis.window)));
-    this.log = element("button", { title: "logarithmic scale, 1 mm up", onclick: () => this.setLog(!this.isLog) },
+    this.log = element("button", { title: "logarithmic scale, from 1 mm", onclick: () => this.setLog(!this.isLog) },
       "log");
     this.tools.append(span, this.log);
     this.setLog(localStorage.getItem("chart.beacons.log") === "true");

@@ -26,7 +26,7 @@ export class Layout {
     this.apply = button("Apply", "send the layout as typed to station and vehicle", () => this.send(this.rows()));
     this.discard = button("Discard", "back to the confirmed layout", () => this.edit(null));
     this.add = button("Add beacon", "", () => this.edit([...this.texts(), this.another()]));
-    this.again = button("Edit again", "take the refused draft up again", () => this.edit(this.refused));
+    this.again = button("Edit again", "edit the refused draft again", () => this.edit(this.refused));
     const open = button("Load CSV", "a file with the header id,x,y,z, positions in m", () => this.file.click());
     const save = element("a", { className: "button", href: "/api/beacons/file", download: "beacons.csv", title: "the confirmed layout" }, "Save CSV");
     for (const one of [this.apply, this.discard, this.add, this.again, open]) one.disabled = !isOperator;
@@ -130,7 +130,7 @@ export class Layout {
       });
       return input;
     });
-    const remove = element("button", { className: "remove", disabled: !this.isOperator, title: `leave beacon ${texts[0]} out`, onclick: () => this.edit(this.texts().filter((_, i) => i !== index)) }, icon("close"));
+    const remove = element("button", { className: "remove", disabled: !this.isOperator, title: `remove beacon ${texts[0]}`, onclick: () => this.edit(this.texts().filter((_, i) => i !== index)) }, icon("close"));
     return element("tr", {}, ...inputs.map((input) => element("td", {}, input)), element("td", {}, remove));
   }
 

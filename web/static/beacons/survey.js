@@ -66,7 +66,7 @@ export class Survey {
     for (const one of [this.table, this.left]) hide(one, !proposal);
     hide(this.acts, !proposal || Boolean(decision));
     if (proposal) {
-      setText(this.left, `Not predicted of the bearings: ${proposal.before.toFixed(2)} mrad rms with the flight's layout, ${proposal.after.toFixed(2)} mrad with this one.`);
+      setText(this.left, `Residual of the bearings: ${proposal.before.toFixed(2)} mrad rms with the flight's layout, ${proposal.after.toFixed(2)} mrad with this one.`);
       this.body.replaceChildren(...proposal.beacons.map(({ id, position, moved, deviation }) => element("tr", {},
         ...[String(id), ...position.map((metres) => metres.toFixed(3)), moved.map((one) => one.toFixed(0)).join(", "), deviation === null ? "–" : deviation.toFixed(0)].map((text) => element("td", {}, text)))));
     }

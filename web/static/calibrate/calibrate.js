@@ -63,7 +63,7 @@ export class Calibrate {
   async loadKnown() {
     try {
       const { experiments } = await get("/api/experiments"), known = experiments.filter(({ calibration }) => calibration);
-      if (!known.length) throw new Error("The station knows no calibrations.");
+      if (!known.length) throw new Error("The station offers no calibrations.");
       if (JSON.stringify(known) === JSON.stringify(this.known)) return;
       this.known = known;
     } catch (error) { this.list.empty(error.message); return; }
@@ -117,7 +117,7 @@ export class Calibrate {
   // Why none can begin now; "" when one can.
   get hindrance() {
     const { status, control } = this.events.summary, { status: experiment } = this, holder = control?.holder ?? "";
-    if (!this.isOperator) return "Viewers watch; an operator calibrates.";
+    if (!this.isOperator) return "Viewers cannot calibrate; ask an operator.";
     if (!this.events.connected) return "No connection to this page's server.";
     if (!this.known.length) return "No calibrations received from the station.";
     if (this.chosen?.problem) return "This file cannot run; the reason is given above.";

@@ -24,7 +24,7 @@ function values(record, gains, before, isKept) {
   ];
   if (!rows.length) return null;
   return element("table", { className: "found" },
-    element("caption", {}, isKept ? "What it was and became" : "What it would become"),
+    element("caption", {}, isKept ? "Values before and after" : "Proposed values"),
     tableHead("", "before", "new", "change", ""),
     element("tbody", {}, ...rows.map((row) => element("tr", {}, element("th", { scope: "row", title: row.name }, row.label),
       ...compared(row.before, row.value, row.most).map((text) => element("td", {}, text)), element("td", { className: "unit" }, row.unit)))));

@@ -53,7 +53,7 @@ export class ExperimentSection {
     this.again = performance.now() + (this.known ? NEW : RETRY);
     try {
       const { experiments } = await get("/api/experiments"), text = JSON.stringify(experiments);
-      if (!experiments.length) throw new Error("The station knows no experiments.");
+      if (!experiments.length) throw new Error("The station offers no experiments.");
       if (text === this.text) return;
       this.text = text;
       this.known = experiments.filter(({ calibration }) => !calibration);

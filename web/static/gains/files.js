@@ -16,7 +16,7 @@ export class Files {
       element("p", { className: "facts" }, "A TOML file with unit, bounds, default and meaning of each as comments."),
       element("p", { className: "links" }, element("a", { href: PATH, download: "" }, "All values"), element("a", { href: `${PATH}?which=modified`, download: "" }, "Modified values")),
       element("h2", {}, "Load"),
-      element("p", { className: "facts" }, gains.isOperator ? "It is compared first; you choose what is applied." : "You watch; an operator may load one."),
+      element("p", { className: "facts" }, gains.isOperator ? "It is compared first; you choose what is applied." : "Viewers cannot load a file; ask an operator."),
       this.input, this.reason);
   }
 
@@ -26,7 +26,7 @@ export class Files {
     this.reason.hidden = true;
     try {
       const content = await request("POST", PATH, file, "application/toml");
-      this.show({ title: `Load ${file.name}`, empty: "The file has nothing that would change.", ...content });
+      this.show({ title: `Load ${file.name}`, empty: "Loading this file would change nothing.", ...content });
     } catch (error) { showNote(this.reason, error.message); }
     this.input.value = ""; // the same file again is a change again
   }

@@ -17,7 +17,7 @@ export class Presets {
     this.name = element("input", { placeholder: "name", ariaLabel: "name of the new preset", maxLength: 60 });
     this.scope = element("select", { ariaLabel: "what the new preset holds" });
     const form = element("form", { className: "tools", onsubmit: (event) => { event.preventDefault(); this.save(false); } }, this.name, this.scope,
-      element("button", { disabled: !gains.isOperator, title: "keep the confirmed values under this name" }, "Save"));
+      element("button", { disabled: !gains.isOperator, title: "save the confirmed values under this name" }, "Save"));
     place.append(this.answer, this.list, element("h2", {}, "Save the present values"), form);
     this.fillScope();
     this.read();

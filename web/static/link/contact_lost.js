@@ -19,9 +19,9 @@ const SURE = 1.2; // s of silence until it is known that station and link are no
 const HEADS = {
   silent: "no data from the vehicle",
   page: "this page's server does not answer",
-  station: "the base station is gone",
+  station: "the base station does not answer",
   link: "no link to the vehicle",
-  flight: "the vehicle's flight process is gone; its computer still answers",
+  flight: "the vehicle's flight process has stopped; its computer still answers",
 };
 const NOT_YET = { station: "No data from the base station yet", link: "No data from the vehicle yet" };
 

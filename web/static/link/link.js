@@ -58,7 +58,7 @@ export class LinkPanel {
     const said = element("p", { className: "said", role: "status", hidden: true });
     const say = (...content) => { said.replaceChildren(...content); said.hidden = false; };
     const layout = element("a", { href: here("/api/foxglove/layout"), download: "", title: "3D view, plots, events and parameters, to import there" }, "Layout");
-    place.append(element("h2", {}, "The flight, live in other programs"), element("div", { className: "links" }, ...viewerButtons(() => "/api/foxglove/link", say), layout), said);
+    place.append(element("h2", {}, "View the flight in other programs"), element("div", { className: "links" }, ...viewerButtons(() => "/api/foxglove/link", say), layout), said);
   }
 
   // Always, so that the tab has its five minutes when it is opened.

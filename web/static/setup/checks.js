@@ -23,12 +23,12 @@ export class CheckSection {
 
   async look(ask) {
     this.again.disabled = true;
-    this.when.textContent = "looking …";
+    this.when.textContent = "checking …";
     clearTimeout(this.timer);
     try {
       const { checked, checks } = await ask();
       this.show([...checks, ...browserChecks()]);
-      this.when.textContent = checked ? `looked at ${moment(checked).slice(11)}` : "the station has not looked yet";
+      this.when.textContent = checked ? `checked at ${moment(checked).slice(11)}` : "the station has not run its checks yet";
       if (!checked) this.timer = setTimeout(() => this.look(() => get("/api/setup/checks")), AGAIN);
     } catch (error) {
       this.when.textContent = error.message;

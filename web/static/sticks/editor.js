@@ -10,7 +10,7 @@ const FUNCTIONS = {
   left: ["Left", "Push the stick for left to the left, all the way"],
   up: ["Up", "Push the stick for up upwards, all the way"],
   yaw: ["Turn left", "Push the stick for turning to the left, all the way"],
-  deadMan: ["Sticks on (hold)", "Press the button that is to be held while flying"],
+  deadMan: ["Sticks on (hold)", "Press the button that you will hold while flying"],
   land: ["Emergency land", "Press the button for emergency land"],
   cut: ["Cut (hold 0.5 s)", "Press the button for cutting the motors"],
 };
@@ -115,7 +115,7 @@ export class StickEditor {
 
   draw() {
     const { pad } = this;
-    this.title.textContent = pad ? pad.id : "No pad: press a button of it";
+    this.title.textContent = pad ? pad.id : "No gamepad yet: press one of its buttons";
     if (!pad) { if (this.wanted) this.detect(null); return; }
     if (this.shownPad !== pad.id) { this.shownPad = pad.id; this.show(); }
     const mapping = this.sticks.mapping ?? GUESS;

@@ -127,7 +127,7 @@ export class Sticks {
   // A press of the button: whether it counts.
   begin(centred) {
     const why = this.editing ? "close the set-up of the pad first"
-      : document.hidden || !document.hasFocus() ? "this page has not the focus: click into it first"
+      : document.hidden || !document.hasFocus() ? "this page does not have the focus: click into it first"
       : !centred ? "centre all sticks and keys, then press again" : "";
     if (why) { this.refuse(why); return; }
     this.on = true;

@@ -141,12 +141,12 @@ export class Tune {
   // Why no test can begin now; "" when one can.
   get hindrance() {
     const { status, control } = this.events.summary, holder = control?.holder ?? "";
-    if (!this.isOperator) return "Viewers watch; an operator flies tests.";
+    if (!this.isOperator) return "Viewers cannot run tests; ask an operator.";
     if (BUSY.includes(this.status.phase)) return "A test is under way.";
     if (!this.events.connected || !(this.events.age("status") < 1)) return "The vehicle's status is old; a test needs the link.";
     if (holder && holder !== this.session.label) return `${holder} has control; ask for it to fly a test.`;
     if (!status?.airborne) return "The vehicle is on the ground: take off first.";
-    if (status.behavior !== "hover") return `The vehicle does ${words(status.behavior)}; a test starts from hover.`;
+    if (status.behavior !== "hover") return `The vehicle's behaviour is ${words(status.behavior)}; a test starts from hover.`;
     return this.wrong;
   }
 
