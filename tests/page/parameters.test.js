@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 import "./browser.js";
-import { Parameters } from "../../web/static/core/parameters.js";
+import { Parameters } from "../../web/static/gains/parameters.js";
 
 const NAME = "behavior.volume_x_min";
 

@@ -26,6 +26,17 @@ export function duration(value) {
   return hours ? `${hours}:${clock}` : clock;
 }
 
+// How long ago a time was, in s since 1970.
+/** @param {number | null | undefined} stamp */
+export function ago(stamp) {
+  if (!stamp) return "never";
+  const age = Math.max(0, Date.now() / 1e3 - stamp);
+  if (age < 5) return "now";
+  if (age < 120) return `${Math.round(age)} s ago`;
+  if (age < 7200) return `${Math.round(age / 60)} min ago`;
+  return age < 48 * 3600 ? `${Math.round(age / 3600)} h ago` : new Date(stamp * 1e3).toISOString().slice(0, 10);
+}
+
 /** @param {number | null | undefined} value */
 export function bytes(value) {
   if (!known(value)) return NONE;

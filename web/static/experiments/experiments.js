@@ -1,14 +1,13 @@
 // The Fly tab's experiments: options, start by a hold (it arms), finish, stop, and the verdict.
 
 import { get, request } from "../core/api.js";
-import { isCalibration } from "../calibrate/labels.js";
+import { isCalibration, RUNNING } from "../calibrate/labels.js";
 import { Guide } from "./guide.js";
 import { OptionForm } from "./options.js";
 import { element, optionsOf, setText, tableHead } from "../core/dom.js";
 import { duration, words } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";
 
-const RUNNING = ["flying", "finishing", "evaluating"];
 const HELP = "Any command of a person, or a deflected stick, takes over and ends it.";
 const BY_HAND = "Flown by hand: hold Shift, or a shoulder button of the pad.";
 const RETRY = 3000, NEW = 10_000; // ms, while the station does not tell its experiments, and afterwards

@@ -3,7 +3,7 @@
 import { get } from "../core/api.js";
 import { $, element } from "../core/dom.js";
 import { exact } from "../core/format.js";
-import { Parameters } from "../core/parameters.js";
+import { Parameters } from "./parameters.js";
 import { GainRow } from "./row.js";
 import { unfold } from "./detail.js";
 import { ParameterPanel } from "./panel.js";

@@ -4,7 +4,7 @@ import { get } from "../core/api.js";
 import { begin, followConnection } from "../core/connection.js";
 import { $ } from "../core/dom.js";
 import { head } from "../core/page_header.js";
-import { Parameters } from "../core/parameters.js";
+import { Parameters } from "../gains/parameters.js";
 import { BeaconSection } from "./beacons.js";
 import { CheckSection } from "./checks.js";
 import { TrackerSection } from "./tracker.js";

@@ -1,6 +1,6 @@
 // Parameters of vehicle, station and simulator, as these have confirmed them.
 
-import { get, request } from "./api.js";
+import { get, request } from "../core/api.js";
 
 // Fires `read` when all have been read, and `confirmed` (detail: {name, before}) for each newer value.
 export class Parameters extends EventTarget {
