@@ -358,7 +358,7 @@ def test_an_admin_sees_and_manages_users(place: Any) -> None:
         ("DELETE", "/api/users/anna", None, 409, "last admin"),
         ("PUT", "/api/users/anna/role", {"role": "viewer"}, 409, "last admin"),
         ("PUT", "/api/users/oleg/role", {"role": "boss"}, 422, "role"),
-        ("POST", "/api/users", {"name": "B", "password": WORDS}, 400, "no name for a user"),
+        ("POST", "/api/users", {"name": "B", "password": WORDS}, 400, "not a valid user name"),
         ("POST", "/api/users", {"name": "bob", "password": "short"}, 409, "at least 10"),
         ("POST", "/api/users", {"name": "oleg", "password": WORDS}, 409, "has an account"),
         ("POST", "/api/users/viewer%209/end_sessions", None, 409, "no one is signed in"),
