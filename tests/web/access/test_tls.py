@@ -29,10 +29,11 @@ from web.assembly import allowed_hosts
 from web.live.sockets import plain_transport
 
 
-@pytest.fixture
-def tls_site(tmp_path: Path, serve: Any) -> Iterator[Any]:
-    catalogue = Catalogue(tmp_path)
-    with serve(tmp_path, catalogue, tls=private_tls(tmp_path, ())) as running:
+@pytest.fixture(scope="module")
+def tls_site(tmp_path_factory: pytest.TempPathFactory, serve: Any) -> Iterator[Any]:
+    data = tmp_path_factory.mktemp("tls")
+    catalogue = Catalogue(data)
+    with serve(data, catalogue, tls=private_tls(data, ())) as running:
         yield running
     catalogue.close()
 
