@@ -23,7 +23,7 @@ from quadrotor.errors import (
     StorageError,
     UnreachableError,
 )
-from web.access.hashing import BusyError
+from web.access.passwords import BusyError
 from web.access.roles import Role, Session
 from web.access.users import add_users
 from web.beacons.routes import add_beacons

@@ -11,7 +11,7 @@ from urllib.parse import parse_qsl
 from starlette.requests import ClientDisconnect, HTTPConnection, Request
 
 from web.access.accounts import Account, Accounts
-from web.access.hashing import BusyError, Hashing
+from web.access.passwords import BusyError, Hashing
 from web.access.roles import Session
 from web.access.sessions import Sessions
 from web.access.sign_in_limiter import SignInLimiter

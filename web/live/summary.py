@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
+from vehicle_link.checks import Check, from_messages
 from web.experiments.calibrations import proposal_summary
 from web.experiments.experiments import experiment_summary
 from web.live.events import Message, summarize
+from web.live.latest import Live
 from web.runs.onboard import transfers_summary
-from web.setup.preflight import preflight_summary
 
 if TYPE_CHECKING:
     from web.vehicle_context import VehicleContext
@@ -59,3 +61,23 @@ class Summary:
             "emergency_land": context.replica.value("safety.emergency_land"),
             "pages": context.hub.pages,
         }
+
+
+def preflight_summary(live: Live) -> dict[str, Any] | None:
+    """Return the pre-flight list, or None if the station has not sent it for a while."""
+    message = live.current("preflight")
+    if message is None:
+        return None
+    return {
+        "ready": bool(message.ready),
+        "armed": bool(message.armed),
+        "blocks": bool(message.blocks),
+        "checks": [_listed(one) for one in from_messages(message.checks)],
+    }
+
+
+def _listed(check: Check) -> dict[str, str]:
+    """Return a check without its place, which is the same for all; it is sent twice a second."""
+    fields = asdict(check)
+    fields.pop("place")
+    return fields

@@ -22,8 +22,8 @@ from console.catalogue.catalogue import Catalogue
 from quadrotor.errors import UsageError
 from vehicle_link.security.authority import WEB_DAYS, check_certificate, ensure_web_certificate
 from vehicle_link.security.certificates import load_certificate
-from web.access.cookie import SessionCookie
 from web.access.listen_address import check_listen_address, is_loopback
+from web.access.people import SessionCookie
 from web.access.tls import given_tls, own_names, private_tls, shown_host
 from web.assembly import allowed_hosts
 from web.live.sockets import plain_transport
