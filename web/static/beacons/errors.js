@@ -1,7 +1,7 @@
 // Errors against the truth, a row for each estimate compared; the name chooses it as the ghost.
 
 import { colorOf, OFFERED, partsOf, wordsOf } from "./estimate_names.js";
-import { element, setText, showNote } from "../core/dom.js";
+import { attempt, element, setText } from "../core/dom.js";
 import { duration, fixed, NONE } from "../core/format.js";
 
 const COMPARED = "station.comparison.estimators";
@@ -84,11 +84,7 @@ export class Errors {
     box.checked = !wanted; // until it is confirmed
     const names = wanted ? [...present, name] : present.filter((other) => other !== name);
     const order = (one) => (OFFERED.includes(one) ? OFFERED.indexOf(one) : OFFERED.length);
-    this.reason.hidden = true;
-    try {
-      await this.gains.set({ [COMPARED]: names.sort((a, b) => order(a) - order(b)).join(" ") });
-      this.parameters();
-    } catch (error) { showNote(this.reason, error.message); }
+    if (await attempt(this.reason, () => this.gains.set({ [COMPARED]: names.sort((a, b) => order(a) - order(b)).join(" ") }))) this.parameters();
   }
 }
 

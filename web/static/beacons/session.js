@@ -1,7 +1,7 @@
 // What the vehicle flies on, and the way onto bearings and back: three steps in plain words.
 
 import { partsOf } from "./estimate_names.js";
-import { element, optionsOf, setText, showNote } from "../core/dom.js";
+import { attempt, element, optionsOf, setText } from "../core/dom.js";
 
 const P = { estimator: "estimation.estimator", source: "estimation.source", shadow: "estimation.shadow", shadowSource: "estimation.shadow_source" };
 const SOURCES = { poses: "the tracker's poses", bearings: "bearings to the beacons", both: "poses and bearings together" };
@@ -73,10 +73,9 @@ export class Session {
   }
 
   async attempt(values) {
-    this.reason.hidden = true;
     this.busy = true;
     this.draw();
-    try { await this.gains.set(values); } catch (error) { showNote(this.reason, error.message); }
+    await attempt(this.reason, () => this.gains.set(values));
     this.busy = false;
     this.draw();
   }

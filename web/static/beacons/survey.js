@@ -1,7 +1,7 @@
 // Where a recorded flight says that the beacons are: asked for, judged, accepted or rejected.
 
 import { get, request } from "../core/api.js";
-import { element, hide, optionsOf, setText, showNote, tableHead } from "../core/dom.js";
+import { attempt, element, hide, optionsOf, setText, showNote, tableHead } from "../core/dom.js";
 
 const POLL = 1000; // ms, while a survey is under way
 const NEWEST = 20; // runs to choose from
@@ -44,10 +44,8 @@ export class Survey {
   hide() { clearTimeout(this.timer); }
 
   async ask(action, body = {}) {
-    try { this.show(await request("POST", `/api/beacons/survey${action}`, body)); } catch (error) { this.refuse(error.message); }
+    await attempt(this.reason, async () => { this.show(await request("POST", `/api/beacons/survey${action}`, body)); });
   }
-
-  refuse(text) { showNote(this.reason, text); }
 
   async poll() {
     const state = await get("/api/beacons/survey").catch(() => null);
@@ -60,7 +58,7 @@ export class Survey {
     const isUnderWay = state === "waiting" || state === "working";
     const words = isUnderWay ? `Surveying ${run}: ${Math.round(100 * progress)} %` : proposal ? `${run}: ${SAID[decision]}` : "";
     showNote(this.said, words);
-    this.refuse(state === "failed" ? `${run}: ${reason}` : "");
+    showNote(this.reason, state === "failed" ? `${run}: ${reason}` : "");
     this.begin.disabled = !this.isOperator || isUnderWay || !this.run.options.length;
     for (const one of [this.accept, this.reject]) one.disabled = !this.isOperator;
     for (const one of [this.table, this.left]) hide(one, !proposal);

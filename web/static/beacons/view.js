@@ -2,7 +2,7 @@
 
 import { request } from "../core/api.js";
 import { wordsOf } from "./estimate_names.js";
-import { element, optionsOf, showNote } from "../core/dom.js";
+import { attempt, element, optionsOf } from "../core/dom.js";
 import { exact } from "../core/format.js";
 
 const SWITCHES = [
@@ -71,12 +71,8 @@ export class BeaconView {
   }
 
   async change(part) {
-    this.reason.hidden = true;
     // What is shown comes as an event, in its order with the map's: the answer may be older.
-    try { await request("PUT", "/api/beacons/view", part); } catch (error) {
-      showNote(this.reason, error.message);
-      this.draw();
-    }
+    if (!await attempt(this.reason, () => request("PUT", "/api/beacons/view", part))) this.draw();
   }
 
   draw() {

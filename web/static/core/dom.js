@@ -21,6 +21,14 @@ export function showNote(place, text) {
   hide(place, !text);
 }
 
+// Does something that may fail, with the reason in `place`; whether it went well.
+/** @type {(place: any, act: () => unknown) => Promise<boolean>} */
+export async function attempt(place, act) {
+  showNote(place, "");
+  try { await act(); } catch (error) { showNote(place, /** @type {Error} */ (error).message); }
+  return place.hidden;
+}
+
 /**
  * A new element: attributes and properties by name, "onclick" and the like as listeners.
  * @template {keyof HTMLElementTagNameMap} K

@@ -1,7 +1,7 @@
 // Several values that would change, each with a tick: what is and what would be. Nothing is sent
 // before Apply; then all ticked ones at once, or none.
 
-import { element, showNote } from "../core/dom.js";
+import { attempt, element } from "../core/dom.js";
 import { exact } from "../core/format.js";
 
 export class Diff {
@@ -63,13 +63,12 @@ export class Diff {
 
   async send() {
     this.busy = true;
-    this.reason.hidden = true;
     this.count();
-    try {
+    await attempt(this.reason, async () => {
       const applied = await this.gains.set(Object.fromEntries(this.chosen.map(([name, { value }]) => [name, value])), true);
       this.stop();
       this.done(applied);
-    } catch (error) { showNote(this.reason, error.message); }
+    });
     this.busy = false;
     this.count();
   }

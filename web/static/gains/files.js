@@ -1,7 +1,7 @@
 // Values to a TOML file and back; a file is compared first, and the chosen lines are applied.
 
 import { request } from "../core/api.js";
-import { element, showNote } from "../core/dom.js";
+import { attempt, element } from "../core/dom.js";
 
 const PATH = "/api/parameters/file";
 
@@ -23,11 +23,10 @@ export class Files {
   async load() {
     const [file] = this.input.files ?? [];
     if (!file) return;
-    this.reason.hidden = true;
-    try {
+    await attempt(this.reason, async () => {
       const content = await request("POST", PATH, file, "application/toml");
       this.show({ title: `Load ${file.name}`, empty: "Loading this file would change nothing.", ...content });
-    } catch (error) { showNote(this.reason, error.message); }
+    });
     this.input.value = ""; // the same file again is a change again
   }
 }

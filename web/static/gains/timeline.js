@@ -1,7 +1,7 @@
 // The history of parameter changes: who, when, old and new value, in which flight; each can be restored.
 
 import { get } from "../core/api.js";
-import { element, showNote } from "../core/dom.js";
+import { attempt, element, showNote } from "../core/dom.js";
 import { exact } from "../core/format.js";
 
 const GESTURE = 2; // s between two values of one motion
@@ -42,7 +42,7 @@ export class TimeLine {
   async read() {
     const query = new URLSearchParams({ limit: String(this.limit), ...(this.name ? { name: this.name } : {}) });
     let read;
-    try { read = await get(`/api/parameters/history?${query}`); } catch (error) { this.say(error.message); return; }
+    try { read = await get(`/api/parameters/history?${query}`); } catch (error) { showNote(this.reason, error.message); return; }
     this.more.hidden = read.changes.length < this.limit || this.limit >= MOST;
     const entries = gestures(read.changes);
     this.list.replaceChildren(...entries.map((entry) => this.entry(entry)));
@@ -67,12 +67,9 @@ export class TimeLine {
   }
 
   async putBack(changes) {
-    this.say("");
-    try { await this.gains.set(Object.fromEntries(changes.map(([name, { old }]) => [name, old])), true); } catch (error) { this.say(error.message); }
+    await attempt(this.reason, () => this.gains.set(Object.fromEntries(changes.map(([name, { old }]) => [name, old])), true));
     this.read();
   }
-
-  say(text) { showNote(this.reason, text); }
 }
 
 // s since 1970 → "09:31:23" today, with the date before.

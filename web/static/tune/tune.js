@@ -1,8 +1,8 @@
 // The Tune tab: a step or doublet on one axis, drawn and judged from the vehicle's own log.
 
-import { get, request } from "../core/api.js";
+import { command, get, request } from "../core/api.js";
 import { flightButton } from "../core/flight_button.js";
-import { element, optionsOf, setText, showNote } from "../core/dom.js";
+import { attempt, element, optionsOf, setText, showNote } from "../core/dom.js";
 import { exact, words } from "../core/format.js";
 import { colorsOf, TunePlot } from "./plot.js";
 import { TuneRuns } from "./runs.js";
@@ -162,24 +162,20 @@ export class Tune {
   }
 
   async run() {
-    this.reason.hidden = true;
     if (this.hindrance) { this.refuse(this.hindrance); return; }
     this.start.disabled = true;
-    try { await request("POST", "/api/tuning/run", this.plan); } catch (error) { this.refuse(error.message); }
+    await attempt(this.reason, () => request("POST", "/api/tuning/run", this.plan));
     this.draw();
   }
 
-  async brake() {
-    try { await request("POST", "/api/commands/start_behavior", { name: "brake" }); } catch (error) { this.refuse(error.message); }
-  }
+  brake() { attempt(this.reason, () => command("start_behavior", { name: "brake" })); }
 
   async putBack(run) {
-    this.reason.hidden = true;
-    try {
+    await attempt(this.reason, async () => {
       const { applied, left } = await request("POST", `/api/tuning/runs/${encodeURIComponent(run.id)}/gains`, {});
       const names = Object.entries(applied).map(([name, value]) => `${name.split(".").slice(-2).join(".")} ${exact(value)}`);
       this.said = `Restored: ${names.join(", ")}${left.length ? `; unchanged: ${left.join(", ")}` : ""}`;
-    } catch (error) { this.refuse(error.message); }
+    });
     this.draw();
   }
 
