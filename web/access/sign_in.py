@@ -16,6 +16,7 @@ from web.access.roles import Session
 from web.access.sessions import Sessions
 from web.access.sign_in_limiter import SignInLimiter
 from web.access.sign_in_tokens import SignInTokens
+from web.body import read_body
 
 LARGEST_FORM = 4096  # bytes
 FORM_TIME = 10.0  # s in which a form must arrive
@@ -123,17 +124,15 @@ def address_of(came: HTTPConnection) -> str:
 
 async def read_form(request: Request) -> dict[str, str]:
     """Read the fields of a form's body. Raises ValueError with the reason."""
-    body = bytearray()
     try:
         async with asyncio.timeout(FORM_TIME):
-            async for chunk in request.stream():
-                body += chunk
-                if len(body) > LARGEST_FORM:
-                    raise ValueError(f"the form is too large; allowed are {LARGEST_FORM} bytes")
+            body = await read_body(request, LARGEST_FORM)
     except TimeoutError:
         raise ValueError("the form did not arrive in time") from None
     except ClientDisconnect:
         raise ValueError("the form was incomplete") from None
+    if len(body) > LARGEST_FORM:
+        raise ValueError(f"the form is too large; allowed are {LARGEST_FORM} bytes")
     return dict(
         parse_qsl(body.decode("utf-8", "replace"), keep_blank_values=True, max_num_fields=8)
     )

@@ -20,7 +20,7 @@ from estimation.parameters import PRESETS as GAINS
 from quadrotor.errors import LinkError, MeasurementError, OutOfBoundsError
 from web.beacons import comparison_feed
 from web.beacons.moves import BeaconMoves
-from web.body import Body
+from web.body import Body, read_body
 from web.live.latest import Live
 from web.parameters.replica import LAYOUT, PageParameters
 from web.requester import Operator
@@ -146,7 +146,7 @@ def add_beacons(app: FastAPI, context: VehicleContext) -> None:
         with the reason if station or vehicle refuse it.
         """
         kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-        text = layout_of(await _body(request), kind, name)
+        text = layout_of(await read_body(request, LARGEST), kind, name)
         applied, _ = await context.gains.change({LAYOUT: text}, session.label)
         confirmed = str(applied[LAYOUT])
         return {"layout": confirmed, "beacons": rows_of(parse_layout(confirmed))}
@@ -213,13 +213,3 @@ def check_estimate(name: str, replica: PageParameters, live: Live) -> None:
             f"no estimate is called {name!r}; there are {', '.join(allowed)}: "
             "add an estimator to the comparison first"
         )
-
-
-async def _body(request: Request) -> bytes:
-    """Read the body up to a little more than the largest file, so that its reader can refuse it."""
-    body = b""
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) > LARGEST:
-            break
-    return body

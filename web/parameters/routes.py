@@ -14,9 +14,8 @@ from fastapi.responses import PlainTextResponse
 from pydantic import Field
 
 from console.parameters.presets import Preset
-from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterValue
-from web.body import Body
+from web.body import Body, read_body
 from web.parameters.built_in_presets import built_in
 from web.parameters.compare import compare, differing
 from web.parameters.file import LARGEST, read_file, write_file
@@ -140,11 +139,7 @@ def _add_files(app: FastAPI, context: VehicleContext) -> None:
     )
     async def read(request: Request, _: Operator) -> dict[str, Any]:
         """Return the changes that loading this file would make; nothing is changed."""
-        content = b""
-        async for piece in request.stream():
-            content += piece
-            if len(content) > LARGEST:
-                raise MeasurementError(f"the file is too large; allowed are {LARGEST} bytes")
+        content = await read_body(request, LARGEST)
         return compare(context.replica, await run_in_threadpool(read_file, content))
 
 
