@@ -96,7 +96,7 @@ export class Calibrate {
 
   begin() {
     this.reason.hidden = true;
-    if (this.hindrance) { this.refuse(this.hindrance); return; }
+    if (this.blockedReason) { this.refuse(this.blockedReason); return; }
     let options;
     try { options = this.form.values(); } catch (error) { this.refuse(error.message); return; }
     this.kept.set(this.name, options);
@@ -115,7 +115,7 @@ export class Calibrate {
   }
 
   // Why none can begin now; "" when one can.
-  get hindrance() {
+  get blockedReason() {
     const { status, control } = this.events.summary, { status: experiment } = this, holder = control?.holder ?? "";
     if (!this.isOperator) return "Viewers cannot calibrate; ask an operator.";
     if (!this.events.connected) return "No connection to this page's server.";
@@ -145,13 +145,13 @@ export class Calibrate {
       this.reason.hidden = true;
     }
     this.run.draw(runs ? status : null, isOld);
-    this.result.draw(isOurs && !runs ? status : null, this.events.summary.proposal ?? null, { isOld, history: this.history, options: (options) => this.putOptions(status.name, options), hindrance: this.hindrance });
+    this.result.draw(isOurs && !runs ? status : null, this.events.summary.proposal ?? null, { isOld, history: this.history, options: (options) => this.putOptions(status.name, options), blockedReason: this.blockedReason });
     this.choice.hidden = runs;
     this.list.show(this.known, this.name, (name) => this.recordsOf(name));
-    const { hindrance } = this;
-    this.start.disabled = Boolean(hindrance);
+    const { blockedReason } = this;
+    this.start.disabled = Boolean(blockedReason);
     this.form.disable(!this.isOperator);
-    setText(this.line, hindrance);
+    setText(this.line, blockedReason);
     const { chosen } = this;
     this.past.place.hidden = !chosen;
     if (chosen) this.past.show(labelOf(chosen.name), this.recordsOf(chosen.calibration), this.problem);

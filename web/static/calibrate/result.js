@@ -35,8 +35,8 @@ export class CalibrationResult {
     this.away = undefined; // what was closed, or was decided before this page came
   }
 
-  // status: of a calibration that ended, or null; hindrance: why none can be repeated now.
-  draw(status, proposal, { isOld, history, options, hindrance }) {
+  // status: of a calibration that ended, or null; blockedReason: why none can be repeated now.
+  draw(status, proposal, { isOld, history, options, blockedReason }) {
     const hasEnded = Boolean(status) && status.phase !== "idle";
     this.id = hasEnded ? `${status.name} ${status.run_id} ${status.elapsed}` : "";
     if (hasEnded && this.away === undefined) this.away = status.decision ? this.id : "";
@@ -49,8 +49,8 @@ export class CalibrationResult {
     this.accept.title = isOld ? "no data from the station for a while" : record && !record.good ? "a figure is beyond its limit; the vehicle applies the values anyway" : "the vehicle applies all values or none";
     this.accept.classList.toggle("caution", Boolean(record) && !record.good);
     this.accept.textContent = record && !record.good ? "Accept anyway" : "Accept";
-    this.repeat.disabled = Boolean(hindrance);
-    this.repeat.title = hindrance || "hold for 0.8 s: the same again, with the options below";
+    this.repeat.disabled = Boolean(blockedReason);
+    this.repeat.title = blockedReason || "hold for 0.8 s: the same again, with the options below";
     const kept = decision === "accepted" && record ? history?.find((one) => one.name === record.name && one.run_id === status.run_id) : null;
     const before = record && history?.find((one) => one.name === record.name && one !== kept);
     const key = JSON.stringify([this.id, decision, status.phase, status.reason, kept?.stamp_ns, before?.stamp_ns, Boolean(record)]);

@@ -24,7 +24,7 @@ export class Marks {
     place.after(this.list);
     note.append(this.note);
     if (isOperator) onKey("m", "mark this moment in the log", (event) => this.press(event));
-    events.on("mark", (mark) => this.heard(mark));
+    events.on("mark", (mark) => this.show(mark));
     events.on("summary", ({ station }) => { if (station) this.follow(station); });
   }
 
@@ -41,7 +41,7 @@ export class Marks {
   // Those made before this page was opened.
   async load(run) {
     const marks = await get(`/api/runs/${encodeURIComponent(run)}/marks`).catch(() => []);
-    for (const mark of marks) this.heard(mark);
+    for (const mark of marks) this.show(mark);
   }
 
   // The time of the press is that of the event, however late its handler runs.
@@ -65,7 +65,7 @@ export class Marks {
   }
 
   // A new mark or a new text, whoever's.
-  heard({ id, run_id: run, time, text, requester }) {
+  show({ id, run_id: run, time, text, requester }) {
     if (this.run !== undefined && run !== this.run) return;
     const known = this.lines.get(id);
     if (known) { if (known !== document.activeElement) known.value = text; return; }

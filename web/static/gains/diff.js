@@ -24,12 +24,12 @@ export class Diff {
       this.place.append(element("div", { className: "diff-head" }, element("label", {}, this.all, " all"), this.apply), this.reason);
     }
     this.place.append(element("ul", {}, ...lines.map((line) => this.line(line))));
-    this.heard = ({ detail }) => this.confirmed(detail.name);
-    gains.addEventListener("confirmed", this.heard);
+    this.onConfirmed = ({ detail }) => this.confirmed(detail.name);
+    gains.addEventListener("confirmed", this.onConfirmed);
     this.count();
   }
 
-  stop() { this.gains.removeEventListener("confirmed", this.heard); }
+  stop() { this.gains.removeEventListener("confirmed", this.onConfirmed); }
 
   line({ name, unit, now, new: value, reason }) {
     const box = element("input", { type: "checkbox", checked: !reason, disabled: Boolean(reason), onchange: () => this.count(), ariaLabel: `${name} to ${exact(value)}` });

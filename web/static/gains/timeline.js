@@ -19,16 +19,16 @@ export class TimeLine {
     this.list = element("ol", { className: "timeline" });
     this.more = element("button", { className: "link", hidden: true, onclick: () => { this.limit = Math.min(MOST, this.limit * 2); this.read(); } }, "Older");
     this.place.append(this.reason, this.list, this.more);
-    this.heard = ({ detail }) => this.confirmed(detail.name);
+    this.onConfirmed = ({ detail }) => this.confirmed(detail.name);
   }
 
   start() {
-    this.gains.addEventListener("confirmed", this.heard);
+    this.gains.addEventListener("confirmed", this.onConfirmed);
     this.read();
   }
 
   stop() {
-    this.gains.removeEventListener("confirmed", this.heard);
+    this.gains.removeEventListener("confirmed", this.onConfirmed);
     clearTimeout(this.timer);
     this.timer = null;
   }

@@ -55,8 +55,8 @@ export class Contact {
     const { events, ages } = this, { link } = events.summary;
     if (this.closed !== null) return performance.now() - this.closed > 1e3 * SERVER ? "page" : this.cause;
     const station = Math.min(ages.age("link_status"), ages.age("station_status"));
-    const isHeard = ages.age("state") < (this.safety("link_timeout") ?? TIMEOUT) || ages.age("status") < STATUS && link?.state === "good";
-    if (isHeard) return "";
+    const hasContact = ages.age("state") < (this.safety("link_timeout") ?? TIMEOUT) || ages.age("status") < STATUS && link?.state === "good";
+    if (hasContact) return "";
     if (!events.summary.status && performance.now() - this.began < 1e3 * NEVER) return "";
     if (!(station < STATION)) return station < GONE ? "silent" : "station";
     if (link && link.state !== "good") return "link";

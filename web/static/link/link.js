@@ -68,7 +68,7 @@ export class LinkPanel {
       const isMeasured = name !== "round_trip" && name !== "clock_offset" || link?.round_trip > 0;
       strip.add(time, link && !isOld && isMeasured ? link[name] ?? NaN : NaN);
     }
-    this.loop.hear();
+    this.loop.sample();
     if (!document.hidden) this.samplePage(time);
   }
 

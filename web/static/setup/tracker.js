@@ -55,16 +55,16 @@ export class TrackerSection {
     ];
   }
 
-  system(told) {
-    const stamped = told.latency_counts.some((count) => count > 0);
+  system(tracker) {
+    const stamped = tracker.latency_counts.some((count) => count > 0);
     return [
-      ["Source", told.system],
-      ["This vehicle's body", `${told.body}${told.withheld ? " (its poses are withheld)" : ""}`],
-      ["Frames", `${fixed(told.frame_rate, 0)} Hz`],
-      ["Bodies seen", told.seen.map((name, k) => `${name} ${fixed(told.rates[k], 0)} Hz`).join(", ") || "none"],
-      ["Latency", stamped ? `median ${fixed(1e3 * told.latency, 1)} ms, 99 % below ${fixed(1e3 * told.latency_p99, 1)} ms` : "not known: no stamps of the system"],
-      ["Drift of its clock", stamped ? `${fixed(1e6 * told.clock_drift, 0)} µs/s` : NONE],
-      ["Since the start", `${told.gaps} gaps, ${told.jumps} jumps, clock set ${told.clock_jumps} times`],
+      ["Source", tracker.system],
+      ["This vehicle's body", `${tracker.body}${tracker.withheld ? " (its poses are withheld)" : ""}`],
+      ["Frames", `${fixed(tracker.frame_rate, 0)} Hz`],
+      ["Bodies seen", tracker.seen.map((name, k) => `${name} ${fixed(tracker.rates[k], 0)} Hz`).join(", ") || "none"],
+      ["Latency", stamped ? `median ${fixed(1e3 * tracker.latency, 1)} ms, 99 % below ${fixed(1e3 * tracker.latency_p99, 1)} ms` : "not known: no stamps of the system"],
+      ["Drift of its clock", stamped ? `${fixed(1e6 * tracker.clock_drift, 0)} µs/s` : NONE],
+      ["Since the start", `${tracker.gaps} gaps, ${tracker.jumps} jumps, clock set ${tracker.clock_jumps} times`],
     ];
   }
 

@@ -13,7 +13,7 @@ export class StickLink extends EventTarget {
     this.waiting = new Map(); // number → when it was sent
     this.trips = []; // ms
     this.socket = new Socket("/ws/stick");
-    this.socket.addEventListener("message", ({ data }) => this.hear(JSON.parse(data)));
+    this.socket.addEventListener("message", ({ data }) => this.receive(JSON.parse(data)));
     this.socket.addEventListener("close", () => {
       this.waiting.clear();
       this.trips.length = 0;
@@ -36,7 +36,7 @@ export class StickLink extends EventTarget {
   }
 
   // {n, by, on, why}
-  hear(answer) {
+  receive(answer) {
     const sent = this.waiting.get(answer.n);
     if (sent !== undefined && answer.by === "station") {
       this.trips.push(performance.now() - sent);

@@ -139,7 +139,7 @@ export class Tune {
   }
 
   // Why no test can begin now; "" when one can.
-  get hindrance() {
+  get blockedReason() {
     const { status, control } = this.events.summary, holder = control?.holder ?? "";
     if (!this.isOperator) return "Viewers cannot run tests; ask an operator.";
     if (BUSY.includes(this.status.phase)) return "A test is under way.";
@@ -162,7 +162,7 @@ export class Tune {
   }
 
   async run() {
-    if (this.hindrance) { this.refuse(this.hindrance); return; }
+    if (this.blockedReason) { this.refuse(this.blockedReason); return; }
     this.start.disabled = true;
     await attempt(this.reason, () => request("POST", "/api/tuning/run", this.plan));
     this.draw();
@@ -182,10 +182,10 @@ export class Tune {
   refuse(text) { showNote(this.reason, text); }
 
   draw() {
-    const { status } = this, isBusy = BUSY.includes(status.phase), hindrance = this.hindrance;
+    const { status } = this, isBusy = BUSY.includes(status.phase), blockedReason = this.blockedReason;
     if (isBusy) this.said = "";
-    this.start.disabled = Boolean(hindrance);
-    this.start.title = hindrance || "jump, hold, jump back; ends in hover where it began";
+    this.start.disabled = Boolean(blockedReason);
+    this.start.title = blockedReason || "jump, hold, jump back; ends in hover where it began";
     this.stop.disabled = !this.isOperator || status.phase !== "flying";
     const percent = isBusy ? Math.round(100 * status.share) : 0;
     this.bar.style.width = `${percent}%`;
@@ -193,7 +193,7 @@ export class Tune {
     this.progress.classList.toggle("old", !this.events.connected);
     this.line.classList.toggle("amber", status.phase === "failed" || Boolean(status.phase === "done" && status.text));
     const last = status.phase === "idle" || (status.phase === "done" && !status.text) ? "" : `${SHOWN[status.phase]}${status.text ? `: ${status.text}` : ""}`;
-    setText(this.line, isBusy ? last : this.said || [last, hindrance].filter(Boolean).join(". ").replaceAll("..", "."));
+    setText(this.line, isBusy ? last : this.said || [last, blockedReason].filter(Boolean).join(". ").replaceAll("..", "."));
     for (const input of [this.axis, this.shape, this.amplitude, this.duration, this.repeats]) input.disabled = isBusy || !this.isOperator;
     this.amplitude.classList.toggle("invalid", this.wrong.startsWith("Amplitude"));
   }

@@ -249,7 +249,7 @@ def test_a_refused_step_in_flight_can_be_walked(gains: Any, look: Any, station: 
             row.confirm(value);
           }, () => {});
           const turn = () => new Promise((resolve) => setTimeout(resolve));
-          const settled = async () => { while (row.path.busy) await turn(); };
+          const settled = async () => { while (row.sender.busy) await turn(); };
           row.enter("15");
           await settled();
           const offer = row.reason.querySelector("button");
