@@ -1,4 +1,4 @@
-"""Tokens work once, and the door's state survives a restart."""
+"""Tokens work once, and their state survives a restart."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ import pytest
 from quadrotor.errors import StorageError
 from tests.support.clock import Clock
 from web.access.database import AccessDatabase
-from web.access.door import Door
 from web.access.roles import Role, Session
 from web.access.sessions import SESSION_AGE, Sessions
+from web.access.sign_in_tokens import SignInTokens
 
 
-def open_door(folder: Path, given: str | None = None, clock: Clock | None = None) -> Door:
-    return Door(folder, Sessions(AccessDatabase(folder), clock or Clock(1_800_000_000.0)), given)
+def open_door(folder: Path, given: str | None = None, clock: Clock | None = None) -> SignInTokens:
+    return SignInTokens(
+        folder, Sessions(AccessDatabase(folder), clock or Clock(1_800_000_000.0)), given
+    )
 
 
 def who(session: Session | None) -> tuple[str, Role] | None:
@@ -26,35 +28,35 @@ def who(session: Session | None) -> tuple[str, Role] | None:
 
 
 def test_a_token_signs_one_browser_in_and_is_consumed(tmp_path: Path) -> None:
-    door = open_door(tmp_path)
-    token = door.token
-    assert who(door.consume(token)) == ("admin 1", Role.ADMIN)
-    assert door.consume(token) is None
-    assert door.was_used(token)
+    tokens = open_door(tmp_path)
+    token = tokens.token
+    assert who(tokens.consume(token)) == ("admin 1", Role.ADMIN)
+    assert tokens.consume(token) is None
+    assert tokens.was_used(token)
 
 
 def test_a_fresh_token_is_minted_when_one_is_consumed(tmp_path: Path) -> None:
-    door = open_door(tmp_path)
-    first = door.token
-    door.consume(first)
-    assert door.token != first
-    assert who(door.consume(door.token)) == ("admin 2", Role.ADMIN)
+    tokens = open_door(tmp_path)
+    first = tokens.token
+    tokens.consume(first)
+    assert tokens.token != first
+    assert who(tokens.consume(tokens.token)) == ("admin 2", Role.ADMIN)
 
 
 def test_a_wrong_token_consumes_nothing(tmp_path: Path) -> None:
-    door = open_door(tmp_path)
-    token = door.token
-    assert door.consume("wrong") is None
-    assert door.consume("") is None
-    assert not door.was_used("wrong")
-    assert door.token == token
+    tokens = open_door(tmp_path)
+    token = tokens.token
+    assert tokens.consume("wrong") is None
+    assert tokens.consume("") is None
+    assert not tokens.was_used("wrong")
+    assert tokens.token == token
 
 
 def test_sessions_and_unused_tokens_survive_a_restart(tmp_path: Path) -> None:
-    door = open_door(tmp_path)
-    session = door.consume(door.token)
+    tokens = open_door(tmp_path)
+    session = tokens.consume(tokens.token)
     assert session is not None
-    cookie, unused = door.sign(session), door.token
+    cookie, unused = tokens.sign(session), tokens.token
     again = open_door(tmp_path)
     assert again.session(cookie) == session
     assert again.token == unused
@@ -62,9 +64,9 @@ def test_sessions_and_unused_tokens_survive_a_restart(tmp_path: Path) -> None:
 
 
 def test_a_supervisor_cannot_bring_a_used_token_back(tmp_path: Path) -> None:
-    door = open_door(tmp_path, "given")
-    assert door.token == "given"
-    assert door.consume("given") is not None
+    tokens = open_door(tmp_path, "given")
+    assert tokens.token == "given"
+    assert tokens.consume("given") is not None
     again = open_door(tmp_path, "given")
     assert again.consume("given") is None
     assert again.token != "given"
@@ -76,11 +78,11 @@ def test_a_given_token_is_accepted_again_while_unused(tmp_path: Path) -> None:
 
 
 def test_a_viewer_token_makes_a_viewer(tmp_path: Path) -> None:
-    door = open_door(tmp_path)
-    before = door.token
-    session = door.consume(door.mint(Role.VIEWER))
+    tokens = open_door(tmp_path)
+    before = tokens.token
+    session = tokens.consume(tokens.mint(Role.VIEWER))
     assert who(session) == ("viewer 1", Role.VIEWER)
-    assert door.token == before
+    assert tokens.token == before
 
 
 def test_the_file_is_readable_by_its_owner_only(tmp_path: Path) -> None:
@@ -103,9 +105,9 @@ def test_a_cookie_of_another_data_folder_is_no_session(tmp_path: Path) -> None:
 
 def test_a_signed_cookie_whose_session_was_never_opened_is_none(tmp_path: Path) -> None:
     """The signing secret alone opens nothing."""
-    door = open_door(tmp_path)
+    tokens = open_door(tmp_path)
     made_up = Session("admin 9", Role.ADMIN, "x", 0, 1_800_000_000)
-    assert door.session(door.sign(made_up)) is None
+    assert tokens.session(tokens.sign(made_up)) is None
 
 
 @pytest.mark.parametrize(
@@ -114,23 +116,23 @@ def test_a_signed_cookie_whose_session_was_never_opened_is_none(tmp_path: Path) 
 def test_a_signed_cookie_that_says_more_than_its_session_is_none(
     tmp_path: Path, change: dict[str, Any]
 ) -> None:
-    door = open_door(tmp_path)
-    session = door.consume(door.mint(Role.VIEWER))
+    tokens = open_door(tmp_path)
+    session = tokens.consume(tokens.mint(Role.VIEWER))
     assert session is not None
-    assert door.session(door.sign(session)) == session
-    assert door.session(door.sign(replace(session, **change))) is None
+    assert tokens.session(tokens.sign(session)) == session
+    assert tokens.session(tokens.sign(replace(session, **change))) is None
 
 
 def test_a_session_ends_with_its_age(tmp_path: Path) -> None:
     clock = Clock(1_800_000_000.0)
-    door = open_door(tmp_path, clock=clock)
-    session = door.consume(door.token)
+    tokens = open_door(tmp_path, clock=clock)
+    session = tokens.consume(tokens.token)
     assert session is not None
-    cookie = door.sign(session)
+    cookie = tokens.sign(session)
     clock.now += SESSION_AGE - 1
-    assert door.session(cookie) == session
+    assert tokens.session(cookie) == session
     clock.now += 1
-    assert door.session(cookie) is None
+    assert tokens.session(cookie) is None
 
 
 def test_a_token_of_strange_letters_is_wrong_and_no_defect(tmp_path: Path) -> None:
@@ -147,7 +149,7 @@ def test_a_damaged_file_is_said_in_one_line(tmp_path: Path, content: str) -> Non
 
 def test_unused_tokens_of_many_starts_do_not_pile_up(tmp_path: Path) -> None:
     for start in range(50):
-        door = open_door(tmp_path, f"token {start}")
-    assert door.token == "token 49"
-    assert door.consume("token 0") is None
-    assert door.consume("token 48") is not None
+        tokens = open_door(tmp_path, f"token {start}")
+    assert tokens.token == "token 49"
+    assert tokens.consume("token 0") is None
+    assert tokens.consume("token 48") is not None

@@ -29,7 +29,7 @@ def is_loopback(host: str) -> bool:
     return all(ipaddress.ip_address(one).is_loopback for one in found)
 
 
-def check_reach(host: str, *, has_tls: bool, accounts: int) -> None:
+def check_listen_address(host: str, *, has_tls: bool, accounts: int) -> None:
     """Raise UsageError unless others reach the page only by password and over TLS.
 
     The page moves a machine.

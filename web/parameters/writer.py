@@ -1,6 +1,6 @@
 """Gain path: check, coalesce, call the vehicle, publish to every page what was applied.
 
-The vehicle is the authority. `GainPath` carries changes to it: one call at a time for each
+The vehicle is the authority. `ParameterWriter` carries changes to it: one call at a time for each
 parameter and requester, at most 20 a second. The last value is always sent, however fast the slider
 moved. Where one step in flight is not enough, `web.parameters.stepwise` makes several.
 """
@@ -51,7 +51,7 @@ class _Slot:
     task: asyncio.Task[None] | None = None
 
 
-class GainPath:
+class ParameterWriter:
     """Changes of parameters through `target`, which keep `replica` up to date.
 
     Args:

@@ -38,7 +38,7 @@ RETRY = 0.25  # s
 ENDS_WELL = ("hover",)
 
 
-class TuningBench:
+class StepTests:
     """Bench for step tests, to be used from the event loop's thread.
 
     It publishes `{"type": "tuning", …}` to all pages.

@@ -1,4 +1,4 @@
-"""Entrance of the page: one-time sign-in tokens and the signed session cookie.
+"""Entry to the page: one-time sign-in tokens and the signed session cookie.
 
 A token signs one browser in and is consumed by it. Then a new one is created, so that there is
 always exactly one way in for the next person; it is shown only in the terminal. The terminal's
@@ -23,14 +23,12 @@ from quadrotor.errors import StorageError
 from web.access.roles import Role, Session
 from web.access.sessions import SESSION_AGE, Sessions
 
-__all__ = ["Door", "Role", "Session"]
-
 REMEMBERED = 200  # consumed tokens remembered, so that a supervisor cannot make one valid again
 LINK_AGE = 600  # s for which a live link is valid
 OPEN_AT_ONCE = 20  # unused tokens kept; each start of `quadlab up` leaves one
 
 
-class Door:
+class SignInTokens:
     """Tokens and sessions of one data folder; thread-safe.
 
     Args:
@@ -46,8 +44,8 @@ class Door:
         self._sessions = sessions
         self._lock = threading.Lock()
         self._state = self._load()
-        self._serializer = URLSafeTimedSerializer(self._state["secret"], salt="quadlab-session")
-        self._links = URLSafeTimedSerializer(self._state["secret"], salt="quadlab-live-link")
+        self._serializer = URLSafeTimedSerializer(self.secret, salt="quadlab-session")
+        self._links = URLSafeTimedSerializer(self.secret, salt="quadlab-live-link")
         used = given is not None and _digest(given) in self._state["used"]
         if given is not None and not used and given not in self._state["tokens"]:
             self._state["tokens"][given] = Role.ADMIN.value
@@ -55,6 +53,12 @@ class Door:
         tokens = self._state["tokens"]
         self._state["tokens"] = dict(list(tokens.items())[-OPEN_AT_ONCE:])
         self._save()
+
+    @property
+    def secret(self) -> str:
+        """Return the secret that signs cookies and links."""
+        secret: str = self._state["secret"]
+        return secret
 
     @property
     def token(self) -> str:

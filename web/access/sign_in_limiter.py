@@ -28,7 +28,7 @@ class _Record:
     until: float  # s; no attempt is allowed before
 
 
-class Attempts:
+class SignInLimiter:
     """Counters of failures by address and name, with a clock in s.
 
     The memory is bounded: the least recent counters are dropped.

@@ -17,7 +17,7 @@ from starlette.websockets import WebSocketClose
 PLACE = "/v/"
 
 
-class ByVehicle:
+class VehicleRouter:
     """ASGI application that passes each request to the application of its vehicle.
 
     Args:

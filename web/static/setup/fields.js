@@ -1,47 +1,7 @@
-// Parameters of vehicle and station on the Set-up page: confirmed values, and fields to change them.
+// Some parameters as fields on the Set-up page: confirmed values, and drafts until they are applied.
 
-import { get, request } from "../core/api.js";
-import { element } from "../core/dom.js";
-import { exact } from "../core/format.js";
-
-const number = (text) => (text.trim() === "" ? NaN : Number(text.trim().replace(",", ".").replace("−", "-")));
-
-// Fires `change` whenever a confirmed value is another one.
-export class SetupParameters extends EventTarget {
-  constructor(events, isOperator) {
-    super();
-    this.isOperator = isOperator;
-    this.known = new Map(); // name → description, with its confirmed value
-    events.on("hello", () => this.load());
-    events.on("parameters", () => this.load());
-    events.on("parameter", (news) => { this.confirm(news); this.dispatchEvent(new Event("change")); });
-  }
-
-  async load() {
-    const { parameters, generation } = await get("/api/parameters").catch(() => ({ parameters: null }));
-    if (parameters === null) return; // the hello of web's return loads again
-    const before = this.known;
-    this.known = new Map(parameters.map((one) => [one.name, { ...one, generation }]));
-    for (const one of before.values()) this.confirm(one); // came while this was under way
-    this.dispatchEvent(new Event("change"));
-  }
-
-  // An answer and the news of it overtake each other: what is older than what is known does not count.
-  confirm({ name, value, generation, revision }) {
-    const one = this.known.get(name);
-    if (!one || generation < one.generation || (generation === one.generation && revision < one.revision)) return;
-    Object.assign(one, { value, generation, revision });
-  }
-
-  value(name) { return this.known.get(name)?.value; }
-
-  // All or nothing; an error's message is the reason.
-  async set(values) {
-    const { applied, revisions, generation } = await request("PUT", "/api/parameters", { values });
-    for (const [name, value] of Object.entries(applied)) this.confirm({ name, value, generation, revision: revisions[name] });
-    this.dispatchEvent(new Event("change"));
-  }
-}
+import { element, showNote } from "../core/dom.js";
+import { exact, parseNumber } from "../core/format.js";
 
 // Some numbers with one Apply for all: what is typed is a draft, marked, until it is applied.
 // Fires `draft` when something was typed or taken back.
@@ -65,7 +25,7 @@ export class Fields extends EventTarget {
     place.append(
       element("div", { className: "fields" }, ...this.inputs.map(({ input, unit }, i) => element("label", {}, element("span", {}, labels[i][1]), input, unit))),
       element("div", { className: "acts" }, this.button, this.back), this.reason);
-    parameters.addEventListener("change", () => this.show());
+    for (const type of ["read", "confirmed"]) parameters.addEventListener(type, () => this.show());
     this.show();
   }
 
@@ -73,7 +33,7 @@ export class Fields extends EventTarget {
 
   // What is typed, by name; the confirmed value where nothing is.
   values() {
-    return Object.fromEntries(this.inputs.map(({ name, input }) => [name, input.classList.contains("draft") ? number(input.value) : this.parameters.value(name)]));
+    return Object.fromEntries(this.inputs.map(({ name, input }) => [name, input.classList.contains("draft") ? parseNumber(input.value) : this.parameters.value(name)]));
   }
 
   show() {
@@ -89,7 +49,7 @@ export class Fields extends EventTarget {
   }
 
   edited() {
-    for (const { name, input } of this.inputs) input.classList.toggle("draft", this.parameters.known.has(name) && number(input.value) !== this.parameters.value(name));
+    for (const { name, input } of this.inputs) input.classList.toggle("draft", this.parameters.known.has(name) && parseNumber(input.value) !== this.parameters.value(name));
     this.button.disabled = !this.isDraft || !this.parameters.isOperator;
     this.back.hidden = !this.isDraft;
     if (!this.isDraft) this.reason.hidden = true;
@@ -113,8 +73,5 @@ export class Fields extends EventTarget {
     } catch (error) { this.refuse(error.message); }
   }
 
-  refuse(text) {
-    this.reason.textContent = `Not changed: ${text}`;
-    this.reason.hidden = false;
-  }
+  refuse(text) { showNote(this.reason, `Not changed: ${text}`); }
 }
