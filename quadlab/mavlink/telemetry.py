@@ -1,0 +1,262 @@
+"""The messages that the gateway sends by itself, of what the station says of the vehicle.
+
+While the vehicle is not heard there is no heartbeat, so that a ground station sees a lost vehicle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from quadlab.mavlink.dialect import mavlink
+from quadlab.mavlink.frames import Origin, swap_attitude, swap_body, swap_world
+from quadlab.mavlink.link import Peer
+from quadlab.mavlink.modes import custom_mode
+from quadlab.mavlink.vehicle import Motion, Vehicle
+from quadrotor.plain_rotations import roll_pitch_yaw
+
+FASTEST = 0.02
+"""Shortest period, in s, that a ground station may ask for."""
+TEXT = 50
+"""Characters of one STATUSTEXT; longer lines are sent in several."""
+SENSORS = (
+    mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
+    | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+    | mavlink.MAV_SYS_STATUS_SENSOR_VISION_POSITION
+    | mavlink.MAV_SYS_STATUS_SENSOR_GPS
+    | mavlink.MAV_SYS_STATUS_PREARM_CHECK
+)
+"""What is there; GPS stands for the tracker, as global positions are made of its poses."""
+ALWAYS_WELL = mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
+"""Reported well although there is none: MAVSDK counts a vehicle without it as not ready."""
+STATES = {
+    "starting": mavlink.MAV_STATE_BOOT,
+    "ready": mavlink.MAV_STATE_STANDBY,
+    "emergency_land": mavlink.MAV_STATE_EMERGENCY,
+    "cut": mavlink.MAV_STATE_FLIGHT_TERMINATION,
+}
+SEVERITIES = {20: mavlink.MAV_SEVERITY_INFO, 30: mavlink.MAV_SEVERITY_WARNING}
+NONE_16, NONE_8 = 65535, 255
+NO_COVARIANCE = [math.nan] * 21
+CAPABILITIES = (
+    mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
+    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_FLIGHT_TERMINATION
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+)
+
+
+class Telemetry:
+    """Makes the messages, and sends each when it is due."""
+
+    def __init__(self, vehicle: Vehicle, origin: Origin) -> None:
+        self._vehicle, self._origin = vehicle, origin
+        self._first_ns: int | None = None
+        self._texts = 0
+        self._makers: dict[int, tuple[float, Callable[[], Any]]] = {
+            mavlink.MAVLINK_MSG_ID_HEARTBEAT: (1.0, self._heartbeat),
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS: (1.0, self._sys_status),
+            mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: (2.0, self._battery),
+            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: (0.5, self._landed),
+            mavlink.MAVLINK_MSG_ID_HOME_POSITION: (2.0, self._home),
+            mavlink.MAVLINK_MSG_ID_ATTITUDE: (0.05, self._of_motion(self._attitude)),
+            mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: (0.05, self._of_motion(self._quaternion)),
+            mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: (0.05, self._of_motion(self._local)),
+            mavlink.MAVLINK_MSG_ID_ODOMETRY: (0.05, self._of_motion(self._odometry)),
+            mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: (0.2, self._of_motion(self._global)),
+        }
+        self._on_request = {
+            **{number: maker for number, (_, maker) in self._makers.items()},
+            mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self._version,
+        }
+
+    def send_due(self, peer: Peer, now: float) -> None:
+        """Send a ground station what is due. `now`: s of a steady clock."""
+        if self._vehicle.status is None:
+            return
+        for number, (usual, maker) in self._makers.items():
+            period = peer.period.get(number, usual)
+            if now < peer.due.get(number, 0.0) or period == math.inf:
+                continue
+            peer.due[number] = max(peer.due.get(number, 0.0) + period, now)
+            if (message := maker()) is not None:
+                peer.send(message)
+
+    def set_period(self, peer: Peer, number: int, microseconds: float) -> bool:
+        """Set a message's period; 0 is the usual one, -1 never. Return whether there is one."""
+        if number not in self._makers or math.isnan(microseconds):
+            return False
+        usual = self._makers[number][0]
+        asked = max(1e-6 * microseconds, FASTEST) if microseconds > 0.0 else usual
+        peer.period[number] = math.inf if microseconds < 0.0 else asked
+        peer.due.pop(number, None)
+        return True
+
+    def send_one(self, peer: Peer, number: int) -> bool:
+        """Send one message that was asked for; return whether it is known and has contents."""
+        maker = self._on_request.get(number)
+        message = None if maker is None else maker()
+        if message is not None:
+            peer.send(message)
+        return message is not None
+
+    def texts(self, line: str, level: int) -> list[Any]:
+        """Return a line as messages. Level 20 is info, 30 a warning, 40 an error."""
+        data = line.encode("ascii", "replace")[: TEXT * 10]
+        parts = [data[at : at + TEXT] for at in range(0, len(data), TEXT)] or [b""]
+        if len(parts[-1]) == TEXT and len(parts) > 1:
+            parts.append(b"")  # a part that is not full ends the line
+        self._texts = self._texts % NONE_16 + 1 if len(parts) > 1 else self._texts
+        severity = SEVERITIES.get(level, mavlink.MAV_SEVERITY_ERROR)
+        return [
+            mavlink.MAVLink_statustext_message(
+                severity, part, id=self._texts if len(parts) > 1 else 0, chunk_seq=k
+            )
+            for k, part in enumerate(parts)
+        ]
+
+    # ------------------------------------------------------------------ messages
+    def _heartbeat(self) -> Any:
+        status = self._vehicle.status
+        mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+        mode |= mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
+        mode |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED * bool(status.armed)
+        return mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_QUADROTOR,
+            mavlink.MAV_AUTOPILOT_GENERIC,
+            mode,
+            custom_mode(status.behavior),
+            STATES.get(status.mode, mavlink.MAV_STATE_ACTIVE),
+            3,
+        )
+
+    def _sys_status(self) -> Any:
+        status, preflight = self._vehicle.status, self._vehicle.message("preflight")
+        voltage, _ = self._voltage()
+        well = SENSORS | ALWAYS_WELL
+        if self._vehicle.motion is None or "no_pose" in status.flags:
+            well &= ~mavlink.MAV_SYS_STATUS_SENSOR_VISION_POSITION
+            well &= ~mavlink.MAV_SYS_STATUS_SENSOR_GPS
+        if status.mode == "starting":
+            well &= ~mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
+        if not status.armed and not (preflight is not None and preflight.ready):
+            well &= ~mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        return mavlink.MAVLink_sys_status_message(
+            SENSORS, SENSORS, well, 0, voltage, -1, -1, 0, 0, 0, 0, 0, 0
+        )
+
+    def _battery(self) -> Any:
+        voltage, is_known = self._voltage()
+        cells = [voltage] + [NONE_16] * 9  # of one pack as a whole
+        return (
+            mavlink.MAVLink_battery_status_message(
+                0,
+                mavlink.MAV_BATTERY_FUNCTION_ALL,
+                mavlink.MAV_BATTERY_TYPE_LIPO,
+                32767,
+                cells,
+                -1,
+                -1,
+                -1,
+                -1,
+            )
+            if is_known
+            else None
+        )
+
+    def _voltage(self) -> tuple[int, bool]:
+        battery = self._vehicle.message("battery")
+        if battery is None or not math.isfinite(battery.voltage):
+            return NONE_16, False
+        return min(max(round(1000.0 * battery.voltage), 0), NONE_16 - 1), True
+
+    def _landed(self) -> Any:
+        status = self._vehicle.status
+        state = mavlink.MAV_LANDED_STATE_ON_GROUND
+        if status.airborne:
+            state = {
+                "take_off": mavlink.MAV_LANDED_STATE_TAKEOFF,
+                "land": mavlink.MAV_LANDED_STATE_LANDING,
+                "emergency_landing": mavlink.MAV_LANDED_STATE_LANDING,
+            }.get(status.behavior, mavlink.MAV_LANDED_STATE_IN_AIR)
+        return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, state)
+
+    def _home(self) -> Any:
+        latitude, longitude, altitude = self._origin.place
+        return mavlink.MAVLink_home_position_message(
+            round(1e7 * latitude),
+            round(1e7 * longitude),
+            round(1e3 * altitude),
+            *(0.0, 0.0, 0.0),
+            [1.0, 0.0, 0.0, 0.0],
+            *(0.0, 0.0, 0.0),
+        )
+
+    def _version(self) -> Any:
+        return mavlink.MAVLink_autopilot_version_message(
+            CAPABILITIES, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0
+        )
+
+    def _of_motion(self, maker: Callable[[Motion], Any]) -> Callable[[], Any]:
+        def made() -> Any:
+            motion = self._vehicle.motion
+            return None if motion is None else maker(motion)
+
+        return made
+
+    def _milliseconds(self, motion: Motion) -> int:
+        """Return the time since this gateway's first message, which MAVLink calls since boot."""
+        if self._first_ns is None or motion.stamp_ns < self._first_ns:
+            self._first_ns = motion.stamp_ns
+        return (motion.stamp_ns - self._first_ns) // 1_000_000 & 0xFFFF_FFFF
+
+    def _attitude(self, motion: Motion) -> Any:
+        angles = roll_pitch_yaw(*swap_attitude(motion.quaternion_wb))
+        rates = swap_body(motion.angular_velocity_b)
+        return mavlink.MAVLink_attitude_message(self._milliseconds(motion), *angles, *rates)
+
+    def _quaternion(self, motion: Motion) -> Any:
+        turn, rates = swap_attitude(motion.quaternion_wb), swap_body(motion.angular_velocity_b)
+        return mavlink.MAVLink_attitude_quaternion_message(
+            self._milliseconds(motion), *turn, *rates
+        )
+
+    def _local(self, motion: Motion) -> Any:
+        return mavlink.MAVLink_local_position_ned_message(
+            self._milliseconds(motion),
+            *swap_world(motion.position_w),
+            *swap_world(motion.velocity_w),
+        )
+
+    def _odometry(self, motion: Motion) -> Any:
+        return mavlink.MAVLink_odometry_message(
+            1000 * self._milliseconds(motion),
+            mavlink.MAV_FRAME_LOCAL_NED,
+            mavlink.MAV_FRAME_BODY_FRD,
+            *swap_world(motion.position_w),
+            list(swap_attitude(motion.quaternion_wb)),
+            *swap_body(motion.velocity_b),
+            *swap_body(motion.angular_velocity_b),
+            NO_COVARIANCE,
+            NO_COVARIANCE,
+            0,
+            mavlink.MAV_ESTIMATOR_TYPE_VIO,
+        )
+
+    def _global(self, motion: Motion) -> Any:
+        at = self._origin.global_of(motion.position_w)
+        north, east, down = swap_world(motion.velocity_w)
+        yaw = roll_pitch_yaw(*swap_attitude(motion.quaternion_wb))[2]
+        return mavlink.MAVLink_global_position_int_message(
+            self._milliseconds(motion),
+            round(1e7 * at.latitude),
+            round(1e7 * at.longitude),
+            round(1e3 * at.altitude),
+            round(1e3 * motion.position_w[2]),
+            *(min(max(round(100.0 * one), -32768), 32767) for one in (north, east, down)),
+            round(math.degrees(yaw) % 360.0 * 100.0) % 36000,
+        )
