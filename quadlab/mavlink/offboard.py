@@ -41,6 +41,8 @@ APPROACH = 1.2
 """Speed towards a position set-point, in m/s for each m of way left."""
 INSET = 0.02
 """Distance, in m, from the walls at which the reference ends."""
+SHARE = 0.8
+"""Share of the vehicle's limits that is used, because it also checks where a reference leads."""
 SECOND = 1e-9
 POSITION, VELOCITY, YAW, YAW_RATE = 0b111, 0b111 << 3, 1 << 10, 1 << 11
 """Bits of a type mask: set, the numbers are to be ignored."""
@@ -122,15 +124,16 @@ class Follower:
 
         self.reference = reference.copy()
         self._filter = new_velocity_filter(
-            reference, limit("acceleration_max"), limit("yaw_acceleration_max")
+            reference, SHARE * limit("acceleration_max"), SHARE * limit("yaw_acceleration_max")
         )
         for axis, low, high in zip(
             range(3), ("x_min", "y_min", "z_min"), ("x_max", "y_max", "z_max"), strict=True
         ):
             self._filter["low_w"][0, axis] = limit(f"volume_{low}") + INSET
             self._filter["high_w"][0, axis] = limit(f"volume_{high}") - INSET
-        self._speed, self._speed_max = limit("fly_to_speed"), limit("trajectory_speed_max")
-        self._yaw_rate_max = limit("yaw_rate_max")
+        self._speed = limit("fly_to_speed")
+        self._speed_max = SHARE * limit("trajectory_speed_max")
+        self._yaw_rate_max = SHARE * limit("yaw_rate_max")
 
     def step(self, wanted: SetPoint, dt: float) -> None:
         """Advance the reference by dt (s)."""

@@ -71,7 +71,7 @@ def test_full_speed_towards_a_wall_ends_before_it() -> None:
 def test_a_body_velocity_is_along_the_nose() -> None:
     ahead = SetPoint(None, (0.5, 0.0, 0.0), True, None, 0.0, 0)
     turning = [position(0.0, 0.0, 1.0, math.pi / 2.0)] * 2 + [ahead] * 2
-    flown, aborted = fly(turning, 12.0)
+    flown, aborted = fly(turning, 8.0)
     assert aborted == ""
     assert flown["velocity_w"][0] == pytest.approx((0.0, 0.5, 0.0), abs=0.02)
 
