@@ -105,13 +105,12 @@ class Mavlink:
         from console.catalogue.catalogue import Catalogue
         from quadlab.mavlink.gateway import Gateway
         from quadlab.mavlink.logs import Logs
-        from quadlab.mavlink.operators import Operators
         from quadlab.mavlink.vehicle import Vehicle
 
         return Gateway(
             open_link,
             Vehicle(client),
-            Operators(connect),
+            connect,
             Logs(Catalogue(open_data_folder(self.data)), self.name),
             client.advertise("external_reference"),
             client.listen("parameter_changes"),

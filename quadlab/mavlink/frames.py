@@ -35,7 +35,7 @@ def swap_body(v_b: Vector) -> Vector:
 
 def swap_yaw(yaw: float) -> float:
     """Return a yaw (rad) from north to the east, or one from x to y: its own inverse."""
-    return math.remainder(math.pi / 2.0 - yaw, 2.0 * math.pi)
+    return math.remainder(math.pi / 2.0 - yaw, 2.0 * math.pi) if math.isfinite(yaw) else math.nan
 
 
 def swap_attitude(q_wb: Quaternion) -> Quaternion:

@@ -13,14 +13,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from quadlab.mavlink.commands import Wanted, of_mode, wanted_of
+from quadlab.mavlink.commands import Wanted, behavior, wanted_of
 from quadlab.mavlink.dialect import mavlink
 from quadlab.mavlink.frames import Origin
-from quadlab.mavlink.link import Link, Peer
+from quadlab.mavlink.link import MOST, Link, Peer
 from quadlab.mavlink.logs import Logs
 from quadlab.mavlink.missions import MissionFlight, Missions
 from quadlab.mavlink.offboard import Offboard, Sender, set_point_of
-from quadlab.mavlink.operators import UNANSWERED, Operators
+from quadlab.mavlink.operators import UNANSWERED, Connect, Operator
 from quadlab.mavlink.parameter_server import ParameterServer
 from quadlab.mavlink.telemetry import Telemetry
 from quadlab.mavlink.vehicle import Vehicle
@@ -37,16 +37,18 @@ REPEATED = 1.0
 """Seconds in which the same command again is a repetition: it gets the same answer."""
 NOT_FLOWN = {
     "SET_ATTITUDE_TARGET": "set-points of attitude are not flown; send position or velocity",
-    "SET_ACTUATOR_CONTROL_TARGET": "set-points of motors are not flown",
     "MANUAL_CONTROL": "sticks are not taken over MAVLink; use the page's",
     "LOG_ERASE": "runs are deleted on the Runs page alone",
 }
 VIEWER = "ground stations are viewers here; start quadlab mavlink without --viewers to let them fly"
 
+Answered = Callable[[str], None]
+"""Called with the reason of a refusal, or ""."""
+
 
 @dataclass
 class Answer:
-    """The answer to a command: None while it is awaited."""
+    """The answer to a command; its result is None while it is awaited."""
 
     sent: bytes
     result: int | None
@@ -58,7 +60,7 @@ class Gateway:
 
     Args:
         open_link: opens the sockets; is given what to call when a ground station has left.
-        operators: the requesters at the station.
+        connect: returns a client of the station for a requester.
         references: publisher of external references.
         changes, events: queues of the messages of parameter_changes and events.
         viewers: nobody may command; emergencies that land are open to all.
@@ -69,7 +71,7 @@ class Gateway:
         self,
         open_link: Callable[[Callable[[Peer], None]], Link],
         vehicle: Vehicle,
-        operators: Operators,
+        connect: Connect,
         logs: Logs,
         references: Sender,
         changes: queue.SimpleQueue[Any],
@@ -79,11 +81,12 @@ class Gateway:
         viewers: bool,
         say: Callable[[str], None],
     ) -> None:
-        self._vehicle, self._operators, self._origin = vehicle, operators, origin
+        self._vehicle, self._connect, self._origin = vehicle, connect, origin
         self._logs, self._events, self._viewers, self._print = logs, events, viewers, say
-        self._ended: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()
+        self._results: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._operators: dict[str, Operator] = {}
         self._parameters = ParameterServer(changes, self.say)
-        self._offboard = Offboard(vehicle, references, lambda *words: self._ended.put(words))
+        self._offboard = Offboard(vehicle, references, self._offboard_ended)
         self._telemetry = Telemetry(vehicle, origin)
         self._missions = Missions(origin, self._may_upload, self.say)
         self._flight: MissionFlight | None = None
@@ -92,15 +95,10 @@ class Gateway:
         self._handlers: dict[str, Callable[[Peer, Any], None]] = {
             "COMMAND_LONG": self._command,
             "COMMAND_INT": self._command,
-            "SET_MODE": self._set_mode,
             "SET_POSITION_TARGET_LOCAL_NED": self._set_point,
             "SET_POSITION_TARGET_GLOBAL_INT": self._set_point,
-            "PARAM_REQUEST_LIST": lambda peer, _: self._with_parameters(
-                peer, partial(self._parameters.list_to, peer)
-            ),
-            "PARAM_REQUEST_READ": lambda peer, message: self._with_parameters(
-                peer, partial(self._parameters.read, peer, message)
-            ),
+            "PARAM_REQUEST_LIST": self._list_parameters,
+            "PARAM_REQUEST_READ": self._read_parameter,
             "PARAM_SET": self._set_parameter,
             "LOG_REQUEST_LIST": self._list_logs,
             "LOG_REQUEST_DATA": self._send_log,
@@ -114,26 +112,34 @@ class Gateway:
             while not stopping.wait(0.0):
                 self.turn(PERIOD)
         finally:
-            self._offboard.end()
-            self._operators.close()
-            self._link.close()
+            self.close()
+
+    def close(self) -> None:
+        """Send no more references, and give up control."""
+        self._offboard.end()
+        for operator in self._operators.values():
+            operator.close()
+        self._link.close()
 
     def turn(self, wait: float) -> None:
         """Handle what has arrived, within `wait` s, and send what is due."""
         for peer, message in self._link.receive(wait):
             self._take(peer, message)
-        self._operators.results.deliver()
+        while not self._results.empty():
+            self._results.get()()
         self._link.forget_silent()
         now = time.monotonic()
         self._missions.tick(now)
         if self._flight is not None:
             self._flight.tick(now)
-        texts = self._texts()
-        changed = self._parameters.changed()
+        while not self._events.empty():
+            event = self._events.get()
+            for message in self._telemetry.texts(str(event.msg), int(event.level)):
+                self._tell(message)
+        for message in self._parameters.changed():
+            self._tell(message)
         for peer in self._link.peers:
             self._telemetry.send_due(peer, now)
-            for message in (*texts, *changed):
-                peer.send(message)
             self._send_waiting(peer)
 
     def say(self, peer: Peer, line: str, level: int = 30) -> None:
@@ -142,118 +148,99 @@ class Gateway:
         for message in self._telemetry.texts(line, level):
             peer.send(message)
 
+    def _tell(self, message: Any) -> None:
+        for peer in self._link.peers:
+            peer.send(message)
+
     # ------------------------------------------------------------------ messages
     def _take(self, peer: Peer, message: Any) -> None:
         kind = message.get_type()
         if kind.startswith("MISSION_"):
             self._missions.take(peer, message, time.monotonic())
-        elif kind in NOT_FLOWN:
-            if peer.is_new(kind, time.monotonic()):
-                self.say(peer, NOT_FLOWN[kind])
+        elif kind in NOT_FLOWN and peer.is_new(kind, time.monotonic()):
+            self.say(peer, NOT_FLOWN[kind])
         elif (handler := self._handlers.get(kind)) is not None:
             try:
                 handler(peer, message)
-            except RefusedError as error:
-                self.say(peer, str(error))
+            except (RefusedError, StorageError) as error:
+                if not kind.startswith("SET_") or peer.is_new(str(error), time.monotonic()):
+                    self.say(peer, str(error))
 
     def _command(self, peer: Peer, message: Any) -> None:
-        key, sent, now = (
-            (peer.name, message.command),
-            bytes(message.get_payload()),
-            time.monotonic(),
-        )
-        known = self._answers.get(key)
+        command, sent = message.command, bytes(message.get_payload())
+        known, now = self._answers.get((peer.name, command)), time.monotonic()
         if known is not None and (
             known.result is None or (known.sent == sent and now - known.at < REPEATED)
         ):
-            self._acknowledge(peer, message.command, known.result)
+            self._acknowledge(peer, command, known.result)
             return
-        answer = self._answers[key] = Answer(sent, None, now)
+        answer = self._answers[peer.name, command] = Answer(sent, None, now)
 
-        def then(result: int, reason: str = "") -> None:
+        def finish(result: int, reason: str = "") -> None:
             answer.result, answer.at = result, time.monotonic()
-            self._acknowledge(peer, message.command, result)
+            self._acknowledge(peer, command, result)
             if reason:
                 self.say(peer, reason)
+
+        def answered(reason: str) -> None:
+            failed = reason.startswith(UNANSWERED)
+            bad = mavlink.MAV_RESULT_FAILED if failed else mavlink.MAV_RESULT_DENIED
+            finish(bad if reason else mavlink.MAV_RESULT_ACCEPTED, reason)
 
         try:
-            self._do(peer, wanted_of(message, self._origin), then)
+            wanted = wanted_of(message, self._origin)
+            if wanted is None or not self._do(peer, wanted, answered):
+                finish(mavlink.MAV_RESULT_UNSUPPORTED)
         except RefusedError as error:
-            then(mavlink.MAV_RESULT_DENIED, str(error))
+            answered(str(error))
         if answer.result is None:
-            self._acknowledge(peer, message.command, None)
-
-    def _set_mode(self, peer: Peer, message: Any) -> None:
-        def then(result: int, reason: str = "") -> None:
-            if reason:
-                self.say(peer, reason)
-
-        main, sub = message.custom_mode >> 16 & 255, message.custom_mode >> 24
-        self._do(peer, of_mode(main, sub), then)
-
-    def _do(self, peer: Peer, wanted: Wanted | None, then: Callable[..., None]) -> None:
-        """Do what is wanted; `then` gets its result, at once or later. Raises RefusedError."""
-        if wanted is None:
-            then(mavlink.MAV_RESULT_UNSUPPORTED)
-            return
-        if wanted.service in ("message", "period"):
-            is_known = (
-                self._telemetry.send_one(peer, wanted.number)
-                if wanted.service == "message"
-                else self._telemetry.set_period(peer, wanted.number, wanted.microseconds)
-            )
-            then(mavlink.MAV_RESULT_ACCEPTED if is_known else mavlink.MAV_RESULT_UNSUPPORTED)
-            return
-        if self._viewers and (wanted.service, wanted.action) != ("emergency", "land"):
-            raise RefusedError(VIEWER)
-
-        def answered(_: Any, reason: str) -> None:
-            then(_result(reason), reason)
-
-        operator = self._operators.of(peer.name)
-        if wanted.service == "emergency":
-            operator.emergency(answered, wanted.action)
-        elif wanted.service == "mission":
-            self._fly_mission(peer, lambda reason: answered(None, reason))
-        elif wanted.service == "external":
-            self._with_parameters(
-                peer,
-                partial(self._fly_offboard, peer, lambda reason: answered(None, reason)),
-                lambda reason: answered(None, reason),
-            )
-        elif wanted.service == "start_behavior":
-            self._start(peer.name, wanted.name, wanted.arguments, lambda r: answered(None, r))
-        else:
-            operator.ask(answered, wanted.service)
-
-    def _start(
-        self, who: str, behavior: str, arguments: dict[str, Any], then: Callable[[str], None]
-    ) -> None:
-        self._operators.of(who).ask(
-            lambda _, reason: then(reason),
-            "start_behavior",
-            name=behavior,
-            arguments=to_parameters(arguments),
-        )
+            self._acknowledge(peer, command, None)
 
     def _acknowledge(self, peer: Peer, command: int, result: int | None) -> None:
         shown = mavlink.MAV_RESULT_IN_PROGRESS if result is None else result
         peer.send(mavlink.MAVLink_command_ack_message(command, shown, 255, 0, peer.system, 0))
 
+    def _do(self, peer: Peer, wanted: Wanted, then: Answered) -> bool:
+        """Do what is wanted; `then` is called at once or later. Return whether it is known.
+
+        Raises RefusedError.
+        """
+        service, fields = wanted
+        if service in ("message", "period"):
+            does = self._telemetry.send if service == "message" else self._telemetry.set_period
+            is_known = does(peer, **fields)
+            if is_known:
+                then("")
+            return is_known
+        if self._viewers and fields.get("action") != "land":
+            raise RefusedError(VIEWER)
+        if service == "mission":
+            self._fly_mission(peer, then)
+        elif service == "external":
+            self._with_parameters(peer, partial(self._fly_offboard, peer, then), then)
+        else:
+            if service == "start_behavior":
+                fields = {**fields, "arguments": to_parameters(fields["arguments"])}
+            self._operator(peer.name).ask(lambda _, reason: then(reason), service, **fields)
+        return True
+
+    def _operator(self, name: str) -> Operator:
+        if name not in self._operators:
+            if len(self._operators) >= MOST:
+                raise RefusedError(f"{MOST} ground stations command already; close one")
+            self._operators[name] = Operator(name, self._connect, self._results)
+        return self._operators[name]
+
     # ------------------------------------------------------------------ flights
     def _set_point(self, peer: Peer, message: Any) -> None:
-        try:
-            if self._viewers:
-                raise RefusedError(VIEWER)
-            self._offboard.take(peer.name, set_point_of(message, self._origin, monotonic_ns()))
-        except RefusedError as error:
-            if peer.is_new(f"set-point: {error}", time.monotonic()):
-                self.say(peer, str(error))
+        if self._viewers:
+            raise RefusedError(VIEWER)
+        self._offboard.take(peer.name, set_point_of(message, self._origin, monotonic_ns()))
 
-    def _fly_offboard(self, peer: Peer, then: Callable[[str], None]) -> None:
+    def _fly_offboard(self, peer: Peer, then: Answered) -> None:
         """Send references, then ask for the behavior that flies them."""
 
-        def answered(reason: str) -> None:
+        def answered(_: Any, reason: str) -> None:
             if reason:
                 self._offboard.end()
             else:
@@ -261,32 +248,36 @@ class Gateway:
             then(reason)
 
         try:
-            self._offboard.begin(peer.name, self._parameters.values())
+            self._offboard.begin(peer.name, self._parameters.values)
+            self._operator(peer.name).start(answered, self._offboard.ask)
         except RefusedError as error:
             then(str(error))
-            return
-        operator = self._operators.of(peer.name)
-        operator.start(lambda _, reason: answered(reason), self._offboard.ask)
 
-    def _fly_mission(self, peer: Peer, then: Callable[[str], None]) -> None:
-        if not self._missions.steps:
+    def _offboard_ended(self, who: str, line: str) -> None:
+        """Tell the end of an offboard flight; called in its thread."""
+
+        def tell() -> None:
+            for peer in self._link.peers:
+                if peer.name == who:
+                    self.say(peer, line)
+
+        self._results.put(tell)
+
+    def _fly_mission(self, peer: Peer, then: Answered) -> None:
+        steps = self._missions.steps
+        if not steps:
             raise RefusedError("there is no mission; upload one first")
         if self._flight is not None and not self._flight.is_over:
             raise RefusedError(f"{self._flight.who} flies a mission already")
-        steps = self._missions.steps
         if steps[0].behavior == "take_off" and self._vehicle.behavior not in ("ground", ""):
             steps = steps[1:]
-        self._flight = MissionFlight(
-            peer.name, steps, self._vehicle, partial(self._start, peer.name), self._tell,
-            lambda line: self.say(peer, line, 20),
-        )  # fmt: skip
 
-        def begun(reason: str) -> None:
-            if reason:
-                self._flight = None
-            then(reason)
+        def ask(name: str, arguments: dict[str, Any], answered: Answered) -> None:
+            self._do(peer, behavior(name, **arguments), answered)
 
-        self._flight.begin(begun)
+        said = partial(self.say, peer, level=20)
+        self._flight = MissionFlight(peer.name, steps, self._vehicle, ask, self._tell, said)
+        self._flight.begin(then)
 
     def _may_upload(self, peer: Peer) -> str:
         holder = self._vehicle.holder
@@ -299,12 +290,13 @@ class Gateway:
         self._offboard.left(peer.name)
         if self._flight is not None and self._flight.who == peer.name:
             self._flight.end("mission ended: its ground station has left")
-        self._operators.left(peer.name)
+        if (operator := self._operators.pop(peer.name, None)) is not None:
+            operator.close()
         self._answers = {key: one for key, one in self._answers.items() if key[0] != peer.name}
 
     # ------------------------------------------------------------------ parameters, logs, time
     def _with_parameters(
-        self, peer: Peer, then: Callable[[], None], failed: Callable[[str], None] | None = None
+        self, peer: Peer, then: Callable[[], None], failed: Answered | None = None
     ) -> None:
         """Call `then` when the vehicle's parameters are known."""
         if self._parameters.is_loaded:
@@ -319,22 +311,25 @@ class Gateway:
                 self._print(f"parameter {name} has no short name of its own and is left out")
             then()
 
-        self._operators.of(peer.name).start(
+        self._operator(peer.name).start(
             loaded, lambda client: (client.descriptions(), client.parameters())
         )
+
+    def _list_parameters(self, peer: Peer, message: Any) -> None:
+        self._with_parameters(peer, partial(self._parameters.list_to, peer))
+
+    def _read_parameter(self, peer: Peer, message: Any) -> None:
+        self._with_parameters(peer, partial(self._parameters.read, peer, message))
 
     def _set_parameter(self, peer: Peer, message: Any) -> None:
         if self._viewers:
             self._parameters.refuse(peer, message.param_id, VIEWER)
             return
-        operator = self._operators.of(peer.name)
+        operator = self._operator(peer.name)
         self._with_parameters(peer, partial(self._parameters.set, peer, operator, message))
 
     def _list_logs(self, peer: Peer, message: Any) -> None:
-        try:
-            peer.waiting["logs"] = iter(list(self._logs.listed(message.start, message.end)))
-        except StorageError as error:
-            self.say(peer, str(error))
+        peer.waiting["logs"] = self._logs.listed(message.start, message.end)
 
     def _send_log(self, peer: Peer, message: Any) -> None:
         peer.waiting["log"] = self._logs.pieces(message.id, message.ofs, message.count)
@@ -356,27 +351,3 @@ class Gateway:
     def _time(self, peer: Peer, message: Any) -> None:
         if message.tc1 == 0:
             peer.send(mavlink.MAVLink_timesync_message(monotonic_ns(), message.ts1))
-
-    # ------------------------------------------------------------------ to all
-    def _tell(self, message: Any) -> None:
-        for peer in self._link.peers:
-            peer.send(message)
-
-    def _texts(self) -> list[Any]:
-        """Return the station's events since the last turn, and the ends of offboard flights."""
-        lines: list[tuple[str, int]] = []
-        while not self._ended.empty():
-            line, who = self._ended.get()
-            self._print(f"{who}: {line}")
-            lines.append((line, 30))
-        while not self._events.empty():
-            event = self._events.get()
-            lines.append((str(event.msg), int(event.level)))
-        return [message for line, level in lines for message in self._telemetry.texts(line, level)]
-
-
-def _result(reason: str) -> int:
-    if not reason:
-        return int(mavlink.MAV_RESULT_ACCEPTED)
-    is_unknown = reason.startswith(UNANSWERED)
-    return int(mavlink.MAV_RESULT_FAILED if is_unknown else mavlink.MAV_RESULT_DENIED)

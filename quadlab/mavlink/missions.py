@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from control.behaviors.way_points import COUNT_MAX
-from quadlab.mavlink.commands import ABSOLUTE, RELATIVE
+from quadlab.mavlink.commands import world_point
 from quadlab.mavlink.dialect import mavlink
-from quadlab.mavlink.frames import Origin, Place, Vector, swap_yaw
+from quadlab.mavlink.frames import Origin, Vector, swap_yaw
 from quadlab.mavlink.link import Peer
 from quadlab.mavlink.vehicle import Vehicle
 from quadrotor.errors import RefusedError
@@ -87,10 +87,9 @@ def _path(words: list[str], points: dict[int, Vector], speed: dict[str, float]) 
 
 
 def _point(item: Any, origin: Origin) -> Vector:
-    if item.frame not in RELATIVE + ABSOLUTE or not math.isfinite(item.z):
-        raise RefusedError(f"mission item {item.seq} is in frame {item.frame}; send a global one")
-    altitude = item.z + (origin.place.altitude if item.frame in RELATIVE else 0.0)
-    return origin.world_of(Place(1e-7 * item.x, 1e-7 * item.y, altitude))
+    if not math.isfinite(item.z):
+        raise RefusedError(f"mission item {item.seq} has no altitude")
+    return world_point(item.frame, 1e-7 * item.x, 1e-7 * item.y, item.z, origin)
 
 
 class Missions:
@@ -246,7 +245,12 @@ class MissionFlight:
 
     def begin(self, then: Callable[[str], None]) -> None:
         """Start the first step; `then` gets the reason of a refusal, or ""."""
-        self._start(then)
+
+        def begun(reason: str) -> None:
+            self.is_over = bool(reason)
+            then(reason)
+
+        self._start(begun)
 
     def tick(self, now: float) -> None:
         """Look at what the vehicle does, and start the next step when one has ended."""

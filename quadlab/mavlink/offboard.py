@@ -14,19 +14,22 @@ import threading
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from control.trajectories.extrapolation import extrapolate
 from control.trajectories.velocity_filter import advance, new_velocity_filter
+from quadlab.mavlink.commands import world_point
 from quadlab.mavlink.dialect import mavlink
-from quadlab.mavlink.frames import Origin, Place, Vector, swap_world, swap_yaw
-from quadlab.mavlink.operators import Client
+from quadlab.mavlink.frames import Origin, Vector, swap_world, swap_yaw
 from quadlab.mavlink.vehicle import Vehicle
 from quadrotor.errors import RefusedError
 from quadrotor.records import Record, new_reference
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.messages import encode, header, new
 from vehicle_link.topics import decode_reference
+
+if TYPE_CHECKING:
+    from quadlab.station_client import StationClient
 
 PERIOD = 0.02
 """Seconds between two references."""
@@ -86,13 +89,8 @@ def set_point_of(message: Any, origin: Origin, now_ns: int) -> SetPoint:
         if mask & POSITION or is_body:
             raise RefusedError("a position set-point needs all of x, y, z, in LOCAL_NED or global")
         if is_global:
-            relative = frame in (
-                mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
-                mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
-            )
-            altitude = message.alt + (origin.place.altitude if relative else 0.0)
-            place = Place(1e-7 * message.lat_int, 1e-7 * message.lon_int, altitude)
-            position = origin.world_of(place)
+            place = 1e-7 * message.lat_int, 1e-7 * message.lon_int, message.alt
+            position = world_point(frame, *place, origin)
         else:
             position = swap_world((message.x, message.y, message.z))
     if mask & VELOCITY != VELOCITY:
@@ -172,7 +170,7 @@ class Offboard:
     """Sends references while a ground station has offboard flight.
 
     Args:
-        say: called with (line, whose flight it was) when one has ended; from a thread.
+        say: called with (whose flight it was, line) when one has ended; from a thread.
     """
 
     def __init__(self, vehicle: Vehicle, sender: Sender, say: Callable[[str, str], None]) -> None:
@@ -206,7 +204,7 @@ class Offboard:
         )
         self._running.start()
 
-    def ask(self, client: Client) -> None:
+    def ask(self, client: StationClient) -> None:
         """Ask the vehicle to fly the references; waits. Raises RefusedError, LinkError."""
         for k in range(TRIES):
             self._stop.wait(LEAD)
@@ -238,7 +236,7 @@ class Offboard:
             stamp_ns = self._vehicle_ns(now_ns)
             wanted = self._set_points.get(who)
             if wanted is None or now_ns - wanted.came_ns > TIMEOUT_NS:
-                self._say("offboard has ended: no set-points came; the vehicle brakes", who)
+                self._say(who, "offboard has ended: no set-points came; the vehicle brakes")
                 return
             if not self._accepted_ns:
                 self._send(self._vehicles(stamp_ns), stamp_ns)
@@ -246,7 +244,7 @@ class Offboard:
             has_begun = has_begun or self._vehicle.behavior == "external"
             is_late = now_ns - self._accepted_ns > STARTING_NS
             if self._vehicle.behavior != "external" and (has_begun or is_late):
-                self._say(f"offboard has ended: {self._vehicle.behavior or 'not heard'}", who)
+                self._say(who, f"offboard has ended: {self._vehicle.behavior or 'not heard'}")
                 return
             if follower is None:
                 follower, last_ns = Follower(self._vehicles(stamp_ns), parameters), now_ns

@@ -1,8 +1,8 @@
 """Those who command over MAVLink: each ground station is a requester of its own at the station.
 
 The station's lease decides between them and the people at the page (docs/access.md). A request may
-wait for the vehicle for seconds, so each requester has a thread of its own for its commands, and
-emergencies have another.
+wait for the vehicle for seconds, so each requester has a thread for its commands, and another one
+for emergencies.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ import queue
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-from quadlab.mavlink.link import MOST
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
-from quadrotor.parameters import ParameterDescription
+
+if TYPE_CHECKING:
+    from quadlab.station_client import StationClient
 
 WAITING_MOST = 8
 """Most requests of one ground station that wait at a time."""
@@ -27,48 +27,46 @@ EMERGENCY_TRIES = 5
 
 Then = Callable[[Any, str], None]
 """Called in the gateway's thread with the answer and "", or with None and the reason."""
-
-
-class Client(Protocol):
-    """What is used of `quadlab.station_client.StationClient`."""
-
-    def ask(self, service: str, **fields: Any) -> Any: ...
-    def descriptions(self) -> list[ParameterDescription]: ...
-    def parameters(self) -> dict[str, Any]: ...
-    def close(self) -> None: ...
+Connect = Callable[[str], "StationClient"]
+"""Returns a client of the station in this name; raises LinkError."""
 
 
 class Operator:
-    """One requester; its work is done in a thread, and each result is collected by the gateway."""
+    """One requester. Its work is done in a thread; each result is put into `results` as a call for
+    the gateway's thread.
+    """
 
-    def __init__(self, name: str, connect: Callable[[str], Client], results: Results) -> None:
-        self.name, self._connect, self._results = name, connect, results
-        self._client: Client | None = None
+    def __init__(
+        self, name: str, connect: Connect, results: queue.SimpleQueue[Callable[[], None]]
+    ) -> None:
+        self._name, self._connect, self._results = name, connect, results
+        self._client: StationClient | None = None
         self._connecting = threading.Lock()
-        self._pools = {urgent: ThreadPoolExecutor(1 + urgent) for urgent in (False, True)}
+        self._pools = {urgent: ThreadPoolExecutor(1) for urgent in (False, True)}
         self._waiting = 0
 
     def ask(self, then: Then, service: str, **fields: Any) -> None:
         """Ask the station for a command; `then` gets its answer."""
-        self.start(then, lambda client: client.ask(service, **fields))
+        if service != "emergency":
+            self.start(then, lambda client: client.ask(service, **fields))
+            return
 
-    def emergency(self, then: Then, action: str) -> None:
-        """Command an emergency, which waits for no other command, until somebody answers."""
-
-        def work(client: Client) -> Any:
+        def repeated(client: StationClient) -> Any:
             for _ in range(EMERGENCY_TRIES - 1):
                 try:
-                    return client.ask("emergency", action=action)
+                    return client.ask(service, **fields)
                 except LinkError:
-                    continue
-            return client.ask("emergency", action=action)
+                    continue  # the last try tells
+            return client.ask(service, **fields)
 
-        self.start(then, work, urgent=True)
+        self.start(then, repeated, urgent=True)
 
-    def start(self, then: Then, work: Callable[[Client], Any], *, urgent: bool = False) -> None:
-        """Do work with the client in a thread."""
+    def start(
+        self, then: Then, work: Callable[[StationClient], Any], *, urgent: bool = False
+    ) -> None:
+        """Do work with the client in a thread; urgent work waits for no other."""
         if self._waiting >= WAITING_MOST and not urgent:
-            then(None, f"{WAITING_MOST} commands of {self.name} wait already; wait for an answer")
+            then(None, f"{WAITING_MOST} commands of {self._name} wait already; wait for an answer")
             return
         self._waiting += 1
 
@@ -76,19 +74,20 @@ class Operator:
             answer, reason = None, ""
             try:
                 with self._connecting:
-                    if self._client is None:
-                        self._client = self._connect(self.name)
+                    self._client = self._client or self._connect(self._name)
                 answer = work(self._client)
             except RefusedError as error:
                 reason = str(error)
             except QuadlabError as error:
                 reason = f"{UNANSWERED}{error}"
-            except Exception as error:
-                self._results.put(partial(_raise, error))
-                return
             self._results.put(lambda: self._give(then, answer, reason))
 
-        self._pools[urgent].submit(run)
+        self._pools[urgent].submit(run).add_done_callback(self._raise_here)
+
+    def _raise_here(self, done: Any) -> None:
+        """Let an error of the program itself end the gateway."""
+        if done.exception() is not None:
+            self._results.put(done.result)
 
     def _give(self, then: Then, answer: Any, reason: str) -> None:
         self._waiting -= 1
@@ -104,45 +103,3 @@ class Operator:
         self._pools[False].submit(end)
         for pool in self._pools.values():
             pool.shutdown(wait=False)
-
-
-def _raise(error: Exception) -> None:
-    raise error
-
-
-class Results(queue.SimpleQueue[Callable[[], None]]):
-    """What has been answered and waits for the gateway's thread."""
-
-    def deliver(self) -> None:
-        """Call what waits."""
-        while True:
-            try:
-                give = self.get_nowait()
-            except queue.Empty:
-                return
-            give()
-
-
-class Operators:
-    """The requesters by name. `connect` makes a client of the station; it may raise LinkError."""
-
-    def __init__(self, connect: Callable[[str], Client]) -> None:
-        self._connect, self.results = connect, Results()
-        self._operators: dict[str, Operator] = {}
-
-    def of(self, name: str) -> Operator:
-        """Return the requester with this name. Raises RefusedError when there are too many."""
-        if name not in self._operators:
-            if len(self._operators) >= MOST:
-                raise RefusedError(f"{MOST} ground stations command already; close one")
-            self._operators[name] = Operator(name, self._connect, self.results)
-        return self._operators[name]
-
-    def left(self, name: str) -> None:
-        """Release what a requester holds who has left."""
-        if (one := self._operators.pop(name, None)) is not None:
-            one.close()
-
-    def close(self) -> None:
-        for name in list(self._operators):
-            self.left(name)

@@ -21,12 +21,15 @@ class ParameterServer:
     Args:
         changes: queue of ParameterChange messages.
         say: tells a ground station a line, and prints it.
+
+    Attributes:
+        values: all values by their full names.
     """
 
     def __init__(self, changes: queue.SimpleQueue[Any], say: Callable[[Peer, str], None]) -> None:
         self._changes, self._say = changes, say
         self._known: dict[str, ParameterDescription] = {}  # by short name, in the vehicle's order
-        self._values: dict[str, ParameterValue] = {}
+        self.values: dict[str, ParameterValue] = {}
 
     def load(self, descriptions: list[ParameterDescription], values: dict[str, Any]) -> list[str]:
         """Load what the vehicle has; return the names that are left out, as two have one short
@@ -39,11 +42,8 @@ class ParameterServer:
                 doubled.append(one.name)
             else:
                 known[short_name(one.name)] = one
-        self._known, self._values = known, values
+        self._known, self.values = known, values
         return doubled
-
-    def values(self) -> dict[str, ParameterValue]:
-        return dict(self._values)
 
     @property
     def is_loaded(self) -> bool:
@@ -82,7 +82,7 @@ class ParameterServer:
             if reason:
                 self.refuse(peer, name, reason)
                 return
-            self._values.update(from_parameters(answer.applied))
+            self.values.update(from_parameters(answer.applied))
             peer.send(self.message(name))
 
         try:
@@ -108,17 +108,17 @@ class ParameterServer:
                 change = self._changes.get_nowait()
             except queue.Empty:
                 return out
-            if change.name in self._values:
-                self._values[change.name] = from_value(change.new_value)
+            if change.name in self.values:
+                self.values[change.name] = from_value(change.new_value)
                 if (message := self.message(short_name(change.name))) is not None:
                     out.append(message)
 
     def message(self, name: str) -> Any:
         """Return PARAM_VALUE of a short name; None for one that is not there."""
         described = self._known.get(name)
-        if described is None or described.name not in self._values:
+        if described is None or described.name not in self.values:
             return None
-        value, kind = encoded(described, self._values[described.name])
+        value, kind = encoded(described, self.values[described.name])
         names = list(self._known)
         return mavlink.MAVLink_param_value_message(
             name.encode(), value, kind, len(names), names.index(name)

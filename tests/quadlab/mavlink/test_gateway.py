@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -127,7 +128,7 @@ def test_a_command_that_is_not_known_is_unsupported(wire: Callable[..., Wired]) 
     ground = wire().ground()
     assert ground.command(mavlink.MAV_CMD_DO_ORBIT) == mavlink.MAV_RESULT_UNSUPPORTED
     assert ground.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 1) == DENIED  # PX4's manual
-    assert "mode 1.0 is not there" in ground.text("mode 1.0")
+    assert "mode 1.0 cannot be chosen" in ground.text("mode 1.0")
 
 
 def test_a_repeated_command_is_done_once(wire: Callable[..., Wired]) -> None:
@@ -349,12 +350,14 @@ def test_a_flood_is_dropped_before_it_is_parsed_and_others_are_served(
     monkeypatch.setattr(
         link_module.Peer, "parse", lambda peer, data: parsed.append(len(data)) or parse(peer, data)
     )
-    for _ in range(60):
-        for _ in range(50):
+    began, sent = time.monotonic(), 0
+    while not any("more than 60 kB/s" in line for line in wired.lines) or sent < 5000:
+        for _ in range(100):
             loud.mav.command_long_send(1, 1, 31_000, 0, 1, 0, 0, 0, 0, 0, 0)
+        sent += 100
         loud.turn()
-    assert sum(parsed) < 3.0 * link_module.BYTES_A_SECOND
-    assert len(parsed) < 3000
+    passed = time.monotonic() - began
+    assert sum(parsed) < (1.1 + passed) * link_module.BYTES_A_SECOND
     assert sum("more than 60 kB/s" in line for line in wired.lines) == 1
     assert quiet.command(TAKE_OFF, 0, 0, 0, 0, 0, 0, 1) == ACCEPTED
 
@@ -379,7 +382,6 @@ def test_a_ground_station_that_leaves_gives_up_control(
     assert name.startswith("mavlink 255 at 127.0.0.1:")
     monkeypatch.setattr(link_module, "GONE", -1.0)
     ground.turn()
-    wired.gateway._operators.close()
     assert wired.link.peers == []
     assert wired.lines[-1] == f"{name} has left"
     assert [service for _, service, _ in wired.station.asked] == ["arm"], "no behavior is stopped"

@@ -14,7 +14,6 @@ from quadlab.mavlink.dialect import mavlink
 from quadlab.mavlink.frames import parse_origin
 from quadlab.mavlink.gateway import Gateway
 from quadlab.mavlink.link import Link, Peer, parse_endpoint
-from quadlab.mavlink.operators import Operators
 from quadlab.mavlink.vehicle import Vehicle
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterStore
@@ -106,7 +105,7 @@ class Wired:
         self.gateway = Gateway(
             open_link,
             Vehicle(self.station),
-            Operators(self.station.connect),
+            self.station.connect,
             Logs(Catalogue(data), "quad1"),
             self.station,
             self.changes,
@@ -120,9 +119,7 @@ class Wired:
         return Ground(self, system, passphrase)
 
     def close(self) -> None:
-        self.gateway._offboard.end()
-        self.gateway._operators.close()
-        self.link.close()
+        self.gateway.close()
 
 
 class Ground:
