@@ -35,6 +35,7 @@ AT_ONCE = 20
 """Messages of a list or a log that are sent to one ground station in one turn."""
 REPEATED = 1.0
 """Seconds in which the same command again is a repetition: it gets the same answer."""
+ANSWERS_MOST = 100
 NOT_FLOWN = {
     "SET_ATTITUDE_TARGET": "set-points of attitude are not flown; send position or velocity",
     "MANUAL_CONTROL": "sticks are not taken over MAVLink; use the page's",
@@ -174,6 +175,9 @@ class Gateway:
         ):
             self._acknowledge(peer, command, known.result)
             return
+        if len(self._answers) > ANSWERS_MOST:
+            awaited = {key: one for key, one in self._answers.items() if one.result is None}
+            self._answers = awaited
         answer = self._answers[peer.name, command] = Answer(sent, None, now)
 
         def finish(result: int, reason: str = "") -> None:

@@ -94,8 +94,8 @@ class Peer:
     """One ground station: an address that sends MAVLink, or to which it is sent.
 
     Attributes:
-        system: source system of its newest message; 0 before the first.
-        heard: when that came, s of the computer's steady clock.
+        system: source system of its first message, which it keeps; 0 before that.
+        heard: when its newest message came, s of the computer's steady clock.
         due: when each message is due that is sent periodically, by its id; `period` in s.
         waiting: messages to send as time allows, each sequence to its end.
     """
@@ -262,9 +262,13 @@ class Link:
                     self.complain(peer, "many", line)
                     return
                 known = peer = self._add(sock, address)
-            if peer.system != system:
+            if not peer.system:
                 peer.system = system
-                self.complain(peer, "there", f"{peer.name} is there")
+                self._say(f"{peer.name} is there")
+            if peer.system != system:
+                line = f"{at} is system {peer.system}; messages of system {system} are dropped"
+                self.complain(peer, "system", line)
+                continue
             peer.heard = now
             yield peer, message
 

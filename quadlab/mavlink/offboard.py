@@ -179,7 +179,7 @@ class Offboard:
         self._offsets: deque[int] = deque(maxlen=50)
         self._running: threading.Thread | None = None
         self._stop = threading.Event()
-        self._accepted_ns = 0
+        self._who, self._accepted_ns = "", 0
         # Compiled now: the first call in flight would be late.
         advance(new_velocity_filter(new_reference(), 1.0, 1.0), 0.0, new_reference())
         extrapolate(new_reference(), 0.0, new_reference())
@@ -197,7 +197,10 @@ class Offboard:
             raise RefusedError("offboard needs set-points: send them first, 2 a second or more")
         if self._vehicle.payload("reference") is None:
             raise RefusedError("the vehicle's reference is not known; check the link")
+        if self._running is not None and self._running.is_alive() and self._who != who:
+            raise RefusedError(f"{self._who} flies offboard already")
         self.end()
+        self._who = who
         self._stop, self._accepted_ns = threading.Event(), 0
         self._running = threading.Thread(
             target=self._run, args=(who, dict(parameters), self._stop), name="offboard", daemon=True

@@ -362,6 +362,21 @@ def test_a_flood_is_dropped_before_it_is_parsed_and_others_are_served(
     assert quiet.command(TAKE_OFF, 0, 0, 0, 0, 0, 0, 1) == ACCEPTED
 
 
+def test_a_second_operator_does_not_end_an_offboard_flight(wire: Callable[..., Wired]) -> None:
+    wired = wire()
+    wired.station.show("hover", armed=True, mode="armed")
+    first, second = wired.ground(), wired.ground(254)
+    for ground in (first, second):
+        ground.mav.set_position_target_local_ned_send(
+            0, 1, 1, mavlink.MAV_FRAME_LOCAL_NED, 0b110111111000, 2, 1, -0.5, *[0] * 8
+        )
+        ground.turn()
+    assert first.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 6) == ACCEPTED
+    assert second.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 6) == DENIED
+    assert "flies offboard already" in second.text("already")
+    first.text("no set-points came")
+
+
 def test_only_so_many_ground_stations_are_served(wire: Callable[..., Wired]) -> None:
     wired = wire()
     grounds = [wired.ground(100 + k) for k in range(link_module.MOST + 2)]
