@@ -23,9 +23,9 @@ TEXT = 50
 TRACKER = mavlink.MAV_SYS_STATUS_SENSOR_VISION_POSITION | mavlink.MAV_SYS_STATUS_SENSOR_GPS
 """GPS stands for the tracker too, because global positions are made of its poses."""
 GYROSCOPE, ARMABLE = mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO, mavlink.MAV_SYS_STATUS_PREARM_CHECK
-SENSORS = TRACKER | GYROSCOPE | ARMABLE | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
-ALWAYS_WELL = mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
-"""Reported well although there is none: MAVSDK counts a vehicle without it as not ready."""
+MAGNETOMETER = mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
+"""Reported although there is none: for MAVSDK a vehicle without one is never healthy."""
+SENSORS = TRACKER | GYROSCOPE | ARMABLE | MAGNETOMETER | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
 STATES = {
     "starting": mavlink.MAV_STATE_BOOT,
     "ready": mavlink.MAV_STATE_STANDBY,
@@ -135,7 +135,7 @@ class Telemetry:
             ill |= GYROSCOPE
         if not (status.armed or (preflight is not None and preflight.ready)):
             ill |= ARMABLE
-        well = (SENSORS | ALWAYS_WELL) & ~ill
+        well = SENSORS & ~ill
         numbers = (0, self._millivolts() or NONE_16, -1, -1, 0, 0, 0, 0, 0, 0)
         return mavlink.MAVLink_sys_status_message(SENSORS, SENSORS, well, *numbers)
 

@@ -58,6 +58,10 @@ def test_telemetry_is_in_north_east_down(wire: Callable[..., Wired]) -> None:
     assert place.lat == pytest.approx(47.4e7 + math.degrees(2.0 / 6371000.0) * 1e7, abs=1)
     assert ground.until("EXTENDED_SYS_STATE").landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
     assert ground.until("HOME_POSITION").altitude == 0
+    health = ground.until("SYS_STATUS")
+    assert health.onboard_control_sensors_present & mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
+    assert health.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_SENSOR_GPS
+    assert not health.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_PREARM_CHECK
 
 
 def test_a_vehicle_that_is_not_heard_has_no_heartbeat(wire: Callable[..., Wired]) -> None:
