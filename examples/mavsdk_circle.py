@@ -81,7 +81,7 @@ async def main(connection: str, path: str) -> None:
     if path:
         await asyncio.sleep(2.0)  # until the station has closed the run
         await download(system, path)
-    await ground.destroy()
+    ground.destroy()
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
-from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from quadrotor.errors import NoAnswerError, QuadlabError
 
 if TYPE_CHECKING:
     from quadlab.station_client import StationClient
@@ -55,7 +55,7 @@ class Operator:
             for _ in range(EMERGENCY_TRIES - 1):
                 try:
                     return client.ask(service, **fields)
-                except LinkError:
+                except NoAnswerError:
                     continue  # the last try tells
             return client.ask(service, **fields)
 
@@ -76,10 +76,10 @@ class Operator:
                 with self._connecting:
                     self._client = self._client or self._connect(self._name)
                 answer = work(self._client)
-            except RefusedError as error:
-                reason = str(error)
-            except QuadlabError as error:
+            except NoAnswerError as error:
                 reason = f"{UNANSWERED}{error}"
+            except QuadlabError as error:
+                reason = str(error)
             self._results.put(lambda: self._give(then, answer, reason))
 
         self._pools[urgent].submit(run).add_done_callback(self._raise_here)

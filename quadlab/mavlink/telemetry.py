@@ -6,6 +6,7 @@ While the vehicle is not heard there is no heartbeat, so that a ground station s
 from __future__ import annotations
 
 import math
+import unicodedata
 from collections.abc import Callable
 from typing import Any
 
@@ -104,7 +105,8 @@ class Telemetry:
 
     def texts(self, line: str, level: int) -> list[Any]:
         """Return a line as messages. Level 20 is info, 30 a warning, 40 an error."""
-        data = line.encode("ascii", "replace")[: 10 * TEXT]
+        plain = unicodedata.normalize("NFKD", line)  # m/s² becomes m/s2
+        data = plain.encode("ascii", "replace")[: 10 * TEXT]
         # A part that is not full ends the line.
         parts = [data[at : at + TEXT] for at in range(0, len(data) + (len(data) > TEXT), TEXT)]
         self._texts = self._texts % NONE_16 + 1
