@@ -63,7 +63,7 @@ def rates(f: Facts, p: StationParameters) -> list[Check]:
     ]
 
 
-def disk_speed(f: Facts, folder: Path, data: Path, megabytes: float = PROBE / 1e6) -> Check:
+def disk_speed(f: Facts, folder: Path, data: Path) -> Check:
     """Measure the disk's speed with a small synced file, which is removed again.
 
     Never during a flight: only when the vehicle reports that it is disarmed.
@@ -73,7 +73,7 @@ def disk_speed(f: Facts, folder: Path, data: Path, megabytes: float = PROBE / 1e
         why = "is armed" if f.armed else "sends nothing, and may be flying"
         advice = "check again with the vehicle connected and disarmed"
         return Check(name, "unknown", f"not measured: the vehicle {why}", wanted, advice)
-    path, block = folder / ".speed", os.urandom(round(1e6 * megabytes))
+    path, block = folder / ".speed", os.urandom(PROBE)
     try:
         began = time.perf_counter()
         with path.open("wb") as file:
@@ -87,7 +87,7 @@ def disk_speed(f: Facts, folder: Path, data: Path, megabytes: float = PROBE / 1e
     finally:
         with suppress(OSError):
             path.unlink()
-    speed = megabytes / spent
+    speed = 1e-6 * PROBE / spent
     advice = f"move {data} to a quicker disk; a slow one loses messages of a run"
     return Check(name, "ok" if speed >= SLOWEST else "fail", f"{speed:.0f} MB/s", wanted, advice)
 

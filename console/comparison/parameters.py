@@ -10,7 +10,7 @@ from pydantic import ConfigDict, field_validator
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.parameters import Parameters, parameter
 
-MOST = 6
+MAX_ESTIMATORS = 6
 """Maximum number of estimators at once: each uses a share of the station's only interpreter."""
 PRESET_OF: Mapping[str, str] = {"complementary": "resolved"}
 """Presets for names given without one; other names use the defaults."""
@@ -64,8 +64,8 @@ def parse_estimators(text: str) -> tuple[Choice, ...]:
     twice = [word for k, word in enumerate(words) if word in words[:k]]
     if twice:
         raise OutOfBoundsError(f"estimators = {text!r} has {twice[0]!r} twice; name each once")
-    if len(words) > MOST:
+    if len(words) > MAX_ESTIMATORS:
         raise OutOfBoundsError(
-            f"estimators = {text!r} are {len(words)}; allowed are at most {MOST} at once"
+            f"estimators = {text!r} are {len(words)}; allowed are at most {MAX_ESTIMATORS} at once"
         )
     return tuple(choices)

@@ -207,7 +207,7 @@ def read_vibration(log: Path, vehicle: str) -> Vibration:
     ):
         if not seconds >= least:
             raise MeasurementError(
-                f"{log.name} has {max(seconds, 0.0):.1f} s of {name}, needed are {least:g} s"
+                f"{log.name} has {max(seconds, 0.0):.1f} s of {name}, {least:g} s are needed"
             )
     rest = _window(imu, begin, end)
     hover = _window(imu, start, stop)

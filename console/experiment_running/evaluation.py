@@ -14,7 +14,7 @@ from typing import Any
 
 from console.evaluation.verdict import evaluated
 from console.experiments.client import VERDICTS, Calibrating, Experiment, Reporting, Result
-from console.experiments.user_file import mistakes_told
+from console.experiments.user_file import errors_with_line
 from console.runs.report_folders import report_folder, write_result
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import JobError, MeasurementError, QuadlabError, RefusedError, StorageError
@@ -67,7 +67,7 @@ def evaluate(job: Job) -> dict[str, Any]:
     Raises QuadlabError.
     """
     experiment, folder = job.experiment, report_folder(job.log)
-    with mistakes_told(experiment):
+    with errors_with_line(experiment):
         result = evaluated(experiment, job.log)
     if result.verdict not in VERDICTS:
         raise MeasurementError(
@@ -87,7 +87,7 @@ def evaluate(job: Job) -> dict[str, Any]:
         files = []
         if isinstance(experiment, Reporting):
             try:
-                with mistakes_told(experiment):
+                with errors_with_line(experiment):
                     files = [path.name for path in experiment.report(job.log, folder)]
             except Exception as error:  # the verdict is valid without plots
                 problem = "; ".join(filter(None, (problem, f"no plots: {error}")))
@@ -115,7 +115,7 @@ def proposed(job: Job) -> tuple[CalibrationRecord | None, str]:
     if not isinstance(experiment, Calibrating):
         return None, ""
     try:
-        with mistakes_told(experiment):
+        with errors_with_line(experiment):
             return parse_record(experiment.proposal(job.log).model_dump_json()), ""
     except QuadlabError as error:
         return None, f"nothing is proposed: {error}"

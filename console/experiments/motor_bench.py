@@ -24,6 +24,7 @@ from console.evaluation.motor_bench import (
 )
 from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result
+from console.experiments.manoeuvres import wait_ready
 from console.experiments.readings import BenchReadings, Progress
 from estimation.calibration.motor_bench import SETTLING, BenchSchedule
 from quadrotor.calibration_record import CalibrationRecord
@@ -99,7 +100,7 @@ class MotorBench:
         elif p.last < p.first + 4 * p.step:
             raise UsageError(
                 f"experiment.first={p.first} to experiment.last={p.last} in steps of {p.step} are "
-                f"{len(self._schedule.references)} references, needed are 5 for a law; "
+                f"{len(self._schedule.references)} references, a law needs 5; "
                 "use smaller steps"
             )
 
@@ -110,7 +111,7 @@ class MotorBench:
         """
         p = self.parameters
         self.check()
-        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        wait_ready(client)
         self._simulated = client.simulated
         self._battery = Battery.of(client)
         if p.csv:

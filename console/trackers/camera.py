@@ -107,7 +107,7 @@ class Pictures:
         self._first: tuple[int, int] | None = None
         if isinstance(camera, Path):
             if not camera.is_file():
-                raise StorageError(f"no video {camera}; name a file that there is")
+                raise StorageError(f"no video {camera}; give an existing file")
             self._capture = cv2.VideoCapture(str(camera))
         else:
             self._capture = cv2.VideoCapture(camera)
@@ -116,7 +116,7 @@ class Pictures:
                 self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, lens.height)
         if not self._capture.isOpened():
             raise UnreachableError(
-                f"{camera} is no video that OpenCV reads; convert it to MP4 or AVI"
+                f"OpenCV cannot read the video {camera}; convert it to MP4 or AVI"
                 if isinstance(camera, Path)
                 else f"camera {camera} cannot be opened: plug it in, check whether another program "
                 f"uses /dev/video{camera}, or give another --device"

@@ -32,7 +32,7 @@ class Camera:
     device: int = 0
     """number of the camera, as in /dev/video0"""
     video: Annotated[Path | None, optional()] = None
-    """a file in its place"""
+    """video file to read instead of a camera"""
 
     def run(self) -> int:
         from estimation.tags.camera_calibration import Board, calibrate_camera

@@ -30,29 +30,30 @@ class Tracker:
         Literal["vicon", "natnet", "qtm", "vrpn", "ros2", "udp", "camera", "onboard_camera"],
         tyro.conf.Positional,
     ]
-    """what to connect to; udp takes lines stamp,name,x,y,z,qw,qx,qy,qz; onboard_camera brings
-    bearings to tags that are beacons, in place of the emulated ones"""
+    """system to connect to; udp accepts lines stamp,name,x,y,z,qw,qx,qy,qz; onboard_camera provides
+    bearings to tags that are beacons, instead of the emulated ones"""
     body: Annotated[
         tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="[VEHICLE=]NAME")
     ] = ()
-    """the system's name of the vehicle's body, of ROS 2 its topic (default: the vehicle's name);
-    of several vehicles the option once for each; of onboard_camera the vehicle that it is on"""
+    """name of the vehicle's body in the tracking system, or its topic for ros2 (default: the
+    vehicle's name); repeat the option for several vehicles; for onboard_camera, the vehicle that
+    carries the camera"""
     host: str = ""
-    """of the system; of udp the address to listen on"""
+    """address of the tracking system; for udp, the address to listen on"""
     port: Annotated[int | None, optional("PORT")] = None
-    """where it is not the system's usual one (udp: 5005)"""
+    """port of the tracking system, if it is not the usual one (udp: 5005)"""
     unit: Literal["m", "mm"] = "m"
-    """of the positions that the system sends"""
+    """unit of the positions that the system sends"""
     up: Literal["z", "y"] = "z"
-    """the system's axis that points up"""
+    """axis of the system that points up"""
     device: int = 0
-    """of a camera: its number, as in /dev/video0"""
+    """number of the camera, as in /dev/video0"""
     video: Annotated[Path | None, optional()] = None
-    """of a camera: a file in its place"""
+    """video file to read instead of a camera"""
     intrinsics: Annotated[Path | None, optional()] = None
-    """of a camera: the file that `quadlab camera` wrote"""
+    """for a camera: its intrinsics, as written by `quadlab camera`"""
     tags: Annotated[Path | None, optional()] = None
-    """of a camera: the TOML file that says which tags are where"""
+    """for a camera: TOML file with the sizes and places of the tags"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback"""
 
@@ -68,7 +69,7 @@ class Tracker:
             raise UsageError(f"--port {self.port} is out of range (1 to 65535)")
         if self.system == "ros2" and not all(name.startswith("/") for name in bodies.values()):
             raise UsageError(
-                "of ros2, --body is a topic with its leading slash, like --body /vrpn/cf7/pose"
+                "for ros2, --body is a topic with its leading slash, like --body /vrpn/cf7/pose"
             )
         if self.system in CAMERAS and None in (self.intrinsics, self.tags):
             raise UsageError(
@@ -151,12 +152,12 @@ class Tracker:
             assert self.intrinsics is not None
             assert self.tags is not None
             from console.trackers.camera import CameraSource
-            from console.trackers.onboard_camera import OnboardCameraSource, StationsBeacons
+            from console.trackers.onboard_camera import OnboardCameraSource, StationBeacons
 
             camera = self.device if self.video is None else self.video
             if not self.of_bearings:
                 return CameraSource(camera, self.intrinsics, self.tags, view)
-            beacons = StationsBeacons(session, bodies[0])
+            beacons = StationBeacons(session, bodies[0])
             return OnboardCameraSource(camera, self.intrinsics, self.tags, beacons, view)
         from console.trackers.motion_capture import MotionCaptureSource
 

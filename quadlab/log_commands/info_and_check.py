@@ -24,9 +24,9 @@ class Info:
     file: LogFile
     """the MCAP file"""
     json: Flag = False
-    """print it as one line of JSON"""
+    """print one line of JSON"""
     explain: Flag = False
-    """also what happened in the flight, the heaviest first"""
+    """also list what happened in the flight, most important first"""
 
     def run(self) -> int:
         from flight_log.summary import summarize

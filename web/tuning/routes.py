@@ -9,8 +9,8 @@ from fastapi import FastAPI
 from pydantic import Field
 
 from console.tuning.evaluation import Plan, drawn, evaluate
-from console.tuning.kept_runs import KeptRun, KeptRuns
 from console.tuning.step_response import BAND
+from console.tuning.step_test_store import StepTest, StepTestStore
 from control.trajectories.multistep import AXES, SHAPES
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
@@ -36,7 +36,7 @@ class TestBody(Body):
 
 
 def add_tuning(app: FastAPI, parts: Parts) -> None:
-    kept = KeptRuns(parts.catalogue.folder.parent)
+    kept = StepTestStore(parts.catalogue.folder.parent)
     bench = TuningBench(parts.station, parts.live, parts.replica, parts.hub, kept, parts.vehicle)
 
     @app.get("/api/tuning")
@@ -95,7 +95,7 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
         return {"applied": applied, "revision": revision, "left": left}
 
 
-def _differences(run: KeptRun, bench: TuningBench) -> tuple[dict[str, ParameterValue], list[str]]:
+def _differences(run: StepTest, bench: TuningBench) -> tuple[dict[str, ParameterValue], list[str]]:
     """Return the numbers to be changed, and the names of other parameters that differ."""
     now = bench.gains()
     differing = {n: v for n, v in run.gains.items() if n in now and now[n] != v}

@@ -56,7 +56,7 @@ FAILING: list[tuple[str, dict[str, Any], str]] = [
     ("measurements", {"pose_age": 0.4}, "400 ms"),
     ("measurements", {"pose_age": math.inf}, "no pose yet"),
     ("measurements", {"flags": frozenset({"no_pose"})}, "the tracker and the link"),
-    ("battery", {"voltage": 13.9}, "13.9 V, wanted at least 14.0 V"),
+    ("battery", {"voltage": 13.9}, "13.9 V, required: at least 14.0 V"),
     ("battery", {"voltage": 14.2, "battery_warning": 14.5}, "at least 14.5 V"),
     ("battery", {"flags": frozenset({"battery_low"})}, "charge"),
     ("battery", {"voltage": None}, "nothing received"),

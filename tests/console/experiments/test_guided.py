@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from console.experiments.readings import Progress
 from console.experiments.user_file import load
 from console.parameters.store import StationStore
 from console.runs.report_folders import read_result
-from console.runs.runs import RunKeeper
+from console.runs.runs import RunManager
 from flight_log import read_attachments
 from quadrotor.calibration_record import CalibrationRecord, Quality, parse_record
 from quadrotor.errors import JobError, LinkError, MeasurementError, RefusedError, StorageError
@@ -153,7 +154,7 @@ class Lab:
         self.catalogue, self.calibrations = Catalogue(data), Calibrations(node)  # type: ignore[arg-type]
         store, parameters, outbox = StationStore(), Parameters(), self.outbox
         store.preset({"station.recorder.keep_free": 10.0, "station.recorder.after_disarm": 0.0})
-        self.runs = RunKeeper(
+        self.runs = RunManager(
             self.catalogue,
             store,
             parameters,  # type: ignore[arg-type]
@@ -162,17 +163,19 @@ class Lab:
             self.calibrations.attachment,
         )
         self.link = LinkState.GOOD
+        context = SimpleNamespace(
+            node=node,
+            vehicle="quad1",
+            link=SimpleNamespace(state=lambda: self.link, vehicle_ns=time.time_ns),
+            outbox=outbox,
+            parameters=store.parameters,
+        )
         self.runner = ExperimentRunner(
-            node,  # type: ignore[arg-type]
-            "quad1",
-            lambda: self.link,
-            time.time_ns,
-            outbox,  # type: ignore[arg-type]
+            context,  # type: ignore[arg-type]
             parameters,  # type: ignore[arg-type]
             self.runs,
             self.calibrations,
             self.catalogue,
-            lambda: (0.2, 0.0),
             lambda *_: None,
             lambda *_: None,
         )
@@ -730,7 +733,7 @@ def test_a_file_of_ones_own_is_listed_flown_judged_and_accepted_and_broken_ones_
     assert listed["leaves.py"][1] == "leaves.py line 1: its process ended with status 3"
     assert (listed["hover"], listed["motor_bench"]) == (("", ""), ("motor", ""))
     assert "broken.py cannot run: broken.py line 21" in own.start("broken.py")
-    assert "mine has no options, so not speed" in own.start("mine", speed=1.0)
+    assert "mine has no options; leave out speed" in own.start("mine", speed=1.0)
     assert own.start("mine") == ""
     done = own.ended()
     assert (done.phase, done.reason, done.metric_names) == ("passed", "", ["mass_kg"])

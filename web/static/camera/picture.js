@@ -43,7 +43,7 @@ export class CameraPicture {
     if (!this.socket) return;
     const silent = !(this.events.age(`${this.camera}_status`) < SILENT);
     const waited = (performance.now() - Math.max(this.painted, this.opened)) / 1e3, isQuiet = waited > QUIET;
-    setText(this.sees, silent ? "The camera's process is silent: start quadlab tracker, or read its lines." : told.sees);
+    setText(this.sees, silent ? "The camera's process is silent: start quadlab tracker, or check its output." : told.sees);
     setText(this.problem, silent || this.camera === "tracker" ? "" : told.problem); // the tracker's stands above
     hide(this.problem, !this.problem.textContent);
     setText(this.quiet, isQuiet ? `No picture for ${Math.floor(waited)} s` : this.refused ?? "");

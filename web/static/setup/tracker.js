@@ -36,7 +36,7 @@ export class TrackerSection {
       ["At the vehicle", pose ? `${pose.found} (${pose.wanted})` : NONE],
     ];
     const silent = tracker && !(this.events.age("tracker_status") < 1.5);
-    const problem = silent ? "The tracker process is silent: start quadlab tracker, or read its lines." : tracker?.problem ?? "";
+    const problem = silent ? "The tracker process is silent: start quadlab tracker, or check its output." : tracker?.problem ?? "";
     const key = JSON.stringify([rows, problem, tracker?.latency_counts]);
     if (key === this.drawn) return;
     this.drawn = key;
