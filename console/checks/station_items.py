@@ -37,12 +37,12 @@ def vehicle_clock(f: Facts, link_status: Any) -> Check:
 def rates(f: Facts, p: StationParameters) -> list[Check]:
     """Check the rates of received and sent messages against their nominal values."""
     packets = min(TOPICS["telemetry"].rate, f.nominal_rate)
-    heard = f.mode is not None
+    is_connected = f.mode is not None
     return [
-        _rate("telemetry", f.telemetry_rate if heard else None, packets, "check the link"),
+        _rate("telemetry", f.telemetry_rate if is_connected else None, packets, "check the link"),
         _rate(
             "flight loop",
-            f.tick_rate if heard else None,
+            f.tick_rate if is_connected else None,
             f.nominal_rate,
             "check the microcontroller's cables and the load of the vehicle's computer",
         ),

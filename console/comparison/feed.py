@@ -140,7 +140,7 @@ class ComparisonFeed:
             self._say(f"the comparison of estimators cannot be started: {error}")
             return False
         threading.Thread(
-            target=self._receive, args=(child,), name="comparison heard", daemon=True
+            target=self._receive, args=(child,), name="comparison output", daemon=True
         ).start()
         return True
 

@@ -289,6 +289,6 @@ def _noise(values: Mapping[str, ParameterValue]) -> ErrorStateParameters:
     """Return the IMU noise that the vehicle assumes, with defaults for values not in the log."""
     noise = ErrorStateParameters()
     for name, default in ErrorStateParameters():
-        told = values.get(f"estimation.error_state.{name}", default)
-        setattr(noise, name, told if isinstance(told, int | float) and told > 0.0 else default)
+        value = values.get(f"estimation.error_state.{name}", default)
+        setattr(noise, name, value if isinstance(value, int | float) and value > 0.0 else default)
     return noise

@@ -296,5 +296,7 @@ def _longest(status: Series, path: str, text: str) -> tuple[float, float]:
     had.
     """
     changes = [*status.changes(path), (float(status.time[-1]), "")]
-    spans = [(begin, changes[k + 1][0]) for k, (begin, told) in enumerate(changes) if told == text]
+    spans = [
+        (begin, changes[k + 1][0]) for k, (begin, found) in enumerate(changes) if found == text
+    ]
     return max(spans, key=lambda span: span[1] - span[0], default=(math.nan, math.nan))

@@ -115,7 +115,8 @@ class Accelerometer:
         samples = len(client.imu().time)
         if samples < 2:
             raise RefusedError(
-                f"no samples of the IMU came within {LISTEN:g} s; check the link, then start again"
+                f"no samples of the IMU arrived within {LISTEN:g} s; check the link, then begin "
+                "again"
             )
         finder = StillPoses(samples / LISTEN, duration=self.parameters.hold)
         state = _Progress(finder, client.view().time, self._next([], []))
@@ -131,9 +132,9 @@ class Accelerometer:
         live = self._live(state)
         while not (client.finished or self._is_complete(state)):
             how = self._words(state.target)
-            told = f"{state.note}. {how}" if state.note else how
+            instruction = f"{state.note}. {how}" if state.note else how
             number = min(len(state.ups) + 1, self._count)
-            client.tell(Progress(told, number, self._count, state.share, live))
+            client.tell(Progress(instruction, number, self._count, state.share, live))
             client.wait(LOOK)
             self._refuse(client.view(), state)
             if self._add_samples(client, state):
@@ -165,7 +166,7 @@ class Accelerometer:
             seen = client.tracked()
         up = up_of(seen.quaternion_wb) if seen is not None else None
         raw = raw_of(readings.specific_force_b, self._in_force.matrix, self._in_force.bias)
-        came = False
+        is_new = False
         for time, force, rate in zip(
             readings.time.tolist(), raw, readings.angular_velocity_b, strict=True
         ):
@@ -175,10 +176,10 @@ class Accelerometer:
             if still.share and math.isnan(state.begun):
                 state.begun = time
             if len(state.finder.poses) > known:
-                came |= self._add_pose(state, state.finder.poses[-1], time)
+                is_new |= self._add_pose(state, state.finder.poses[-1], time)
             if still.share in (0.0, 1.0):  # the stillness starts again
                 state.begun = math.nan
-        return came
+        return is_new
 
     def _add_pose(self, state: _Progress, pose: StillPose, time: float) -> bool:
         """Store a pose, or report why not."""

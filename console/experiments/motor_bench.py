@@ -132,7 +132,7 @@ class MotorBench:
         schedule, motor = self._schedule, self.parameters.motor
         turned = schedule.rest_reference
         client.bench(motor, turned)
-        self._started = heard = client.view().time
+        self._started = last_reading_at = client.view().time
         newest: BenchReadings | None = None
         while (into := client.view().time - self._started) < schedule.duration:
             if client.finished:
@@ -143,8 +143,8 @@ class MotorBench:
                 client.bench(motor, turned)
             readings = client.bench_readings()
             if len(readings.time):
-                newest, heard = readings, client.view().time
-            elif client.view().time - heard > SILENCE:
+                newest, last_reading_at = readings, client.view().time
+            elif client.view().time - last_reading_at > SILENCE:
                 raise RefusedError(
                     f"the force/torque sensor sends nothing for {SILENCE:g} s (topic "
                     "bench_reading); the motor is stopped. Plug it in, then begin again"

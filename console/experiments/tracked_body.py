@@ -71,8 +71,8 @@ class TrackerDelay(CalibrationFlight):
                     break
                 up = ups[k * 5 % POSES]  # 5 and 12 are coprime: all poses in turn, far apart
                 client.turn(attitude_of(up))
-                told = f"Turn it on, in the tracker's view, to: {words_of(up)}"
-                client.tell(Progress(told, k + 1, count, k / count))
+                instruction = f"Turn it on, in the tracker's view, to: {words_of(up)}"
+                client.tell(Progress(instruction, k + 1, count, k / count))
                 client.wait(EACH)
                 view = client.view()
                 if view.armed or view.mode != "ready":

@@ -86,8 +86,8 @@ class VehicleIdentification:
         still do so.
         """
         radio = self._link.radio
-        heard = self._link.state() is not LinkState.LOST
-        if radio is None or heard or self._whoami.is_there:
+        is_received = self._link.state() is not LinkState.LOST
+        if radio is None or is_received or self._whoami.is_there:
             return ""  # it would understand, but is busy
         if radio.connected_for < SILENT_FOR:
             return None

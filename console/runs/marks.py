@@ -75,8 +75,10 @@ class MarkService:
             self._recorder.put(f"/{self._vehicle}/marks", kind, payload, now_ns, mark.stamp_ns)
         self._outbox.put("marks", payload, mark.stamp_ns)
         store_mark(self._catalogue, mark)
-        said = f": {text}" if text else ""
-        self._outbox.say(INFO, f"mark at {mark.time:.1f} s of the run by {request.requester}{said}")
+        quoted = f": {text}" if text else ""
+        self._outbox.say(
+            INFO, f"mark at {mark.time:.1f} s of the run by {request.requester}{quoted}"
+        )
         return mark, is_logged
 
     def _new(self, request: Any, text: str, recorder: RecorderStatus) -> Mark:

@@ -124,17 +124,17 @@ class Pictures:
 
     def __iter__(self) -> Iterator[tuple[int | None, int, Picture]]:
         while not self._closed.is_set():
-            came = self._capture.grab()
+            grabbed = self._capture.grab()
             received_ns = monotonic_ns()
-            if not came:
+            if not grabbed:
                 raise self._end()
             stamp_ns = round(MS * self._capture.get(cv2.CAP_PROP_POS_MSEC))
             if isinstance(self._camera, Path):
                 if self._due_ns(stamp_ns, received_ns) < received_ns - LATEST_NS:
                     continue  # a camera's buffer would be overwritten by now
                 received_ns = self._paced(stamp_ns, received_ns)
-            came, picture = self._capture.retrieve()
-            if not came:
+            decoded, picture = self._capture.retrieve()
+            if not decoded:
                 raise self._end()
             grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
             yield stamp_ns or None, received_ns, np.asarray(grey, np.uint8)

@@ -99,8 +99,8 @@ class MotionCaptureSource:
             raise UnreachableError(f"the {self._server} does not answer: {error}") from None
 
 
-def _body(told: tuple[str, list[float], list[float]]) -> Body:
-    name, place, turn = told
+def _body(reported: tuple[str, list[float], list[float]]) -> Body:
+    name, place, turn = reported
     return Body(name, np.array(place), np.array(turn))
 
 
