@@ -243,7 +243,7 @@ def test_of_many_each_beats_half_as_often_and_every_other_time_over_the_link(
         )
         station = BaseStation(session, catalogue, name, vehicles=count, keeps_house=False)
         try:
-            station._outbox.beats.also_send = lambda received: True  # as by a lane that is up
+            station._outbox.heartbeats.also_send = lambda received: True  # as by a lane that is up
             enough = len(beats) + 12
             until(lambda: len(beats) >= enough)
         finally:
