@@ -50,7 +50,7 @@ class TagSource(ABC):
                 frame = self._read(grey)
                 yield frame._replace(stamp_ns=late, received_ns=taken_ns)
             finally:  # also for a refused picture, which shows why
-                self._view.take(taken_ns, grey, *self._seen())
+                self._view.add(taken_ns, grey, *self._seen())
 
     @abstractmethod
     def _read(self, grey: Picture) -> Frame:

@@ -48,7 +48,7 @@ class CameraView:
         self._lock = threading.Lock()
         self._recent: deque[tuple[int, bool, float, float]] = deque()
 
-    def take(
+    def add(
         self, taken_ns: int, grey: Picture, tags: Tags, used: Collection[int], residual: float
     ) -> None:
         """Handle a picture, and what was found in it.

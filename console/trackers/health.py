@@ -78,7 +78,7 @@ class BodyHealth:
         """Return what is wrong, or was until just now; else ""."""
         return self.withheld or (self._note if now - self._noted < NOTED else "")
 
-    def take(self, body: Body, now: float, others: Mapping[str, Array]) -> bool:
+    def judge(self, body: Body, now: float, others: Mapping[str, Array]) -> bool:
         """Judge a pose and return whether it may be flown on.
 
         Args:

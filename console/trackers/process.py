@@ -188,7 +188,7 @@ class Tracker:
             return
         body = next(body for body in bodies if body.name == one.body)
         others = {name: place for name, place in self._places.items() if name != one.body}
-        if not one.health.take(body, 1e-9 * taken_ns, others):
+        if not one.health.judge(body, 1e-9 * taken_ns, others):
             return
         stamp_ns = to_epoch(taken_ns)
         turn = NO_ATTITUDE if body.quaternion_wb is None else body.quaternion_wb

@@ -19,12 +19,12 @@ MS = 1_000_000
 def test_pictures_are_made_only_while_somebody_looks_and_ten_times_a_second_at_most() -> None:
     view = CameraView()
     for k in range(60):
-        view.take(k * 20 * MS, GREY, TAGS, {3}, 0.2)
+        view.add(k * 20 * MS, GREY, TAGS, {3}, 0.2)
     made = {view.newest}
     assert made == {None}
     view.is_watched = True
     for k in range(60, 110):  # 1 s at 50 Hz
-        view.take(k * 20 * MS, GREY, TAGS, {3}, 0.2)
+        view.add(k * 20 * MS, GREY, TAGS, {3}, 0.2)
         made.add(view.newest)
     assert 8 <= len(made - {None}) <= 11
 
@@ -33,7 +33,7 @@ def test_figures_are_of_the_last_second(monkeypatch: pytest.MonkeyPatch) -> None
     view = CameraView()
     for k in range(100):  # 2 s at 50 Hz, the first of which is black
         dark = k < 50
-        view.take(
+        view.add(
             k * 20 * MS, GREY * (not dark), {} if dark else TAGS, {3}, math.nan if k % 2 else 0.25
         )
     monkeypatch.setattr(camera_view, "monotonic_ns", lambda: 99 * 20 * MS)
