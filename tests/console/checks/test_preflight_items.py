@@ -74,11 +74,11 @@ FAILING: list[tuple[str, dict[str, Any], str]] = [
     ("flight volume", {"volume": None}, "nothing received"),
     ("parameters", {"parameters_behind": None}, "not read yet"),
     ("parameters", {"parameters_behind": 3.0}, "3 s behind"),
-    ("recording", {"free_bytes": 1e8, "keep_free": 5e8}, "100 MB free, wanted at least 500 MB"),
+    ("recording", {"free_bytes": 1e8, "keep_free": 5e8}, "100 MB free, required: at least 500 MB"),
     (
         "recording",
         {"folder_problem": ("it is missing", "mount its disk")},
-        "missing, wanted a folder",
+        "missing, required: a folder",
     ),
     ("alarms", {"alarms": ("status: bytes are no status",)}, "bytes are no status"),
     ("sticks", {"deflection": 0.4}, "deflected by 40 %"),

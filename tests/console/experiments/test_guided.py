@@ -325,7 +325,7 @@ def test_a_question_waits_for_one_yes_to_it_and_it_is_kept_who_said_so(lab: Lab)
 
 
 @pytest.mark.parametrize(
-    ("action", "said"), [("stop", "stopped by grace"), ("finish", "before its question was")]
+    ("action", "said"), [("stop", "stopped by grace"), ("finish", "before the question was")]
 )
 def test_stop_and_finish_are_no_yes(lab: Lab, action: str, said: str) -> None:
     after: list[str] = []
