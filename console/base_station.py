@@ -160,7 +160,7 @@ class BaseStation:
         )
         self._layout = BeaconLayout(
             lambda: parameters.bearings.layout,
-            self._vehicle_parameters,
+            self._vehicle_parameters.known,
             lambda: not self.link.refusal("change_parameters"),
             layout_setter(self._node),
         )

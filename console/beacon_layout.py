@@ -11,7 +11,6 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Mapping
-from typing import Protocol
 
 from quadrotor.errors import LinkError, ParameterError
 from quadrotor.parameters import ParameterValue
@@ -26,12 +25,6 @@ SERVICE = "change_parameters"
 TIMEOUT = 1.0
 AGAIN = 5.0
 """Seconds before a vehicle that has refused is asked again."""
-
-
-class Known(Protocol):
-    """The part of console.parameters.vehicle.VehicleParameters that is needed here."""
-
-    def known(self, name: str) -> ParameterValue | None: ...
 
 
 def restored_layout(
@@ -74,7 +67,7 @@ class BeaconLayout:
 
     Args:
         ours: returns the station's layout as text.
-        vehicle: the copy of the vehicle's parameters.
+        known: returns the vehicle's value of a parameter; None when it is not known.
         connected: returns whether the vehicle can be asked.
         set_layout: sets a layout on the vehicle, see `layout_setter`.
         clock: a steady clock, s.
@@ -83,12 +76,12 @@ class BeaconLayout:
     def __init__(
         self,
         ours: Callable[[], str],
-        vehicle: Known,
+        known: Callable[[str], ParameterValue | None],
         connected: Callable[[], bool],
         set_layout: SetLayout,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._ours, self._vehicle, self._connected = ours, vehicle, connected
+        self._ours, self._known, self._connected = ours, known, connected
         self._set_layout, self._clock = set_layout, clock
         self._setting = threading.Lock()
         self._refused_at: float | None = None
@@ -114,7 +107,7 @@ class BeaconLayout:
         Raises LinkError.
         """
         with self._setting:
-            theirs, text = self._vehicle.known(VEHICLE_LAYOUT), self._ours()
+            theirs, text = self._known(VEHICLE_LAYOUT), self._ours()
             if theirs is None or theirs == text:
                 self._refused_at = None
                 return ""

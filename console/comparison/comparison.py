@@ -23,7 +23,7 @@ from bearing_sim.observability import frame_bound
 from bearing_sim.pose_track import Pose
 from console.comparison.bearings import residuals
 from console.comparison.results import Comparison, Result
-from console.comparison.samples import Event, SampleQueue
+from console.comparison.samples import PacketEvent, SampleQueue
 from console.comparison.shadow import Shadow
 from console.comparison.statistics import QUATERNION, ErrorStatistics, errors
 from console.comparison.truth import Row, Source, TruthMerge
@@ -96,11 +96,11 @@ class EstimatorComparison:
     def ticks(self, ticks: Record) -> None:
         """Handle the TICK (N,) of one packet of telemetry."""
         stretch = self._samples.packet(np.ascontiguousarray(ticks["imu"]))
-        if stretch.event is Event.NOTHING_NEW:
+        if stretch.event is PacketEvent.NOTHING_NEW:
             return
-        if stretch.event is Event.RESTARTED:
+        if stretch.event is PacketEvent.RESTARTED:
             self._forget()
-        elif stretch.event is Event.GAP:
+        elif stretch.event is PacketEvent.GAP:
             self._reset()
         for word, shadow in list(self._shadows.items()):
             try:

@@ -16,7 +16,7 @@ PRESET_OF: Mapping[str, str] = {"complementary": "resolved"}
 """Presets for names given without one; other names use the defaults."""
 
 
-class Choice(NamedTuple):
+class EstimatorChoice(NamedTuple):
     """A word `name` or `name:preset`, split; preset "" means the default parameters."""
 
     word: str
@@ -43,7 +43,7 @@ class ComparisonParameters(Parameters):
         return text
 
 
-def parse_estimators(text: str) -> tuple[Choice, ...]:
+def parse_estimators(text: str) -> tuple[EstimatorChoice, ...]:
     """Return the choices of a text, in order. Raises OutOfBoundsError with what is allowed."""
     words = text.split()
     if not words:
@@ -60,7 +60,7 @@ def parse_estimators(text: str) -> tuple[Choice, ...]:
                 f"{', '.join(registry.names())}, each alone or with a preset "
                 f"({', '.join(PRESETS)}) like complementary:paper, words separated by spaces"
             )
-        choices.append(Choice(word, name, preset or PRESET_OF.get(name, "")))
+        choices.append(EstimatorChoice(word, name, preset or PRESET_OF.get(name, "")))
     twice = [word for k, word in enumerate(words) if word in words[:k]]
     if twice:
         raise OutOfBoundsError(f"estimators = {text!r} has {twice[0]!r} twice; name each once")

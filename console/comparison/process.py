@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 from bearing_sim import PAPER_BEACONS, BearingMeasurement
 from console.comparison.comparison import EstimatorComparison
 from console.comparison.kernels import CompiledEstimators
-from console.comparison.parameters import Choice, parse_estimators
+from console.comparison.parameters import EstimatorChoice, parse_estimators
 from console.comparison.results import message_of
 from quadrotor.errors import OutOfBoundsError
 from vehicle_link.messages import encode
@@ -28,7 +28,7 @@ Batch = tuple[str, Sequence[tuple[Any, ...]]]
 REPORT_EVERY = 2  # batches
 
 
-class Worker:
+class ComparisonWorker:
     """Processes batches; reads no clock.
 
     Args:
@@ -41,8 +41,8 @@ class Worker:
         self._comparison = EstimatorComparison(say)
         self._kernels = CompiledEstimators(say)
         self._text = ""
-        self._choices: tuple[Choice, ...] = ()
-        self._missing: list[Choice] = []
+        self._choices: tuple[EstimatorChoice, ...] = ()
+        self._missing: list[EstimatorChoice] = []
         self._defect = ""
         self._batches = 0
 
@@ -90,7 +90,7 @@ class Worker:
         if self._missing:
             self._missing = [one for one in self._missing if not self._started(one)]
 
-    def _started(self, choice: Choice) -> bool:
+    def _started(self, choice: EstimatorChoice) -> bool:
         if not self._kernels.ready(choice.name):
             return False
         from estimation import registry
@@ -120,7 +120,7 @@ def main() -> None:
         output.write(pickle.dumps(message))
         output.flush()
 
-    worker = Worker(
+    worker = ComparisonWorker(
         lambda payload, stamp_ns: send("comparison", payload, stamp_ns),
         lambda line: send("say", line),
     )
@@ -138,7 +138,7 @@ def main() -> None:
         worker.close()
 
 
-def _work(worker: Worker, source: BinaryIO) -> None:
+def _work(worker: ComparisonWorker, source: BinaryIO) -> None:
     while True:
         try:
             batch: Batch = pickle.load(source)

@@ -296,7 +296,5 @@ def _longest(status: Series, path: str, text: str) -> tuple[float, float]:
     had.
     """
     changes = [*status.changes(path), (float(status.time[-1]), "")]
-    spans = [
-        (begin, changes[k + 1][0]) for k, (begin, found) in enumerate(changes) if found == text
-    ]
+    spans = [(begin, changes[k + 1][0]) for k, (begin, was) in enumerate(changes) if was == text]
     return max(spans, key=lambda span: span[1] - span[0], default=(math.nan, math.nan))

@@ -22,7 +22,7 @@ from vehicle_link.jobs import run
 
 
 @dataclass(frozen=True)
-class Job:
+class EvaluationJob:
     """The input of an evaluation: the flown experiment, its log, and the time limit (s)."""
 
     experiment: Experiment
@@ -31,7 +31,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Judgement:
+class Evaluation:
     """The result of an evaluation, with the report's files or why there are none."""
 
     result: Result
@@ -41,7 +41,7 @@ class Judgement:
     """JSON of the proposed calibration record."""
 
 
-def judge(job: Job, cancelled: threading.Event) -> Judgement:
+def judge(job: EvaluationJob, cancelled: threading.Event) -> Evaluation:
     """Run the process and wait for it. Raises QuadlabError with the reason of a failure."""
 
     def check() -> None:
@@ -54,7 +54,7 @@ def judge(job: Job, cancelled: threading.Event) -> Judgement:
         raise JobError(f"the evaluation of {job.experiment.name} failed: {error}") from error
     result = Result(answer["verdict"], answer["metrics"], answer["limits"], answer["reason"])
     proposal = answer["proposal"]
-    return Judgement(
+    return Evaluation(
         result,
         tuple(answer["files"]),
         answer["problem"],
@@ -62,7 +62,7 @@ def judge(job: Job, cancelled: threading.Event) -> Judgement:
     )
 
 
-def evaluate(job: Job) -> dict[str, Any]:
+def evaluate(job: EvaluationJob) -> dict[str, Any]:
     """Write result.json and the report's files, inside the process, and return their content.
     Raises QuadlabError.
     """
@@ -109,7 +109,7 @@ def evaluate(job: Job) -> dict[str, Any]:
     return content
 
 
-def proposed(job: Job) -> tuple[CalibrationRecord | None, str]:
+def proposed(job: EvaluationJob) -> tuple[CalibrationRecord | None, str]:
     """Return the proposed calibration, or None and the reason."""
     experiment = job.experiment
     if not isinstance(experiment, Calibrating):
@@ -135,7 +135,7 @@ def begin_report(log: Path) -> None:
         )
 
 
-def evaluate_and_report(job: Job) -> dict[str, Any]:
+def evaluate_and_report(job: EvaluationJob) -> dict[str, Any]:
     """Evaluate the run, and start its report in the background."""
     answer = evaluate(job)
     begin_report(job.log)

@@ -6,7 +6,7 @@ import threading
 import time
 
 from console.experiment_running import state as phases
-from console.experiment_running.evaluation import Job, judge
+from console.experiment_running.evaluation import EvaluationJob, judge
 from console.experiment_running.run_files import RunFiles
 from console.experiment_running.status_publisher import ExperimentStatusPublisher
 from console.experiments.client import FAILED, Experiment
@@ -29,7 +29,7 @@ def judge_run(
         path = files.closed(run_id)
         board.set(step="judging the run")
         seconds = EVALUATION + time.monotonic() - started
-        done = judge(Job(experiment, path, seconds), cancelled)
+        done = judge(EvaluationJob(experiment, path, seconds), cancelled)
     except QuadlabError as error:
         phase = phases.STOPPED if cancelled.is_set() else FAILED
         kept = f"; run {run_id} is kept" if run_id else ""

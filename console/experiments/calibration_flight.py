@@ -17,7 +17,7 @@ CLEAR = (
 )
 
 
-class Found(Protocol):
+class CalibrationResult(Protocol):
     """The result of a calibration, read from its log."""
 
     def metrics(self) -> dict[str, float]: ...
@@ -37,7 +37,7 @@ class CalibrationFlight:
     def __init__(self, vehicle: str = "quad1") -> None:
         self._vehicle = vehicle
 
-    def found(self, log: Path) -> Found:
+    def found(self, log: Path) -> CalibrationResult:
         """Return the result from the log alone. Raises LogFormatError when data are missing,
         MeasurementError when the flight does not determine it.
         """

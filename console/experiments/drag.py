@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from console.evaluation.drag import RAMP, read_drag
-from console.experiments.calibration_flight import CLEAR, CalibrationFlight, Found
+from console.experiments.calibration_flight import CLEAR, CalibrationFlight, CalibrationResult
 from console.experiments.client import Client
 from console.experiments.manoeuvres import arm, fly_laps, landing_afterwards, take_off, wait_ready
 from console.experiments.readings import Progress
@@ -65,6 +65,6 @@ class DragExperiment(CalibrationFlight):
             }
             fly_laps(client, "the circles", p.laps * p.period + 20.0, ramp=RAMP, **circles)
 
-    def found(self, log: Path) -> Found:
+    def found(self, log: Path) -> CalibrationResult:
         """Return the drag found in the log."""
         return read_drag(log, self._vehicle)

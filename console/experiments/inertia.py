@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from console.evaluation.inertia import read_inertia
-from console.experiments.calibration_flight import CLEAR, CalibrationFlight, Found
+from console.experiments.calibration_flight import CLEAR, CalibrationFlight, CalibrationResult
 from console.experiments.client import Client, VehicleView
 from console.experiments.manoeuvres import arm, come_down, take_off, wait_ready
 from console.experiments.readings import Progress
@@ -170,7 +170,7 @@ class InertiaExperiment(CalibrationFlight):
         come_down(client)
 
     # ------------------------------------------------------------------ judgement
-    def found(self, log: Path) -> Found:
+    def found(self, log: Path) -> CalibrationResult:
         """Return the three inertias for model.inertia_xx, _yy, _zz."""
         return read_inertia(log, self._vehicle)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from console.evaluation.mass import DEVIATION_MAX, read_mass
-from console.experiments.calibration_flight import CLEAR, CalibrationFlight, Found
+from console.experiments.calibration_flight import CLEAR, CalibrationFlight, CalibrationResult
 from console.experiments.client import Client, VehicleView
 from console.experiments.manoeuvres import arm, brake, come_down, wait_ready
 from console.experiments.readings import Progress
@@ -183,7 +183,7 @@ class MassExperiment(CalibrationFlight):
             client.change(found)
 
     # ------------------------------------------------------------------ judgement
-    def found(self, log: Path) -> Found:
+    def found(self, log: Path) -> CalibrationResult:
         """Return the mass for model.mass."""
         return read_mass(log, self._vehicle)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from console.evaluation.vibration import HOVER_MIN, REST_MIN, SETTLE, read_vibration
-from console.experiments.calibration_flight import CLEAR, CalibrationFlight, Found
+from console.experiments.calibration_flight import CLEAR, CalibrationFlight, CalibrationResult
 from console.experiments.client import Client
 from console.experiments.manoeuvres import landing_afterwards, take_off, wait_ready
 from console.experiments.readings import Progress
@@ -58,6 +58,6 @@ class VibrationExperiment(CalibrationFlight):
             client.tell(Progress(words, number, STEPS, past / seconds))
             client.wait(0.2)
 
-    def found(self, log: Path) -> Found:
+    def found(self, log: Path) -> CalibrationResult:
         """Return the noise for estimation.error_state.*."""
         return read_vibration(log, self._vehicle)

@@ -20,7 +20,7 @@ from console.trackers.camera import Pictures, TagSource
 from console.trackers.camera_view import CameraView
 from console.trackers.process import Tracker, to_epoch
 from console.trackers.source import Frame
-from console.trackers.tracked_vehicle import TopicNames, Vehicle
+from console.trackers.tracked_vehicle import TopicNames, TrackedVehicle
 from estimation.tags.detector import Picture, Tags
 from estimation.tags.intrinsics import load_intrinsics
 from estimation.tags.tag_bearings import TagBearings, load_beacon_tags
@@ -145,5 +145,5 @@ class BearingsTracker(Tracker):
             )
             one.measurements.put(payload, stamp_ns)
 
-    def _unseen(self, one: Vehicle) -> str:
+    def _unseen(self, one: TrackedVehicle) -> str:
         return f"{self._name} sees no beacon; check the light and where the tags are"

@@ -18,11 +18,11 @@ import numpy as np
 
 from console.tracker_feed import ENDED
 from console.trackers.camera_figures import Figures, figures_text
-from console.trackers.camera_view import CameraView, Seen
+from console.trackers.camera_view import CameraPicture, CameraView
 from console.trackers.health import Unit, Up, to_world
 from console.trackers.source import Body, Frame, Source
 from console.trackers.system_clock import SystemClock
-from console.trackers.tracked_vehicle import TopicNames, Vehicle, check_alone
+from console.trackers.tracked_vehicle import TopicNames, TrackedVehicle, check_alone
 from quadrotor.errors import MeasurementError, QuadlabError, UsageError
 from quadrotor.plain_rotations import Array
 from quadrotor.records import NO_ATTITUDE, pose_sample
@@ -75,10 +75,10 @@ class Tracker:
     ) -> None:
         self._name, self._open_source, self._unit, self._up = name, open_source, unit, up
         self._vehicles = [
-            Vehicle(session, vehicle, body, self.topics) for vehicle, body in bodies.items()
+            TrackedVehicle(session, vehicle, body, self.topics) for vehicle, body in bodies.items()
         ]
         self._session, self._view = session, view
-        self._shown: Seen | None = None
+        self._shown: CameraPicture | None = None
         if view is not None:
             topics.encode_picture(0, b"", "")  # generates its serialiser now, which takes a second
         self._clock = SystemClock()
@@ -180,7 +180,12 @@ class Tracker:
         return taken_ns
 
     def _handle_body(
-        self, one: Vehicle, bodies: Iterable[Body], count: int, taken_ns: int | None, now: float
+        self,
+        one: TrackedVehicle,
+        bodies: Iterable[Body],
+        count: int,
+        taken_ns: int | None,
+        now: float,
     ) -> None:
         one.gaps += one.is_missing
         one.seen, one.is_missing, one.is_doubled = now, False, count > 1
@@ -216,7 +221,7 @@ class Tracker:
         if is_due:
             self._status_at = now
 
-    def _print_figures(self, one: Vehicle, problem: str, now: float) -> None:
+    def _print_figures(self, one: TrackedVehicle, problem: str, now: float) -> None:
         """Print how well a camera sees, once it has worked without a problem for a while."""
         if problem:
             one.last_problem_at, one.has_printed_figures = now, False
@@ -242,7 +247,7 @@ class Tracker:
         for one in watched:
             one.pictures.put(topics.encode_picture(stamp_ns, newest.jpeg, one.vehicle), stamp_ns)
 
-    def _problem(self, one: Vehicle, now: float) -> str:
+    def _problem(self, one: TrackedVehicle, now: float) -> str:
         """Return the first cause of a problem of one vehicle; "" when there is none."""
         if self._source_problem:
             return self._source_problem
@@ -256,12 +261,12 @@ class Tracker:
             return f"two bodies are called {one.body!r}; give each its own name in the system"
         return one.health.problem(now) or note
 
-    def _unseen(self, one: Vehicle) -> str:
+    def _unseen(self, one: TrackedVehicle) -> str:
         seen = sorted({name for _, name in self._seen})
         listed = ", ".join(seen[:LISTED_MAX]) + (", …" if len(seen) > LISTED_MAX else "")
         return f"no body {one.body!r} is seen; {self._name} shows {listed or 'none'}"
 
-    def _status(self, one: Vehicle, problem: str) -> Any:
+    def _status(self, one: TrackedVehicle, problem: str) -> Any:
         rates = Counter(name for _, name in self._seen)
         latencies = np.array(self._latencies or [0.0])
         bars = np.minimum(latencies / STEP, LATENCIES - 1).astype(int)

@@ -28,7 +28,7 @@ class TopicNames(NamedTuple):
     pictures: str
 
 
-class Vehicle:
+class TrackedVehicle:
     """One vehicle's body: its publishers and its health."""
 
     def __init__(self, session: Any, vehicle: str, body: str, topics: TopicNames) -> None:
@@ -48,7 +48,9 @@ class Vehicle:
         self._node.close()
 
 
-def check_alone(session: Any, vehicles: Sequence[Vehicle], status: str, stopping: Ending) -> None:
+def check_alone(
+    session: Any, vehicles: Sequence[TrackedVehicle], status: str, stopping: Ending
+) -> None:
     """Check that no other process sends a status on this topic for one of the vehicles. Raises
     RefusedError.
     """

@@ -23,7 +23,7 @@ class ChangedError(QuadlabError):
     """The received bytes are not, or no longer, those of the file of that name on board."""
 
 
-class Rate:
+class TransferRate:
     """Bytes a second, of what arrived within the last RATE_WINDOW."""
 
     def __init__(self) -> None:

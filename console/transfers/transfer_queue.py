@@ -19,7 +19,7 @@ from console.link.outbox import INFO, WARN
 from console.parameters.station import RecorderParameters
 from console.runs.adoption import update_entry
 from console.transfers.download import Download
-from console.transfers.fetcher import ChangedError, Fetcher, Rate
+from console.transfers.fetcher import ChangedError, Fetcher, TransferRate
 from console.transfers.job import CancelledError, Job, Kind, NotYetError
 from console.transfers.part_file import (
     NoRoomError,
@@ -276,7 +276,7 @@ class TransferQueue:
         job.phase, job.problem, job.rate = "waiting", why, 0.0
 
     def _on_piece(self, job: Job) -> Callable[[int], None]:
-        rate = Rate()
+        rate = TransferRate()
 
         def on_piece(count: int) -> None:
             job.bytes += count

@@ -47,7 +47,7 @@ def store() -> StationStore:
 def layout(store: StationStore, vehicle: Vehicle) -> BeaconLayout:
     made = BeaconLayout(
         lambda: store.parameters.bearings.layout,
-        vehicle,
+        vehicle.known,
         lambda: vehicle.connected,
         vehicle.set_layout,
         lambda: vehicle.now,

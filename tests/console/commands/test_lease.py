@@ -99,7 +99,7 @@ def test_only_the_holder_answers_or_gives_up() -> None:
     with pytest.raises(RefusedError, match="no one has it"):
         ControlLease().release("ben", 0.0)
     lease.answer("anna", False, 2.0)
-    with pytest.raises(RefusedError, match="no request for control"):
+    with pytest.raises(RefusedError, match="no pending request for control"):
         lease.answer("anna", True, 3.0)
 
 

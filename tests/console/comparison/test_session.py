@@ -15,7 +15,7 @@ from console.comparison import feed as comparison_feed
 from console.comparison.feed import ComparisonFeed
 from console.comparison.kernels import CompiledEstimators
 from console.comparison.parameters import ComparisonParameters, parse_estimators
-from console.comparison.process import Worker
+from console.comparison.process import ComparisonWorker
 from console.parameters.store import StationStore
 from estimation import registry
 from flight_log import read_log
@@ -143,7 +143,7 @@ def test_a_process_that_dies_is_said_and_started_again(
 def test_a_defect_in_one_message_is_said_once_and_the_rest_is_taken() -> None:
     said: list[str] = []
     told: list[bytes] = []
-    worker = Worker(lambda payload, stamp_ns: told.append(payload), said.append)
+    worker = ComparisonWorker(lambda payload, stamp_ns: told.append(payload), said.append)
     ticks = np.zeros(5, TICK)
     ticks["state"]["quaternion_wb"][:, 0] = 1.0
     for k in range(4):
@@ -159,7 +159,7 @@ def test_a_worker_starts_what_is_named_and_stops_what_no_longer_is() -> None:
     """The messages are pickled as between the processes."""
     registry.prepare("error_state", bearings=True)
     told: list[Any] = []
-    worker = Worker(lambda payload, stamp_ns: told.append(decode(payload, TYPE)), print)
+    worker = ComparisonWorker(lambda payload, stamp_ns: told.append(decode(payload, TYPE)), print)
     emulator = BearingEmulator(BearingParameters(sigma=0.1))
     here, level = np.array([0.3, 0.2, 1.0]), np.array([1.0, 0.0, 0.0, 0.0])
     ticks = np.zeros(5, TICK)
@@ -190,7 +190,7 @@ def test_a_worker_starts_what_is_named_and_stops_what_no_longer_is() -> None:
 
 def test_an_estimator_that_only_the_station_knows_is_said_and_changes_nothing() -> None:
     said: list[str] = []
-    worker = Worker(lambda payload, stamp_ns: None, said.append)
+    worker = ComparisonWorker(lambda payload, stamp_ns: None, said.append)
     for _ in range(3):
         worker.process(("theirs", []))
     worker.close()

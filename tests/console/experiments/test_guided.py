@@ -16,7 +16,7 @@ import pytest
 from console.calibrations import Calibrations
 from console.catalogue.catalogue import Catalogue
 from console.experiment_running import judging
-from console.experiment_running.evaluation import Job, Judgement, evaluate, judge
+from console.experiment_running.evaluation import Evaluation, EvaluationJob, evaluate, judge
 from console.experiment_running.runner import ExperimentRunner
 from console.experiments.client import Client, Result, VehicleView
 from console.experiments.readings import Progress
@@ -270,7 +270,7 @@ class Scripted:
 @pytest.fixture
 def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lab]:
     """Yield a lab that judges without a process: passed, proposing a law of the motors."""
-    result = Judgement(Result("passed", {}), (), "", PROPOSED.model_dump_json())
+    result = Evaluation(Result("passed", {}), (), "", PROPOSED.model_dump_json())
     monkeypatch.setattr(judging, "judge", lambda *_: result)
     made = Lab(tmp_path)
     yield made
@@ -592,7 +592,7 @@ class Judged(Scripted):
 )
 def test_a_judgement_that_makes_no_sense_is_none(tmp_path: Path, result: Result, said: str) -> None:
     with pytest.raises(MeasurementError, match=said):
-        evaluate(Job(Judged(result), tmp_path / "run.mcap", 1.0))
+        evaluate(EvaluationJob(Judged(result), tmp_path / "run.mcap", 1.0))
     assert not list(tmp_path.iterdir())
 
 
@@ -612,13 +612,13 @@ def test_a_judgement_that_makes_no_sense_is_none(tmp_path: Path, result: Result,
 )
 def test_without_a_proposal_the_verdict_stands(tmp_path: Path, record: Any, said: str) -> None:
     result = Result("passed", {"n": float(np.float32(2))}, {"n": 3.0})
-    told = evaluate(Job(Judged(result, record), tmp_path / "r", 1.0))
+    told = evaluate(EvaluationJob(Judged(result, record), tmp_path / "r", 1.0))
     assert (told["verdict"], told["metrics"], told["proposal"]) == ("passed", {"n": 2.0}, None)
     assert said in told["problem"]
 
 
 def test_a_pass_by_no_limit_at_all_is_not_judged(tmp_path: Path) -> None:
-    told = evaluate(Job(Judged(Result("passed", {"n": 2.0})), tmp_path / "r", 1.0))
+    told = evaluate(EvaluationJob(Judged(Result("passed", {"n": 2.0})), tmp_path / "r", 1.0))
     assert told["verdict"] == "not_judged"
     assert told["reason"]
 
@@ -626,7 +626,7 @@ def test_a_pass_by_no_limit_at_all_is_not_judged(tmp_path: Path) -> None:
 def test_what_no_other_process_can_have_is_not_judged(tmp_path: Path) -> None:
     experiment = Judged(Result("passed", {}))  # has a function made in a method
     with pytest.raises(JobError, match=r"scripted .*cannot be given to another process"):
-        judge(Job(experiment, tmp_path / "run.mcap", 1.0), threading.Event())
+        judge(EvaluationJob(experiment, tmp_path / "run.mcap", 1.0), threading.Event())
 
 
 OWN = '''"""A person's own."""
