@@ -549,7 +549,7 @@ def test_a_cancelled_download_leaves_nothing(bench: Bench, onboard: Path, link: 
 
 @pytest.mark.parametrize("name", ["../secret.mcap", "a/b.mcap", "", "x.txt", ".mcap"])
 def test_a_name_that_is_no_log_s_is_refused(bench: Bench, name: str) -> None:
-    with pytest.raises(RefusedError, match="is no name of a log"):
+    with pytest.raises(RefusedError, match="is not the name of a log"):
         bench.queue.ask("download", name)
 
 

@@ -151,7 +151,7 @@ def test_files_that_are_no_videos_and_sizes_that_do_not_fit_are_told(
 ) -> None:
     with pytest.raises(StorageError, match="no video"):
         CameraSource(tmp_path / "other.avi", lens, tags)
-    with pytest.raises(UnreachableError, match="no video that OpenCV reads"):
+    with pytest.raises(UnreachableError, match="OpenCV cannot read the video"):
         CameraSource(tags, lens, tags)
     lens.write_text(lens.read_text().replace("image_width: 640", "image_width: 800"))
     with pytest.raises(MeasurementError, match=r"640 x 480 pixels, but .* 800 x 480"):
