@@ -74,7 +74,7 @@ class BaseStation:
         vehicle: its name, which is the namespace of the topics.
         operator: written into runs that were started without a requester.
         settings: `station.*` parameters to start with.
-        keeps_house: whether this station tidies the runs' folder, which several stations share.
+        housekeeping: whether this station tidies the runs' folder, which several stations share.
         vehicles: number of vehicles of this process. With a single one, estimators are compared
             even when no page shows it, so that each run has the comparison, and lines for the
             terminal need no name.
@@ -92,7 +92,7 @@ class BaseStation:
         operator: str = "",
         settings: Mapping[str, ParameterValue] | None = None,
         *,
-        keeps_house: bool = True,
+        housekeeping: bool = True,
         vehicles: int = 1,
         host: str = "",
         instance: int | None = None,
@@ -192,7 +192,7 @@ class BaseStation:
             self._recorder.status,
             partial(self._outbox.say, INFO),
             self._alarms.set,
-            purges=keeps_house,
+            purges=housekeeping,
         )
         forward_service(self._node, "onboard_log", self.link.state, LOG_TIMEOUT)
         serve_parameters(self._node, self._store)
@@ -214,16 +214,16 @@ class BaseStation:
         self._preflight = Preflight(context, gatherer.facts, self._vehicle_parameters.refresh)
         self._startup_checks = StartupChecks(context, folder.parent, gatherer, endpoints)
         self._status = StatusSender(context, self._tracker, gatherer.note_link_status)
-        questions = VehiclePolling(
+        polling = VehiclePolling(
             context, self._vehicle_parameters, self._layout, self._calibrations
         )
         self._transfers = Transfers(context, catalogue)
         self.runs.subscribe(self._transfers.queue.run_closed)
-        introduction = VehicleIdentification(self._node, vehicle, self.link)
+        identification = VehicleIdentification(self._node, vehicle, self.link)
         telemetry = TelemetryReception(
             context, self._comparison, observed, self.experiments, self._progress.vehicle_received
         )
-        reception = MessageHandlers(
+        message_handlers = MessageHandlers(
             context,
             telemetry=telemetry,
             observed=observed,
@@ -238,7 +238,7 @@ class BaseStation:
             progress=self._progress,
         )
         self._subscriptions = Subscriptions(
-            context, host, observed, reception.handlers, self._closing
+            context, host, observed, message_handlers.handlers, self._closing
         )
         self._pictures = PictureRecording(context)
         self._preflight.start()
@@ -247,9 +247,9 @@ class BaseStation:
             threading.Thread(target=target, name=name, daemon=True)
             for name, target in (
                 ("beat", self._beat),
-                ("who", partial(introduction.run, self._closing, self._guard)),
-                ("slow", partial(questions.run, self._closing, self._guard)),
-                ("tidy", partial(self._tidy, keeps_house)),
+                ("identification", partial(identification.run, self._closing, self._guard)),
+                ("polling", partial(polling.run, self._closing, self._guard)),
+                ("housekeeping", partial(self._tidy, housekeeping)),
             )
         ]
         for thread in self._threads:
@@ -332,8 +332,8 @@ class BaseStation:
         self._alarms.set("permission", self.link.problem() or None)
         self._alarms.set("radio", self.link.permission.unreachable_reason or None)
         self._alarms.set("sticks", self._sticks.alarm)
-        eyes = ("tracker", self._tracker.alarm), ("camera", self._tracker.camera_alarm)
-        for key, line in eyes:
+        camera_alarms = ("tracker", self._tracker.alarm), ("camera", self._tracker.camera_alarm)
+        for key, line in camera_alarms:
             if line != self._alarms.keyed().get(key):
                 self._alarms.set(key, None)  # so that a different problem is reported as well
             self._alarms.set(key, line)
@@ -345,8 +345,8 @@ class BaseStation:
         if count % STATUS_EVERY == 0 or self._status.link_changed:
             self._status.send()
 
-    def _tidy(self, keeps_house: bool) -> None:
-        if keeps_house:
+    def _tidy(self, housekeeping: bool) -> None:
+        if housekeeping:
             self._guard(self._house.tidy)
         while not self._closing.wait(PERIOD):
             self._guard(self._house.check)

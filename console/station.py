@@ -69,7 +69,7 @@ def run_station(
             catalogue,
             name,
             settings=settings,
-            keeps_house=not stations,
+            housekeeping=not stations,
             vehicles=len(vehicles),
             host=parse_endpoint(endpoint)[0],
             instance=instance,
