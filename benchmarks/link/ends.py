@@ -32,7 +32,7 @@ import numpy as np
 
 from benchmarks.impairment.link import A, B
 from benchmarks.link.notes import Notebook
-from console.link.lane import DATAGRAM, LaneIn
+from console.link.lane import DATAGRAM, VehicleLane
 from console.link.monitor import LinkMonitor
 from console.station import SWITCH_INTERVAL
 from console.transfers.fetcher import Fetcher
@@ -236,7 +236,7 @@ def station(folder: Path, plan: Plan) -> None:
         heard.add(number, sent_ns, now_ns, int(shown), int(link.path == DATAGRAM))
 
     pose, beat = node.advertise(TOPICS["tracker_pose"]), node.advertise(TOPICS["station_heartbeat"])
-    LaneIn(
+    VehicleLane(
         node,
         A if plan.lane else "",
         link,

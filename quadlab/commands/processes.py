@@ -257,10 +257,10 @@ class Web(PageOptions):
     station's last start with this data folder)"""
 
     def run(self) -> int:
-        from console.link.dialled_vehicles import dialled
+        from console.link.known_vehicles import station_vehicles
 
         data = open_data_folder(self.data)
-        names = parse_names(self.name or dialled(data))
+        names = parse_names(self.name or station_vehicles(data))
         tls = self.check_page(data)
         if tls is not None:
             say_authority(tls)

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from console.base_station import BaseStation
-from console.beacon_layout import THEIRS
+from console.beacon_layout import VEHICLE_LAYOUT
 from console.catalogue.catalogue import Catalogue
 from quadrotor.parameters import ParameterValue
 from tests.waiting import free_port, until
@@ -179,7 +179,7 @@ class LinkedBench:
         self.vehicle = Vehicle(self._data, port)
         assert until(lambda: self.station.link.state() is LinkState.GOOD)
         known = self.station._vehicle_parameters.known
-        assert until(lambda: known(THEIRS) == self.layout), "they did not come to agree"
+        assert until(lambda: known(VEHICLE_LAYOUT) == self.layout), "they did not come to agree"
         return self.vehicle
 
     def disconnect(self) -> None:

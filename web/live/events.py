@@ -16,7 +16,7 @@ from typing import Any
 
 from fastapi import WebSocket
 
-from console.trackers.camera_figures import camera_words
+from console.trackers.camera_figures import figures_text
 from vehicle_link.clock import real_time_factor, wall_time
 from web.access.roles import Session
 from web.live.conversation import converse, send_json, significant
@@ -167,7 +167,7 @@ def _station(message: Any) -> Message | None:
 def _tracker(message: Any) -> Message | None:
     """Return the fields of a tracker's status, and a text on how well a camera sees."""
     fields = _fields(message)
-    return {**fields, "sees": camera_words(message)} if fields else fields
+    return {**fields, "sees": figures_text(message)} if fields else fields
 
 
 def _battery(message: Any) -> Message | None:

@@ -9,8 +9,8 @@ from fastapi import FastAPI
 from pydantic import Field
 
 from console.tuning.evaluation import Plan, drawn, evaluate
-from console.tuning.kept_runs import KeptRun, KeptRuns
 from console.tuning.step_response import BAND
+from console.tuning.step_test_store import StepTest, StepTestStore
 from control.trajectories.multistep import AXES, SHAPES
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
@@ -36,7 +36,7 @@ class TestBody(Body):
 
 
 def add_tuning(app: FastAPI, context: VehicleContext) -> None:
-    kept = KeptRuns(context.catalogue.folder.parent)
+    kept = StepTestStore(context.catalogue.folder.parent)
     step_tests = StepTests(
         context.station, context.live, context.replica, context.hub, kept, context.vehicle
     )
@@ -98,7 +98,7 @@ def add_tuning(app: FastAPI, context: VehicleContext) -> None:
 
 
 def _differences(
-    run: KeptRun, step_tests: StepTests
+    run: StepTest, step_tests: StepTests
 ) -> tuple[dict[str, ParameterValue], list[str]]:
     """Return the numbers to be changed, and the names of other parameters that differ."""
     now = step_tests.gains()

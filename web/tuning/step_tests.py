@@ -16,7 +16,7 @@ from typing import Any
 
 from console.tuning.collection import Collection, Samples
 from console.tuning.evaluation import COLUMNS, Plan, evaluate
-from console.tuning.kept_runs import KeptRun, KeptRuns
+from console.tuning.step_test_store import StepTest, StepTestStore
 from control.trajectories.multistep import LEAD
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameters import ParameterValue
@@ -50,7 +50,7 @@ class StepTests:
         live: Live,
         replica: PageParameters,
         hub: EventHub,
-        kept: KeptRuns,
+        kept: StepTestStore,
         vehicle: str,
     ) -> None:
         self._station = station
@@ -106,7 +106,7 @@ class StepTests:
             if followed_by not in ENDS_WELL:
                 problems.append(f"it was stopped by {followed_by}; the events say why")
             now = self.gains()
-            run = KeptRun(
+            run = StepTest(
                 id=self.kept.new_id(self._vehicle),
                 started=started,
                 vehicle=self._vehicle,

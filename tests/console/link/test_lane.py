@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from console.link.lane import LaneIn
+from console.link.lane import VehicleLane
 from console.link.monitor import LinkMonitor
 from tests.support.station import StationLink
 from tests.waiting import free_port
@@ -57,14 +57,14 @@ class Ends:
         self.vehicle.start()
         self.link = LinkMonitor()
         self.telemetry: list[Received] = []
-        self.beats = at_station.advertise(TOPICS["station_heartbeat"])
-        self.station = LaneIn(
+        self.heartbeats = at_station.advertise(TOPICS["station_heartbeat"])
+        self.station = VehicleLane(
             at_station,
             "127.0.0.1",
             self.link,
             self.telemetry.append,
             lambda received: None,
-            self.beats,
+            self.heartbeats,
         )
         self.over_zenoh: list[int] = []
         for name in ("vehicle_heartbeat", "station_heartbeat"):
@@ -213,7 +213,7 @@ def test_a_vehicles_other_process_is_asked_for_keys_by_the_station(ends: Ends) -
 def test_of_heartbeats_that_go_by_the_lane_one_in_so_many_goes_over_zenoh_too(ends: Ends) -> None:
     """Only a publisher with this setting does so; without the lane all are sent over Zenoh."""
     ends.send_until(ends.by_the_lane_alone)
-    beats = ends.radio.publishers["vehicle_heartbeat"], ends.beats
+    beats = ends.radio.publishers["vehicle_heartbeat"], ends.heartbeats
     for publisher in beats:
         publisher.send_one_in = 4
     by_lane = ends.heartbeats_by_lane()
@@ -221,7 +221,7 @@ def test_of_heartbeats_that_go_by_the_lane_one_in_so_many_goes_over_zenoh_too(en
         before = len(ends.over_zenoh)
 
         def enough() -> bool:
-            ends.beats.put(encode_heartbeat(1, time.time_ns(), 8))
+            ends.heartbeats.put(encode_heartbeat(1, time.time_ns(), 8))
             return len(ends.over_zenoh) >= before + 10
 
         ends.send_until(enough)

@@ -7,9 +7,8 @@ from typing import Any
 
 import pytest
 
-from console.link.outbox import RECORDED
+from console.link.outbox import ENCODERS, RECORDED
 from console.link.subscriptions import AS_IT_COMES
-from console.link.telemetry_topics import ENCODERS
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.messages.units import number_at, numbers
 from vehicle_link.topics import TOPICS

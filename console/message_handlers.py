@@ -7,15 +7,15 @@ from collections.abc import Callable, Mapping
 from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.calibrations import Calibrations
 from console.checks.observed import Observed
-from console.commands.stick_control import StickDesk
+from console.commands.stick_control import StickHandler
 from console.comparison.feed import ComparisonFeed
+from console.context import StationContext
 from console.experiment_running.runner import ExperimentRunner
-from console.link.monitor import LinkMonitor
-from console.link.outbox import Outbox
-from console.link.telemetry import TelemetryIn
-from console.parameters.history_writer import ParameterWitness
+from console.link.outbox import WARN
+from console.link.telemetry import TelemetryReception
+from console.parameters.history_writer import ParameterHistoryWriter
 from console.parameters.vehicle import VehicleParameters
-from console.runs.runs import RunKeeper
+from console.runs.runs import RunManager
 from console.tracker_feed import TrackerFeed
 from vehicle_link import topics
 from vehicle_link.lockstep import ProcessProgress
@@ -30,7 +30,7 @@ BEAT_NS = 18_000_000
 the simulator waits for (vehicle.simulator.lockstep)."""
 
 
-class Reception:
+class MessageHandlers:
     """The handlers of one vehicle's messages.
 
     Args:
@@ -43,23 +43,22 @@ class Reception:
 
     def __init__(
         self,
-        vehicle: str,
+        context: StationContext,
         *,
-        link: LinkMonitor,
-        outbox: Outbox,
-        telemetry: TelemetryIn,
+        telemetry: TelemetryReception,
         observed: Observed,
         parameters: VehicleParameters,
-        history: ParameterWitness,
-        runs: RunKeeper,
+        history: ParameterHistoryWriter,
+        runs: RunManager,
         experiments: ExperimentRunner,
         comparison: ComparisonFeed,
         calibrations: Calibrations,
-        sticks: StickDesk,
+        sticks: StickHandler,
         tracker: TrackerFeed,
         progress: ProcessProgress,
     ) -> None:
-        self._vehicle, self._link, self._outbox, self._observed = vehicle, link, outbox, observed
+        self._vehicle, self._link = context.vehicle, context.link
+        self._outbox, self._observed = context.outbox, observed
         self._parameters, self._history, self._runs = parameters, history, runs
         self._experiments, self._comparison = experiments, comparison
         self._calibrations, self._sticks = calibrations, sticks
@@ -72,11 +71,11 @@ class Reception:
             "status": self._status,
             "truth": self._truth,
             "tracker_body": self._tracked,
-            "tracker_status": lambda received: tracker.process_told(
+            "tracker_status": lambda received: tracker.note_tracker_status(
                 decode(received.payload, TOPICS["tracker_status"].type_name)
             ),
             "camera_bearings": self._seen,
-            "camera_status": lambda received: tracker.camera_told(
+            "camera_status": lambda received: tracker.note_camera_status(
                 decode(received.payload, TOPICS["camera_status"].type_name)
             ),
             "parameter_changes": self._parameter_change,
@@ -89,6 +88,8 @@ class Reception:
         status = decode(received.payload, TOPICS["status"].type_name)
         self._observed.status(status)
         self._parameters.note_status(int(status.instance), int(status.parameter_revision))
+        if not status.armed and self._tracker.forget_ended_camera():
+            self._outbox.say(WARN, "the camera on board was ended: bearings are emulated again")
         self._runs.status(bool(status.armed))
         self._history.status(bool(status.armed), self._runs.recorder.run_id)
         self._experiments.feed.status(status)
@@ -145,7 +146,7 @@ class Reception:
         self._progress.truth(stamp_ns)
         if (
             self._progress.in_lockstep
-            and self._link.standing.beats
+            and self._link.permission.sends_heartbeats
             and not 0 <= stamp_ns - self._beaten_ns < BEAT_NS
         ):
             self._beaten_ns = stamp_ns

@@ -2,9 +2,9 @@
 
 By Little's law twice as many requests bring twice as much only while each is answered as fast as
 before; on a full link each takes twice as long, telemetry queues behind them, and nothing is
-gained. The number is therefore doubled, and kept only if the median round trip stays below GAINS
-times its previous value. From time to time, and when answers become slow, it is determined again,
-starting from one, because a vehicle flies away and returns.
+gained. The number is therefore doubled, and kept only if the median round trip stays below
+LARGEST_RATIO times its previous value. From time to time, and when answers become slow, it is
+determined again, starting from one, because a vehicle flies away and returns.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import time
 from collections.abc import Callable
 from statistics import median
 
-MOST = 16
-GAINS = 1.4
+MAX_REQUESTS = 16
+LARGEST_RATIO = 1.4
 """Largest ratio of round trips for a doubling to be kept; it then brings 1.43 times as much, or
 more."""
-ROUND = 8
+ANSWERS_MIN = 8
 """Minimum number of answers for a median."""
 SLOW = 2.0
 """Ratio to the settled round trip above which the link has become narrower."""
@@ -27,7 +27,7 @@ HOLD = 60.0
 them."""
 
 
-class Window:
+class RequestWindow:
     """Determines the number of requests in flight; thread-safe.
 
     Attributes:
@@ -52,7 +52,7 @@ class Window:
             if size != self.size:
                 return
             self._trips.append(seconds)
-            if len(self._trips) >= max(ROUND, size):
+            if len(self._trips) >= max(ANSWERS_MIN, size):
                 trip = median(self._trips)
                 self._trips = []
                 if self._settled_until is None:
@@ -61,10 +61,10 @@ class Window:
                     self._watch(trip)
 
     def _climb(self, trip: float) -> None:
-        if self._below is not None and trip > GAINS * self._below:
+        if self._below is not None and trip > LARGEST_RATIO * self._below:
             self.size //= 2
             trip = self._below
-        elif self.size < MOST:
+        elif self.size < MAX_REQUESTS:
             self.size *= 2
             self._below = trip
             return

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from console.atomic_file import replacing
 from console.tuning.collection import Gap, Samples
 from console.tuning.evaluation import Plan
 from quadrotor.errors import StorageError
@@ -29,7 +30,7 @@ _ID = re.compile(r"[0-9]{8}T[0-9]{9}Z_[A-Za-z0-9_-]{1,60}")
 
 
 @dataclass(frozen=True)
-class KeptRun:
+class StepTest:
     """One test.
 
     Attributes:
@@ -57,7 +58,7 @@ class KeptRun:
     rate: float = 0.0
 
 
-class KeptRuns:
+class StepTestStore:
     """The stored tests, thread-safe. The folder in `data` is created when the first
     test is stored.
     """
@@ -75,32 +76,31 @@ class KeptRuns:
                 if not self._path(name).exists():
                     return name
 
-    def keep(self, run: KeptRun, samples: Samples) -> None:
+    def keep(self, run: StepTest, samples: Samples) -> None:
         """Store a test, and remove the oldest beyond the number kept. Raises StorageError."""
         with self._lock:
             try:
                 self._folder.mkdir(exist_ok=True)
-                with _aside(self._path(run.id, ".npz")) as aside, aside.open("wb") as stream:
+                with replacing(self._path(run.id, ".npz")) as new, new.open("wb") as stream:
                     np.savez_compressed(
                         stream,
                         stamps_ns=samples.stamps_ns,
                         gaps=np.array([[g.start, g.end] for g in samples.gaps]).reshape(-1, 2),
                         **samples.values,  # type: ignore[arg-type]
                     )
-                content = asdict(run)
-                with _aside(self._path(run.id)) as aside:
-                    aside.write_text(json.dumps(content, indent=1))
+                with replacing(self._path(run.id)) as new:
+                    new.write_text(json.dumps(asdict(run), indent=1))
             except OSError as error:
                 raise StorageError(f"the test cannot be kept: {error}") from error
             self._prune(self._folder)
 
-    def runs(self) -> list[KeptRun]:
+    def runs(self) -> list[StepTest]:
         """Return the stored tests, newest first; unreadable ones are left out."""
         with self._lock:
             found = (self._read(name) for name in reversed(self._names(self._folder)))
             return [run for run in found if run is not None]
 
-    def run(self, name: str) -> KeptRun:
+    def run(self, name: str) -> StepTest:
         """Return a stored test. Raises StorageError when it is unknown."""
         with self._lock:
             self._known(name, self._folder)
@@ -141,10 +141,10 @@ class KeptRuns:
         except OSError as error:
             raise StorageError(f"the test {name} cannot be moved: {error}") from error
 
-    def _read(self, name: str) -> KeptRun | None:
+    def _read(self, name: str) -> StepTest | None:
         try:
             content: dict[str, Any] = json.loads(self._path(name).read_text())
-            return KeptRun(**{**content, "plan": Plan(**content["plan"])})
+            return StepTest(**{**content, "plan": Plan(**content["plan"])})
         except (OSError, ValueError, TypeError, KeyError):
             return None
 
@@ -170,19 +170,3 @@ class KeptRuns:
 
     def _path(self, name: str, suffix: str = ".json") -> Path:
         return self._folder / f"{name}{suffix}"
-
-
-class _aside:  # noqa: N801 - used as `with _aside(path) as aside`
-    """A file that gets its name only when it is complete."""
-
-    def __init__(self, path: Path) -> None:
-        self._path, self._aside = path, path.with_name(f"{path.name}.new")
-
-    def __enter__(self) -> Path:
-        return self._aside
-
-    def __exit__(self, kind: object, *_: object) -> None:
-        if kind is None:
-            os.replace(self._aside, self._path)
-        else:
-            self._aside.unlink(missing_ok=True)

@@ -14,13 +14,20 @@ import time
 from collections.abc import Callable
 
 from console.catalogue.catalogue import Catalogue
-from console.catalogue.completeness import Completeness, keep_completeness, open_runs
+from console.catalogue.completeness import Completeness, open_runs, store_completeness
+from console.link.outbox import INFO, WARN
 from console.parameters.station import RecorderParameters
-from console.runs.adoption import enter_again
+from console.runs.adoption import update_entry
 from console.transfers.download import Download
-from console.transfers.fetcher import ChangedError, Fetcher, Rate
+from console.transfers.fetcher import ChangedError, Fetcher, TransferRate
 from console.transfers.job import CancelledError, Job, Kind, NotYetError
-from console.transfers.part_file import NoRoomError, discard, unwant, want, wanted_downloads
+from console.transfers.part_file import (
+    NoRoomError,
+    discard,
+    request_download,
+    requested_downloads,
+    withdraw_download,
+)
 from console.transfers.run_logs import complete_run, into_folder
 from console.transfers.transfer_disk import TransferDisk
 from console.transfers.vehicle_files import VehicleFiles, check_name
@@ -35,16 +42,15 @@ log = logging.getLogger(__name__)
 ONBOARD = "onboard"
 SHOWN = 5.0
 """Seconds for which a finished transfer is still reported."""
-LOOK = 1.0
+RETRY_PERIOD = 1.0
 """Seconds between two checks of a condition that is waited for."""
-TRIES = 600
+MAX_TRIES = 600
 """Number of tries after which a run is compared only at the next start."""
 ROOM_EVERY = 64
 """Number of pieces between two checks of the disk."""
-INFO, WARN = 20, 30
 
 
-class TransferDesk:
+class TransferQueue:
     """Queue of transfers and the thread that works on it; thread-safe. `start` begins the work.
 
     Args:
@@ -98,12 +104,12 @@ class TransferDesk:
         if kind == "download":
             check_name(name)
             self._disk.make_folder()
-            want(self.folder, name)
+            request_download(self.folder, name)
         elif by_person:
             self._catalogue.resolve(name)
             if (whose := self._catalogue.get(name).vehicle) != self._vehicle:
                 raise RefusedError(f"run {name} is of {whose}, not {self._vehicle}; ask its page")
-            keep_completeness(self._catalogue, name, Completeness("open"))
+            store_completeness(self._catalogue, name, Completeness("open"))
         with self._lock:
             same = [job for job in self._jobs if (job.kind, job.name) == (kind, name)]
             for job in same:
@@ -122,7 +128,7 @@ class TransferDesk:
             for job in found:
                 job.cancelled.set()
         if not found:
-            raise RefusedError(f"nothing of {name!r:.80} is being fetched")
+            raise RefusedError(f"no transfer of {name!r:.80} is in progress")
         self._wake.set()
 
     def jobs(self) -> list[Job]:
@@ -137,16 +143,16 @@ class TransferDesk:
         jobs = self.jobs()
         if not jobs:
             return None
-        told = [job.message() for job in jobs]
-        return encode(new("quadlab_msgs/Transfers", header=header(stamp_ns), transfers=told))
+        transfers = [job.message() for job in jobs]
+        return encode(new("quadlab_msgs/Transfers", header=header(stamp_ns), transfers=transfers))
 
     # ------------------------------------------------------------------ its own thread
     def _run(self) -> None:
-        self._take_up_again()
+        self._resume()
         while not self._closing.is_set():
             job = self._next()
             if job is None:
-                self._wake.wait(LOOK)
+                self._wake.wait(RETRY_PERIOD)
                 self._wake.clear()
                 continue
             try:
@@ -156,19 +162,19 @@ class TransferDesk:
                 job.end("failed", f"a defect, see the station's log: {error!r}")
             if not job.is_over:
                 job.tries += 1
-                if job.kind == "backfill" and job.tries >= TRIES:
+                if job.kind == "backfill" and job.tries >= MAX_TRIES:
                     job.end("failed", job.problem)
-                self._closing.wait(LOOK)
+                self._closing.wait(RETRY_PERIOD)
 
-    def _take_up_again(self) -> None:
+    def _resume(self) -> None:
         try:
-            for name in wanted_downloads(self.folder):
+            for name in requested_downloads(self.folder):
                 self.ask("download", name)
             if self._parameters.backfill:
                 for run_id in open_runs(self._catalogue, self._vehicle):
                     self.ask("backfill", run_id)
         except (QuadlabError, OSError) as error:
-            self._say(WARN, f"what was being fetched is not taken up again: {error}")
+            self._say(WARN, f"interrupted transfers were not resumed: {error}")
 
     def _next(self) -> Job | None:
         """Return the next job: cancelled ones first, then downloads, then the newest run; those
@@ -189,13 +195,13 @@ class TransferDesk:
         return jobs[0] if jobs else None
 
     def _work(self, job: Job) -> None:
-        fetcher = Fetcher(self._files, self._came(job))
+        fetcher = Fetcher(self._files, self._on_piece(job))
         try:
             job.check()
             try:
                 self._disk.make_folder()
             except StorageError as error:
-                raise NotYetError(f"{error}; it continues when it is there") from error
+                raise NotYetError(f"{error}; it continues when the folder is back") from error
             if job.kind == "download":
                 self._download(job, fetcher).by_name()
             else:
@@ -203,23 +209,25 @@ class TransferDesk:
         except CancelledError:
             self._cancelled(job)
         except ChangedError as error:
-            self._waits(job, f"{error}; begun again")
+            self._set_waiting(job, f"{error}; begun again")
         except (NotYetError, LinkError) as error:
-            self._waits(job, str(error))
+            self._set_waiting(job, str(error))
         except NoRoomError as error:
-            self._waits(job, f"{error}; it continues when there is room")
+            self._set_waiting(job, f"{error}; it continues when there is room")
         except QuadlabError as error:
             if self._closing.is_set():
                 return
             if job.kind == "backfill":
-                self._keep(job.name, Completeness("unknown", why=f"not compared: {error}"))
+                self._store_completeness(
+                    job.name, Completeness("unknown", why=f"not compared: {error}")
+                )
             else:
-                unwant(self.folder, job.name)
+                withdraw_download(self.folder, job.name)
             job.end("failed", str(error))
             self._say(WARN, f"{job.kind} of {job.name} failed: {error}")
         else:
             if job.kind == "download":
-                self._say(INFO, f"the vehicle's log {job.name} is here")
+                self._say(INFO, f"the vehicle's log {job.name} was downloaded")
         finally:
             fetcher.close()
 
@@ -235,8 +243,8 @@ class TransferDesk:
             self._check_open()
 
         found = complete_run(folder, self._download(job, fetcher), check)
-        enter_again(self._catalogue, folder)
-        keep_completeness(self._catalogue, job.name, found)
+        update_entry(self._catalogue, folder)
+        store_completeness(self._catalogue, job.name, found)
         if found.state == "missing":
             job.end("incomplete", found.line)
         else:
@@ -251,26 +259,28 @@ class TransferDesk:
         if job.kind == "backfill":
             for path in self._catalogue.resolve(job.name).glob("*.part*"):
                 path.unlink(missing_ok=True)
-            self._keep(job.name, Completeness("unknown", why="filling it was cancelled"))
+            self._store_completeness(
+                job.name, Completeness("unknown", why="the comparison was cancelled")
+            )
         else:
             discard(self.folder, job.name)
         job.end("cancelled")
 
-    def _keep(self, run_id: str, found: Completeness) -> None:
+    def _store_completeness(self, run_id: str, found: Completeness) -> None:
         try:
-            keep_completeness(self._catalogue, run_id, found)
+            store_completeness(self._catalogue, run_id, found)
         except StorageError:
             log.debug("not kept", exc_info=True)
 
-    def _waits(self, job: Job, why: str) -> None:
+    def _set_waiting(self, job: Job, why: str) -> None:
         job.phase, job.problem, job.rate = "waiting", why, 0.0
 
-    def _came(self, job: Job) -> Callable[[int], None]:
-        rate = Rate()
+    def _on_piece(self, job: Job) -> Callable[[int], None]:
+        rate = TransferRate()
 
-        def came(count: int) -> None:
+        def on_piece(count: int) -> None:
             job.bytes += count
-            job.rate = rate.came(count)
+            job.rate = rate.add(count)
             job.problem = ""
             job.check()
             self._check_open()
@@ -278,7 +288,7 @@ class TransferDesk:
             if self._pieces % ROOM_EVERY == 0:
                 self._disk.check_room(0)
 
-        return came
+        return on_piece
 
     def _wait(self, seconds: float) -> None:
         self._closing.wait(seconds)
