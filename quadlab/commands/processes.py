@@ -35,17 +35,17 @@ class Vehicle:
     """Run the vehicle's flight stack on board: flight and comms process."""
 
     serial: Annotated[tuple[str, ...], tyro.conf.arg(metavar="PORT[,PORT]")] = ()
-    """the microcontroller's serial ports, one or two; auto looks for them behind all devices"""
+    """the microcontroller's serial ports, one or two; auto searches all serial devices"""
     check: Flag = False
-    """only test the connection and print what was found"""
+    """test the connection, print the result and exit"""
     board: str = MIKROKOPTER
     """the board that turns the motors: mikrokopter, betaflight, or of a package (docs/boards)"""
     find: Flag = False
-    """only look at all serial devices and print what is there"""
+    """list all serial devices, print what answers on each, and exit"""
     robot_id: Annotated[int, tyro.conf.arg(metavar="ID")] = THE_ONE.robot_id
-    """the number the microcontroller calls itself by; motors start with no other"""
+    """robot id that the microcontroller must report; motors do not start with another one"""
     firmware: Annotated[int, tyro.conf.arg(metavar="REVISION")] = THE_ONE.firmware
-    """revision of its firmware; motors start with no other"""
+    """firmware revision that it must report; motors do not start with another one"""
     data: Folder = None
     """data folder"""
     rate: Annotated[int | None, optional("HZ")] = None
@@ -56,7 +56,7 @@ class Vehicle:
     link_port: int = 7447
     """UDP port of the radio link to listen on"""
     telemetry: Annotated[int, tyro.conf.arg(metavar="HZ")] = 100
-    """packets of telemetry a second, 12 to 100, each with the ticks since the one before"""
+    """telemetry packets a second, 12 to 100; each holds the ticks since the previous one"""
     name: str = THE_VEHICLE
     """namespace of the vehicle's topics"""
     set: Settings = ()

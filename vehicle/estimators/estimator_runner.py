@@ -6,7 +6,7 @@ import numpy as np
 
 from estimation.estimator import Estimator
 from quadrotor.records import ESTIMATE, POSE_SAMPLE, Record, new_state, pose_sample
-from vehicle.estimators.unused_measurements import UnusedMeasurements
+from vehicle.estimators.measurement_reports import UnusedMeasurements
 
 POSES, BEARINGS, BOTH = "poses", "bearings", "both"
 NEWS_NS = 1_000_000_000
@@ -79,7 +79,7 @@ class Runner:
 
     def unused(self, now_ns: int) -> str | None:
         """Return a line about measurements not used because of their time, when that is new."""
-        return self._unused.look(str(self), self.estimator, now_ns)
+        return self._unused.check(str(self), self.estimator, now_ns)
 
     def restarts(self, now_ns: int) -> str | None:
         """Report that the estimator diverged and restarted, for one that is not in

@@ -49,9 +49,9 @@ class ExternalEstimator(External):
         self._poses: deque[Record] = deque(maxlen=WAITING)
         self._frames: deque[Record] = deque(maxlen=WAITING)
         self._begin()
-        self._was_flying = self._told_ready = False
+        self._was_flying = self._reported_ready = False
         # Compiled here and not in the first tick, which would be seconds late.
-        self._carried(self._state, np.zeros(3), np.zeros(3), 0.0)
+        self._propagated(self._state, np.zeros(3), np.zeros(3), 0.0)
 
     def __getattr__(self, name: str) -> Any:
         """Return what only some estimators have, like `ignored`, of the built-in one."""
@@ -156,8 +156,8 @@ class ExternalEstimator(External):
     def news(self, flying: bool) -> list[str]:
         """Return lines about what has just happened: it was loaded, it landed."""
         self.becomes_ready()
-        lines = [f"estimator {self.name} is ready"] if self.is_ready > self._told_ready else []
-        self._told_ready = self.is_ready
+        lines = [f"estimator {self.name} is ready"] if self.is_ready > self._reported_ready else []
+        self._reported_ready = self.is_ready
         if flying != self._was_flying:
             self._was_flying = flying
             apart = f"its position was {self.difference:.4f} m (rms) from that of"
@@ -184,9 +184,9 @@ class ExternalEstimator(External):
             return
         answer, before = self._answer(), self._state
         if answer is not None:
-            before = self._taken(answer)
+            before = self._accepted(answer)
         if answer is not None or self._answers:
-            state = self._carried(
+            state = self._propagated(
                 before, imu["specific_force_b"][0], imu["angular_velocity_b"][0], dt
             )
             if answer is not None:
@@ -198,7 +198,7 @@ class ExternalEstimator(External):
         self._input(imu, dt)
         self._ask()
 
-    def _taken(self, answer: Record) -> Record:
+    def _accepted(self, answer: Record) -> Record:
         """Return the STATE (1,) of an answer, which becomes the newest. Raises RefusedError for
         one that is no estimate.
         """
@@ -221,7 +221,7 @@ class ExternalEstimator(External):
         state["quaternion_wb"][0] = quaternion_normalize(quaternion)
         return state
 
-    def _carried(
+    def _propagated(
         self, last: Record, specific_force_b: Array, angular_velocity_b: Array, dt: float
     ) -> Record:
         """Return the STATE (1,) one sample after the last, by what the IMU measured."""

@@ -6,27 +6,25 @@ import math
 from collections.abc import Callable
 
 from control.rate_law import rates_of_wrench
-from vehicle.boards.board import BodyRates, Command, Takes
+from vehicle.boards.board import BodyRates, Command, CommandKind
 from vehicle.boards.reference_rounding import ReferenceRounding
-from vehicle.flight.control_law import Steering
+from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.tick_record import TickRecord
 
 RATE_MAX = math.radians(300.0)
 """Fastest rotation, in rad/s, that is commanded about each axis."""
 
 
-def law_end(level: Takes, tick: TickRecord, steering: Steering) -> Callable[[], Command]:
+def law_end(level: CommandKind, tick: TickRecord, law: ControlLaw) -> Callable[[], Command]:
     """Return the function that makes the command of one tick from the tick's actuators."""
-    if level is Takes.MOTORS:
+    if level is CommandKind.MOTORS:
         rounding = ReferenceRounding()
         return lambda: rounding.round(tick.motor_references)
 
     omega_b = tick.state["angular_velocity_b"][0]  # a view
 
     def rates() -> BodyRates:
-        x, y, z, throttle = rates_of_wrench(
-            tick.wrench, omega_b, steering.gains, steering.model, RATE_MAX
-        )
+        x, y, z, throttle = rates_of_wrench(tick.wrench, omega_b, law.gains, law.model, RATE_MAX)
         return BodyRates((x, y, z), throttle)
 
     rates()  # compile now rather than in the first flight

@@ -8,7 +8,7 @@ from vehicle.boards.board import Board, Command
 from vehicle_link.serial.ids import MotorState
 
 
-class Ordering(Protocol):
+class CommandedModes(Protocol):
     """The part of vehicle.flight.mode_machine.ModeMachine that commands depend on."""
 
     @property
@@ -20,10 +20,10 @@ class Ordering(Protocol):
     def microcontroller_reports(self, lost_ports: int, obstacle: str) -> None: ...
 
 
-class Orders:
+class CommandSender:
     """Sender of one vehicle's commands to its board."""
 
-    def __init__(self, modes: Ordering, board: Board) -> None:
+    def __init__(self, modes: CommandedModes, board: Board) -> None:
         self._modes, self._board = modes, board
         self._motor_state = modes.motor_state_wanted
         self._timeout_ms = 0
@@ -37,7 +37,7 @@ class Orders:
         if command is not None:
             self._board.command(command)
 
-    def keep(self, now_s: float) -> None:
+    def service(self, now_s: float) -> None:
         """Repeat commands without an echo; `now_s` is from any monotonic clock."""
         timeout_ms = self._modes.command_timeout_ms
         if timeout_ms != self._timeout_ms:

@@ -18,9 +18,9 @@ from vehicle.flight.kernels import HELPED, LATER, PARTS
 
 PREPARE = """
 from vehicle.flight.kernels import PARTS, prepare
-from quadrotor.compiled import kept
+from quadrotor.compiled import is_cached
 
-print(*(part for part, (module, _) in PARTS.items() if not kept(module)))
+print(*(part for part, (module, _) in PARTS.items() if not is_cached(module)))
 refused, later = prepare(print)
 print("refused", refused)
 later.close()
@@ -82,23 +82,23 @@ def test_what_is_compiled_beside_is_loaded_once_it_is_there(
     asked: list[list[str]] = []
     parts = {name: (name, lambda name=name: loaded.append(name)) for name in "abc"}
     monkeypatch.setattr(kernels, "LATER", parts)
-    monkeypatch.setattr(kernels, "kept", lambda module: module in present)
+    monkeypatch.setattr(kernels, "is_cached", lambda module: module in present)
 
     def job(function: object, names: list[str], *rest: object, niceness: int) -> Beside:
         asked.append(names)
         return beside
 
     monkeypatch.setattr(kernels, "Job", job)
-    later = kernels.Later()
+    later = kernels.BackgroundParts()
     assert asked == [["b", "c"]]
     assert later.load() == ["a"]
     present.add("b")  # half of the requested ones: not before it has ended
-    assert not later.arrived
+    assert not later.has_compiled
     assert later.load() == []
     beside.ended = True  # and failed at c
     assert now(later).arrived
     assert later.load() == ["b"]
-    assert not later.arrived
+    assert not later.has_compiled
     assert loaded == ["a", "b"]
     later.close()
     assert not beside.stopped
@@ -106,9 +106,9 @@ def test_what_is_compiled_beside_is_loaded_once_it_is_there(
 
 def test_compiling_beside_ends_with_the_flight_process(monkeypatch: pytest.MonkeyPatch) -> None:
     beside = Beside()
-    monkeypatch.setattr(kernels, "kept", lambda module: False)
+    monkeypatch.setattr(kernels, "is_cached", lambda module: False)
     monkeypatch.setattr(kernels, "Job", lambda *job, niceness: beside)
-    kernels.Later().close()
+    kernels.BackgroundParts().close()
     assert beside.stopped
 
 

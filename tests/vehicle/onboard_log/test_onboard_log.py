@@ -18,12 +18,12 @@ from quadrotor.errors import LinkError
 from quadrotor.records import TICK, Record
 from tests.support.narrowing import now
 from tests.support.ticks import START_NS, level_ticks
-from vehicle.onboard_log import disk_sync as onboard_sync
+from vehicle.onboard_log import file as onboard_sync
 from vehicle.onboard_log import onboard_log
 from vehicle.onboard_log.file import Batch
 from vehicle.onboard_log.onboard_log import OnboardLog, microcontroller_facts
 from vehicle.onboard_log.parameters import OnboardLogParameters
-from vehicle.onboard_log.recovery import recover_logs, torn_logs
+from vehicle.onboard_log.repair import recover_logs, torn_logs
 from vehicle_link import topics
 from vehicle_link.serial.identity import Identity
 
@@ -264,7 +264,7 @@ def test_a_file_that_is_no_log_is_reported_and_left(tmp_path: Path) -> None:
     assert path.read_bytes().startswith(b"not a log")
 
 
-class Told:
+class Notification:
     """Events of the log, which a test can wait for."""
 
     def __init__(self) -> None:
@@ -294,7 +294,7 @@ def old_log(folder: Path, name: str) -> Path:
 
 
 def test_old_logs_are_removed_on_the_ground_and_not_in_flight(tmp_path: Path) -> None:
-    first, told = old_log(tmp_path, "first"), Told()
+    first, told = old_log(tmp_path, "first"), Notification()
     limits = OnboardLogParameters(keep_size=0.5)
     log = OnboardLog(
         tmp_path, "quad1", {}, told, limits=lambda: limits, free=lambda _: 10 * FREE_BYTES_MIN
@@ -332,7 +332,7 @@ def test_what_does_not_reach_the_disk_stops_the_log(
         sync = onboard_sync.DiskSync(path, 0.001)
         sync._thread.join(BOUND)
     assert sync.problem == "torn does not reach the disk: Input/output error"
-    told = Told()
+    told = Notification()
     log = OnboardLog(tmp_path, "quad1", {}, told, free=lambda _: 10 * FREE_BYTES_MIN)
     log._store([Batch(ticks(0, 10, armed=True), START_NS)])
     assert log._file is not None
@@ -351,7 +351,7 @@ def test_a_flight_is_logged_even_without_its_parameters(tmp_path: Path) -> None:
     def unknown() -> bytes:
         raise LinkError("the flight process did not report its parameters")
 
-    told = Told()
+    told = Notification()
     log = OnboardLog(
         tmp_path, "quad1", {"parameters.json": unknown}, told, free=lambda _: 10 * FREE_BYTES_MIN
     )
@@ -449,7 +449,7 @@ def test_a_file_of_a_writer_killed_before_its_first_record_is_removed(
 def test_a_folder_removed_in_flight_is_told_within_a_second_and_a_new_file_begins(
     tmp_path: Path,
 ) -> None:
-    told = Told()
+    told = Notification()
     log = OnboardLog(tmp_path, "quad1", {}, told, free=lambda _: 10 * FREE_BYTES_MIN)
     log.start()
 
@@ -530,7 +530,7 @@ def test_a_log_torn_by_a_full_disk_is_mended_on_the_ground(
             raise OSError(28, "No space left on device")
         return write(descriptor, data)
 
-    write, told, free = os.write, Told(), [10 * FREE_BYTES_MIN]
+    write, told, free = os.write, Notification(), [10 * FREE_BYTES_MIN]
     log = OnboardLog(tmp_path, "quad1", {}, told, free=lambda _: free[0])
     log._store([Batch(ticks(0, 10, armed=True), START_NS)])
     with monkeypatch.context() as failing:
@@ -542,18 +542,18 @@ def test_a_log_torn_by_a_full_disk_is_mended_on_the_ground(
     )
     (path,) = log.folder.iterdir()
     assert not is_closed(path)
-    log._mending._clock = lambda: math.inf  # no pause is too long
+    log.repair._clock = lambda: math.inf  # no pause is too long
     log._look_after(on_ground=False)
-    assert log._mending._process is None, "never while armed"
+    assert log.repair._process is None, "never while armed"
     free[0] = 0
     log._store([Batch(ticks(20, 300, armed=False), START_NS)])
     log._look_after(on_ground=True)
-    assert "is repaired once 500 MB are free on the vehicle's disk (0 MB are" in log.mending
+    assert "is repaired once 500 MB are free on the vehicle's disk (0 MB are" in log.repair.state
     free[0] = 10 * FREE_BYTES_MIN
     log._look_after(on_ground=True)
-    assert log.mending == "is being repaired"
+    assert log.repair.state == "is being repaired"
     assert [written.path for written in log.files()] == [path]
-    process = now(log)._mending._process
+    process = now(log).repair._process
     assert process is not None
     end = time.monotonic() + 3 * BOUND
     while not process.poll(1.0):
