@@ -115,6 +115,7 @@ def test_a_harmful_law_is_taken_out_and_the_built_in_one_flies_on(
     assert lab.stack.law.external is None
     line = next(text for text in lab.kept.texts if "disengaged" in text)
     assert why in line
+    assert [c.name for c in lab.kept.changes if c.requester == "vehicle"] == ["control.law"]
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.1)
     lab.start("land")
     lab.wait_until(lambda v: not v.armed, what="landed", timeout=15)
