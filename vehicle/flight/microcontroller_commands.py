@@ -1,11 +1,38 @@
-"""The flight stack's commands to the board, sent after each tick."""
+"""The flight stack's commands to the board, made and sent after each tick."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import Protocol
 
-from vehicle.boards.board import Board, Command
+from control.rate_law import rates_of_wrench
+from vehicle.boards.board import Board, BodyRates, Command, CommandKind
+from vehicle.boards.reference_rounding import ReferenceRounding
+from vehicle.flight.control_law import ControlLaw
+from vehicle.flight.tick_record import TickRecord
 from vehicle_link.serial.ids import MotorState
+
+RATE_MAX = math.radians(300.0)
+"""Fastest rotation, in rad/s, that is commanded about each axis."""
+
+
+def command_maker(level: CommandKind, tick: TickRecord, law: ControlLaw) -> Callable[[], Command]:
+    """Return the function that turns a tick's wrench into a command at the level that the board
+    accepts.
+    """
+    if level is CommandKind.MOTORS:
+        rounding = ReferenceRounding()
+        return lambda: rounding.round(tick.motor_references)
+
+    omega_b = tick.state["angular_velocity_b"][0]  # a view
+
+    def rates() -> BodyRates:
+        x, y, z, throttle = rates_of_wrench(tick.wrench, omega_b, law.gains, law.model, RATE_MAX)
+        return BodyRates((x, y, z), throttle)
+
+    rates()  # compile now rather than in the first flight
+    return rates
 
 
 class CommandedModes(Protocol):

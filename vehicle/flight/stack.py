@@ -31,7 +31,7 @@ from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.flown_mass import FlownMass
 from vehicle.flight.gyroscope import GyroscopeStart
 from vehicle.flight.landing import Landing
-from vehicle.flight.law_end import law_end
+from vehicle.flight.microcontroller_commands import command_maker
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.model_in_use import ModelInUse
 from vehicle.flight.modes import FLYING, ControlMode, Mode
@@ -175,7 +175,7 @@ class FlightStack:
             law=self.law,
         )
         self.handle = commands.handle
-        self._law_end = law_end(board.direct, self._tick, self.law)
+        self._make_command = command_maker(board.direct, self._tick, self.law)
         self._situation = SituationReader(
             volume=p.behavior, tick=tick, modes=self.modes, ground=self.ground
         )
@@ -227,7 +227,7 @@ class FlightStack:
             tick.rest()
         elif self.behaviors.name is BehaviorName.GROUND:
             self._landing.idle()
-            command = self._law_end() if modes.mode in FLYING else None
+            command = self._make_command() if modes.mode in FLYING else None
         else:
             command = self._fly(dt, airborne)
         self._status_writer.write(sample, pose_age)
@@ -245,7 +245,7 @@ class FlightStack:
             self.modes.set_control_mode(ControlMode.DIRECT)
             self.law.controller.step(tick.state, tick.reference, airborne, dt, tick.actuators)
             self.near_hovering.observe(tick.wrench.item(0), dt)
-            command = self._law_end()
+            command = self._make_command()
         else:  # the board holds the angles itself
             self.modes.set_control_mode(ControlMode.NEAR_HOVERING)
             tick.motors_off()

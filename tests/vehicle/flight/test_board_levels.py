@@ -40,7 +40,7 @@ def test_a_command_of_rates_carries_the_throttle_of_the_wanted_thrust() -> None:
     stack = ready(RATES)
     model = VehicleModel()
     stack._tick.wrench[:] = model.mass * GRAVITY, 0.0, 0.0, 0.0
-    command = stack._law_end()
+    command = stack._make_command()
     assert isinstance(command, BodyRates)
     quarter = 0.25 * model.mass * GRAVITY
     hover = reference_of_thrust(quarter, model.motor_slope, model.motor_offset)
