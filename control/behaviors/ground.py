@@ -12,7 +12,7 @@ from quadrotor.rotations import yaw_of
 
 
 @compiled
-def stand(state: Record, reference: Record) -> None:
+def rest_reference(state: Record, reference: Record) -> None:
     """Set reference[0] at rest at the position and yaw of state[0]; both shape (1,)."""
     r = reference[0]
     for i in range(3):
@@ -35,5 +35,5 @@ class Ground(Behavior):
         """Need no context: nothing is flown."""
 
     def step(self, tick: TickInputs, reference: Record) -> bool:
-        stand(tick.state, reference)
+        rest_reference(tick.state, reference)
         return False

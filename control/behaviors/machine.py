@@ -20,7 +20,7 @@ from control.behaviors.excite import Excite
 from control.behaviors.external import External
 from control.behaviors.fly_to import FlyTo
 from control.behaviors.follow_trajectory import FollowTrajectory
-from control.behaviors.ground import Ground, stand
+from control.behaviors.ground import Ground, rest_reference
 from control.behaviors.hover import Hover
 from control.behaviors.land import Land
 from control.behaviors.near_hovering import EmergencyLanding, Level, NearHovering
@@ -171,7 +171,7 @@ class BehaviorMachine:
                     f"{name} refused: the vehicle does not know where it is; "
                     "check the tracker and wait for a pose"
                 )
-            stand(state, self._reference)
+            rest_reference(state, self._reference)
         context = self._context(state)
         if wanted is BehaviorName.HOVER and self._moving():
             wanted = BehaviorName.BRAKE
@@ -246,7 +246,7 @@ def _floats(reference: Record) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
 def _compile(parameters: BehaviorParameters) -> None:
     """Call every compiled function once; the first call in flight would be seconds late."""
     reference, state = new_reference(), new_state()
-    stand(state, reference)
+    rest_reference(state, reference)
     context = Context(reference.copy(), parameters, 1.0)
     for behavior in (Brake.start(context, {}), Land.start(context, {}), Hover.start(context, {})):
         behavior.step(TickInputs(state=state), reference)

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from control.behaviors.arguments import NearHoveringArguments
 from control.behaviors.behavior import Behavior, Context, NoArguments, TickInputs
-from control.behaviors.ground import stand
+from control.behaviors.ground import rest_reference
 from control.behaviors.table import BehaviorName
 from control.behaviors.velocity import stick_axis
 from quadrotor.parameters import Parameters
@@ -33,7 +33,7 @@ class Level(Behavior):
         self.thrust_share = 1.0
 
     def step(self, tick: TickInputs, reference: Record) -> bool:
-        stand(tick.state, reference)
+        rest_reference(tick.state, reference)
         reference["velocity_w"] = tick.state["velocity_w"]
         return False
 

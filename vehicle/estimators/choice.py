@@ -101,9 +101,9 @@ class EstimatorSet:
             make: makes an estimator of this name on this source.
         """
         there, active = list(self.in_parallel()), self.active
-        beneath = active.beneath
-        if beneath is not None and beneath.is_(choice.name, choice.source):
-            active = beneath
+        built_in = active.built_in
+        if built_in is not None and built_in.is_(choice.name, choice.source):
+            active = built_in
         elif not active.is_(choice.name, choice.source):
             successor = next((one for one in there if one.is_(choice.name, choice.source)), None)
             if successor is not None:
@@ -121,8 +121,8 @@ class EstimatorSet:
             shadow = shadow or make(name, source)
         if choice.source != POSES:
             poses = [one for one in there if one.source == POSES and one is not shadow]
-            reserve = poses[-1] if poses else make((active.beneath or active).name, POSES)
-            reserve = reserve.beneath or reserve
+            reserve = poses[-1] if poses else make((active.built_in or active).name, POSES)
+            reserve = reserve.built_in or reserve
         return EstimatorSet(active, shadow, reserve)
 
 
@@ -155,9 +155,9 @@ def check(
     extra: dict[str, ParameterValue] = {}
     active = estimators.active
     for one in estimators.all():
-        if one.beneath is not None and one.beneath.name != wanted[BUILT_IN]:
+        if one.built_in is not None and one.built_in.name != wanted[BUILT_IN]:
             raise RefusedError(
-                f"{BUILT_IN} stays {one.beneath.name} while {one.name} runs on it; "
+                f"{BUILT_IN} stays {one.built_in.name} while {one.name} runs on it; "
                 "choose another estimator first"
             )
     back = wanted[SOURCE] == POSES != active.source
@@ -168,7 +168,7 @@ def check(
     if armed and moves and not in_place:
         successor = _successor(estimators, wanted)
         _check_successor(successor, active, state)
-        if SHADOW not in values and successor is not active.beneath:
+        if SHADOW not in values and successor is not active.built_in:
             # The previous one stays as the shadow; on poses it is the reserve anyway.
             extra[SHADOW] = wanted[SHADOW] = _left(active, wanted)
             if wanted[SHADOW] != NONE and wanted[SOURCE] != active.source:
@@ -204,7 +204,7 @@ def _successor(estimators: EstimatorSet, wanted: Mapping[str, str]) -> Runner:
     can.
     """
     name, source = wanted[ESTIMATOR], wanted[SOURCE]
-    for one in (estimators.active.beneath, *estimators.in_parallel()):
+    for one in (estimators.active.built_in, *estimators.in_parallel()):
         if one is not None and one.is_(name, source):
             return one
     running = ", ".join(str(one) for one in estimators.in_parallel()) or NONE
@@ -231,7 +231,9 @@ def _check_successor(successor: Runner, active: Runner, state: Record) -> None:
 
 def _compile(estimators: EstimatorSet, choice: Choice, built_in: str, armed: bool) -> None:
     running = {(one.name, one.source != POSES) for one in estimators.all()}
-    running |= {(one.beneath.name, one.source != POSES) for one in estimators.all() if one.beneath}
+    running |= {
+        (one.built_in.name, one.source != POSES) for one in estimators.all() if one.built_in
+    }
     asked = [(choice.name, choice.source != POSES)]
     if estimators.active.plugged and choice.name == estimators.active.name:
         asked.clear()  # of unknown make: nothing to compile

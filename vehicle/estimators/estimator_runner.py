@@ -36,9 +36,9 @@ class Runner:
         return f"{self.name} on {self.source}"
 
     @property
-    def beneath(self) -> Runner | None:
+    def built_in(self) -> Runner | None:
         """Return the built-in one beneath a plugin."""
-        found: Runner | None = getattr(self.estimator, "beneath", None)
+        found: Runner | None = getattr(self.estimator, "built_in", None)
         return found
 
     def is_(self, name: str, source: str) -> bool:
@@ -47,8 +47,8 @@ class Runner:
     def feed(self, source: str) -> None:
         """Use measurements of another source from now on."""
         self.source = source
-        if self.beneath is not None:
-            self.beneath.source = source
+        if self.built_in is not None:
+            self.built_in.source = source
 
     def wants(self, measurement: Record, now_ns: int, timeout_ns: int) -> bool:
         """Return whether the estimator takes this POSE_SAMPLE or BEARINGS_SAMPLE.

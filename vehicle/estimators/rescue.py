@@ -86,11 +86,11 @@ class Rescue:
         return Change(line, mailbox.WARN, values)
 
     def _without(self, plugin: ExternalEstimator) -> Change:
-        beneath, p = plugin.beneath, self._parameters
-        values: dict[str, ParameterValue] = {ESTIMATOR: beneath.name}
-        if p.shadow == beneath.name and p.shadow_source in (SAME, beneath.source):
+        built_in, p = plugin.built_in, self._parameters
+        values: dict[str, ParameterValue] = {ESTIMATOR: built_in.name}
+        if p.shadow == built_in.name and p.shadow_source in (SAME, built_in.source):
             values[SHADOW] = NONE
-        line = f"estimator {plugin.name} disengaged, {beneath.name} took over: {plugin.failure}"
+        line = f"estimator {plugin.name} disengaged, {built_in.name} took over: {plugin.failure}"
         return Change(line, mailbox.WARN, values)
 
     def _hand_back(self, now_ns: int) -> Change | None:

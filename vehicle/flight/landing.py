@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from control.behaviors.ground import stand
+from control.behaviors.ground import rest_reference
 from control.behaviors.machine import BehaviorMachine
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.mode_machine import ModeMachine
@@ -33,7 +33,7 @@ class Landing:
         landing = self.behaviors.name in LANDING
         if ground.airborne:
             lift, thrust = tick.specific_force_b.item(2), tick.wrench.item(0)
-            ground.feel(lift, thrust, p.safety.landing_support, dt)
+            ground.observe(lift, thrust, p.safety.landing_support, dt)
         elif not landing:
             ground.rise(float(tick.state["position_w"][0, 2]))
         carried = landing and ground.carried >= p.behavior.landing_dwell
@@ -45,7 +45,7 @@ class Landing:
     def idle(self) -> None:
         """Idle while armed on the ground: motors turn slowly, the reference follows the state."""
         tick = self.tick
-        stand(tick.state, tick.reference)
+        rest_reference(tick.state, tick.reference)
         self.law.controller.idle(tick.actuators)
         delay = self.parameters.safety.disarm_after_landing
         if self.ground.rested(tick.stamp_ns) >= delay:

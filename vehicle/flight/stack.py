@@ -297,4 +297,4 @@ class FlightStack:
         if self.ground.airborne:
             altitude.step(sample.pressure, self._tick.specific_force_b.item(2), dt)
         else:
-            altitude.stand(sample.pressure, dt)
+            altitude.set_ground(sample.pressure, dt)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from control.behaviors.ground import stand
+from control.behaviors.ground import rest_reference
 from quadrotor.plain_rotations import tilt_of
 from quadrotor.records import ACTUATORS, Record, new_tick
 from vehicle.processes import mailbox
@@ -83,7 +83,7 @@ class TickRecord:
 
     def rest(self) -> None:
         """Write a tick on the ground: no motor is commanded, the reference follows the state."""
-        stand(self.state, self.reference)
+        rest_reference(self.state, self.reference)
         self.motors_off()
 
 

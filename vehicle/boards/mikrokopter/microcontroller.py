@@ -272,7 +272,7 @@ class Microcontroller:
             self.flight_control_mode = FlightControlMode(answer)
         self._handshake.settle(key, answer)
         self._motors.settle(key, answer)
-        line = self._bus.take(key, answer)
+        line = self._bus.receive(key, answer)
         if line is not None:
             self.failures.append(line)
 
