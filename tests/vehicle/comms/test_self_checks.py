@@ -9,7 +9,7 @@ import pytest
 
 from flight_log.provenance import provenance
 from quadrotor.errors import RefusedError
-from vehicle.comms.self_checks import HEARD, SelfChecks, self_checks
+from vehicle.comms.self_checks import ARMED_VALID, SelfChecks, self_checks
 from vehicle_link.checks import Check, from_messages
 from vehicle_link.messages import new
 from vehicle_link.security.authority import ensure_certificates
@@ -64,7 +64,7 @@ def test_while_the_flight_loop_is_silent_the_disk_is_left_alone_and_said_so(
     checks = SelfChecks(tmp_path, clock=lambda: now)
     if told is not None:
         checks.note_armed(told)
-    now = 2.0 * HEARD
+    now = 2.0 * ARMED_VALID
     answer = checks.answer(REQUEST)
     assert answer.accepted
     disk = lines(answer)["log's disk"]

@@ -14,7 +14,7 @@ from quadrotor.checkout import ROOT
 from quadrotor.compiled import _default_root
 from tests.support.narrowing import now
 from vehicle.flight import kernels
-from vehicle.flight.kernels import HELPED, LATER, PARTS
+from vehicle.flight.kernels import IN_SECOND_PROCESS, LATER, PARTS
 
 PREPARE = """
 from vehicle.flight.kernels import PARTS, prepare
@@ -48,11 +48,11 @@ def test_what_is_not_kept_is_compiled_and_told_and_then_it_is_kept(tmp_path: Pat
     cache = tmp_path / "kernels"
     # All of this checkout's functions, except two: one is compiled by the second process.
     shutil.copytree(_default_root(), cache)
-    for part in (HELPED, "behaviors"):
+    for part in (IN_SECOND_PROCESS, "behaviors"):
         for folder in cache.glob(f"{PARTS[part][0]}-*"):
             shutil.rmtree(folder)
     missing, said = prepare(cache)
-    assert missing >= {HELPED, "behaviors"}
+    assert missing >= {IN_SECOND_PROCESS, "behaviors"}
     assert said[0].startswith("compiling the flight laws, once")
     assert {f"{part} compiled" for part in missing} == set(said[1 : 1 + len(missing)])
     assert "refused []" in said
@@ -96,7 +96,7 @@ def test_what_is_compiled_beside_is_loaded_once_it_is_there(
     assert not later.has_compiled
     assert later.load() == []
     beside.ended = True  # and failed at c
-    assert now(later).arrived
+    assert now(later).has_compiled
     assert later.load() == ["b"]
     assert not later.has_compiled
     assert loaded == ["a", "b"]
@@ -116,4 +116,4 @@ def test_every_part_names_a_module_that_has_compiled_functions() -> None:
     for module, _ in (PARTS | LATER).values():
         text = (ROOT / (module.replace(".", "/") + ".py")).read_text()
         assert "@compiled" in text
-    assert HELPED in PARTS
+    assert IN_SECOND_PROCESS in PARTS

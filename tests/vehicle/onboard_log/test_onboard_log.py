@@ -21,11 +21,10 @@ from tests.support.ticks import START_NS, level_ticks
 from vehicle.onboard_log import file as onboard_sync
 from vehicle.onboard_log import onboard_log
 from vehicle.onboard_log.file import Batch
-from vehicle.onboard_log.onboard_log import OnboardLog, microcontroller_facts
+from vehicle.onboard_log.onboard_log import OnboardLog
 from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.repair import recover_logs, torn_logs
 from vehicle_link import topics
-from vehicle_link.serial.identity import Identity
 
 FREE_BYTES_MIN = OnboardLogParameters().stop_bytes
 MS = 1_000_000
@@ -368,7 +367,7 @@ def test_robot_and_firmware_are_in_the_file(tmp_path: Path) -> None:
         "quad1",
         {},
         lambda *_: None,
-        facts=microcontroller_facts(Identity(7, 3)),
+        facts={"robot_id": "7", "firmware_revision": "3"},
         free=lambda _: 10 * FREE_BYTES_MIN,
     )
     log.ticks(ticks(0, 10, armed=True), START_NS)
@@ -543,14 +542,14 @@ def test_a_log_torn_by_a_full_disk_is_mended_on_the_ground(
     (path,) = log.folder.iterdir()
     assert not is_closed(path)
     log.repair._clock = lambda: math.inf  # no pause is too long
-    log._look_after(on_ground=False)
+    log._maintain(on_ground=False)
     assert log.repair._process is None, "never while armed"
     free[0] = 0
     log._store([Batch(ticks(20, 300, armed=False), START_NS)])
-    log._look_after(on_ground=True)
+    log._maintain(on_ground=True)
     assert "is repaired once 500 MB are free on the vehicle's disk (0 MB are" in log.repair.state
     free[0] = 10 * FREE_BYTES_MIN
-    log._look_after(on_ground=True)
+    log._maintain(on_ground=True)
     assert log.repair.state == "is being repaired"
     assert [written.path for written in log.files()] == [path]
     process = now(log).repair._process
@@ -558,7 +557,7 @@ def test_a_log_torn_by_a_full_disk_is_mended_on_the_ground(
     end = time.monotonic() + 3 * BOUND
     while not process.poll(1.0):
         assert time.monotonic() < end
-    log._look_after(on_ground=True)
+    log._maintain(on_ground=True)
     assert is_closed(path)
     assert len(list(read_log(path, ["/quad1/imu"]))) == 10
     assert log.files() == [], "its places are those of the torn file"
