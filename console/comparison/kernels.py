@@ -65,9 +65,9 @@ class CompiledEstimators:
     def _prepare(self, name: str) -> None:
         try:
             from estimation import registry
-            from quadrotor.compiled import kept
+            from quadrotor.compiled import is_cached
 
-            if not all(kept(module) for module in MODULES.get(name, ())):
+            if not all(is_cached(module) for module in MODULES.get(name, ())):
                 self._compile(name)
             if not self._closing.is_set():
                 registry.prepare(name, bearings=True)

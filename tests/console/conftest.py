@@ -25,7 +25,7 @@ from vehicle.flight.loop import FlightLoop
 from vehicle.flight.pacing import PortPacer
 from vehicle.flight.stack import FlightStack
 from vehicle.parameters import new_parameters
-from vehicle.processes.config import CommsConfig, create_rings, open_rings
+from vehicle.processes.config import VehicleConfig, create_rings, open_rings
 from vehicle_link.messages import new
 from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.process_instance import new_instance
@@ -121,8 +121,12 @@ class Vehicle:
         self._session = vehicle_session(
             port, ensure_certificates(data / "certificates"), "127.0.0.1"
         )
-        config = CommsConfig(
-            os.getpid(), descriptors, "quad1", str(data / "vehicle"), port, instance=new_instance()
+        config = VehicleConfig(
+            parent=os.getpid(),
+            rings=descriptors,
+            data=str(data / "vehicle"),
+            link_port=port,
+            instance=new_instance(),
         )
         self._node = Node(self._session, "/quad1", "vehicle")
         self._comms = Comms(config, rings, self._node)

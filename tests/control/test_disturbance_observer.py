@@ -15,7 +15,7 @@ from control.near_hovering import NearHoveringController
 from control.parameters import ControlParameters, DisturbanceParameters
 from control.presets import preset
 from control.trajectories.figure_eight import FigureEight
-from control.trajectories.hover import Hover
+from control.trajectories.line import Hover
 from quadrotor.records import ACTUATORS, Record, new_reference, new_state
 from quadrotor.vehicle_model import GRAVITY, VehicleModel, reference_of_thrust
 from tests.control.flight import Flight

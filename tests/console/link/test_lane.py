@@ -17,7 +17,7 @@ from console.link.monitor import LinkMonitor
 from tests.support.station import StationLink
 from tests.waiting import free_port
 from vehicle.comms.lane import CommsLane
-from vehicle.comms.publishers import LinkRadio
+from vehicle.comms.publish import LinkRadio
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.topics import TOPICS, encode_heartbeat
 from vehicle_link.transport.node import Node
@@ -53,7 +53,7 @@ class Ends:
         self.vehicle = CommsLane(at_vehicle, 0)
         self.vehicle.send(self.radio.publishers)
         for name in ("tracker_pose", "joy", "station_heartbeat"):
-            self.vehicle.take(name, self.at_vehicle.setdefault(name, []).append)
+            self.vehicle.subscribe(name, self.at_vehicle.setdefault(name, []).append)
         self.vehicle.start()
         self.link = LinkMonitor()
         self.telemetry: list[Received] = []
@@ -182,7 +182,7 @@ def test_poses_come_over_zenoh_only_while_the_station_is_not_heard_by_the_lane(e
     numbers = itertools.count()
 
     def is_by_the_lane_alone() -> bool:
-        lane.heard()
+        lane.note_received()
         return lane._over_zenoh is None and ends.by_the_lane_alone()
 
     def one_comes() -> bool:

@@ -47,7 +47,7 @@ TAGS = "size = 0.2\n[camera]\nposition = [0.05, 0, -0.03]\nturn = [0, -90, 0]\n"
 PICTURES, RATE = 120, 4.0
 
 
-class Told:
+class Notification:
     def __init__(self, places: Places) -> None:
         self.places = places
 
@@ -75,7 +75,7 @@ def write(path: Path, pictures: list[Any], rate: float = RATE) -> None:
 
 def first(files: Path, video: str, places: Places) -> Frame:
     source = OnboardCameraSource(
-        files / video, files / "camera.yaml", files / "beacons.toml", Told(places)
+        files / video, files / "camera.yaml", files / "beacons.toml", Notification(places)
     )
     return next(source.frames())
 
@@ -103,7 +103,7 @@ def test_a_black_picture_is_told_and_the_next_one_read(files: Path) -> None:
     grey = CAMERA.picture(PLACE, np.eye(3), np.zeros(3), np.zeros(3))
     write(files / "dark.avi", [np.zeros_like(grey), grey])
     source = OnboardCameraSource(
-        files / "dark.avi", files / "camera.yaml", files / "beacons.toml", Told(BEACONS)
+        files / "dark.avi", files / "camera.yaml", files / "beacons.toml", Notification(BEACONS)
     )
     with pytest.raises(MeasurementError, match="the picture is black"):
         next(source.frames())
@@ -206,7 +206,7 @@ def test_the_process_prints_how_well_the_camera_sees_once_nothing_is_wrong(
 
     def source() -> OnboardCameraSource:
         video, lens, tags = (files / one for one in ("quick.avi", "camera.yaml", "beacons.toml"))
-        return OnboardCameraSource(video, lens, tags, Told(BEACONS), view)
+        return OnboardCameraSource(video, lens, tags, Notification(BEACONS), view)
 
     tracker = BearingsTracker("a camera", source, {"quad1": "quad1"}, bench.page.session, view=view)
     thread = threading.Thread(target=tracker.run, args=(ending,), daemon=True)

@@ -10,15 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from flight_log import LogWriter, is_closed, read_log, read_metadata
-from vehicle.onboard_log.mending import (
+from vehicle.onboard_log.repair import (
     FIRST_S,
     LATER,
     NOW,
     PERIOD_S,
     SOON,
     TRIES,
-    Mending,
-    start_mending,
+    LogRepair,
+    start_repair,
 )
 from vehicle.processes.mailbox import INFO, WARN
 
@@ -59,7 +59,7 @@ class Harness:
         self.said: list[tuple[int, str]] = []
         self.begun: list[list[Path]] = []
         self.process: Any = None
-        self.mending = Mending(
+        self.repair = LogRepair(
             folder,
             lambda level, text: self.said.append((level, text)),
             lambda _: self.free,
@@ -75,7 +75,7 @@ class Harness:
 
     def after(self, seconds: float, *, on_ground: bool = True) -> list[Path]:
         self.now_s += seconds
-        return self.mending.look(on_ground)
+        return self.repair.step(on_ground)
 
     def end(self, *lines: str) -> None:
         self.process.ended = True
@@ -88,14 +88,14 @@ def test_what_the_start_did_not_mend_is_tried_again_on_the_ground_only(tmp_path:
     harness.after(10 * FIRST_S, on_ground=False)
     harness.after(0.0)
     harness.after(FIRST_S - 1.0)
-    assert (harness.begun, harness.mending.how) == ([], SOON)
+    assert (harness.begun, harness.repair.state) == ([], SOON)
     harness.after(1.0)
-    assert (harness.begun, harness.mending.how) == ([[path]], NOW)
+    assert (harness.begun, harness.repair.state) == ([[path]], NOW)
 
 
 def test_a_log_torn_now_is_mended_at_once_when_on_the_ground(tmp_path: Path) -> None:
     path, harness = torn_log(tmp_path), Harness(tmp_path)
-    harness.mending.tear()
+    harness.repair.note_torn()
     harness.after(3600.0, on_ground=False)
     assert harness.begun == []
     harness.after(0.0)
@@ -115,16 +115,16 @@ def test_it_waits_for_room_and_says_how_much(tmp_path: Path) -> None:
     path, harness = torn_log(tmp_path), Harness(tmp_path)
     need = path.stat().st_size + KEEP
     harness.free = need - 1
-    harness.mending.tear()
+    harness.repair.note_torn()
     harness.after(0.0)
     assert harness.begun == []
-    assert harness.mending.how == (
+    assert harness.repair.state == (
         "is repaired once 500 MB are free on the vehicle's disk (500 MB are: delete old runs there)"
     )
     harness.free = 300_000_000
     for _ in range(10 * TRIES):
         harness.after(PERIOD_S)
-    assert "once 500 MB are free on the vehicle's disk (300 MB are" in harness.mending.how
+    assert "once 500 MB are free on the vehicle's disk (300 MB are" in harness.repair.state
     harness.free = need
     harness.after(PERIOD_S / 2)
     assert harness.begun == []
@@ -134,11 +134,11 @@ def test_it_waits_for_room_and_says_how_much(tmp_path: Path) -> None:
 
 def test_arming_ends_it_and_the_next_landing_begins_it_again(tmp_path: Path) -> None:
     path, harness = torn_log(tmp_path), Harness(tmp_path)
-    harness.mending.tear()
+    harness.repair.note_torn()
     harness.after(0.0)
     for _ in range(3):
         harness.after(0.025, on_ground=False)
-    assert (harness.process.terminated, harness.mending.how) == (1, SOON)
+    assert (harness.process.terminated, harness.repair.state) == (1, SOON)
     harness.end()
     assert harness.after(0.025, on_ground=False) == []
     harness.after(3600.0, on_ground=False)
@@ -150,7 +150,7 @@ def test_arming_ends_it_and_the_next_landing_begins_it_again(tmp_path: Path) -> 
 def test_what_cannot_be_mended_is_said_once_and_given_up_in_the_end(tmp_path: Path) -> None:
     torn_log(tmp_path)
     harness, begun_s = Harness(tmp_path), []
-    harness.mending.tear()
+    harness.repair.note_torn()
     for second in range(3000):
         before = len(harness.begun)
         harness.after(1.0)
@@ -159,9 +159,9 @@ def test_what_cannot_be_mended_is_said_once_and_given_up_in_the_end(tmp_path: Pa
             harness.end("onboard log quad1_a.mcap not recovered: no room")
     pauses = [b - a for a, b in pairwise(begun_s)]
     assert pauses == [1 + PERIOD_S * 2**k for k in range(TRIES - 1)]
-    assert harness.mending.how == LATER
+    assert harness.repair.state == LATER
     assert harness.said == [(WARN, "onboard log quad1_a.mcap not recovered: no room")]
-    harness.mending.tear()
+    harness.repair.note_torn()
     harness.after(1.0)
     assert len(harness.begun) == TRIES + 1, "another flight's log is tried anew"
 
@@ -171,13 +171,13 @@ def test_without_torn_logs_nothing_is_begun(tmp_path: Path) -> None:
     for seconds in (0.0, FIRST_S, 1e6):
         harness.after(seconds)
     assert harness.begun == []
-    assert harness.mending._due_s == math.inf
+    assert harness.repair._due_s == math.inf
 
 
 def test_the_process_mends_and_tells_at_the_lowest_priority(tmp_path: Path) -> None:
     path = torn_log(tmp_path)
     told: list[str] = []
-    start_mending([path], told.append).result()
+    start_repair([path], told.append).result()
     assert told == ["onboard log quad1_a.mcap recovered: 100 messages"]
     assert is_closed(path)
     assert len(list(read_log(path))) == 100
@@ -190,14 +190,14 @@ def test_closing_ends_the_process(tmp_path: Path) -> None:
     processes = []
 
     def begin(paths: Sequence[Path], told: Callable[[str], None]) -> Any:
-        processes.append(start_mending(paths, told))
+        processes.append(start_repair(paths, told))
         return processes[0]
 
-    harness.mending._begin = begin
-    harness.mending.tear()
+    harness.repair._begin = begin
+    harness.repair.note_torn()
     harness.after(0.0)
-    harness.mending.close()
+    harness.repair.close()
     (process,) = processes
     assert process.poll()
     assert len(list(read_log(path))) == 100, "torn or mended, nothing is lost"
-    harness.mending.close()
+    harness.repair.close()

@@ -2,21 +2,58 @@
 
 It runs in a process of the lowest priority, which is stopped when the vehicle is armed: reading a
 long flight takes minutes of processor time. Logs of a killed vehicle are also repaired at its next
-start (vehicle.onboard_log.recovery); here failed repairs, usually for lack of room, are tried
+start (vehicle.onboard_log.repair); here failed repairs, usually for lack of room, are tried
 again.
 """
 
 from __future__ import annotations
 
 import math
+import signal
+import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from quadrotor.errors import JobError, StorageError
-from vehicle.onboard_log.recovery import mend_logs, torn_logs
+from flight_log import is_closed, recover
+from flight_log.file import is_being_written
+from flight_log.index import holds_nothing
+from quadrotor.errors import JobError, QuadlabError, StorageError
 from vehicle.processes.mailbox import INFO, WARN
 from vehicle_link.jobs import IDLE, Job
+
+FOLDER = "onboard"
+"""Name of the folder in the data folder."""
+
+
+def torn_logs(data: Path) -> list[Path]:
+    """Return the onboard logs that were never closed. Raises StorageError."""
+    folder = data / FOLDER
+    return [path for path in sorted(folder.glob("*.mcap")) if not is_closed(path)]
+
+
+def recover_logs(paths: list[Path]) -> Iterator[str]:
+    """Repair each file and yield one line for it. A file that cannot be repaired is unchanged."""
+    for path in paths:
+        try:
+            if holds_nothing(path) and not is_being_written(path):
+                path.unlink()
+                yield f"onboard log {path.name} removed: it holds nothing, its writer was killed"
+                continue
+            found = recover(path)
+        except (QuadlabError, OSError) as error:
+            yield f"onboard log {path.name} not recovered: {error}"
+        else:
+            if found.torn:
+                yield f"onboard log {path.name} recovered: {found.messages} messages"
+
+
+def repair_logs(paths: list[Path], report: Callable[[str], None]) -> None:
+    """Repair logs in a separate process; SIGTERM leaves a torn file unchanged."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    for line in recover_logs(paths):
+        report(line)
+
 
 FIRST_S = 60.0
 """Delay, in s, from the first tick on the ground: the parent repairs the logs of the start first.
@@ -32,12 +69,12 @@ SOON = "is repaired once the vehicle is disarmed"
 NOW = "is being repaired"
 
 
-def start_mending(paths: Sequence[Path], told: Callable[[str], None]) -> Job[None]:
+def start_repair(paths: Sequence[Path], report: Callable[[str], None]) -> Job[None]:
     """Start a process that repairs these files and reports a line for each."""
-    return Job(mend_logs, list(paths), niceness=IDLE, report=told)
+    return Job(repair_logs, list(paths), niceness=IDLE, report=report)
 
 
-class Mending:
+class LogRepair:
     """Repair of torn logs, driven by the onboard log's thread.
 
     Args:
@@ -49,7 +86,7 @@ class Mending:
         begin: starts a process for these files, which reports each.
 
     Attributes:
-        how: when a torn log is repaired, in words that follow its name; from any thread.
+        state: when a torn log is repaired, in words that follow its name; from any thread.
     """
 
     def __init__(
@@ -59,9 +96,9 @@ class Mending:
         free: Callable[[Path], int],
         keep: Callable[[], int],
         clock: Callable[[], float] = time.monotonic,
-        begin: Callable[[Sequence[Path], Callable[[str], None]], Job[None]] = start_mending,
+        begin: Callable[[Sequence[Path], Callable[[str], None]], Job[None]] = start_repair,
     ) -> None:
-        self.how = SOON
+        self.state = SOON
         self._data = data.absolute()
         self._say, self._free, self._keep = say, free, keep
         self._clock, self._begin = clock, begin
@@ -70,16 +107,16 @@ class Mending:
         self._due_s: float | None = None
         self._cut = False  # by arming
         self._tries = 0
-        self._said: set[str] = set()
+        self._reported: set[str] = set()
 
-    def tear(self) -> None:
+    def note_torn(self) -> None:
         """Note that a file could not be closed."""
-        self._due_s, self._tries, self.how = self._clock(), 0, SOON
+        self._due_s, self._tries, self.state = self._clock(), 0, SOON
 
-    def look(self, on_ground: bool) -> list[Path]:
+    def step(self, on_ground: bool) -> list[Path]:
         """Start, stop or check the repair without waiting; return the files repaired or removed."""
         if self._process is not None:
-            return self._look_at(self._process, on_ground)
+            return self._check_process(self._process, on_ground)
         if not on_ground:
             return []
         now_s = self._clock()
@@ -107,35 +144,35 @@ class Mending:
         except (StorageError, OSError):  # removed meanwhile, or a disk error that the log reports
             return
         if free < need:
-            self.how = (
+            self.state = (
                 f"is repaired once {need // 10**6} MB are free on the vehicle's disk "
                 f"({free // 10**6} MB are: delete old runs there)"
             )
             return
         if self._tries >= TRIES:
-            self.how, self._due_s = LATER, math.inf
+            self.state, self._due_s = LATER, math.inf
             return
         try:
-            self._process, self._cut = self._begin(self._torn, self._tell), False
+            self._process, self._cut = self._begin(self._torn, self._report), False
         except JobError:  # not enough memory or processes: try later
             return
-        self.how = NOW
+        self.state = NOW
 
-    def _tell(self, line: str) -> None:
-        if line not in self._said:
+    def _report(self, line: str) -> None:
+        if line not in self._reported:
             self._say(WARN if " not recovered: " in line else INFO, line)
-            self._said.add(line)
+            self._reported.add(line)
 
-    def _look_at(self, process: Job[None], on_ground: bool) -> list[Path]:
+    def _check_process(self, process: Job[None], on_ground: bool) -> list[Path]:
         if not process.poll():
             if not on_ground and not self._cut:
                 process.terminate()
-                self._cut, self.how = True, SOON
+                self._cut, self.state = True, SOON
             return []
         self._process = None
         self._tries += not self._cut
         self._due_s = self._clock() + PERIOD_S * 2 ** max(0, self._tries - 1)
-        self.how = SOON
+        self.state = SOON
         try:
             still = set(torn_logs(self._data))
         except StorageError:

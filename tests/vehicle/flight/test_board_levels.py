@@ -6,7 +6,7 @@ import pytest
 
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.vehicle_model import GRAVITY, VehicleModel, reference_of_thrust
-from vehicle.boards.board import BodyRates, RawSample, Takes, Traits
+from vehicle.boards.board import BodyRates, CommandKind, RawSample, Traits
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.flight.stack import FlightStack
 from vehicle.parameters import new_parameters
@@ -14,7 +14,7 @@ from vehicle.processes import mailbox
 from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import memory_port_pair
 
-RATES = Traits("rated", (Takes.RATES,))
+RATES = Traits("rated", (CommandKind.RATES,))
 STILL, ONE_G = (512, 512, 512), (512, 512, 768)
 
 
@@ -40,7 +40,7 @@ def test_a_command_of_rates_carries_the_throttle_of_the_wanted_thrust() -> None:
     stack = ready(RATES)
     model = VehicleModel()
     stack._tick.wrench[:] = model.mass * GRAVITY, 0.0, 0.0, 0.0
-    command = stack._law_end()
+    command = stack._make_command()
     assert isinstance(command, BodyRates)
     quarter = 0.25 * model.mass * GRAVITY
     hover = reference_of_thrust(quarter, model.motor_slope, model.motor_offset)
