@@ -101,7 +101,7 @@ class Laboratory:
                 self.catalogue,
                 name,
                 settings=settings,
-                keeps_house=name == NAMES[0],
+                housekeeping=name == NAMES[0],
                 vehicles=2,
                 instance=instance,
             )
@@ -241,7 +241,7 @@ def test_of_many_each_beats_half_as_often_and_every_other_time_over_the_link(
         listener.subscribe(
             topic.name, topic.type_name, lambda received: beats.append(received.sequence)
         )
-        station = BaseStation(session, catalogue, name, vehicles=count, keeps_house=False)
+        station = BaseStation(session, catalogue, name, vehicles=count, housekeeping=False)
         try:
             station._outbox.heartbeats.also_send = lambda received: True  # as by a lane that is up
             enough = len(beats) + 12

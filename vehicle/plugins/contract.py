@@ -26,8 +26,10 @@ class Field(NamedTuple):
     shape: tuple[int, ...] = ()
 
 
-Vector, Quaternion = Annotated[Array, (3,)], Annotated[Array, (4,)]
-"""Arrays of 3 and of 4 numbers."""
+Vector = Annotated[Array, (3,)]
+"""Array of 3 numbers."""
+Quaternion = Annotated[Array, (4,)]
+"""Array of 4 numbers: w, x, y, z."""
 
 
 def fields_of(kind: type) -> tuple[Field, ...]:

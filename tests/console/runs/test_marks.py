@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from console.runs.log_marks import marks_in_log
 
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.marks import marks_of
-from console.runs.adoption import tidy_runs
+from console.runs.adoption import marks_in_log, tidy_runs
 from tests.waiting import wait_for
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics import TOPICS

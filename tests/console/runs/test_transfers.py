@@ -15,8 +15,8 @@ from console.catalogue.catalogue import Catalogue, RunEntry
 from console.catalogue.completeness import Completeness, completeness_of, store_completeness
 from console.parameters.station import RecorderParameters
 from console.runs.adoption import described
-from console.transfers import desk as desk_module
 from console.transfers import transfer_disk
+from console.transfers import transfer_queue as transfer_queue_module
 from console.transfers.download import Download
 from console.transfers.fetcher import ChangedError, Fetcher
 from console.transfers.job import Job, NotYetError
@@ -162,7 +162,7 @@ def test_what_came_and_has_not_the_vehicle_s_checksum_is_fetched_again(
     spoiled[3000:3010] = bytes(10)  # the disk lost them
     part.write_bytes(spoiled)
     link.cut_at = None
-    bench.queue = bench.new_desk()
+    bench.queue = bench.new_queue()
     bench.queue.start()
     assert ended(bench, "flight.mcap").phase == "done"
     assert (bench.queue.folder / "flight.mcap").read_bytes() == data
@@ -355,18 +355,18 @@ def test_a_torn_log_on_board_is_waited_for_until_it_is_mended(
     assert found.state in ("missing", "filled", "complete")
 
 
-# ---------------------------------------------------------------- the desk
+# ---------------------------------------------------------------- the queue
 class Bench:
-    """A station's data folder, a vehicle's, and a desk between them."""
+    """A station's data folder, a vehicle's, and the queue between them."""
 
     def __init__(self, data: Path, link: Link) -> None:
         self.catalogue = Catalogue(data)
         self.parameters = RecorderParameters(keep_free=10.0)
         self.link, self.state = link, LinkState.GOOD
         self.lines: list[str] = []
-        self.queue = self.new_desk()
+        self.queue = self.new_queue()
 
-    def new_desk(self, vehicle: str = "quad1") -> TransferQueue:
+    def new_queue(self, vehicle: str = "quad1") -> TransferQueue:
         return TransferQueue(
             self.catalogue,
             vehicle,
@@ -385,7 +385,7 @@ class Bench:
 
 @pytest.fixture
 def bench(tmp_path: Path, link: Link, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    monkeypatch.setattr(desk_module, "RETRY_PERIOD", 0.02)
+    monkeypatch.setattr(transfer_queue_module, "RETRY_PERIOD", 0.02)
     made = Bench(tmp_path / "data", link)
     yield made
     made.queue.close()
@@ -433,7 +433,7 @@ def test_a_download_goes_on_when_the_link_is_back_and_after_a_new_start(
     bench.queue.ask("download", "flight.mcap")
     assert until(lambda: "cut" in bench.queue.jobs()[0].problem)
     bench.queue.close()
-    bench.queue = bench.new_desk()
+    bench.queue = bench.new_queue()
     link.cut_at = len(link.asked) + 5
     bench.state = LinkState.LOST
     bench.queue.start()
@@ -482,7 +482,7 @@ def test_a_download_that_had_to_wait_is_not_forgotten_when_the_station_stops(
     bench.queue.ask("download", "flight.mcap")
     bench.queue.close()
     bench.state = LinkState.GOOD
-    bench.queue = bench.new_desk()
+    bench.queue = bench.new_queue()
     bench.queue.start()
     assert ended(bench, "flight.mcap").phase == "done"
     assert (bench.queue.folder / "flight.mcap").read_bytes() == data
@@ -588,7 +588,7 @@ def test_while_the_vehicle_s_log_comes_a_run_is_the_station_s_and_a_new_start_go
     assert ticks_of(run) == [flight.stamps[flight.heard].tolist()] * 4
     bench.queue.close()
     link.cut_at = None
-    bench.queue = bench.new_desk()
+    bench.queue = bench.new_queue()
     bench.queue.start()
     assert ended(bench, "r1").phase == "done"
     assert ticks_of(run) == [flight.stamps.tolist()] * 4
