@@ -242,7 +242,7 @@ def test_the_tracker_process_is_shown_with_its_bodies_its_latency_and_what_is_wr
         "#tracker dl", "vrpn at mocap:3883.*cf7 .its poses are withheld.*cf7 99 Hz, wand 98 Hz"
     )
     look.text("#tracker dl", "median 1.2 ms, 99 % below 9.1 ms.*3 gaps, 1 jumps")
-    look.text("#tracker > p.reason", "changed places|process is silent")
+    look.text("#tracker > p.reason", "changed places|No data from the tracker process")
     assert page.locator("#tracker .latencies i").count() == 32
     assert not page.is_visible("#tracker .fields")
 
