@@ -18,17 +18,14 @@ class Imu:
 
 @dataclass
 class Track:
-    """Poses of a body FLU in a world with z up; values that a log does not have are NaN.
-
-    Attributes:
-        velocity_known: whether the log has it; otherwise it is derived from the positions.
+    """Poses of a body FLU in a world with z up; values that a log does not have are NaN, except
+    velocities, which are then derived from the positions.
     """
 
     name: str  # section of the mapping
     stamps_ns: Stamps  # (N,), rising
     states: Record  # (N,) STATE
     attitude_known: bool
-    velocity_known: bool
 
 
 @dataclass

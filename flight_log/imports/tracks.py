@@ -92,7 +92,6 @@ class Checked:
         raw = self.raw
         states = np.zeros(len(raw.seconds), STATE)
         states["position_w"] = self._unit * raw.position @ self._world.T
-        known = raw.velocity is not None
         if raw.velocity is not None:
             states["velocity_w"] = self._unit * raw.velocity @ self._world.T
         else:
@@ -105,7 +104,7 @@ class Checked:
             states["quaternion_wb"] = turned
             states["angular_velocity_b"] = angular_velocity(raw.seconds, turned)
         stamps = np.round(self._clock.at * 1e9).astype(np.int64) + base_ns
-        return Track(raw.name, stamps, states, raw.quaternion is not None, known)
+        return Track(raw.name, stamps, states, raw.quaternion is not None)
 
     def _fit_attitude(self) -> None:
         """Determine order, clock and body from the rotation."""
