@@ -13,8 +13,8 @@ LARGEST_GAP_NS = 20_000_000
 
 
 def between(
-    stamps: Stamps | Array,
-    given: Stamps | Array,
+    stamps: Stamps | npt.NDArray[np.floating],
+    given: Stamps | npt.NDArray[np.floating],
     values: npt.NDArray[np.floating],
     largest_gap: float = LARGEST_GAP_NS,
 ) -> tuple[Array, npt.NDArray[np.bool_]]:

@@ -84,7 +84,7 @@ def ended(runs: RunManager) -> str:
 def test_a_disk_full_in_flight_costs_what_was_flown_until_there_is_room_again(
     runs: RunManager, disk: Disk, catalogue: Catalogue
 ) -> None:
-    runs.asked("arm", "ada")
+    runs.note_command("arm", "ada")
     runs.status(True)
     first = begun(runs)
     wait_for((catalogue.folder / first / STATION).exists)

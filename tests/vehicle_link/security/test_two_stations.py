@@ -81,7 +81,7 @@ class Vehicle(_Beating):
         self._thread.start()
 
     def _heard(self, name: str, received: Received) -> None:
-        self.inbound.take(name, received.payload, received.gid)
+        self.inbound.handle(name, received.payload, received.gid)
 
     def _taken(self, topic: str, payload: bytes, stamp_ns: int) -> None:
         self.poses.append(float(topics.decode_pose(payload)["position_w"][0, 0]))
