@@ -149,7 +149,7 @@ def test_beside_a_camera_on_board_no_bearings_are_emulated_and_its_problems_are_
     assert feed.forget_ended_camera()
     for k in range(50, 60):
         feed.truth(10 * k * MS, HERE, LEVEL)
-    assert feed.camera_alarm is None
+    assert now(feed.camera_alarm) is None
     assert feed.bearings_nominal == 30.0
     assert len(sink.frames) > frames
     feed.close()
