@@ -150,8 +150,8 @@ class System:
         with self._patch:
             while self._under_way and self._under_way[0][0] <= now_ns:
                 received_ns, taken_ns, bodies = self._under_way.popleft()
-                self._process._take(Frame(taken_ns, received_ns, tuple(bodies)))
-            self._process._tell()
+                self._process._handle(Frame(taken_ns, received_ns, tuple(bodies)))
+            self._process._publish_statuses()
         for payload in _Node.sent["tracker_status"]:
             if self.fault and decode(payload, "quadlab_msgs/TrackerStatus").problem:
                 self.reported = min(self.reported, 1e-9 * (now_ns - self.failed_ns))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import Report, Row, Target, time_in_turns
+from benchmarks.onboard.compiled_step import onboard_step, onboard_steps
 from benchmarks.peers.cpp_twin import NATIVE, PORTABLE, TUNED, CppTwin
 from benchmarks.peers.rotorpy_flight import RotorPy
 from control.controller import GeometricController
@@ -29,7 +30,7 @@ from quadrotor.records import (
 from quadrotor.rotations import rotate_inverse
 from quadrotor.vehicle_model import GRAVITY, VehicleModel
 from vehicle.closed_loop.batch import Scenario, fly_batch
-from vehicle.closed_loop.onboard import new_onboard, new_settings, onboard_step, onboard_steps
+from vehicle.closed_loop.onboard import new_onboard, new_settings
 
 PERIOD = 0.002
 TWINS = {

@@ -129,8 +129,8 @@ class CommandGateway:
         others = [name for name in names if authority_of(name) != SIMULATOR]
         if others:
             raise ParameterError(
-                f"{others[0]} and parameters of the simulator cannot be changed in one step; "
-                "change them apart"
+                f"{others[0]} and parameters of the simulator cannot be changed in one request; "
+                "change them separately"
             )
         return _answer(self._simulator, request, COMMANDS["change_parameters"].patience)
 

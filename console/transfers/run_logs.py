@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from console.catalogue.completeness import WORTH_TELLING, Completeness, State
+from console.catalogue.completeness import SHORTEST_REPORTED, Completeness, State
 from console.runs.report_folders import report_folder
 from console.transfers.download import Download
 from console.transfers.job import NotYetError
@@ -54,14 +54,14 @@ def complete_run(
 
 def completeness(found: Comparison) -> Completeness:
     """Return the catalogue's entry for a comparison."""
-    state: State = "filled" if found.filled >= WORTH_TELLING else "complete"
+    state: State = "filled" if found.filled >= SHORTEST_REPORTED else "complete"
     why = f"{found.ticks} ticks, compared with the vehicle's log"
     if found.missing:
         state, why = "missing", found.why
     elif not found.ticks:
-        state, why = "unknown", "no tick of the vehicle is in it"
+        state, why = "unknown", "it has no ticks of the vehicle"
     elif not found.messages:
-        why = "no hole in it; the vehicle logged nothing meanwhile"
+        why = "no gaps; the vehicle logged nothing in the meantime"
     why = "; ".join([why, *found.problems])
     return Completeness(state, found.filled, found.missing, found.total, why)
 

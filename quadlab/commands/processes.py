@@ -35,17 +35,17 @@ class Vehicle:
     """Run the vehicle's flight stack on board: flight and comms process."""
 
     serial: Annotated[tuple[str, ...], tyro.conf.arg(metavar="PORT[,PORT]")] = ()
-    """the microcontroller's serial ports, one or two; auto searches all serial devices for them"""
+    """the microcontroller's serial ports, one or two; auto searches all serial devices"""
     check: Flag = False
-    """only test the connection and print what was found"""
+    """test the connection, print the result and exit"""
     board: str = MIKROKOPTER
     """the flight board: mikrokopter, betaflight, or one of an installed package (docs/boards)"""
     find: Flag = False
-    """only search all serial devices and print what answers"""
+    """list all serial devices, print what answers on each, and exit"""
     robot_id: Annotated[int, tyro.conf.arg(metavar="ID")] = THE_ONE.robot_id
-    """robot number that the microcontroller must report, or its motors do not start"""
+    """robot id that the microcontroller must report; motors do not start with another one"""
     firmware: Annotated[int, tyro.conf.arg(metavar="REVISION")] = THE_ONE.firmware
-    """firmware revision that it must report, or its motors do not start"""
+    """firmware revision that it must report; motors do not start with another one"""
     data: Folder = None
     """data folder"""
     rate: Annotated[int | None, optional("HZ")] = None
@@ -56,7 +56,7 @@ class Vehicle:
     link_port: int = 7447
     """UDP port of the radio link to listen on"""
     telemetry: Annotated[int, tyro.conf.arg(metavar="HZ")] = 100
-    """telemetry packets per second, 12 to 100, each with the ticks since the previous one"""
+    """telemetry packets a second, 12 to 100; each holds the ticks since the previous one"""
     name: str = THE_VEHICLE
     """namespace of the vehicle's topics"""
     set: Settings = ()
@@ -257,10 +257,10 @@ class Web(PageOptions):
     station's last start with this data folder)"""
 
     def run(self) -> int:
-        from console.link.dialled_vehicles import dialled
+        from console.link.known_vehicles import station_vehicles
 
         data = open_data_folder(self.data)
-        names = parse_names(self.name or dialled(data))
+        names = parse_names(self.name or station_vehicles(data))
         tls = self.check_page(data)
         if tls is not None:
             say_authority(tls)

@@ -150,12 +150,12 @@ class Tracker:
             assert self.intrinsics is not None
             assert self.tags is not None
             from console.trackers.camera import CameraSource
-            from console.trackers.onboard_camera import OnboardCameraSource, StationsBeacons
+            from console.trackers.onboard_camera import OnboardCameraSource, StationBeacons
 
             camera = self.device if self.video is None else self.video
             if not self.of_bearings:
                 return CameraSource(camera, self.intrinsics, self.tags, view)
-            beacons = StationsBeacons(session, bodies[0])
+            beacons = StationBeacons(session, bodies[0])
             return OnboardCameraSource(camera, self.intrinsics, self.tags, beacons, view)
         from console.trackers.motion_capture import MotionCaptureSource
 

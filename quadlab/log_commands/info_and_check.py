@@ -24,7 +24,7 @@ class Info:
     file: LogFile
     """the MCAP file"""
     json: Flag = False
-    """print it as one line of JSON"""
+    """print one line of JSON"""
     explain: Flag = False
     """also print what happened in the flight, the most important first"""
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from console.link.dialled_vehicles import dialled, remember_dialled
+from console.link.known_vehicles import station_vehicles, write_station_vehicles
 from quadlab.simulated.fleet import MAX_VEHICLES, SimulatedFleet
 from quadlab.vehicle_names import parse_names, parse_vehicles
 from quadrotor.errors import LinkError, UsageError
@@ -88,8 +88,8 @@ def test_one_vehicle_alone_keeps_the_data_folder(tmp_path: Path) -> None:
 
 
 def test_the_page_knows_whom_the_station_dialled_last(tmp_path: Path) -> None:
-    assert dialled(tmp_path) == ()
-    remember_dialled(tmp_path, ["a", "b"])
-    assert dialled(tmp_path) == ("a", "b")
+    assert station_vehicles(tmp_path) == ()
+    write_station_vehicles(tmp_path, ["a", "b"])
+    assert station_vehicles(tmp_path) == ("a", "b")
     (tmp_path / "station.json").write_text("torn {")
-    assert dialled(tmp_path) == ()
+    assert station_vehicles(tmp_path) == ()

@@ -122,12 +122,12 @@ class Robot:
 
     def step(self) -> None:
         simulated = self._simulated
-        changed = self._live.take()
+        changed = self._live.pop_changed()
         if changed is not None:
             simulated.configure(changed)
             if self._served is not None:
                 self._served.set_faults(self._name, changed.served)
-        charge = self._live.take_charge()
+        charge = self._live.pop_charge()
         if charge is not None:
             simulated.charge_battery(charge)
         self._attendant.attend(simulated)

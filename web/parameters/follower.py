@@ -57,7 +57,7 @@ class ParameterFollower:
     def changed_from_thread(self, change: ParameterChange) -> None:
         """Pass a `parameter_changes` message to the event loop."""
         if self._loop is not None and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._replica.told, change)
+            self._loop.call_soon_threadsafe(self._replica.note_change, change)
 
     async def run(self) -> None:
         loop = asyncio.get_running_loop()

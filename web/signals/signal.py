@@ -100,11 +100,6 @@ def xyz(prefix: str, group: str, unit: str, column: str, factor: float = 1.0) ->
     return [one(f"{prefix}.{a}", a, unit, group, f"{column}.{a}", factor) for a in "xyz"]
 
 
-def quaternion(q: Any) -> tuple[float, float, float, float]:
-    """Return w, x, y, z of a geometry_msgs/Quaternion."""
-    return (q.w, q.x, q.y, q.z)
-
-
 def rms(xp: Any, *variances: Any) -> Any:
     """Return the root-mean-square length of an error with these variances."""
     total = sum(variances)

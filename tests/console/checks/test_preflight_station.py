@@ -374,7 +374,7 @@ def test_while_an_armed_vehicle_is_not_heard_the_disk_is_left_alone(bench: Bench
     assert bench.call("arm").accepted
     assert until(lambda: bench.newest.armed)
     bench.vehicle.state.update(silent=True)
-    assert until(lambda: bench.station.checks.gatherer.facts().mode is None)
+    assert until(lambda: bench.station._preflight._facts().mode is None)
     answer = bench.call("checks", again=True)
     assert answer.accepted
     found = {one.name: one for one in from_messages(answer.checks) if one.place == "station"}
@@ -384,7 +384,7 @@ def test_while_an_armed_vehicle_is_not_heard_the_disk_is_left_alone(bench: Bench
     assert found["runs' disk"].state != "unknown"
     bench.vehicle.state.update(silent=False)
     assert until(lambda: bench.call("disarm").accepted)  # once the link is good again
-    assert until(lambda: bench.station.checks.gatherer.facts().mode == "ready")
+    assert until(lambda: bench.station._preflight._facts().mode == "ready")
     again = from_messages(bench.call("checks", again=True).checks)
     assert next(one for one in again if one.name == "disk's speed").found.endswith("MB/s")
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from console.link.outbox import ENCODERS
+from console.link.telemetry import expanded, messages_of
 from console.link.telemetry_quality import TelemetryWindow
-from console.link.telemetry_topics import ENCODERS, expanded, messages_of
 from quadrotor.records import TICK, Record
 from vehicle_link.messages import decode
 from vehicle_link.telemetry import pack, unpack

@@ -204,6 +204,7 @@ def test_a_run_that_was_not_judged_says_so_and_why(log: Path, tmp_path: Path) ->
     page = undrawn(copy)
     assert 'class="verdict not_judged"' in page
     assert "no limit for position_rms_m" in page
+    assert page.count("not judged") == 1, "the reason does not repeat the verdict"
 
 
 def test_what_people_wrote_is_never_markup(tmp_path: Path) -> None:
@@ -330,8 +331,10 @@ def test_an_experiment_is_that_of_the_log_s_own_run_and_none_before_it(tmp_path:
             name="accelerometer", values={"imu.accelerometer.offset_x": 0.1}
         ).model_dump_json(),
     }
-    free = judged(write_log(tmp_path / "free.mcap", [("experiment_status", kind, before)]))
+    log = write_log(tmp_path / "free.mcap", [("experiment_status", kind, before)])
+    free = judged(log)
     assert (free.experiment, free.decision, free.proposal) == ("", "", None)
+    assert undrawn(log).count("not judged") == 1
     starts = {"name": "motor_bench", "phase": "flying"}
     flies = {**starts, "run_id": "bench"}
     follows = {"name": "hover", "phase": "flying"}

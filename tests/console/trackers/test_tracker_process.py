@@ -209,7 +209,7 @@ def test_a_line_that_is_none_is_told_and_the_next_frame_taken(
 ) -> None:
     good = laboratory.lines
     laboratory.lines = ["hello, mocap"]
-    wait_for(lambda: bench.told("a line that is no body: 'hello, mocap'"))
+    wait_for(lambda: bench.told("an invalid line: 'hello, mocap'"))
     laboratory.lines = good
     before = len(bench.poses)
     wait_for(lambda: len(bench.poses) > before + 10)

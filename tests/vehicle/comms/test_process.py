@@ -30,7 +30,7 @@ from tests.support.station import StationLink
 from tests.waiting import LIMIT as BOUND
 from tests.waiting import free_port, wait_for
 from vehicle.calibration.store import CalibrationStore
-from vehicle.onboard_log.recovery import torn_logs
+from vehicle.onboard_log.repair import torn_logs
 from vehicle_link import messages, telemetry, topics
 from vehicle_link.messages import Message
 from vehicle_link.parameters.messages import from_value, to_parameters

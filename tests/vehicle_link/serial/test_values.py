@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from quadrotor.checkout import ROOT
 from quadrotor.errors import OutOfBoundsError
-from vehicle.simulator.firmware.states import LIMITS, WRITABLE
+from vehicle.simulator.firmware.firmware import LIMITS, WRITABLE
 from vehicle_link.serial import commands
 from vehicle_link.serial.attitude_command import (
     ANGLE_MAX,

@@ -359,7 +359,7 @@ def test_the_cameras_picture_is_shown_while_the_tab_is_open_and_its_silence_is_t
     look.text("#beacons-camera .reason", "^tag 3 is seen twice$")
     # No more pictures arrive, and then no more statuses.
     look.text("#beacons-camera .quiet", r"^No picture for [3-9] s$")
-    look.text("#beacons-camera figcaption", "process is silent")
+    look.text("#beacons-camera figcaption", "No data from the camera's process")
     look.has_class("#beacons-camera", "stale")
     tab.click("[data-tab=fly]")
     until(lambda: station.forwarded == set())
