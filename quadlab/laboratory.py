@@ -193,10 +193,7 @@ class Laboratory:
             summary = self.summary
             now, age = summary.get("experiment") or {}, summary["age"].get("experiment_status")
             if has_begun and (age is None or age > REACH):
-                raise LinkError(
-                    f"the station is silent, so {experiment} is not followed any longer; it may "
-                    "still be flying"
-                )
+                raise LinkError(f"the station is silent; {experiment} may still be flying")
             is_ours = (now.get("name"), now.get("requester")) == (experiment, self.label)
             is_running = is_ours and now["phase"] in RUNNING
             has_begun = has_begun or is_running

@@ -282,8 +282,8 @@ def test_a_station_that_started_anew_ends_it(
     [
         (["motor_bench"], 2, "there is no terminal to answer on: give --accept or --reject"),
         (["motor_bench", "--accept", "--reject"], 2, "give one of them"),
-        (["--accept"], 2, "needs a name"),
-        (["--set", "hold=2"], 2, "needs a name"),
+        (["--accept"], 2, "need a calibration"),
+        (["--set", "hold=2"], 2, "need a calibration"),
         (["motor", "--accept"], 2, "no calibration 'motor'; known are motor_bench, gyroscope"),
         (["hover", "--accept"], 2, "no calibration 'hover'"),
         (["mine.py", "--accept"], 2, "mine.py cannot run: mine.py line 3: SyntaxError"),

@@ -159,5 +159,5 @@ def test_a_station_that_falls_silent_during_an_experiment_is_an_error(
     monkeypatch.setattr(Laboratory, "_json", staticmethod(answer))
     lab = Laboratory.__new__(Laboratory)  # not signed in anywhere
     lab.label = "anna"
-    with pytest.raises(LinkError, match="the station is silent, so hover is not followed"):
+    with pytest.raises(LinkError, match="the station is silent; hover may still be flying"):
         lab.fly("hover")
