@@ -189,7 +189,7 @@ def test_another_content_under_the_name_is_begun_again(
     with pytest.raises(ChangedError) as changed:
         fetcher.fetch(part)
     part.close()
-    assert "another file" in str(changed.value)
+    assert "has changed on board" in str(changed.value)
     part = PartFile(tmp_path / "here", files.files()[0])
     assert part.restarted
     fetcher.fetch(part)
