@@ -57,7 +57,9 @@ def test_a_jump_of_set_points_across_the_volume_is_flown_and_arrives() -> None:
 
 def test_set_points_that_jump_back_and_forth_are_never_refused() -> None:
     rng = np.random.default_rng(7)
-    points = [position(*rng.uniform(-5.0, 5.0, 3), yaw=rng.uniform(-3, 3)) for _ in range(40)]
+    points = []
+    for x, y, z, yaw in rng.uniform(-1.0, 1.0, (40, 4)).tolist():
+        points.append(position(5.0 * x, 5.0 * y, 5.0 * z, 3.0 * yaw))
     assert fly(points, 40.0)[1] == ""
 
 
