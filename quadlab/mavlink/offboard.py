@@ -26,7 +26,7 @@ from quadrotor.errors import RefusedError
 from quadrotor.records import Record, new_reference
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.messages import encode, header, new
-from vehicle_link.topics import decode_reference
+from vehicle_link.topics import decode_external_reference
 
 if TYPE_CHECKING:
     from quadlab.station_client import StationClient
@@ -259,14 +259,14 @@ class Offboard:
         """Return the vehicle's clock: the smallest delay of recent messages counts."""
         newest = self._vehicle.payload("reference")
         if newest is not None:
-            self._offsets.append(newest[1] - decode_reference(newest[0])[0])
+            self._offsets.append(newest[1] - decode_external_reference(newest[0])[0])
         return now_ns - min(self._offsets, default=0)
 
     def _vehicles(self, stamp_ns: int) -> Record:
         """Return the vehicle's own reference, extrapolated to `stamp_ns`."""
         newest, out = self._vehicle.payload("reference"), new_reference()
         if newest is not None:
-            heard_ns, reference = decode_reference(newest[0])
+            heard_ns, reference = decode_external_reference(newest[0])
             extrapolate(reference, (stamp_ns - heard_ns) * SECOND, out)
         return out
 
