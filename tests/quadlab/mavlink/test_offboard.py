@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from control.behaviors.behavior import Context, Outside
+from control.behaviors.behavior import Context, ExternalReference
 from control.behaviors.external import External
 from control.behaviors.parameters import BehaviorParameters
 from quadlab.mavlink.dialect import mavlink
@@ -32,7 +32,7 @@ def start() -> Any:
 
 def fly(set_points: list[SetPoint], seconds: float) -> tuple[Any, str]:
     """Return the last reference, and why the vehicle's behavior ended, "" if it did not."""
-    follower, outside = Follower(start(), PARAMETERS), Outside()
+    follower, outside = Follower(start(), PARAMETERS), ExternalReference()
     outside.reference[:], outside.stamp_ns = follower.reference, 0
     context = Context(start(), LIMITS, 1.308 * GRAVITY, outside=outside)
     behavior, flown = External(context), start()
