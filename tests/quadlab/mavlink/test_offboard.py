@@ -35,7 +35,7 @@ def fly(set_points: list[SetPoint], seconds: float) -> tuple[Any, str]:
     follower, outside = Follower(start(), PARAMETERS), ExternalReference()
     outside.reference[:], outside.stamp_ns = follower.reference, 0
     context = Context(start(), LIMITS, 1.308 * GRAVITY, outside=outside)
-    behavior, flown = External(context), start()
+    behavior, flown = External.start(context, {}), start()
     for k in range(1, int(seconds / PERIOD)):
         follower.step(set_points[(k - 1) * len(set_points) * STEP_NS // int(seconds * 1e9)], PERIOD)
         outside.reference[:], outside.stamp_ns = follower.reference, k * STEP_NS
