@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from control.behaviors.behavior import Context, ExternalReference
+from control.behaviors.behavior import Context, ExternalReference, TickInputs
 from control.behaviors.external import External
 from control.behaviors.parameters import BehaviorParameters
 from quadlab.mavlink.dialect import mavlink
 from quadlab.mavlink.frames import parse_origin
 from quadlab.mavlink.offboard import PERIOD, Follower, SetPoint, set_point_of
 from quadrotor.errors import RefusedError
-from quadrotor.records import new_reference, new_state
+from quadrotor.records import new_reference
 from quadrotor.vehicle_model import GRAVITY
 
 ORIGIN = parse_origin("47.4,8.5,0")
@@ -39,7 +39,7 @@ def fly(set_points: list[SetPoint], seconds: float) -> tuple[Any, str]:
     for k in range(1, int(seconds / PERIOD)):
         follower.step(set_points[(k - 1) * len(set_points) * STEP_NS // int(seconds * 1e9)], PERIOD)
         outside.reference[:], outside.stamp_ns = follower.reference, k * STEP_NS
-        if behavior.step(k * STEP_NS, PERIOD, new_state(), None, 12.0, flown):
+        if behavior.step(TickInputs(k * STEP_NS, PERIOD), flown):
             return flown, behavior.aborted
     return flown, ""
 
