@@ -69,12 +69,13 @@ def wanted_of(message: Any, origin: Origin) -> Wanted | None:
             return behavior("land")
         case mavlink.MAV_CMD_DO_REPOSITION:
             if is_int:
-                numbers = (message.x, message.y)
-                angles = [math.nan if one == NO_INT else 1e-7 * one for one in numbers]
-                x, y, z = world_point(message.frame, *angles, message.z, origin)
+                is_left_out = NO_INT in (message.x, message.y)
+                latitude = math.nan if is_left_out else 1e-7 * message.x
+                x, y, z = world_point(message.frame, latitude, 1e-7 * message.y, message.z, origin)
+                x = math.nan if is_left_out else x
             else:
-                numbers = (message.param5, message.param6, message.param7)
-                x, y, z = origin.world_of(Place(*numbers))
+                place = Place(message.param5, message.param6, message.param7)
+                x, y, z = origin.world_of(place)
             given = {"x": x, "y": y, "z": z, "yaw": swap_yaw(p4)}
             given["speed"] = p1 if p1 > 0.0 else math.nan
             return behavior("fly_to", **{k: v for k, v in given.items() if math.isfinite(v)})

@@ -211,8 +211,11 @@ class Gateway:
         """
         service, fields = wanted
         if service in ("message", "period"):
-            does = self._telemetry.send if service == "message" else self._telemetry.set_period
-            is_known = does(peer, **fields)
+            is_known = (
+                self._telemetry.send(peer, **fields)
+                if service == "message"
+                else self._telemetry.set_period(peer, **fields)
+            )
             if is_known:
                 then("")
             return is_known

@@ -97,6 +97,7 @@ class Peer:
         system: source system of its first message, which it keeps; 0 before that.
         heard: when its newest message came, s of the computer's steady clock.
         due: when each message is due that is sent periodically, by its id; `period` in s.
+        shown: what its newest heartbeat contained.
         waiting: messages to send as time allows, each sequence to its end.
     """
 
@@ -110,6 +111,7 @@ class Peer:
             signing.timestamp = int((time.time() - SIGNING_EPOCH) * TENS_OF_MICROSECONDS)
         self.system, self.heard = 0, -GONE
         self.due: dict[int, float] = {}
+        self.shown: Any = None
         self.period: dict[int, float] = {}
         self.waiting: dict[str, Iterator[Any]] = {}
         self._budget, self._filled = float(BYTES_A_SECOND), time.monotonic()

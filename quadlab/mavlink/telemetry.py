@@ -76,9 +76,17 @@ class Telemetry:
         self._makers[mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION] = self._version
 
     def send_due(self, peer: Peer, now: float) -> None:
-        """Send a ground station what is due. `now`: s of a steady clock."""
-        if self._vehicle.status is None:
+        """Send a ground station what is due; a heartbeat also when it changes.
+
+        Args:
+            now: s of a steady clock.
+        """
+        status = self._vehicle.status
+        if status is None:
             return
+        shown = status.armed, status.mode, status.behavior
+        if shown != peer.shown:
+            peer.shown, peer.due[mavlink.MAVLINK_MSG_ID_HEARTBEAT] = shown, now
         for number, (usual, _) in self._periodic.items():
             due = peer.due.get(number, now)
             if now >= due:

@@ -351,9 +351,12 @@ def test_a_flood_is_dropped_before_it_is_parsed_and_others_are_served(
     loud.turn()
     parsed: list[int] = []
     parse = link_module.Peer.parse
-    monkeypatch.setattr(
-        link_module.Peer, "parse", lambda peer, data: parsed.append(len(data)) or parse(peer, data)
-    )
+
+    def noted(peer: link_module.Peer, data: bytes) -> list[Any]:
+        parsed.append(len(data))
+        return parse(peer, data)
+
+    monkeypatch.setattr(link_module.Peer, "parse", noted)
     began, sent = time.monotonic(), 0
     while not any("more than 60 kB/s" in line for line in wired.lines) or sent < 5000:
         for _ in range(100):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from control.behaviors.behavior import Context, ExternalReference, NoArguments, TickInputs
+from control.behaviors.behavior import Context, ExternalReference, TickInputs
 from control.behaviors.external import External
 from control.behaviors.parameters import BehaviorParameters
 from quadlab.mavlink.dialect import mavlink
@@ -35,11 +35,11 @@ def fly(set_points: list[SetPoint], seconds: float) -> tuple[Any, str]:
     follower, outside = Follower(start(), PARAMETERS), ExternalReference()
     outside.reference[:], outside.stamp_ns = follower.reference, 0
     context = Context(start(), LIMITS, 1.308 * GRAVITY, outside=outside)
-    behavior, flown = External(context, NoArguments()), start()
+    behavior, flown = External.start(context, {}), start()
     for k in range(1, int(seconds / PERIOD)):
         follower.step(set_points[(k - 1) * len(set_points) * STEP_NS // int(seconds * 1e9)], PERIOD)
         outside.reference[:], outside.stamp_ns = follower.reference, k * STEP_NS
-        if behavior.step(TickInputs(k * STEP_NS, PERIOD, thrust=12.0), flown):
+        if behavior.step(TickInputs(k * STEP_NS, PERIOD), flown):
             return flown, behavior.aborted
     return flown, ""
 
@@ -57,7 +57,9 @@ def test_a_jump_of_set_points_across_the_volume_is_flown_and_arrives() -> None:
 
 def test_set_points_that_jump_back_and_forth_are_never_refused() -> None:
     rng = np.random.default_rng(7)
-    points = [position(*rng.uniform(-5.0, 5.0, 3), yaw=rng.uniform(-3, 3)) for _ in range(40)]
+    points = []
+    for x, y, z, yaw in rng.uniform(-1.0, 1.0, (40, 4)).tolist():
+        points.append(position(5.0 * x, 5.0 * y, 5.0 * z, 3.0 * yaw))
     assert fly(points, 40.0)[1] == ""
 
 

@@ -19,7 +19,7 @@ from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterStore
 from vehicle.parameters import new_parameters
 from vehicle_link.clock import monotonic_ns
-from vehicle_link.messages import encode, header, new
+from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters
 
 PATIENCE = 10.0
@@ -34,21 +34,31 @@ class Station:
         self.holder, self.closed = "", list[str]()
         self.payloads: dict[str, bytes] = {}
         self.references: list[bytes] = []
+        self.at = (1.0, 2.0, 0.5)
         self.show()
 
-    def show(self, behavior: str = "ground", armed: bool = False, mode: str = "ready") -> None:
-        """Show this status, and an estimate at (1, 2, 0.5)."""
+    def show(
+        self,
+        behavior: str = "ground",
+        armed: bool = False,
+        mode: str = "ready",
+        at: tuple[float, float, float] | None = None,
+    ) -> None:
+        """Show this status, and an estimate that rests at a point, where it was if None."""
+        self.behavior, self.armed, self.mode = behavior, armed, mode
+        self.at = at = at or self.at
         status = new(
             "quadlab_msgs/VehicleStatus", header=header(1), mode=mode, behavior=behavior,
             armed=armed, airborne=armed,
         )  # fmt: skip
         odometry = new("nav_msgs/Odometry", header=header(5_000_000_000, "world"))
-        odometry.pose.pose.position.x, odometry.pose.pose.position.y = 1.0, 2.0
-        odometry.pose.pose.position.z, odometry.pose.pose.orientation.w = 0.5, 1.0
+        place = odometry.pose.pose.position
+        place.x, place.y, place.z = at
+        odometry.pose.pose.orientation.w = 1.0
         reference = new(
             "quadlab_msgs/Reference",
             header=header(5_000_000_000, "world"),
-            position={"x": 1.0, "y": 2.0, "z": 0.5},
+            position=dict(zip("xyz", at, strict=True)),
         )
         messages = {"status": status, "state": odometry, "reference": reference}
         self.payloads.update({name: encode(message) for name, message in messages.items()})
@@ -83,14 +93,40 @@ class Station:
         return SimpleNamespace()
 
 
+class IdealStation(Station):
+    """A station whose vehicle is at once where it shall be."""
+
+    def put(self, payload: bytes, source_ns: int | None = None) -> None:
+        super().put(payload, source_ns)
+        place = decode(payload, "quadlab_msgs/Reference").position
+        self.show(self.behavior, self.armed, self.mode, (place.x, place.y, place.z))
+
+    def ask(self, who: str, service: str, **fields: Any) -> Any:
+        answer = super().ask(who, service, **fields)
+        if service == "arm":
+            self.show("ground", True, "armed", (0.0, 0.0, 0.0))
+        elif fields.get("name") == "take_off":
+            self.show("hover", True, "armed", (0.0, 0.0, 0.8))
+        elif fields.get("name") == "land":
+            self.show()
+        return answer
+
+
 class Wired:
     """The gateway, and what it printed."""
 
-    def __init__(self, data: Path, *, viewers: bool = False, passphrase: str = "") -> None:
+    def __init__(
+        self,
+        data: Path,
+        *,
+        viewers: bool = False,
+        passphrase: str = "",
+        station: Station | None = None,
+    ) -> None:
         from console.catalogue.catalogue import Catalogue
         from quadlab.mavlink.logs import Logs
 
-        self.station, self.lines = Station(), list[str]()
+        self.station, self.lines = station or Station(), list[str]()
         self.events: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self.changes: queue.SimpleQueue[Any] = queue.SimpleQueue()
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
