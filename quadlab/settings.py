@@ -59,10 +59,17 @@ def offer_estimators(data: Path) -> None:
 
 
 def check_laws(values: Mapping[str, ParameterValue], data: Path) -> None:
-    """Check the control laws named in these parameters against those of the data folder.
+    """Check the control laws, and the behavior of one's own, named in these parameters against
+    those of the data folder.
 
     Raises RefusedError when one is not available.
     """
+    if "behavior.plugin" in values:
+        from control.behaviors.behavior import Outside
+        from vehicle.behaviors.behaviors import PARAMETER, OwnBehaviors
+        from vehicle.processes.parent import PLUGINS
+
+        OwnBehaviors(data / PLUGINS, False, Outside(), str(values[PARAMETER]))
     if not values.keys() & {"control.law", "control.shadow_law"}:
         return
     from control.parameters import GEOMETRIC, NONE

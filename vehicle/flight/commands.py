@@ -7,6 +7,7 @@ import math
 from control.behaviors.machine import BehaviorMachine
 from quadrotor.errors import QuadlabError, RefusedError
 from quadrotor.parameters import ParameterValue
+from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.flight.configuration import Configuration
@@ -22,7 +23,8 @@ from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Supervisor
 
 WITHOUT_A_POSE = ("near_hovering", "emergency_landing")
-WITH_HEADING = ("follow_trajectory", "excite", "external")
+EXTERNAL = "external"
+WITH_HEADING = ("follow_trajectory", "excite", EXTERNAL)
 """Behaviors that fly a plan; they are refused while the heading is unknown."""
 
 
@@ -40,6 +42,7 @@ class CommandHandler:
         gyroscope: GyroscopeStart,
         bench: Bench,
         behaviors: BehaviorMachine,
+        own_behaviors: OwnBehaviors,
         navigation: Navigation,
         guard: BearingsGuard,
         supervisor: Supervisor,
@@ -48,6 +51,7 @@ class CommandHandler:
         self._parameters, self._configuration = parameters, configuration
         self._tick, self._outbox, self._modes = tick, outbox, modes
         self._gyroscope, self._bench, self._behaviors = gyroscope, bench, behaviors
+        self._own_behaviors = own_behaviors
         self._navigation, self._guard = navigation, guard
         self._supervisor, self._ground = supervisor, ground
 
@@ -196,6 +200,8 @@ class CommandHandler:
                 f"{command.name} refused: heading not observed, {heading.state}; "
                 "fly to and fro by fly_to or sticks first"
             )
+        if command.name == EXTERNAL and self._own_behaviors.external is not None:
+            self._own_behaviors.external.begin(self._tick.stamp_ns, self._tick.reference)
         self._behaviors.request(
             command.name,
             command.arguments,

@@ -9,6 +9,7 @@ from bearing_sim.beacons import parse_layout
 from control.behaviors.machine import BehaviorMachine
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterStore, ParameterValue
+from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.calibration.imu import ImuCalibrator
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
@@ -70,6 +71,7 @@ class Configuration:
         steering: Steering,
         mass: FlownMass,
         behaviors: BehaviorMachine,
+        own_behaviors: OwnBehaviors,
         navigation: Navigation,
         guard: BearingsGuard,
         imu_calibrator: ImuCalibrator,
@@ -78,6 +80,7 @@ class Configuration:
         self._parameters, self._tick, self._outbox, self._modes = parameters, tick, outbox, modes
         self._ground, self._model, self._steering = ground, model, steering
         self._mass, self._behaviors, self._navigation = mass, behaviors, navigation
+        self._own_behaviors = own_behaviors
         self._guard, self._imu_calibrator = guard, imu_calibrator
         self._layout = parameters.beacons.layout
         self.configure()
@@ -94,6 +97,7 @@ class Configuration:
             check_steps(store, checked)
         flying = self._modes.mode in FLYING
         self._steering.check(checked, flying)
+        self._own_behaviors.check(checked, flying)
         self._mass.check(checked, flying)
         self._guard.check(checked, flying)
         return checked | self._navigation.check(checked, self._tick.state, flying)
@@ -123,6 +127,7 @@ class Configuration:
         p = self._parameters
         self._mass.follow(p.mass, p.model.mass, self._modes.mode in FLYING)
         self._steering.configure(p.control, p.model)
+        self._own_behaviors.configure(p.behavior.plugin)
         self._model.fly_on(self._mass.mass if self._mass.used else p.model.mass)
         self._behaviors.set_model(self._steering.model)
         if p.beacons.layout != self._layout:

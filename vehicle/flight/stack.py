@@ -16,12 +16,15 @@ from bearing_sim.beacons import parse_layout
 from control.behaviors.ground import stand
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.near_hovering import Level
+from control.behaviors.parameters import NONE as NO_PLUGIN
 from control.behaviors.table import BehaviorName
 from control.controller import Controller
 from control.parameters import GEOMETRIC, NONE
 from estimation.estimator import Estimator
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import Record
+from vehicle.behaviors.behaviors import PARAMETER, OwnBehaviors
+from vehicle.behaviors.external import ExternalBehavior
 from vehicle.boards.board import Command, RawSample, Takes, Traits
 from vehicle.boards.mikrokopter.microcontroller import TRAITS
 from vehicle.calibration.imu import ImuCalibrator
@@ -83,6 +86,7 @@ class FlightStack:
         self.steering = Steering(p.control, p.model, controller, Laws(plugins, waits))
         self.mass = FlownMass(p.mass, p.model.mass)
         self.behaviors = BehaviorMachine(p.behavior)
+        self.own_behaviors = OwnBehaviors(plugins, waits, self.behaviors.outside, p.behavior.plugin)
         self.supervisor = Supervisor(p.safety)
         self.imu_calibrator = ImuCalibrator(p.imu)
         self.near_hovering = NearHovering(p.near_hovering)
@@ -135,6 +139,7 @@ class FlightStack:
             steering=self.steering,
             mass=self.mass,
             behaviors=self.behaviors,
+            own_behaviors=self.own_behaviors,
             navigation=self.navigation,
             guard=self.guard,
             imu_calibrator=self.imu_calibrator,
@@ -148,6 +153,7 @@ class FlightStack:
             gyroscope=self.gyroscope,
             bench=self.bench,
             behaviors=self.behaviors,
+            own_behaviors=self.own_behaviors,
             navigation=self.navigation,
             guard=self.guard,
             supervisor=self.supervisor,
@@ -202,6 +208,8 @@ class FlightStack:
 
         if self.steering.external is not None:
             self._watch_law(self.steering.external)
+        if self.own_behaviors.external is not None:
+            self._watch_behavior(self.own_behaviors.external)
 
         command: Command | None = None
         if modes.mode is Mode.BENCH:
@@ -218,7 +226,16 @@ class FlightStack:
 
     def _fly(self, dt: float, airborne: bool) -> Command:
         """Step the behavior's reference and return the command that follows it."""
-        behaviors, tick = self.behaviors, self._tick
+        behaviors, tick, own = self.behaviors, self._tick, self.own_behaviors.external
+        if own is not None and behaviors.name is BehaviorName.EXTERNAL:
+            own.step(
+                tick.stamp_ns,
+                dt,
+                tick.state,
+                tick.reference,
+                self._joy,
+                self.parameters.behavior.joy_timeout,
+            )
         behaviors.step(
             self._tick.stamp_ns,
             dt,
@@ -274,7 +291,8 @@ class FlightStack:
         elif isinstance(measurement, mailbox.Joy):
             self._joy = (measurement.stamp_ns, measurement.axes, measurement.enabled)
         elif isinstance(measurement, mailbox.ExternalReference):
-            self.behaviors.outside.take(measurement.stamp_ns, measurement.numbers)
+            if self.own_behaviors.external is None:
+                self.behaviors.outside.take(measurement.stamp_ns, measurement.numbers)
         elif isinstance(measurement, mailbox.Heartbeat):
             self.supervisor.heartbeat(measurement.stamp_ns)
 
@@ -295,6 +313,7 @@ class FlightStack:
     def close(self) -> None:
         """End the processes of plugins."""
         self.steering.close()
+        self.own_behaviors.close()
         self.navigation.close()
 
     # ------------------------------------------------------------------ outputs
@@ -397,6 +416,19 @@ class FlightStack:
         flies = "took over" if law.flown else "flies on"
         self.say(f"law {law.name} disengaged, {GEOMETRIC} {flies}: {law.failure}", mailbox.WARN)
         self.configuration.apply({LAW: GEOMETRIC, SHADOW_LAW: NONE}, "vehicle")
+
+    def _watch_behavior(self, behavior: ExternalBehavior) -> None:
+        """Report when a behavior of the user's own is ready; disable one that failed.
+
+        In the tick of the failure the vehicle has already begun to brake.
+        """
+        if behavior.becomes_ready():
+            self.say(f"behavior {behavior.name} is ready")
+        if behavior.ticks and self.modes.mode not in FLYING:
+            self.say(behavior.summary())
+        if behavior.failure:
+            self.say(f"behavior {behavior.name} disengaged: {behavior.failure}", mailbox.WARN)
+            self.configuration.apply({PARAMETER: NO_PLUGIN}, "vehicle")
 
     def _follow_altitude(self, sample: RawSample, dt: float) -> None:
         """Estimate the altitude by the barometer in every mode, as it may be needed at any time."""

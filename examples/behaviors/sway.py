@@ -1,0 +1,43 @@
+"""A behavior: sway to the left and back three times, or further while the sticks ask for it.
+
+Copy it to the folder `plugins` of the data folder (`quadlab new behavior NAME` does that), choose
+it with `--set behavior.plugin=sway`, and start the behavior `external`. It runs in a separate
+process; the vehicle checks each reference, and brakes when one cannot be flown or none comes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vehicle.behaviors.contract import Answer, Input
+
+WIDTH = 0.5  # m
+PERIOD = 4.0  # s
+TIMES = 3
+FASTER = 0.5  # of the period, with the stick full forward
+
+
+class Sway:
+    """Behavior; the vehicle makes one instance and calls `step` in each tick."""
+
+    def reset(self, x: Input) -> None:
+        """Begin at the reference that is flown now."""
+        self._start_w, self._yaw = x.reference_position_w.copy(), x.reference_yaw
+        self._phase = 0.0  # rad
+
+    def step(self, x: Input) -> Answer | None:
+        """Return the reference at `x.time`; None when the behavior is over."""
+        rate = 2.0 * np.pi / PERIOD * (1.0 + FASTER * x.stick[0])
+        self._phase += rate * x.dt
+        if self._phase >= 2.0 * np.pi * TIMES:
+            return None
+        # y = WIDTH (1 - cos phase) / 2, and its derivatives up to snap
+        turn = -0.5 * WIDTH * np.exp(1j * self._phase)
+        y = [(turn * (1j * rate) ** k).real for k in range(5)]
+        left = np.array([-np.sin(self._yaw), np.cos(self._yaw), 0.0])
+        position_w = self._start_w + (y[0] + 0.5 * WIDTH) * left
+        return Answer(position_w, *(dy * left for dy in y[1:]), yaw=self._yaw)
+
+
+behavior = Sway
+"""Name that the vehicle imports from this file."""
