@@ -50,12 +50,12 @@ SETS = {
 """Options that set several parameters."""
 
 
-def offer_estimators(data: Path) -> None:
-    """Make the estimators in the plugins of the data folder values of the vehicle's parameters."""
-    from vehicle.estimators.estimators import Estimators
+def offer_plugins(data: Path) -> None:
+    """Make what the plugins of the data folder add part of the vehicle's parameters."""
+    from vehicle.plugins import offer
     from vehicle.processes.parent import PLUGINS
 
-    Estimators(data / PLUGINS).offer()
+    offer.offer_plugins(data / PLUGINS)
 
 
 def check_laws(values: Mapping[str, ParameterValue], data: Path) -> None:

@@ -10,6 +10,7 @@ from console.experiments.client import Client, Result
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, parameter
 
+PLUGIN = "behavior.plugin"
 SETTLE = 3.0  # s, for brake and hover
 
 
@@ -24,12 +25,13 @@ class OwnBehavior:
     """Takes off to 1 m, starts the behavior, lands after it; judged on how it was followed."""
 
     name = "own_behavior"
-    limits = {"position_rms_m": 0.05, "position_max_m": 0.15}  # noqa: RUF012
+    limits = {"disengaged": 0.0, "position_rms_m": 0.05, "position_max_m": 0.15}  # noqa: RUF012
 
     def __init__(self, vehicle: str = "quad1") -> None:
         self.parameters = Options()
         self._vehicle = vehicle
         self._window: tuple[float, float] | None = None
+        self._disengaged = 0.0
 
     @property
     def planned(self) -> float:
@@ -48,6 +50,7 @@ class OwnBehavior:
         client.start("take_off", height=1.0)
         client.wait_until(lambda v: v.behavior == "hover", what="hover after take-off", timeout=20)
         client.wait(2.0)
+        chosen = client.parameter(PLUGIN)
         client.start("external")
         start = client.view().time
         end = start + self.parameters.duration
@@ -59,6 +62,7 @@ class OwnBehavior:
         self._window = (start, client.view().time)
         client.start("brake")
         client.wait(SETTLE)
+        self._disengaged = float(client.parameter(PLUGIN) != chosen)
         client.start("land")
         client.wait_until(lambda v: not v.armed, what="touch-down", timeout=20)
         client.wait(0.5)
@@ -68,4 +72,5 @@ class OwnBehavior:
         if self._window is None or self._window[1] - self._window[0] < 0.5:
             raise RefusedError("the behavior ended at once; the run's events say why")
         metrics = tracking_errors(log, self._vehicle, *self._window).metrics()
-        return judged({"behavior_s": self._window[1] - self._window[0], **metrics}, self.limits)
+        flown = {"behavior_s": self._window[1] - self._window[0], "disengaged": self._disengaged}
+        return judged(flown | metrics, self.limits)

@@ -136,5 +136,12 @@ class Configuration:
         self._navigation.configure(p.estimation)
         self._guard.configure()
         self._imu_calibrator.configure(p.imu)
+        for plugin in (
+            self._steering.external,
+            self._own_behaviors.external,
+            *self._navigation.externals,
+        ):
+            if plugin is not None:
+                plugin.give(dict(getattr(p.plugins, plugin.name, ())))
         self._tick.status["parameter_revision"] = self.store.revision
         self._behaviors.set_control(p.control)

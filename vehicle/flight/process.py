@@ -53,9 +53,9 @@ def fly(config: FlightConfig) -> None:
 
     refusals, later = prepare(say)
 
-    from vehicle.estimators.estimators import Estimators
     from vehicle.flight.stack import FlightStack
     from vehicle.parameters import new_parameters
+    from vehicle.plugins.offer import offer_plugins
 
     rings = open_rings(config.rings)
     kind = find_kind(config.board)
@@ -67,7 +67,8 @@ def fly(config: FlightConfig) -> None:
             port.close()
         ports = open_ports(config.ports, bauds=kind.bauds)  # restarted: its USB device is a new one
     plugins = Path(config.plugins) if config.plugins else None
-    Estimators(plugins).offer()
+    for line in offer_plugins(plugins):
+        say(line)
     parameters = new_parameters()
     ParameterStore(parameters).preset(kind.traits.parameters | config.parameters)
     progress = ProcessProgress(config.name)

@@ -226,8 +226,10 @@ class FlightStack:
 
     def _fly(self, dt: float, airborne: bool) -> Command:
         """Step the behavior's reference and return the command that follows it."""
-        behaviors, tick, own = self.behaviors, self._tick, self.own_behaviors.external
-        if own is not None and behaviors.name is BehaviorName.EXTERNAL:
+        behaviors, tick = self.behaviors, self._tick
+        is_external = behaviors.name is BehaviorName.EXTERNAL
+        own = self.own_behaviors.external if is_external else None
+        if own is not None:
             own.step(
                 tick.stamp_ns,
                 dt,
@@ -254,7 +256,10 @@ class FlightStack:
         else:
             command = self._level(level, dt)
         if behaviors.aborted:
-            self.say(f"braking: {behaviors.pop_aborted()}", mailbox.WARN)
+            why = behaviors.pop_aborted()
+            self.say(f"braking: {why}", mailbox.WARN)
+            if own is not None:
+                own.failure = own.failure or why
         self._watch_ground(dt)
         return command
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +14,16 @@ from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName
 from quadrotor.checkout import ROOT
 from quadrotor.errors import QuadlabError, RefusedError, UsageError
+from quadrotor.parameters import ParameterStore
 from quadrotor.python_file import call_user_code
 from quadrotor.records import new_reference, new_state
 from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.behaviors.contract import BEHAVIOR, INPUT, OUTPUT, load
 from vehicle.behaviors.external import ExternalBehavior
+from vehicle.parameters import new_parameters
+from vehicle.plugins import declared
 from vehicle.plugins.contract import as_attributes
+from vehicle.plugins.host import set_values
 
 DT = 0.01
 DOCUMENT = (ROOT / "docs" / "extending" / "plugins.md").read_text()
@@ -55,6 +60,9 @@ class HereLink:
         return True
 
     def send(self, data: bytes) -> None:
+        if len(data) != BEHAVIOR.inputs.itemsize:
+            set_values(self._behavior, data)
+            return
         x = as_attributes(np.frombuffer(bytearray(data), BEHAVIOR.inputs))
         out = np.zeros(1, BEHAVIOR.outputs)
         try:
@@ -130,6 +138,44 @@ def test_the_example_sways_ends_by_itself_and_may_be_flown_again() -> None:
     assert len(first) * DT == pytest.approx(12.0, abs=5 * DT)
     assert len(quick) * DT == pytest.approx(8.0, abs=5 * DT)
     assert bench.machine.pop_aborted() == ""
+
+
+def test_parameters_of_a_file_are_the_vehicles_and_reach_the_plugin(tmp_path: Path) -> None:
+    shutil.copy(SWAY, tmp_path)
+    try:
+        assert declared.offer(tmp_path) == []
+        tree = new_parameters()
+        store = ParameterStore(tree)
+        about = store.description("plugins.sway.width")
+        assert (about.unit, about.minimum, about.maximum) == ("m", 0.1, 2.0)
+        assert about.description == "of the sway; taken at its beginning"
+        store.set({"plugins.sway.width": 0.8})
+    finally:
+        declared.offer(None)
+    bench = Bench(SWAY)
+    bench.plugin.give(dict(getattr(tree.plugins, "sway")))  # noqa: B009 - made when it is offered
+    assert max(bench.fly()) == pytest.approx(0.8, abs=1e-3)
+    assert "plugins" not in str(ParameterStore(new_parameters()).names)
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        "width: float = parameter(WIDE)",
+        "width: float = parameter(1.0)",
+        "width: list = parameter(1)",
+    ],
+)
+def test_parameters_that_cannot_be_read_are_told_with_their_line(
+    tmp_path: Path, field: str
+) -> None:
+    source = f"WIDE = 1.0\nclass Options(Parameters):\n    {field}\n"
+    (tmp_path / "mine.py").write_text(source)
+    try:
+        (why,) = declared.offer(tmp_path)
+    finally:
+        declared.offer(None)
+    assert "mine.py line 3: parameters of a plugin are written as NAME: float = parameter" in why
 
 
 def test_the_documents_behavior_climbs_and_ends(tmp_path: Path) -> None:
