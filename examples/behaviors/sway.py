@@ -48,7 +48,8 @@ class Sway:
         y = [(turn * (1j * rate) ** k).real for k in range(5)]
         left = np.array([-np.sin(self._yaw), np.cos(self._yaw), 0.0])
         position_w = self._start_w + (y[0] + 0.5 * self._width) * left
-        return Answer(position_w, *(dy * left for dy in y[1:]), yaw=self._yaw)
+        velocity_w, acceleration_w, jerk_w, snap_w = (dy * left for dy in y[1:])
+        return Answer(position_w, velocity_w, acceleration_w, jerk_w, snap_w, self._yaw)
 
 
 behavior = Sway

@@ -38,7 +38,7 @@ class ExternalBehavior(External):
             raise RefusedError(f"external refused: behavior {self.name} cannot fly: {why}")
         self._out["reset"] = 1.0
         self._outside.begin()
-        self._outside.take(stamp_ns, reference.view("f8"))
+        self._outside.take(stamp_ns, reference.view("f8").tolist())
 
     def step(
         self,
@@ -81,4 +81,4 @@ class ExternalBehavior(External):
         numbers = found["reference"][0]
         if not np.isfinite(numbers).all():
             raise RefusedError(f"it answered {numbers.tolist()}, which is not finite")
-        self._outside.take(self._asked_ns, numbers)
+        self._outside.take(self._asked_ns, numbers.tolist())
