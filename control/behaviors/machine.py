@@ -211,8 +211,9 @@ class BehaviorMachine:
             return
         context = self._context()
         ended = self._behavior
-        self.aborted = ended.aborted if isinstance(ended, Excite | External) else ""
-        if self.aborted or isinstance(ended, External):
+        aborted = ended.aborted if isinstance(ended, Excite | External) else ""
+        self.aborted = aborted or self.aborted
+        if aborted or isinstance(ended, External):
             self._behavior = Brake.start(context, {})
         else:
             self._behavior = Hover.start(context, {})
