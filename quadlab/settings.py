@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from quadrotor.errors import OutOfBoundsError, ParameterError, UsageError
+from quadrotor.errors import MeasurementError, OutOfBoundsError, ParameterError, UsageError
 
 if TYPE_CHECKING:
     from quadrotor.parameters import Parameters, ParameterValue
@@ -65,11 +65,11 @@ def check_laws(values: Mapping[str, ParameterValue], data: Path) -> None:
     Raises RefusedError when one is not available.
     """
     if "behavior.plugin" in values:
-        from control.behaviors.behavior import Outside
+        from control.behaviors.behavior import ExternalReference
         from vehicle.behaviors.behaviors import PARAMETER, OwnBehaviors
         from vehicle.processes.parent import PLUGINS
 
-        OwnBehaviors(data / PLUGINS, False, Outside(), str(values[PARAMETER]))
+        OwnBehaviors(data / PLUGINS, False, ExternalReference(), str(values[PARAMETER]))
     if not values.keys() & {"control.law", "control.shadow_law"}:
         return
     from control.parameters import GEOMETRIC, NONE
@@ -144,3 +144,17 @@ def parse_settings(
         except ParameterError as error:
             raise UsageError(str(error)) from None
     return values
+
+
+def beacon_words(file: Path | None) -> list[str]:
+    """Return the `--set` words for the file's layout of beacons. Raises UsageError with line and
+    column.
+    """
+    if file is None:
+        return []
+    from bearing_sim.beacons import format_layout, load_beacons
+
+    try:
+        return [f"bearings.layout={format_layout(load_beacons(file))}"]
+    except MeasurementError as error:
+        raise UsageError(f"--beacons: {error}") from None

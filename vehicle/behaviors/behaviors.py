@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from control.behaviors.behavior import Outside
+from control.behaviors.behavior import ExternalReference
 from control.behaviors.parameters import NONE
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
@@ -32,7 +32,7 @@ class OwnBehaviors:
     """
 
     def __init__(
-        self, folder: Path | None, waits: bool, outside: Outside, chosen: str = NONE
+        self, folder: Path | None, waits: bool, outside: ExternalReference, chosen: str = NONE
     ) -> None:
         self._plugins = Plugins(BEHAVIOR, folder, waits, (NONE,))
         self._outside = outside

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from control.behaviors.behavior import Joy, Outside
+from control.behaviors.behavior import ExternalReference, Joy
 from quadrotor.errors import RefusedError
 from quadrotor.records import Record
 from vehicle.behaviors.contract import BEHAVIOR
@@ -25,7 +25,7 @@ class ExternalBehavior(External):
     brake and hover.
     """
 
-    def __init__(self, name: str, link: Link, waits: bool, outside: Outside) -> None:
+    def __init__(self, name: str, link: Link, waits: bool, outside: ExternalReference) -> None:
         super().__init__(BEHAVIOR, name, link, waits)
         self._outside, self._asked_ns = outside, 0
 
@@ -38,7 +38,7 @@ class ExternalBehavior(External):
             raise RefusedError(f"external refused: behavior {self.name} cannot fly: {why}")
         self._out["reset"] = 1.0
         self._outside.begin()
-        self._outside.take(stamp_ns, reference.view("f8").tolist())
+        self._outside.store(stamp_ns, reference.view("f8").tolist())
 
     def step(
         self,
@@ -81,4 +81,4 @@ class ExternalBehavior(External):
         numbers = found["reference"][0]
         if not np.isfinite(numbers).all():
             raise RefusedError(f"it answered {numbers.tolist()}, which is not finite")
-        self._outside.take(self._asked_ns, numbers.tolist())
+        self._outside.store(self._asked_ns, numbers.tolist())

@@ -104,7 +104,7 @@ class Bench:
         if self.machine.name is BehaviorName.EXTERNAL:
             joy = None if stick is None else (self.stamp_ns, (stick, 0.0, 0.0, 0.0), True)
             self.plugin.step(self.stamp_ns, DT, self.state, self.reference, joy, 0.2)
-        self.machine.step(self.stamp_ns, DT, self.state, None, True, 12.8, self.reference)
+        self.machine.step(self.stamp_ns, DT, self.state, None, 12.8, self.reference)
 
     def fly(self, stick: float | None = None) -> list[float]:
         """Tick until the behavior has ended; return y (m) of each reference."""
