@@ -7,10 +7,12 @@ import platform
 import subprocess
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
+
+from quadrotor.checkout import PREFIX, ROOT
 
 PACKAGES = ("numpy", "numba", "mcap", "rosbags", "eclipse-zenoh", "pydantic")
-REPOSITORY = Path(__file__).parents[1]
+REVISION = "revision.json"
+"""File of a wheel with what git says of a checkout."""
 
 
 @cache
@@ -18,13 +20,21 @@ def provenance() -> dict[str, str]:
     """Return what recorded this run, found once for each process (git takes 10 ms); values are
     text, as MCAP metadata must be.
     """
-    revision = _git("rev-parse", "HEAD")
     return {
-        "git_revision": revision or "unknown",
-        "git_dirty": ("true" if _git("status", "--porcelain") else "false") if revision else "",
+        **revision(),
         "versions": json.dumps({"python": platform.python_version(), **_versions()}),
         "frames": "world: z up; <vehicle>/body: x forward, y left, z up; quaternions body to world",
     }
+
+
+def revision() -> dict[str, str]:
+    """Return the revision of the sources and whether they were changed since; unknown if it is."""
+    if PREFIX:
+        recorded: dict[str, str] = json.loads((ROOT / REVISION).read_text())
+        return recorded
+    found = _git("rev-parse", "HEAD")
+    is_dirty = ("true" if _git("status", "--porcelain") else "false") if found else ""
+    return {"git_revision": found or "unknown", "git_dirty": is_dirty}
 
 
 def _versions() -> dict[str, str]:
@@ -38,10 +48,10 @@ def _versions() -> dict[str, str]:
 
 
 def _git(*words: str) -> str:
-    """Return git's output; empty without git or outside a repository, as in an installed copy."""
+    """Return git's output; empty without git or outside a repository."""
     try:
         done = subprocess.run(
-            ["git", "-C", str(REPOSITORY), *words],
+            ["git", "-C", str(ROOT), *words],
             capture_output=True,
             text=True,
             timeout=2.0,

@@ -8,6 +8,8 @@ laboratory.
 import os
 from typing import TYPE_CHECKING, Any
 
+from quadlab.two_names import answer_to_both
+
 if TYPE_CHECKING:
     from quadlab.laboratory import connect as connect
     from quadlab.run import fly as fly
@@ -18,6 +20,7 @@ __all__ = ["batch", "connect", "fly", "open"]
 
 # Matrices here are small: more threads of numpy's library would only be idle, in every process.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+answer_to_both()
 
 
 def __getattr__(name: str) -> Any:

@@ -50,19 +50,26 @@ SETS = {
 """Options that set several parameters."""
 
 
-def offer_estimators(data: Path) -> None:
-    """Make the estimators in the plugins of the data folder values of the vehicle's parameters."""
-    from vehicle.estimators.estimators import Estimators
+def offer_plugins(data: Path) -> None:
+    """Make what the plugins of the data folder add part of the vehicle's parameters."""
+    from vehicle.plugins import offer
     from vehicle.processes.parent import PLUGINS
 
-    Estimators(data / PLUGINS).offer()
+    offer.offer_plugins(data / PLUGINS)
 
 
 def check_laws(values: Mapping[str, ParameterValue], data: Path) -> None:
-    """Check the control laws named in these parameters against those of the data folder.
+    """Check the control laws, and the behavior of one's own, named in these parameters against
+    those of the data folder.
 
     Raises RefusedError when one is not available.
     """
+    if "behavior.plugin" in values:
+        from control.behaviors.behavior import ExternalReference
+        from vehicle.behaviors.behaviors import PARAMETER, OwnBehaviors
+        from vehicle.processes.parent import PLUGINS
+
+        OwnBehaviors(data / PLUGINS, False, ExternalReference(), str(values[PARAMETER]))
     if not values.keys() & {"control.law", "control.shadow_law"}:
         return
     from control.parameters import GEOMETRIC, NONE

@@ -1,7 +1,31 @@
-"""The root folder of this checkout of quadlab, from which helper programs are started."""
+"""Where this copy of quadlab is: a checkout, or the package `quadlab` that a wheel installs.
+
+A wheel has every package of a checkout below `quadlab` (docs/decisions/0001).
+"""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+"""Folder of the packages, and of `examples` and `firmware`."""
+PREFIX = "quadlab." if __name__.startswith("quadlab.") else ""
+"""What precedes the name of each package: nothing in a checkout, "quadlab." in a wheel."""
+IMPORTED_FROM = ROOT.parent if PREFIX else ROOT
+"""Folder of `sys.path` from which this copy is imported."""
+PACKAGES = (
+    "quadrotor",
+    "control",
+    "estimation",
+    "bearing_sim",
+    "vehicle_link",
+    "flight_log",
+    "vehicle",
+    "console",
+    "web",
+)
+"""The packages that a wheel puts below `quadlab`."""
+RUN_MODULE = (sys.executable, *(("-P",) if PREFIX else ()), "-m")
+"""Command that runs a module of this copy, when followed by its name. In a wheel the current
+folder must not be searched: it may be a checkout."""

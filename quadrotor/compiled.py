@@ -23,7 +23,7 @@ from numba.core.caching import FunctionCache
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
 
-from quadrotor.checkout import ROOT
+from quadrotor.checkout import IMPORTED_FROM, PREFIX, ROOT
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -32,7 +32,7 @@ VERSIONS = 3
 
 _IMPORT = re.compile(
     rb"^\s*(?:from|import) "
-    rb"((?:quadrotor|control|estimation|bearing_sim|vehicle|vehicle_link)\b[\w.]*)",
+    rb"((?:quadlab\.)?(?:quadrotor|control|estimation|bearing_sim|vehicle|vehicle_link)\b[\w.]*)",
     re.M,
 )
 
@@ -116,7 +116,7 @@ def digest(module: str) -> str:
 @cache
 def _source(module: str) -> tuple[bytes, tuple[str, ...]]:
     """Return a module's hash and project imports; a package counts as importing its modules."""
-    path = ROOT.joinpath(*module.split("."))
+    path = IMPORTED_FROM.joinpath(*module.split("."))
     file = getattr(sys.modules.get(module), "__file__", None) or path.with_suffix(".py")
     if path.is_dir():
         files = sorted(path.glob("*.py"))
@@ -146,15 +146,19 @@ def _folder(module: str, chosen: str) -> Path:
 
 @cache
 def _default_root() -> Path:
-    """Return a folder next to Python's compiled files, or in the user's cache if not writable."""
+    """Return a folder next to Python's compiled files; in the user's cache for a wheel, which is
+    removed without it, and where it cannot be written.
+    """
     root = ROOT / "__pycache__" / "kernels"
     try:
-        root.mkdir(parents=True, exist_ok=True)
+        if not PREFIX:
+            root.mkdir(parents=True, exist_ok=True)
+            return root
     except OSError:
-        import platformdirs
+        pass
+    import platformdirs
 
-        root = platformdirs.user_cache_path("quadlab") / "kernels"
-    return root
+    return platformdirs.user_cache_path("quadlab") / "kernels"
 
 
 def _age(folder: Path) -> float:
@@ -165,7 +169,7 @@ def _age(folder: Path) -> float:
 
 
 def is_cached(module: str) -> bool:
-    """Return whether machine code of this very source of `module` is stored, so that its functions
-    will be loaded.
+    """Return whether machine code of this very source of `module`, as a checkout names it, is
+    stored, so that its functions will be loaded.
     """
-    return any(_folder(module, numba.config.CACHE_DIR).glob("*/*.nbc"))  # type: ignore[attr-defined]
+    return any(_folder(PREFIX + module, numba.config.CACHE_DIR).glob("*/*.nbc"))  # type: ignore[attr-defined]

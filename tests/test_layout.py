@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from quadrotor import checkout
+
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"][
     "root_packages"
@@ -24,6 +26,11 @@ def test_every_top_level_package_resolves_inside_the_repository(package: str) ->
         f"`import {package}` finds {found}, which is not of this checkout: another distribution "
         "has the same name; use the environment that scripts/setup makes, and nothing else in it"
     )
+
+
+def test_every_package_below_quadlab_is_put_there_by_the_wheel() -> None:
+    assert {*checkout.PACKAGES, "quadlab"} == set(PACKAGES)
+    assert (checkout.PREFIX, checkout.IMPORTED_FROM) == ("", ROOT)
 
 
 def test_floors_of_the_lock_and_the_project_agree() -> None:

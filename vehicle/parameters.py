@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from pydantic import Field
+
 from bearing_sim.beacons import parse_layout
 from control.behaviors.parameters import BehaviorParameters
 from control.parameters import ControlParameters
@@ -15,6 +17,7 @@ from vehicle.calibration.imu import ImuCalibration
 from vehicle.flight.flown_mass import FlownMassParameters
 from vehicle.flight.near_hovering import NearHoveringParameters
 from vehicle.onboard_log.parameters import OnboardLogParameters
+from vehicle.plugins.declared import offered
 from vehicle.safety.parameters import SafetyParameters
 
 
@@ -79,6 +82,7 @@ class VehicleParameters(Parameters):
     safety: SafetyParameters = SafetyParameters()
     imu: ImuCalibration = ImuCalibration()
     log: OnboardLogParameters = OnboardLogParameters()
+    plugins: Parameters = Field(default_factory=offered)
 
 
 ORDERED = (

@@ -26,7 +26,7 @@ from typing import IO, Any, Generic, TypeVar, cast, get_type_hints
 import msgspec
 
 from quadrotor import errors
-from quadrotor.checkout import ROOT
+from quadrotor.checkout import PREFIX, ROOT, RUN_MODULE
 
 NICENESS = 15
 """Niceness of a job that no flight waits for."""
@@ -72,10 +72,11 @@ class Job(Generic[T]):
                 f"cannot be given to another process ({error}); it must not keep a client, files "
                 "or functions made in its methods"
             ) from error
-        path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
+        here = [] if PREFIX else [str(ROOT)]
+        path = os.pathsep.join([*here, os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
         try:
             self._process = process = subprocess.Popen(
-                [sys.executable, "-m", __name__, str(os.getpid()), str(niceness)],
+                [*RUN_MODULE, __name__, str(os.getpid()), str(niceness)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,

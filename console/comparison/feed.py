@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import pickle
 import subprocess
-import sys
 import threading
 import time
 from collections import deque
@@ -21,12 +20,12 @@ import numpy.typing as npt
 
 from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.comparison.parameters import ComparisonParameters
-from quadrotor.checkout import ROOT
+from quadrotor.checkout import ROOT, RUN_MODULE
 from quadrotor.errors import LinkError
 
 Array = npt.NDArray[np.float64]
 
-COMMAND = (sys.executable, "-m", "console.comparison.process")
+COMMAND = (*RUN_MODULE, f"{__package__}.process")
 PERIOD = 0.05
 HELD = 4000
 """Maximum number of messages queued for the process: about 10 s of them."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import subprocess
-import sys
 import threading
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from console.experiments.client import VERDICTS, Calibrating, Experiment, Report
 from console.experiments.user_file import errors_with_line
 from console.runs.report_folders import report_folder, write_result
 from quadrotor.calibration_record import CalibrationRecord, parse_record
+from quadrotor.checkout import PREFIX, RUN_MODULE
 from quadrotor.errors import JobError, MeasurementError, QuadlabError, RefusedError, StorageError
 from vehicle_link.jobs import run
 
@@ -127,7 +127,7 @@ def begin_report(log: Path) -> None:
     """Start to write the report of the whole run next to the result, in the background."""
     with suppress(OSError):  # the verdict is valid without it
         subprocess.Popen(
-            [sys.executable, "-m", "console.reports", "--no-pdf", str(log)],
+            [*RUN_MODULE, f"{PREFIX}console.reports", "--no-pdf", str(log)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

@@ -14,6 +14,7 @@ from console.experiments.hover import Hover
 from console.experiments.inertia import InertiaExperiment
 from console.experiments.mass import MassExperiment
 from console.experiments.motor_bench import MotorBench
+from console.experiments.own_behavior import OwnBehavior
 from console.experiments.tracked_body import TrackerBody, TrackerDelay
 from console.experiments.vibration import VibrationExperiment
 from quadrotor.errors import UsageError
@@ -21,6 +22,7 @@ from quadrotor.errors import UsageError
 EXPERIMENTS: dict[str, Callable[[str], Experiment]] = {
     "figure_eight": FigureEight,
     "hover": Hover,
+    "own_behavior": OwnBehavior,
     "bearings": BearingsExperiment,
     "gyroscope": Gyroscope,
     "accelerometer": Accelerometer,

@@ -41,8 +41,8 @@ def check_library(system: str) -> None:
     """Check that the library is installed. Raises UsageError."""
     if importlib.util.find_spec(LIBRARY) is None:
         raise UsageError(
-            f"{system} needs the package {LIBRARY}; install it with `scripts/setup trackers`, or "
-            "choose udp or ros2"
+            f"{system} needs the package {LIBRARY}; install it with `scripts/setup trackers` "
+            "or pip install 'quadlab[trackers]', or choose udp or ros2"
         )
 
 

@@ -39,12 +39,18 @@ class ExternalReference:
     Attributes:
         stamp_ns: when it is to be flown, on the vehicle's clock; None before the first.
         reference: REFERENCE, shape (1,).
+        has_ended: whether there will be no more. failure: why, when that was not intended.
     """
 
     def __init__(self) -> None:
+        self.begin()
         self.stamp_ns: int | None = None
         self.reference = new_reference()
         self._floats = self.reference.view("f8")
+
+    def begin(self) -> None:
+        """Expect references again after an end."""
+        self.has_ended, self.failure = False, ""
 
     def store(self, stamp_ns: int, numbers: Sequence[float]) -> None:
         """Store `numbers` (18,), in the order of REFERENCE's fields."""

@@ -54,14 +54,14 @@ class External(Behavior):
 
     def step(self, tick: TickInputs, reference: Record) -> bool:
         stamp_ns = tick.stamp_ns
-        self.aborted = self._lateness(stamp_ns)
         outside = self._outside
+        self.aborted = outside.failure or self._lateness(stamp_ns)
         if not self.aborted and outside.stamp_ns != self._flown_ns:
             wanted = _led_on(outside.reference, self._since(stamp_ns))
             self.aborted = self._breach(wanted, _led_on(reference, tick.dt))
             if not self.aborted:
                 self._flown[:], self._flown_ns = outside.reference, outside.stamp_ns or 0
-        if self.aborted:
+        if self.aborted or outside.has_ended:
             return True
         extrapolate(self._flown, (stamp_ns - self._flown_ns) * 1e-9, reference)
         return False

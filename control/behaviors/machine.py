@@ -209,8 +209,10 @@ class BehaviorMachine:
             self._behavior, self.landed = Ground(), True
             return
         context = self._context()
-        if isinstance(self._behavior, Excite | External) and self._behavior.aborted:
-            self.aborted = self._behavior.aborted
+        ended = self._behavior
+        aborted = ended.aborted if isinstance(ended, Excite | External) else ""
+        self.aborted = aborted or self.aborted
+        if aborted or isinstance(ended, External):
             self._behavior = Brake.start(context, {})
         else:
             self._behavior = Hover.start(context, {})

@@ -48,6 +48,7 @@ EXAMPLES: dict[str, dict[str, str]] = {
     "new": {
         "quadlab new law mine": "write a control law and its test into the data folder",
         "quadlab new estimator mine": "write an estimator and its test",
+        "quadlab new behavior mine": "write a behavior and its test",
     },
     "export": {
         "quadlab export fmu plant --out plant.fmu": "write the simulated vehicle as an FMU",

@@ -26,8 +26,8 @@ class Fly:
     """Fly an experiment on the simulated vehicle, as fast as the processor goes."""
 
     experiment: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="EXPERIMENT")]
-    """figure_eight, hover, bearings, gyroscope, accelerometer, motor_bench, mass, inertia, drag,
-    vibration, tracker_delay, tracker_body; or FILE.py, an experiment of your own
+    """figure_eight, hover, own_behavior, bearings, gyroscope, accelerometer, motor_bench, mass,
+    inertia, drag, vibration, tracker_delay, tracker_body; or FILE.py, an experiment of your own
     (docs/experiments.md)"""
     out: Folder = None
     """folder for the log (default: flights in the data folder)"""

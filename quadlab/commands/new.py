@@ -42,6 +42,12 @@ def _estimators() -> Collection[str]:
     return *registry.names(), "none"
 
 
+def _behaviors() -> Collection[str]:
+    from control.behaviors.table import BehaviorName
+
+    return "none", *(name.lower() for name in BehaviorName.__members__)
+
+
 def _experiments() -> Collection[str]:
     from console.experiments.catalogue import EXPERIMENTS
 
@@ -61,6 +67,12 @@ KINDS = {
         "quadlab fly figure_eight --set estimation.estimator={name}{plugins}",
         _estimators,
     ),
+    "behavior": Kind(
+        "behaviors/sway",
+        "plugins",
+        "quadlab fly own_behavior --set behavior.plugin={name}{plugins}",
+        _behaviors,
+    ),
     "experiment": Kind("experiments/side_step", "experiments", "quadlab fly {path}", _experiments),
     "trajectory": Kind(
         "trajectories/spiral",
@@ -73,12 +85,14 @@ KINDS = {
 
 @dataclass
 class New:
-    """Write a control law, an estimator, an experiment or a trajectory to start from; it runs as
-    it is."""
+    """Write a control law, an estimator, a behavior, an experiment or a trajectory to start from;
+    it runs as it is."""
 
-    kind: Annotated[Literal["law", "estimator", "experiment", "trajectory"], tyro.conf.Positional]
-    """what to write: law, estimator (docs/extending/plugins.md; a test comes with it), experiment
-    (docs/experiments.md), trajectory (docs/trajectories.md)"""
+    kind: Annotated[
+        Literal["law", "estimator", "behavior", "experiment", "trajectory"], tyro.conf.Positional
+    ]
+    """what to write: law, estimator, behavior (docs/extending/plugins.md; a test comes with it),
+    experiment (docs/experiments.md), trajectory (docs/trajectories.md)"""
     name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")]
     """its name, by which it is chosen, as --set control.law=NAME: letters, digits and _"""
     out: Folder = None

@@ -14,7 +14,7 @@ import tyro
 
 from quadlab.commands.option_types import Flag, Folder, Names, Settings, optional
 from quadlab.data_folder import data_folder, open_data_folder
-from quadlab.settings import check_laws, offer_estimators, parse_board_options, parse_settings
+from quadlab.settings import check_laws, offer_plugins, parse_board_options, parse_settings
 from quadlab.up import serial_ports
 from quadlab.up.page_options import PageOptions, say_authority
 from quadlab.up.supervise import Child
@@ -90,7 +90,7 @@ class Vehicle:
         if words:
             from vehicle.parameters import new_parameters
 
-            offer_estimators(data_folder(self.data))
+            offer_plugins(data_folder(self.data))
             settings = parse_settings(new_parameters(), words)
         data = open_data_folder(self.data)
         check_laws(settings, data)

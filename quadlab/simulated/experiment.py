@@ -70,8 +70,8 @@ def fly(
     from quadlab.simulated.parameters import FlightParameters
     from quadrotor.parameters import ParameterStore
     from vehicle.boards.kind import find_kind
-    from vehicle.estimators.estimators import Estimators
     from vehicle.flight.kernels import prepare
+    from vehicle.plugins.offer import offer_plugins
     from vehicle.processes.parent import PLUGINS
     from vehicle.simulator.betaflight.firmware import firmware_of
     from vehicle.simulator.simulated_vehicle import SimulatedVehicle
@@ -80,14 +80,14 @@ def fly(
     if not 0 <= seed <= LARGEST_SEED:
         raise UsageError(f"--seed {seed}: allowed 0 to {LARGEST_SEED}")
     kind = find_kind(board)
+    plugins = plugins or data_folder(None) / PLUGINS
+    offer_plugins(plugins)
     parameters = with_options(
         FlightParameters().model_copy(deep=True),
         {"experiment": experiment.parameters, "board": kind.options() if kind.options else None},
     )
     ParameterStore(parameters).preset(kind.traits.parameters | {"simulator.imu_rate": kind.rate})
     parameters.seed(seed)
-    plugins = plugins or data_folder(None) / PLUGINS
-    Estimators(plugins).offer()
     values = parse_settings(parameters, words)
     if "beacons.layout" not in values:  # the vehicle gets the true layout
         parameters.beacons.layout = parameters.bearings.layout

@@ -9,12 +9,12 @@ from __future__ import annotations
 import contextlib
 import os
 import subprocess
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from quadrotor.checkout import RUN_MODULE
 from quadrotor.errors import QuadlabError
 from vehicle_link.jobs import die_with_parent, how_it_ended
 
@@ -62,7 +62,7 @@ class Child:
     def start(self) -> None:
         # In a separate session: Ctrl-C in the terminal reaches only the parent, which lands first.
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "quadlab", *self.words],
+            [*RUN_MODULE, "quadlab", *self.words],
             env=self._child_environment(),
             start_new_session=True,
             stdin=subprocess.DEVNULL,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ WEIGHT = 1.308 * 9.81
 class Bench:
     """Machine whose vehicle is exactly at the reference."""
 
-    def __init__(self, **changes: float) -> None:
+    def __init__(self, **changes: Any) -> None:
         self.machine = BehaviorMachine(BehaviorParameters(**changes), WEIGHT)
         self.state, self.reference = new_state(), new_reference()
         self.stamp_ns = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ POINT = {"x": 0.4, "y": -0.3, "z": 1.2, "yaw": 0.7}
 class Bench:
     """Machine in hover at POINT; the vehicle stays where the test sets it."""
 
-    def __init__(self, **changes: float) -> None:
+    def __init__(self, **changes: Any) -> None:
         self.machine = BehaviorMachine(BehaviorParameters(**changes), WEIGHT)
         self.state, self.reference = new_state(), new_reference()
         self.put(0.0, 0.0, 0.05)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,7 +45,7 @@ def standing(x: float = 0.0, y: float = 0.0, z: float = HEIGHT, yaw: float = 0.0
 class Bench:
     """Machine that hovers, and a program that sends `rate` references a second."""
 
-    def __init__(self, x: float = 0.0, rate: int = 50, **changes: float) -> None:
+    def __init__(self, x: float = 0.0, rate: int = 50, **changes: Any) -> None:
         self.machine = BehaviorMachine(BehaviorParameters(**changes), WEIGHT)
         self.state, self.reference = new_state(), new_reference()
         self.state["position_w"] = (x, 0.0, 0.0)

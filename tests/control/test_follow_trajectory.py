@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pytest
@@ -45,7 +46,7 @@ def context(
     z: float = 1.2,
     yaw: float = 0.3,
     model: Record | None = None,
-    **changes: float,
+    **changes: Any,
 ) -> Context:
     reference = new_reference()
     reference["position_w"], reference["yaw"] = (x, y, z), yaw

@@ -24,7 +24,7 @@ def no_names_left() -> Iterator[None]:
     registry.offer(())
 
 
-def test_a_new_law_and_a_new_estimator_fly_and_pass_their_own_tests(
+def test_a_new_law_estimator_and_behavior_fly_and_pass_their_own_tests(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], no_names_left: None
 ) -> None:
     folder = tmp_path / "plugins"
@@ -32,17 +32,24 @@ def test_a_new_law_and_a_new_estimator_fly_and_pass_their_own_tests(
     assert f"--set control.law=mine --plugins {folder}" in capsys.readouterr().out
     assert main(["new", "estimator", "own", "--out", str(folder)]) == 0
     assert f"--set estimation.estimator=own --plugins {folder}" in capsys.readouterr().out
+    assert main(["new", "behavior", "turn", "--out", str(folder)]) == 0
+    assert f"--set behavior.plugin=turn --plugins {folder}" in capsys.readouterr().out
     assert Laws(folder).names() == ("geometric", "near_hovering", "udp", "mine")
     Estimators(folder).offer()
     words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(folder)]
     tested = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
-    assert "4 passed" in tested.stdout, tested.stdout
+    assert "6 passed" in tested.stdout, tested.stdout
     parameters = flight_parameters()
     parameters.control.law, parameters.estimation.estimator = "mine", "own"
+    parameters.behavior.plugin = "turn"
     lab = Lab(parameters, plugins=folder).hovering(settling=3.0)
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.03)
     assert lab.parameter("control.law") == "mine"
     assert lab.parameter("estimation.estimator") == "own"
+    lab.start("external")
+    lab.wait(1.0)
+    assert lab.view().behavior == "external"
+    assert lab.robot.truth["position_w"][0, 1] == pytest.approx(0.25, abs=0.03)
     lab.stack.close()
 
 

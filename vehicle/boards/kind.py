@@ -17,8 +17,8 @@ from vehicle_link.serial.port import BAUD_RATE, Port
 MIKROKOPTER, BETAFLIGHT = "mikrokopter", "betaflight"
 GROUP = "quadlab.boards"
 _HERE = {
-    MIKROKOPTER: "vehicle.boards.mikrokopter.microcontroller",
-    BETAFLIGHT: "vehicle.boards.betaflight.board",
+    MIKROKOPTER: f"{__package__}.mikrokopter.microcontroller",
+    BETAFLIGHT: f"{__package__}.betaflight.board",
 }
 
 

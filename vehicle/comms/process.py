@@ -28,12 +28,12 @@ from vehicle.comms.publish import FLOWN_ON, LinkRadio, Publisher
 from vehicle.comms.self_checks import SelfChecks
 from vehicle.comms.services import serve
 from vehicle.comms.vehicle_clock import VehicleClock
-from vehicle.estimators.estimators import Estimators
 from vehicle.onboard_log.files import OnboardFiles
 from vehicle.onboard_log.onboard_log import OnboardLog
 from vehicle.onboard_log.parameters import log_parameters
 from vehicle.onboard_log.reader import OnboardReader
 from vehicle.onboard_log.ring import Fetched
+from vehicle.plugins.offer import offer_plugins
 from vehicle.processes import mailbox
 from vehicle.processes.config import TICK_SLOTS, Rings, VehicleConfig, open_rings
 from vehicle.processes.parent import GIVEN_UP, PLUGINS
@@ -65,7 +65,7 @@ class Comms:
         self._rings = rings
         self._clock = VehicleClock()
         self._flight = FlightMailbox(rings)
-        Estimators(Path(config.data) / PLUGINS).offer()
+        offer_plugins(Path(config.data) / PLUGINS)
         self._parameters = FlightParameters(self._flight, config.parameters)
         self._events: deque[mailbox.Event] = deque()
         self._bearing_poses: deque[tuple[bytes, int]] = deque()

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from control.behaviors.parameters import NONE as NO_PLUGIN
 from control.parameters import GEOMETRIC, NONE
+from vehicle.behaviors.behaviors import PARAMETER, OwnBehaviors
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.estimators.rescue import Rescue
@@ -23,7 +25,7 @@ from vehicle.processes import mailbox
 
 @dataclass(kw_only=True, eq=False)
 class AutomaticChanges:
-    """The three checks of one tick, each right after what it judges."""
+    """The four checks of one tick, each right after what it judges."""
 
     tick: TickRecord
     outbox: Outbox
@@ -33,6 +35,7 @@ class AutomaticChanges:
     rescue: Rescue
     guard: BearingsGuard
     law: ControlLaw
+    own_behaviors: OwnBehaviors
 
     def check_estimators(self) -> None:
         """Change to the shadow estimator, or back from it, when that is due."""
@@ -78,3 +81,20 @@ class AutomaticChanges:
             line = f"law {law.name} disengaged, {GEOMETRIC} {flies}: {law.failure}"
             self.outbox.say(line, mailbox.WARN)
             self.configuration.apply_own({LAW: GEOMETRIC, SHADOW_LAW: NONE})
+
+    def check_behavior(self) -> None:
+        """Report when a behavior of the user's own is ready; disengage one that failed.
+
+        In the tick of the failure the vehicle has already begun to brake.
+        """
+        behavior = self.own_behaviors.external
+        if behavior is None:
+            return
+        if behavior.becomes_ready():
+            self.outbox.say(f"behavior {behavior.name} is ready")
+        if behavior.ticks and self.modes.mode not in FLYING:
+            self.outbox.say(behavior.summary())
+        if behavior.failure:
+            line = f"behavior {behavior.name} disengaged: {behavior.failure}"
+            self.outbox.say(line, mailbox.WARN)
+            self.configuration.apply_own({PARAMETER: NO_PLUGIN})

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from control.behaviors.machine import BehaviorMachine
 from quadrotor.errors import QuadlabError, RefusedError
 from quadrotor.parameters import ParameterValue
+from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.flight.configuration import Configuration
@@ -22,7 +23,8 @@ from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Supervisor
 
 WITHOUT_A_POSE = ("near_hovering", "emergency_landing")
-WITH_HEADING = ("follow_trajectory", "excite", "external")
+EXTERNAL = "external"
+WITH_HEADING = ("follow_trajectory", "excite", EXTERNAL)
 """Behaviors that fly a plan; they are refused while the heading is unknown."""
 
 
@@ -38,6 +40,7 @@ class CommandHandler:
     gyroscope: GyroscopeStart
     bench: Bench
     behaviors: BehaviorMachine
+    own_behaviors: OwnBehaviors
     navigation: Navigation
     guard: BearingsGuard
     supervisor: Supervisor
@@ -188,6 +191,8 @@ class CommandHandler:
                 f"{command.name} refused: heading not observed, {heading.state}; "
                 "fly to and fro by fly_to or sticks first"
             )
+        if command.name == EXTERNAL and self.own_behaviors.external is not None:
+            self.own_behaviors.external.begin(self.tick.stamp_ns, self.tick.reference)
         self.behaviors.request(
             command.name,
             command.arguments,

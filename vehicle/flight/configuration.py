@@ -10,6 +10,7 @@ from bearing_sim.beacons import parse_layout
 from control.behaviors.machine import BehaviorMachine
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterStore, ParameterValue
+from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.calibration.imu import ImuCalibrator
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
@@ -68,6 +69,7 @@ class Configuration:
     law: ControlLaw
     mass: FlownMass
     behaviors: BehaviorMachine
+    own_behaviors: OwnBehaviors
     navigation: Navigation
     guard: BearingsGuard
     imu_calibrator: ImuCalibrator
@@ -89,6 +91,7 @@ class Configuration:
             check_steps(store, checked)
         flying = self.modes.mode in FLYING
         self.law.check(checked, flying)
+        self.own_behaviors.check(checked, flying)
         self.mass.check(checked, flying)
         self.guard.check(checked, flying)
         return checked | self.navigation.check(checked, self.tick.state, flying)
@@ -123,6 +126,7 @@ class Configuration:
         p = self.parameters
         self.mass.follow(p.mass, p.model.mass, self.modes.mode in FLYING)
         self.law.configure(p.control, p.model)
+        self.own_behaviors.configure(p.behavior.plugin)
         self.model.fly_on(self.mass.mass if self.mass.used else p.model.mass)
         self.behaviors.set_model(self.law.model)
         if p.beacons.layout != self._layout:
@@ -131,5 +135,9 @@ class Configuration:
         self.navigation.configure(p.estimation)
         self.guard.configure()
         self.imu_calibrator.configure(p.imu)
+        externals = (self.law.external, self.own_behaviors.external, *self.navigation.externals)
+        for plugin in externals:
+            if plugin is not None:
+                plugin.give(dict(getattr(p.plugins, plugin.name, ())))
         self.tick.status["parameter_revision"] = self.store.revision
         self.behaviors.set_control(p.control)

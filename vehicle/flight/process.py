@@ -54,9 +54,9 @@ def fly(config: VehicleConfig) -> None:
 
     refusals, later = prepare(say)
 
-    from vehicle.estimators.estimators import Estimators
     from vehicle.flight.stack import FlightStack
     from vehicle.parameters import new_parameters
+    from vehicle.plugins.offer import offer_plugins
 
     rings = open_rings(config.rings)
     kind = find_kind(config.board)
@@ -68,7 +68,8 @@ def fly(config: VehicleConfig) -> None:
             port.close()
         ports = open_ports(config.ports, bauds=kind.bauds)  # restarted: its USB device is a new one
     plugins = Path(config.data, PLUGINS) if config.data else None
-    Estimators(plugins).offer()
+    for line in offer_plugins(plugins):
+        say(line)
     parameters = new_parameters()
     ParameterStore(parameters).preset(kind.traits.parameters | config.parameters)
     progress = ProcessProgress(config.name)

@@ -17,6 +17,7 @@ from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
 from estimation.estimator import Estimator
 from quadrotor.records import Record
+from vehicle.behaviors.behaviors import OwnBehaviors
 from vehicle.boards.board import Command, CommandKind, RawSample, Traits
 from vehicle.boards.mikrokopter.microcontroller import TRAITS
 from vehicle.calibration.imu import ImuCalibrator
@@ -86,6 +87,7 @@ class FlightStack:
         self.outbox, self.say = outbox.messages, outbox.say
         self.law = ControlLaw(p.control, p.model, Laws(plugins, waits))
         self.mass, self.behaviors = FlownMass(p.mass, p.model.mass), BehaviorMachine(p.behavior)
+        self.own_behaviors = OwnBehaviors(plugins, waits, self.behaviors.outside, p.behavior.plugin)
         self.supervisor = Supervisor(p.safety)
         self.imu_calibrator = ImuCalibrator(p.imu)
         self.near_hovering, self.ground = NearHovering(p.near_hovering), GroundContact()
@@ -136,6 +138,7 @@ class FlightStack:
             law=self.law,
             mass=self.mass,
             behaviors=self.behaviors,
+            own_behaviors=self.own_behaviors,
             navigation=self.navigation,
             guard=self.guard,
             imu_calibrator=self.imu_calibrator,
@@ -150,6 +153,7 @@ class FlightStack:
             rescue=self.rescue,
             guard=self.guard,
             law=self.law,
+            own_behaviors=self.own_behaviors,
         )
         commands = CommandHandler(
             parameters=p,
@@ -160,6 +164,7 @@ class FlightStack:
             gyroscope=self.gyroscope,
             bench=self.bench,
             behaviors=self.behaviors,
+            own_behaviors=self.own_behaviors,
             navigation=self.navigation,
             guard=self.guard,
             supervisor=self.supervisor,
@@ -219,6 +224,7 @@ class FlightStack:
         if modes.mode in FLYING:
             modes.follow_motor_state(sample)
         self._changes.check_law()
+        self._changes.check_behavior()
 
         command: Command | None = None
         if modes.mode is Mode.BENCH:
@@ -237,6 +243,11 @@ class FlightStack:
         """Step the behavior's reference and return the command that follows it."""
         behaviors, tick = self.behaviors, self._tick
         command: Command
+        is_external = behaviors.name is BehaviorName.EXTERNAL
+        own = self.own_behaviors.external if is_external else None
+        if own is not None:
+            timeout = self.parameters.behavior.joy_timeout
+            own.step(tick.stamp_ns, dt, tick.state, tick.reference, self._joy, timeout)
         behaviors.step(
             self._tick.stamp_ns, dt, tick.state, self._joy, tick.wrench.item(0), tick.reference
         )
@@ -253,7 +264,10 @@ class FlightStack:
             tick.wrench[0] = attitude.thrust
             command = attitude
         if behaviors.aborted:
-            self.say(f"braking: {behaviors.pop_aborted()}", mailbox.WARN)
+            why = behaviors.pop_aborted()
+            self.say(f"braking: {why}", mailbox.WARN)
+            if own is not None:
+                own.failure = own.failure or why
         self._landing.watch(dt)
         return command
 
@@ -265,13 +279,15 @@ class FlightStack:
         elif isinstance(measurement, mailbox.Joy):
             self._joy = (measurement.stamp_ns, measurement.axes, measurement.enabled)
         elif isinstance(measurement, mailbox.ExternalReference):
-            self.behaviors.outside.store(measurement.stamp_ns, measurement.numbers)
+            if self.own_behaviors.external is None:
+                self.behaviors.outside.store(measurement.stamp_ns, measurement.numbers)
         elif isinstance(measurement, mailbox.Heartbeat):
             self.supervisor.heartbeat(measurement.stamp_ns)
 
     def close(self) -> None:
         """End the processes of plugins."""
         self.law.close()
+        self.own_behaviors.close()
         self.navigation.close()
 
     # ------------------------------------------------------------------ outputs

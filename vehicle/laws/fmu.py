@@ -17,7 +17,7 @@ import numpy as np
 from quadrotor.errors import RefusedError, UsageError
 from vehicle.laws.contract import INPUT, OUTPUT, Array, Field, Input, names_of
 
-EXTRA = "scripts/setup fmu"
+EXTRA = "scripts/setup fmu, or pip install 'quadlab[fmu]'"
 
 
 class FmuLaw:

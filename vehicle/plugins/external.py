@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from quadrotor.errors import RefusedError
+from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
 from vehicle.plugins.contract import Contract
+from vehicle.plugins.host import message_of
 from vehicle.plugins.links import Link
 
 CONSECUTIVE, SHARE, MEMORY = 25, 0.2, 1.0 / 500.0
@@ -39,6 +42,8 @@ class External:
         self._asked = math.nan
         self.ticks = self.missed = self._in_a_row = 0
         self._share = self._squares = 0.0
+        self._values: Mapping[str, ParameterValue] = {}
+        self._given: Mapping[str, ParameterValue] = {}
 
     def becomes_ready(self) -> bool:
         """Return whether the plugin is loaded now and was not at the last call."""
@@ -67,6 +72,10 @@ class External:
         answered = self.ticks - self.missed
         return math.sqrt(self._squares / answered) if answered else math.nan
 
+    def give(self, values: Mapping[str, ParameterValue]) -> None:
+        """Have the plugin's own parameters set before the next input, where they have changed."""
+        self._values = values
+
     def close(self) -> None:
         """End its process."""
         self._link.close()
@@ -75,6 +84,9 @@ class External:
     def _ask(self) -> None:
         """Send the input, if it is loaded."""
         if self.is_ready:
+            if self._values != self._given:
+                self._link.send(message_of(self._contract, self._values))
+                self._given = self._values
             self._link.send(self._out.tobytes())
             self._asked = self._out["time"].item()
             self._out["reset"] = 0.0

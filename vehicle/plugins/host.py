@@ -5,10 +5,12 @@ It starts with the vehicle's real-time priority and gives it up before anything 
 
 from __future__ import annotations
 
+import json
 import os
 import resource
 import socket
 import sys
+from collections.abc import Mapping
 from functools import partial
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -17,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from quadrotor.errors import QuadlabError, RefusedError, UsageError
+from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.python_file import call_user_code, run_file
 from vehicle.plugins.contract import Contract, as_attributes
 
@@ -24,10 +27,14 @@ READY = b"ready"
 """First message of the process: the plugin is loaded."""
 FAILED = b"!"
 """Begins the last message, the reason, which is longer than an answer."""
-LARGEST = 2048
+LARGEST, LONGEST = 2048, 1 << 16
+"""Bytes of a reason, and of any message to the plugin."""
 MEMORY = 1 << 30
 """Bytes of data that a plugin may hold."""
 FMU = ".fmu"
+VALUES = b"="
+"""Begins a message with values of the plugin's own parameters, in JSON; never as long as an
+input."""
 
 
 def serve(descriptor: int, contract: Contract, source: str) -> None:
@@ -53,11 +60,25 @@ def _answer(connection: socket.socket, contract: Contract, source: str) -> None:
     for x in contract.rehearsal:
         call_user_code(file, partial(contract.step, plugin, as_attributes(x), out), UsageError)
     connection.send(READY)
-    while data := connection.recv(contract.inputs.itemsize + 1):
+    while data := connection.recv(LONGEST):
+        if len(data) != contract.inputs.itemsize:
+            call_user_code(file, partial(set_values, plugin, data), RefusedError)
+            continue
         # Its own memory in each tick, which a plugin may keep and write.
         x = as_attributes(np.frombuffer(bytearray(data), contract.inputs))
         call_user_code(file, partial(contract.step, plugin, x, out), RefusedError)
         connection.send(out.tobytes())
+
+
+def message_of(contract: Contract, values: Mapping[str, ParameterValue]) -> bytes:
+    """Return the message that sets parameters of a plugin."""
+    message = VALUES + json.dumps(values).encode()
+    return message + b" " * (len(message) == contract.inputs.itemsize)
+
+
+def set_values(plugin: Any, message: bytes) -> None:
+    """Set parameters of a plugin, as `message_of` wrote them. Raises ParameterError."""
+    ParameterStore(plugin.parameters).set(json.loads(message.removeprefix(VALUES)))
 
 
 def load(contract: Contract, source: str | Path) -> Any:

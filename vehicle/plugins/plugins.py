@@ -14,7 +14,7 @@ from vehicle.plugins.links import Link, NoLink, ProcessLink
 
 TESTS = "test_"
 """Files that begin so are tests of plugins."""
-KINDS = ("law", "estimator")
+KINDS = ("law", "estimator", "behavior")
 
 
 class Plugins:

@@ -10,7 +10,6 @@ import os
 import select
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Mapping
@@ -19,7 +18,7 @@ from types import FrameType
 
 import msgspec
 
-from quadrotor.checkout import ROOT
+from quadrotor.checkout import PREFIX, ROOT, RUN_MODULE
 from quadrotor.errors import StorageError
 from quadrotor.parameters import ParameterValue
 from vehicle.boards.kind import MIKROKOPTER
@@ -48,14 +47,14 @@ class _Children:
         self._config = config
         self.comms_restarted = False
         self.comms_started = time.monotonic()
-        self.flight = self._start("vehicle.flight.process")
-        self.comms = self._start("vehicle.comms.process")
+        self.flight = self._start("flight")
+        self.comms = self._start("comms")
 
     def restart_comms(self) -> None:
         self.comms_restarted = True
         self._config = msgspec.structs.replace(self._config, notices=[])
         self.comms_started = time.monotonic()
-        self.comms = self._start("vehicle.comms.process")
+        self.comms = self._start("comms")
 
     def stop(self) -> None:
         """Stop the children by SIGTERM, then by SIGKILL after a delay; none is left."""
@@ -71,10 +70,14 @@ class _Children:
                 process.kill()
                 process.wait()
 
-    def _start(self, module: str) -> subprocess.Popen[bytes]:
+    def _start(self, name: str) -> subprocess.Popen[bytes]:
         # A separate group: Ctrl-C in the terminal reaches only the parent, which then ends both.
         return subprocess.Popen(
-            [sys.executable, "-m", module, msgspec.json.encode(self._config).decode()],
+            [
+                *RUN_MODULE,
+                f"{PREFIX}vehicle.{name}.process",
+                msgspec.json.encode(self._config).decode(),
+            ],
             cwd=ROOT,
             stdin=subprocess.DEVNULL,
             pass_fds=self._config.rings.all,

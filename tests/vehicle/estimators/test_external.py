@@ -28,7 +28,11 @@ from vehicle.plugins.external import CONSECUTIVE
 from vehicle.plugins.plugins import Plugins
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "extending" / "plugins.md"
-SECTION = DOCUMENT.read_text().partition("# An estimator of your own")[2]
+SECTION = (
+    DOCUMENT.read_text()
+    .partition("# An estimator of your own")[2]
+    .partition("# A behavior of your own")[0]
+)
 SIMPLE = """
 import numpy as np
 

@@ -1,0 +1,119 @@
+"""The build backend: setuptools, but in a wheel every package is below `quadlab`.
+
+In a checkout the packages are folders of the repository, and `control` and `console` are names that
+other distributions have too. In a wheel `control` is `quadlab.control`: its folder is moved and the
+imports are rewritten (docs/decisions/0001). Editable installations are setuptools' own.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import io
+import json
+import re
+import runpy
+import sys
+import tarfile
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from setuptools import build_meta
+from setuptools.build_meta import *  # noqa: F403 - the hooks that stay as they are
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from quadrotor.checkout import PACKAGES  # noqa: E402
+
+# Not imported: its package needs libraries, which are not installed where a wheel is built.
+PROVENANCE = runpy.run_path(str(ROOT / "flight_log" / "provenance.py"))
+REVISION: str = PROVENANCE["REVISION"]
+BESIDES = ("examples", "firmware")
+"""Folders that `quadlab new` and the C firmware need at run time."""
+SOURCES = ("pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "scripts/quadlab_build.py")
+"""What a wheel is built from, other than the packages."""
+WHEEL = "Wheel-Version: 1.0\nGenerator: quadlab\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
+_OURS = "|".join(PACKAGES)
+_IMPORT = re.compile(rf"^(\s*(?:from|import) )(?=(?:{_OURS})\b[\w.]* (?:import|as) )", re.M)
+_BARE = re.compile(rf"^\s*import (?:{_OURS})\b[\w.]*\s*$", re.M)
+
+
+def build_wheel(
+    wheel_directory: str, config_settings: Any = None, metadata_directory: str | None = None
+) -> str:
+    """Write the wheel into a folder and return its name."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder, build_meta.prepare_metadata_for_build_wheel(folder))
+        files = dict(_packaged())
+        for file in made.rglob("*"):
+            if file.is_file() and file.name != "top_level.txt":
+                files[f"{made.name}/{file.relative_to(made)}"] = file.read_bytes()
+        files |= {f"{made.name}/WHEEL": WHEEL.encode(), f"{made.name}/top_level.txt": b"quadlab\n"}
+        name = f"{made.name.removesuffix('.dist-info')}-py3-none-any.whl"
+        record = "".join(f"{path},{_digest(data)},{len(data)}\n" for path, data in files.items())
+        files[f"{made.name}/RECORD"] = f"{record}{made.name}/RECORD,,\n".encode()
+    with zipfile.ZipFile(Path(wheel_directory, name), "w", zipfile.ZIP_DEFLATED) as archive:
+        for path, data in files.items():
+            archive.writestr(zipfile.ZipInfo(path), data, zipfile.ZIP_DEFLATED)
+    return name
+
+
+def build_sdist(sdist_directory: str, config_settings: Any = None) -> str:
+    """Write the archive of what a wheel is built from, and return its name."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder, build_meta.prepare_metadata_for_build_wheel(folder))
+        metadata = (made / "METADATA").read_bytes()
+    stem = made.name.removesuffix(".dist-info")
+    files = {path: (ROOT / path).read_bytes() for path in SOURCES}
+    files |= {
+        str(p.relative_to(ROOT)): p.read_bytes() for p in _files("quadlab", *PACKAGES, *BESIDES)
+    }
+    files |= {"PKG-INFO": metadata, REVISION: _revision()}
+    with tarfile.open(Path(sdist_directory, f"{stem}.tar.gz"), "w:gz") as archive:
+        for path, data in files.items():
+            entry = tarfile.TarInfo(f"{stem}/{path}")
+            entry.size = len(data)
+            archive.addfile(entry, io.BytesIO(data))
+    return f"{stem}.tar.gz"
+
+
+def below_quadlab(path: str, source: str) -> str:
+    """Return a module's source with the imports of a wheel. Raises ValueError where that is not
+    possible."""
+    if bare := _BARE.search(source):
+        raise ValueError(f"{path}: `{bare[0].strip()}` has no `as`; write `from … import …`")
+    return _IMPORT.sub(r"\1quadlab.", source)
+
+
+def _packaged() -> Iterator[tuple[str, bytes]]:
+    """Yield path and content of each file that a wheel has of ours."""
+    for file in _files("quadlab", *PACKAGES, *BESIDES):
+        path, data = str(file.relative_to(ROOT)), file.read_bytes()
+        if file.suffix == ".py":
+            data = below_quadlab(path, data.decode()).encode()
+        yield path if path.startswith("quadlab/") else f"quadlab/{path}", data
+    yield f"quadlab/{REVISION}", _revision()
+
+
+def _files(*folders: str) -> Iterator[Path]:
+    for folder in folders:
+        for file in sorted((ROOT / folder).rglob("*")):
+            if file.is_file() and not {"__pycache__", "build"} & set(file.parts[len(ROOT.parts) :]):
+                yield file
+
+
+def _revision() -> bytes:
+    recorded = ROOT / REVISION
+    return (
+        recorded.read_bytes()
+        if recorded.exists()
+        else json.dumps(PROVENANCE["revision"]()).encode()
+    )
+
+
+def _digest(data: bytes) -> str:
+    return "sha256=" + base64.urlsafe_b64encode(hashlib.sha256(data).digest()).decode().rstrip("=")

@@ -1,0 +1,85 @@
+"""Parameters of a plugin's own: read from its file without running it, before a tree is made.
+
+A file declares them as an experiment does, by a class of `quadrotor.parameters.Parameters` whose
+bounds and units are written as literals. The vehicle shows them as `plugins.NAME.FIELD`, and the
+plugin's process sets them on the attribute `parameters` of the plugin.
+"""
+
+from __future__ import annotations
+
+import ast
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from pydantic import create_model
+
+from quadrotor.errors import UsageError
+from quadrotor.parameters import Parameters, ParameterStore, parameter
+from quadrotor.python_file import line_of, read_source
+
+TYPES = {"float": float, "int": int, "bool": bool, "str": str}
+_offered = Parameters()
+
+
+def offered() -> Parameters:
+    """Return the parameters of all plugins that were offered, a component for each."""
+    return _offered.model_copy(deep=True)
+
+
+def offer(folder: Path | None) -> list[str]:
+    """Make the parameters that the files of a folder declare part of the trees made from now on.
+
+    Returns a line for each file whose parameters cannot be read; it may still run without them.
+    """
+    global _offered  # noqa: PLW0603 - like the registry of estimators, one for each process
+    found: dict[str, Any] = {}
+    refused = []
+    for path in sorted(folder.glob("*.py")) if folder is not None and folder.is_dir() else ():
+        try:
+            own = declared(path)
+        except UsageError as error:
+            refused.append(str(error))
+            continue
+        if own is not None:
+            found[path.stem] = (type(own), own)
+    _offered = create_model("PluginParameters", __base__=Parameters, **found)()
+    return refused
+
+
+def declared(path: Path) -> Parameters | None:
+    """Return the parameters that a file declares, None when it has none. Raises UsageError."""
+    source = read_source(path)
+    if not path.stem.isidentifier() or "Parameters" not in source:
+        return None
+    try:
+        body = ast.parse(source, str(path)).body
+    except SyntaxError as error:
+        raise UsageError(line_of(path, error)) from None
+    for node in body:
+        if isinstance(node, ast.ClassDef) and "Parameters" in map(ast.unparse, node.bases):
+            return _model(path, node)
+    return None
+
+
+def _model(path: Path, node: ast.ClassDef) -> Parameters:
+    fields: dict[str, Any] = {}
+    line = node.lineno
+    try:
+        for one, after in pairwise([*node.body, ast.Pass()]):
+            if not isinstance(one, ast.AnnAssign) or not isinstance(one.value, ast.Call):
+                continue
+            line = one.lineno
+            keywords = {str(k.arg): ast.literal_eval(k.value) for k in one.value.keywords}
+            if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
+                keywords.setdefault("description", str(after.value.value))
+            default = parameter(*map(ast.literal_eval, one.value.args), **keywords)
+            fields[ast.unparse(one.target)] = (TYPES[ast.unparse(one.annotation)], default)
+        made: Parameters = create_model(node.name, __base__=Parameters, **fields)()
+        ParameterStore(made)
+    except (ValueError, KeyError, TypeError) as error:
+        raise UsageError(
+            f"{path.name} line {line}: parameters of a plugin are written as NAME: float = "
+            f"parameter(0.5, unit='m', ge=0.0, le=1.0) with literals and a docstring ({error})"
+        ) from None
+    return made
