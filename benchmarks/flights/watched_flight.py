@@ -19,7 +19,7 @@ from quadlab.simulated.parameters import FlightParameters
 from quadrotor.parameters import ParameterStore, ParameterValue
 from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.processes import mailbox
-from vehicle.simulator.betaflight.firmware import firmware_of
+from vehicle.simulator.boards import firmware_of
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 Array = npt.NDArray[np.float64]
@@ -69,8 +69,7 @@ class WatchedFlight(SimulatedFlight):
         options = kind.configured({})
         parameters = with_options(FlightParameters().model_copy(deep=True), {"board": options})
         parameters.seed(seed)
-        of_board = kind.traits.parameters | {"simulator.imu_rate": kind.rate}
-        ParameterStore(parameters).preset(of_board | (settings or {}))
+        ParameterStore(parameters).preset(kind.simulated_parameters | (settings or {}))
         firmware = firmware_of(board, options)
         self.robot = SimulatedVehicle(parameters.simulator, firmware=firmware)
         self.events = Events()

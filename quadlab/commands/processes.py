@@ -20,7 +20,8 @@ from quadlab.up.page_options import PageOptions, say_authority
 from quadlab.up.supervise import Child
 from quadlab.vehicle_names import THE_VEHICLE, check_name, parse_names, parse_vehicles
 from quadrotor.errors import QuadlabError, UsageError
-from vehicle.boards.kind import MIKROKOPTER
+from quadrotor.parameters import ParameterStore
+from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle_link.serial.identity import THE_ONE, Identity
 
 WATCH_PERIOD = 0.2
@@ -35,11 +36,13 @@ class Vehicle:
     """Run the vehicle's flight stack on board: flight and comms process."""
 
     serial: Annotated[tuple[str, ...], tyro.conf.arg(metavar="PORT[,PORT]")] = ()
-    """the microcontroller's serial ports, one or two; auto looks for them behind all devices"""
+    """the microcontroller's serial ports, one or two; auto looks for them behind all devices; of a
+    Crazyflie the link, like radio://0/80/2M/E7E7E7E7E7"""
     check: Flag = False
     """only test the connection and print what was found"""
     board: str = MIKROKOPTER
-    """the board that turns the motors: mikrokopter, betaflight, or of a package (docs/boards)"""
+    """the board that turns the motors: mikrokopter, betaflight, crazyflie, or of a package
+    (docs/boards)"""
     find: Flag = False
     """only look at all serial devices and print what is there"""
     robot_id: Annotated[int, tyro.conf.arg(metavar="ID")] = THE_ONE.robot_id
@@ -142,7 +145,7 @@ class Simulator:
     """what the simulated microcontroller runs; gcc and make build the C one (firmware/) first"""
     board: str = MIKROKOPTER
     """the simulated board: mikrokopter; betaflight, its real firmware (scripts/betaflight builds
-    it)"""
+    it); crazyflie, behind udp://127.0.0.1:19850 and the ports after it"""
     set: Settings = ()
     """start with this parameter value; tracker.NAME=VALUE sets how served poses are measured,
     board.NAME=VALUE is an option of the board"""
@@ -153,6 +156,7 @@ class Simulator:
         from vehicle.simulator.process import run
 
         parameters = SimulatorParameters(firmware=self.firmware)
+        ParameterStore(parameters).preset(find_kind(self.board).simulated)
         served, prefix = None, "tracker."
         words, options = parse_board_options(self.board, self.set)
         of_tracker = [word for word in words if word.startswith(prefix) and self.serve]

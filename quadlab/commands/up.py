@@ -29,8 +29,9 @@ from quadlab.up.stop_request import StopRequest
 from quadlab.up.supervise import Child
 from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import UsageError
-from vehicle.boards.kind import BETAFLIGHT, MIKROKOPTER, find_kind
+from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER, find_kind
 from vehicle_link import clock
+from vehicle_link.crtp.links import UDP_PORT
 from vehicle_link.lockstep import Page
 from vehicle_link.serial.capacity import check_rate
 
@@ -71,7 +72,7 @@ class Up(PageOptions):
     """what the simulated microcontroller runs; gcc and make build the C one (firmware/) first"""
     board: str = MIKROKOPTER
     """the simulated vehicles' board: mikrokopter; betaflight, its real firmware
-    (scripts/betaflight builds it)"""
+    (scripts/betaflight builds it); crazyflie"""
     set: Settings = ()
     """start with this vehicle parameter, simulator.NAME=VALUE, or board.NAME=VALUE, which both the
     vehicle and its simulated board get"""
@@ -117,9 +118,12 @@ class Up(PageOptions):
         usual = min(fleet.rates.ticks, find_kind(self.board).rate)
         return usual if self.rate is None else self.rate
 
-    @property
-    def _ports(self) -> Sequence[str]:
-        return MCU_PORTS if self.board == MIKROKOPTER else MCU_PORTS[:1]
+    def _ports(self, folder: Path, number: int) -> Sequence[str]:
+        """Return the ports of a simulated vehicle, whose number counts from 0."""
+        if self.board == CRAZYFLIE:
+            return [f"udp://127.0.0.1:{UDP_PORT + number}"]
+        ports = MCU_PORTS if self.board == MIKROKOPTER else MCU_PORTS[:1]
+        return [str(folder / port) for port in ports]
 
     def _check_ports(self, fleet: SimulatedFleet) -> None:
         for port in (self.port, *fleet.ports.values()):
@@ -129,6 +133,9 @@ class Up(PageOptions):
         require_free("loopback session", self.link_port, socket.SOCK_STREAM, "--link-port")
         for port in fleet.ports.values():
             require_free("radio link", port, socket.SOCK_DGRAM, "--link-port")
+        if self.board == CRAZYFLIE:
+            for number in range(fleet.count):
+                require_free("Crazyflie", UDP_PORT + number, socket.SOCK_DGRAM, "--board")
 
     def _check_settings(self) -> tuple[list[str], list[str], dict[str, ParameterValue]]:
         words, _ = parse_board_options(self.board, self.set)
@@ -184,6 +191,8 @@ class Up(PageOptions):
         robot = ["simulator", "--folder", str(run_folder), *loopback, *names, *simulator]
         robot += ["--firmware", self.firmware, "--board", self.board]
         base = ["station", *common, *dialled, *loopback, *fleet.station_words]
+        of_station = find_kind(self.board).station.items()
+        base += _set_words([f"{name}={value}" for name, value in of_station])
         if self.tracker:
             base += ["--tracker", self._tracker_words(fleet)]
             robot += self._serve_words()
@@ -219,14 +228,14 @@ class Up(PageOptions):
     ) -> dict[str, list[str]]:
         """Return the command line of each vehicle, by the name of its process."""
         found = {}
-        for name, port in fleet.ports.items():
+        for number, (name, port) in enumerate(fleet.ports.items()):
             folder = run_folder if fleet.count == 1 else run_folder / name
             found["vehicle" if fleet.count == 1 else f"vehicle {name}"] = [
                 "vehicle",
                 "--board",
                 self.board,
                 "--serial",
-                *(str(folder / mcu) for mcu in self._ports),
+                *self._ports(folder, number),
                 "--rate",
                 str(self._rate(fleet)),
                 "--data",

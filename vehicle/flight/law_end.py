@@ -27,7 +27,7 @@ def law_end(level: Takes, tick: TickRecord, steering: Steering) -> Callable[[], 
         x, y, z, throttle = rates_of_wrench(
             tick.wrench, omega_b, steering.gains, steering.model, RATE_MAX
         )
-        return BodyRates((x, y, z), throttle)
+        return BodyRates((x, y, z), throttle, tick.wrench.item(0))
 
     rates()  # compile now rather than in the first flight
     return rates

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from vehicle.boards.board import Board, Command
+from quadrotor.records import Record
+from vehicle.boards.board import Board, Command, TakesPoses
 from vehicle_link.serial.ids import MotorState
 
 
@@ -17,6 +18,9 @@ class Ordering(Protocol):
     @property
     def command_timeout_ms(self) -> int: ...
 
+    @property
+    def located(self) -> Record | None: ...
+
     def microcontroller_reports(self, lost_ports: int, obstacle: str) -> None: ...
 
 
@@ -25,6 +29,7 @@ class Orders:
 
     def __init__(self, modes: Ordering, board: Board) -> None:
         self._modes, self._board = modes, board
+        self._poses = board if isinstance(board, TakesPoses) else None
         self._motor_state = modes.motor_state_wanted
         self._timeout_ms = 0
 
@@ -43,5 +48,7 @@ class Orders:
         if timeout_ms != self._timeout_ms:
             self._timeout_ms = timeout_ms
             self._board.set_command_timeout(timeout_ms)
+        if self._poses is not None and (state := self._modes.located) is not None:
+            self._poses.locate(state, now_s)
         self._board.service(now_s)
         self._modes.microcontroller_reports(self._board.lost_ports, self._board.obstacle)

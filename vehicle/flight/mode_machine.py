@@ -7,6 +7,7 @@ from __future__ import annotations
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
 from quadrotor.errors import QuadlabError
+from quadrotor.records import Record
 from vehicle.boards.board import RawSample
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
@@ -74,6 +75,11 @@ class ModeMachine:
     def command_timeout_ms(self) -> int:
         """Return the time without commands after which the microcontroller lands on its own."""
         return round(1000 * self._safety.command_timeout)
+
+    @property
+    def located(self) -> Record | None:
+        """Return the STATE (1,) that the estimator found by poses, None without them."""
+        return self._tick.state if self._navigation.has_pose else None
 
     def microcontroller_reports(self, lost_ports: int, obstacle: str) -> None:
         """Store the microcontroller's report on its ports and on what prevents a motor start."""

@@ -16,7 +16,7 @@ from quadrotor.records import STATE, Record
 from quadrotor.vehicle_model import Four
 from vehicle.simulator.air import blow
 from vehicle.simulator.battery import charge_battery
-from vehicle.simulator.betaflight.firmware import BetaflightFirmware
+from vehicle.simulator.board_firmware import BoardFirmware
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.firmware.native import NativeFirmware
 from vehicle.simulator.firmware.program import period
@@ -99,7 +99,7 @@ class SimulatedVehicle:
         self,
         parameters: SimulatorParameters,
         ports: Sequence[Line] | None = None,
-        firmware: BetaflightFirmware | None = None,
+        firmware: BoardFirmware | None = None,
     ) -> None:
         self.ports: tuple[MemoryPort, ...] = ()
         if ports is None:
@@ -123,6 +123,8 @@ class SimulatedVehicle:
         self._count = 0  # periods begun, period 0 included
         if firmware is None:
             self.firmware.registers[Id.MIRROR_PERIOD] = round(1e6 / parameters.imu_rate)
+        else:
+            firmware.configure(parameters)
         self._pace()
         self._miss(parameters.missing_motor)
         self.truth: Record = self._plant["x"].view(STATE).reshape(1)
@@ -194,7 +196,7 @@ class SimulatedVehicle:
         row = noise.next_rows(periods)
         if first:
             sample(self._plant, self._sensors, noise.block, row, firmware.registers)
-            if isinstance(firmware, BetaflightFirmware):
+            if isinstance(firmware, BoardFirmware):
                 firmware.sense(self._plant, self._sensors, noise.block, row)
             firmware.period(command)
         else:
@@ -218,7 +220,7 @@ class SimulatedVehicle:
         for k in range(row, row + periods):
             a, b, c, d = firmware.references
             _move(*world, k, firmware.registers, (a, b, c, d), self._holder, self._period)
-            if isinstance(firmware, BetaflightFirmware):
+            if isinstance(firmware, BoardFirmware):
                 firmware.sense(*world, k)
             firmware.period(command)
 
@@ -259,7 +261,7 @@ class SimulatedVehicle:
         firmware.period(still)
         _move(*world, registers, still, holder, self._period)
         _run(*world, program, registers, still, holder, 1, self._period)
-        if isinstance(self.firmware, BetaflightFirmware):
+        if isinstance(self.firmware, BoardFirmware):
             _move(*world, registers, (0.0, 0.0, 0.0, 0.0), holder, self._period)
             sense(*world, np.zeros((2, 3)))
         for held in ("hand", "free", "bench"):
@@ -295,6 +297,8 @@ class SimulatedVehicle:
         self._fit_sensors(parameters)
         self._miss(parameters.missing_motor)
         configure_wires(self._wires, parameters)
+        if isinstance(self.firmware, BoardFirmware):
+            self.firmware.configure(parameters)
 
     def charge_battery(self, share: float) -> None:
         """Set the battery's charge to a share (0..1) of its capacity, flying or not."""
@@ -344,5 +348,5 @@ class SimulatedVehicle:
 
     def close(self) -> None:
         """End the process of its board, if it has one."""
-        if isinstance(self.firmware, BetaflightFirmware):
+        if isinstance(self.firmware, BoardFirmware):
             self.firmware.close()

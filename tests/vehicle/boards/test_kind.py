@@ -9,6 +9,7 @@ import pytest
 from quadrotor.errors import UsageError
 from vehicle.boards.betaflight.options import BetaflightOptions
 from vehicle.boards.board import Takes
+from vehicle.boards.crazyflie.options import CrazyflieOptions
 from vehicle.boards.kind import find_kind
 
 THEIRS = """
@@ -36,6 +37,9 @@ def test_ours_are_there_with_what_they_take() -> None:
     betaflight = find_kind("betaflight")
     assert betaflight.traits.direct is Takes.RATES
     assert (betaflight.options, betaflight.rate) == (BetaflightOptions, 250)
+    crazyflie = find_kind("crazyflie")
+    assert crazyflie.traits.direct is Takes.RATES
+    assert (crazyflie.options, crazyflie.rate, crazyflie.is_asked) == (CrazyflieOptions, 100, True)
 
 
 @pytest.mark.usefixtures("package")
