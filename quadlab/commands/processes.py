@@ -14,7 +14,13 @@ import tyro
 
 from quadlab.commands.option_types import Flag, Folder, Names, Settings, optional
 from quadlab.data_folder import data_folder, open_data_folder
-from quadlab.settings import check_laws, offer_estimators, parse_board_options, parse_settings
+from quadlab.settings import (
+    check_laws,
+    offer_estimators,
+    parse_board_options,
+    parse_settings,
+    vehicle_parameters,
+)
 from quadlab.up import serial_ports
 from quadlab.up.page_options import PageOptions, say_authority
 from quadlab.up.supervise import Child
@@ -91,10 +97,8 @@ class Vehicle:
 
         settings = {}
         if words:
-            from vehicle.parameters import new_parameters
-
             offer_estimators(data_folder(self.data))
-            settings = parse_settings(new_parameters(), words)
+            settings = parse_settings(vehicle_parameters(self.board), words)
         data = open_data_folder(self.data)
         check_laws(settings, data)
         return run_vehicle(

@@ -19,7 +19,13 @@ import tyro
 from quadlab.commands.option_types import Flag, Folder, Settings, optional
 from quadlab.commands.processes import OPEN_BROWSER, SIGN_IN_TOKEN, WATCH_PERIOD, check_tracker
 from quadlab.data_folder import data_folder, open_data_folder, owned
-from quadlab.settings import check_laws, offer_estimators, parse_board_options, parse_settings
+from quadlab.settings import (
+    check_laws,
+    offer_estimators,
+    parse_board_options,
+    parse_settings,
+    vehicle_parameters,
+)
 from quadlab.simulated.fleet import SimulatedFleet
 from quadlab.up.free_port import require_free
 from quadlab.up.landing import land_before_stopping
@@ -143,14 +149,13 @@ class Up(PageOptions):
         if not words:
             return of_board, of_board, {}
         # Imported only for their names and bounds: a plain start saves these 100 MB.
-        from vehicle.parameters import new_parameters
         from vehicle.simulator.parameters import SimulatorParameters
 
         prefix = "simulator."
         vehicle = [word for word in words if not word.startswith(prefix)]
         simulator = [word.removeprefix(prefix) for word in words if word.startswith(prefix)]
         offer_estimators(data_folder(self.data))
-        values = parse_settings(new_parameters(), vehicle)
+        values = parse_settings(vehicle_parameters(self.board), vehicle)
         parse_settings(SimulatorParameters(), simulator, prefix)
         return of_board + _set_words(vehicle), of_board + _set_words(simulator), values
 

@@ -12,7 +12,7 @@ class CrazyflieOptions(Parameters):
     thrust_max: float = parameter(0.48, unit="N", ge=0.1, le=4.0, step=0.01)
     """thrust of all four motors at its largest set-point, 65535; 0.72 with the thrust upgrade kit,
     0.8 for the Brushless"""
-    landing_thrust: float = parameter(0.28, unit="N", ge=0.05, le=4.0, step=0.01)
+    landing_thrust: float = parameter(0.3, unit="N", ge=0.05, le=4.0, step=0.01)
     """thrust of the level descent when the flight stack gives up, a little under the weight"""
     landing_time: float = parameter(8.0, unit="s", ge=1.0, le=30.0, step=0.5)
     """this descent ends after this, motors off"""
