@@ -24,13 +24,10 @@ class Crazyradio:
         from vehicle_link.crtp.share import share
 
         links = [_split(word) for word in self.links]
-        for what, given in (
-            ("link", [one for one, _ in links]),
-            ("port", [two for _, two in links]),
-        ):
-            twice = next((one for one in given if given.count(one) > 1), None)
-            if twice is not None:
-                raise UsageError(f"{what} {twice} is given twice; give each Crazyflie its own")
+        words = [word for link, port in links for word in (f"link {link}", f"port {port}")]
+        for word in words:
+            if words.count(word) > 1:
+                raise UsageError(f"{word} is given twice; give each Crazyflie its own")
         for word, port in links:
             print(f"{word}: fly it with --serial udp://127.0.0.1:{port}", flush=True)
         stop = StopRequest()

@@ -30,7 +30,8 @@ def test_frames_survive_any_cut_and_damage_costs_its_frame_alone() -> None:
         for _ in range(200)
     ]
     frames = [frame(packet.encode()) for packet in packets]
-    reader, found = FrameReader(), []
+    reader = FrameReader()
+    found: list[bytes] = []
     stream = b"".join(frames)
     while stream:
         cut = chance.randrange(1, 40)

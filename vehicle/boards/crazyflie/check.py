@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from quadrotor.errors import LinkError
 from quadrotor.parameters import Parameters
+from vehicle.boards.board import RawSample
 from vehicle.boards.crazyflie.board import CrazyflieBoard
 from vehicle.boards.crazyflie.options import CrazyflieOptions
 from vehicle_link import clock
@@ -25,7 +26,8 @@ def check_board(port: Port, options: Parameters | None, say: Callable[[str], Non
     """
     assert isinstance(options, CrazyflieOptions)
     board = CrazyflieBoard([port], options, is_passive=True)
-    newest_s, packets, samples = clock.monotonic(), 0, []
+    newest_s, packets = clock.monotonic(), 0
+    samples: list[RawSample] = []
     while not samples and not board.unfit:
         board.service(now_s := clock.monotonic())
         samples = board.receive()

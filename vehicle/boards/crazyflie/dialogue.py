@@ -115,7 +115,8 @@ def check_version(version: int) -> None:
 def read_contents(port: CrtpPort) -> Generator[Request, bytes, Contents]:
     """Read the table of contents of parameters or log variables."""
     info = yield Request(Packet(port, TOC, bytes((GET_INFO,))))
-    _, count, checksum = _unpack(TOC_INFO, info, f"{port.name} information")
+    found = _unpack(TOC_INFO, info, f"{port.name} information")
+    count, checksum = int(found[1]), int(found[2])
     key = int(port), count, checksum
     if key not in _READ:
         contents: Contents = {}

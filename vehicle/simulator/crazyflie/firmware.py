@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from vehicle.boards.crazyflie.messages import (
     VERSION,
 )
 from vehicle.simulator.board_firmware import PERIOD_US, BoardFirmware
-from vehicle.simulator.crazyflie.inner_loop import RATE_STEP_S, Estimate, InnerLoop
+from vehicle.simulator.crazyflie.inner_loop import AXES, RATE_STEP_S, Estimate, InnerLoop
 from vehicle.simulator.crazyflie.radio import Radio
 from vehicle.simulator.crazyflie.supervisor import Supervisor
 from vehicle.simulator.crazyflie.variables import LOG_FLOAT, LOG_WORD, LogPort, ParameterPort
@@ -83,16 +84,28 @@ class CrazyflieFirmware(BoardFirmware):
     def _variables(self) -> dict[str, tuple[int, Callable[[], float]]]:
         found: dict[str, tuple[int, Callable[[], float]]] = {}
         for k, axis in enumerate("xyz"):
-            found[f"acc.{axis}"] = LOG_FLOAT, lambda k=k: self._force[k] / GRAVITY
-            found[f"gyro.{axis}"] = LOG_FLOAT, lambda k=k: math.degrees(self._rates[k])
-            found[f"stateEstimate.{axis}"] = LOG_FLOAT, lambda k=k: self._estimate.position_w[k]
-        for k, angle in enumerate(("roll", "pitch", "yaw")):
-            found[f"stateEstimate.{angle}"] = LOG_FLOAT, lambda k=k: self._estimate.degrees[k]
+            found[f"acc.{axis}"] = LOG_FLOAT, partial(self._acceleration, k)
+            found[f"gyro.{axis}"] = LOG_FLOAT, partial(self._rate, k)
+            found[f"stateEstimate.{axis}"] = LOG_FLOAT, partial(self._position, k)
+        for k, angle in enumerate(AXES):
+            found[f"stateEstimate.{angle}"] = LOG_FLOAT, partial(self._angle, k)
         return found | {
             "baro.pressure": (LOG_FLOAT, lambda: self._pressure / PASCAL),
             "pm.vbat": (LOG_FLOAT, lambda: self.voltage / CELLS),
             "supervisor.info": (LOG_WORD, lambda: self.supervisor.info),
         }
+
+    def _acceleration(self, k: int) -> float:
+        return self._force[k] / GRAVITY
+
+    def _rate(self, k: int) -> float:
+        return math.degrees(self._rates[k])
+
+    def _position(self, k: int) -> float:
+        return self._estimate.position_w[k]
+
+    def _angle(self, k: int) -> float:
+        return self._estimate.degrees[k]
 
     # ------------------------------------------------------------------ the link
     def receive(self, port: int, data: bytes) -> bytes:

@@ -50,7 +50,7 @@ def test_samples_come_at_100_hz_with_their_own_times_in_spite_of_delay() -> None
     assert {b.stamp_ns - a.stamp_ns for a, b in itertools.pairwise(samples)} == {10_000_000}
     newest = samples[-1]
     assert newest.accelerometer == (0, 0, 1365)  # 1 g by 24 g of 32768 counts
-    assert (newest.battery_voltage, newest.pressure) == (pytest.approx(4.1), pytest.approx(96000.0))
+    assert [newest.battery_voltage, newest.pressure] == pytest.approx([4.1, 96000.0])
     age_ms = bench.now_ms - 1e-6 * newest.stamp_ns
     assert 0.0 <= age_ms - 4.0 <= 10.0
 

@@ -87,7 +87,7 @@ def test_it_connects_reads_writes_logs_flies_and_stops(served: Served, tmp_path:
         assert rows[-1][1]["pm.vbat"] == pytest.approx(4.1)
 
         client.supervisor.send_arming_request(True)
-        served.until(lambda: rows[-1][1]["supervisor.info"] & Info.ARMED != 0)
+        served.until(lambda: int(rows[-1][1]["supervisor.info"]) & Info.ARMED != 0)
         client.loc.send_extpose([0.5, -0.2, 0.0], [0.0, 0.0, math.sin(0.1), math.cos(0.1)])
         client.param.set_value("stabilizer.estimator", 2)
 
@@ -101,4 +101,4 @@ def test_it_connects_reads_writes_logs_flies_and_stops(served: Served, tmp_path:
         assert client.supervisor.is_flying
         client.supervisor.send_emergency_stop()
         served.until(lambda: not any(firmware.references))
-        served.until(lambda: rows[-1][1]["supervisor.info"] & Info.LOCKED != 0)
+        served.until(lambda: int(rows[-1][1]["supervisor.info"]) & Info.LOCKED != 0)

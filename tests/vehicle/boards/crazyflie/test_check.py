@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
 from quadrotor.errors import LinkError
@@ -11,6 +13,8 @@ from vehicle.boards.crazyflie.check import check_board
 from vehicle.boards.crazyflie.options import CrazyflieOptions
 from vehicle_link import clock
 from vehicle_link.serial.port import MemoryPort
+
+Checked = Callable[..., tuple[list[str], list[str]]]
 
 
 class Stepped(MemoryPort):
@@ -33,11 +37,12 @@ class Stepped(MemoryPort):
 
 
 @pytest.fixture
-def checked(monkeypatch: pytest.MonkeyPatch) -> object:
+def checked(monkeypatch: pytest.MonkeyPatch) -> Checked:
     def run(
         firmware: RestingCrazyflie | None, options: CrazyflieOptions | None = None
     ) -> tuple[list[str], list[str]]:
-        port, said = Stepped(firmware), []
+        port = Stepped(firmware)
+        said: list[str] = []
         monkeypatch.setattr(check, "POLL_S", 0.0)
         monkeypatch.setattr(clock, "monotonic", lambda: 1e-3 * port.now_ms)
         lines = check_board(port, options or CrazyflieOptions(), said.append)
@@ -46,7 +51,7 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> object:
     return run
 
 
-def test_it_tells_what_is_there_and_what_each_start_sets_and_sets_nothing(checked) -> None:  # type: ignore[no-untyped-def]
+def test_it_tells_what_is_there_and_what_each_start_sets_and_sets_nothing(checked: Checked) -> None:
     firmware = RestingCrazyflie()
     lines, said = checked(firmware)
     assert lines == []
@@ -60,14 +65,14 @@ def test_it_tells_what_is_there_and_what_each_start_sets_and_sets_nothing(checke
     assert not [packet for packet in firmware.taken if packet.port in (7, 9)]
 
 
-def test_a_firmware_that_is_too_old_must_change(checked) -> None:  # type: ignore[no-untyped-def]
+def test_a_firmware_that_is_too_old_must_change(checked: Checked) -> None:
     lines, said = checked(RestingCrazyflie(protocol=11))
     [line] = lines
     assert line.startswith("the Crazyflie speaks CRTP 11, older than 12")
     assert said == [f"not good: {line}"]
 
 
-def test_nobody_there_and_one_in_the_air_are_told(checked) -> None:  # type: ignore[no-untyped-def]
+def test_nobody_there_and_one_in_the_air_are_told(checked: Checked) -> None:
     with pytest.raises(LinkError, match="no answer within 2 s: is it switched on, is this its"):
         checked(None)
     firmware = RestingCrazyflie()
