@@ -73,7 +73,7 @@ def find_device(number: int) -> Device:
         import usb.core
     except ImportError:
         raise UsageError(
-            "radio:// needs pyusb, which is not installed: pip install 'quadlab[crazyflie]'"
+            "radio:// needs pyusb, which is not installed: pip install pyusb"
         ) from None
     try:
         devices = list(usb.core.find(find_all=True, idVendor=VENDOR, idProduct=PRODUCT) or ())
@@ -112,8 +112,8 @@ class Radio:
         with self._lock:
             if place in self._ports:
                 raise LinkError(
-                    f"two Crazyflies have address {place.address.hex().upper()} on channel "
-                    f"{place.channel}: give each its own with cfclient"
+                    f"two Crazyflies have {self._ports[place].link}: give each its own with "
+                    "cfclient"
                 )
             port = self._ports[place] = RadioPort(self, place)
         return port
@@ -165,6 +165,7 @@ class RadioPort:
 
     def __init__(self, radio: Radio, place: Place) -> None:
         self._radio, self._place = radio, place
+        self.link = f"address {place.address.hex().upper()} on channel {place.channel}"
         self._frames = FrameReader()
         self._up: list[bytes] = []
         self._near, self._far = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)

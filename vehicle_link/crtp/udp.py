@@ -16,6 +16,7 @@ class UdpPort:
     """
 
     def __init__(self, host: str, port: int) -> None:
+        self.link = f"udp://{host}:{port}"
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._frames = FrameReader()

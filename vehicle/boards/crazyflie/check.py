@@ -34,7 +34,7 @@ def check_board(port: Port, options: Parameters | None, say: Callable[[str], Non
         if board.packets != packets:
             newest_s, packets = now_s, board.packets
         elif now_s - newest_s > ANSWER_S:
-            raise LinkError(_silent(packets))
+            raise LinkError(_silent(packets, getattr(port, "link", "it")))
         time.sleep(POLL_S)
     if board.is_flying:
         raise LinkError("it is flying, and is checked once it has landed")
@@ -51,12 +51,10 @@ def check_board(port: Port, options: Parameters | None, say: Callable[[str], Non
     return []
 
 
-def _silent(packets: int) -> str:
+def _silent(packets: int, where: str) -> str:
     if packets:
-        return (
-            f"it answered {packets} packets, then nothing for {ANSWER_S:g} s: is it too far away?"
-        )
+        return f"{packets} packets from {where}, then none for {ANSWER_S:g} s: is it too far away?"
     return (
-        f"no answer within {ANSWER_S:g} s: is it switched on, is this its channel, rate and "
-        "address, and is no other program connected to it?"
+        f"no answer from {where} within {ANSWER_S:g} s: is it switched on, is this its channel, "
+        "rate and address, and is no other program connected to it?"
     )
