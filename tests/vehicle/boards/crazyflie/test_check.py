@@ -73,9 +73,7 @@ def test_a_firmware_that_is_too_old_must_change(checked: Checked) -> None:
 
 
 def test_nobody_there_and_one_in_the_air_are_told(checked: Checked) -> None:
-    with pytest.raises(
-        LinkError, match="no answer from it within 2 s: is it switched on"
-    ):
+    with pytest.raises(LinkError, match="no answer from it within 2 s: is it switched on"):
         checked(None)
     firmware = RestingCrazyflie()
     firmware.supervisor.arm(True)
