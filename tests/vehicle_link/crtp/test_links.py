@@ -11,7 +11,7 @@ from quadlab.__main__ import main
 from quadrotor.errors import LinkError
 from vehicle_link.crtp import radio
 from vehicle_link.crtp.links import open_port
-from vehicle_link.crtp.packets import FrameReader, Packet, frame
+from vehicle_link.crtp.packets import NULL, FrameReader, Packet, frame
 from vehicle_link.crtp.share import share
 from vehicle_link.crtp.udp import UdpServer
 from vehicle_link.serial.port import Port
@@ -92,7 +92,7 @@ class Dongle:
             raise OSError(19, "No such device")
         assert (self.channel, self.rate) == (80, 2)
         self.heard[self.address].append(bytes(data))
-        if all(any(one != radio.NULL for one in packets) for packets in self.heard.values()):
+        if all(any(one != NULL for one in packets) for packets in self.heard.values()):
             self.both.set()
         return len(data)
 
