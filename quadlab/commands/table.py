@@ -14,6 +14,7 @@ from quadlab.commands.fly import Fly
 from quadlab.commands.gains import Gains
 from quadlab.commands.link import LinkCommand
 from quadlab.commands.log import LogCommand
+from quadlab.commands.mavlink import Mavlink
 from quadlab.commands.new import New
 from quadlab.commands.processes import Simulator, Station, Vehicle, Web
 from quadlab.commands.tracker import Tracker
@@ -47,6 +48,7 @@ GROUPS: dict[str, dict[str, type[Command]]] = {
         "tracker": Tracker,
         "crazyradio": Crazyradio,
         "web": Web,
+        "mavlink": Mavlink,
     },
 }
 COMMANDS: dict[str, type[Command]] = {

@@ -12,7 +12,7 @@ from vehicle.boards.kind import find_kind
 from vehicle.processes.terminal import say
 from vehicle_link.crtp.links import is_link, open_port
 from vehicle_link.serial.capacity import DEFAULT_RATE, check_rate, default_rate, samples_a_second
-from vehicle_link.serial.identity import THE_ONE, Identity
+from vehicle_link.serial.ids import THE_ONE, Identity
 from vehicle_link.serial.port import NO_DEVICE
 
 AUTO = "auto"

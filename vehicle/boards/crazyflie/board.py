@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 
 from quadrotor.errors import LinkError, OutOfBoundsError
 from quadrotor.records import Record
-from vehicle.boards.board import BodyRates, Command, RawSample, Takes
+from vehicle.boards.board import BodyRates, Command, CommandKind, RawSample
 from vehicle.boards.crazyflie.dialogue import Found, introduce
 from vehicle.boards.crazyflie.messages import (
     DATA,
@@ -223,7 +223,7 @@ class CrazyflieBoard:
     def command(self, command: Command) -> None:
         """Send a command. Raises OutOfBoundsError, LinkError."""
         if isinstance(command, tuple):
-            raise OutOfBoundsError(TRAITS.missing(Takes.MOTORS))
+            raise OutOfBoundsError(TRAITS.missing(CommandKind.MOTORS))
         self._command = command
         self._send_setpoint()
 

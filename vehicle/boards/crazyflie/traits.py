@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from quadrotor.parameters import ParameterValue
-from vehicle.boards.board import Takes, Traits
+from vehicle.boards.board import CommandKind, Traits
 from vehicle.boards.crazyflie.messages import ACCELEROMETER_SCALE, GYROSCOPE_SCALE
 
 _BODY: dict[str, ParameterValue] = {
@@ -29,7 +29,7 @@ _BODY: dict[str, ParameterValue] = {
 }
 TRAITS = Traits(
     "crazyflie",
-    (Takes.RATES, Takes.ANGLES),
+    (CommandKind.RATES, CommandKind.ANGLES),
     {
         **{f"model.{name}": value for name, value in _BODY.items()},
         "imu.accelerometer_scale": ACCELEROMETER_SCALE,
