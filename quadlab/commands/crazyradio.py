@@ -20,7 +20,7 @@ class Crazyradio:
     """link of a Crazyflie and the UDP port for it, like radio://0/80/2M/E7E7E7E701=19850"""
 
     def run(self) -> int:
-        from quadlab.up.stop_request import StopRequest
+        from  import StopRequest
         from vehicle_link.crtp.share import share
 
         links = [_split(word) for word in self.links]
