@@ -91,7 +91,7 @@ class ControlLimits(Parameters):
     """bound of each axis of ∫e_p"""
     attitude_integral_max: float = parameter(0.3, unit="rad s", ge=0.0, le=2.0, step=0.01)
     """bound of each axis of ∫e_R"""
-    yaw_torque_max: float = parameter(0.1, unit="N m", ge=0.01, le=1.0, step=0.01)
+    yaw_torque_max: float = parameter(0.1, unit="N m", ge=0.0001, le=1.0, step=0.0001)
     """largest yaw torque; more would scale roll and pitch down with it"""
 
 

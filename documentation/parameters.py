@@ -19,6 +19,7 @@ def page() -> str:
     from quadlab.mavlink.parameter_names import has_short_name, short_name
     from quadlab.simulated.parameters import CameraParameters
     from vehicle.boards.betaflight.options import BetaflightOptions
+    from vehicle.boards.crazyflie.options import CrazyflieOptions
     from vehicle.parameters import new_parameters
     from vehicle.simulator.parameters import SimulatorParameters
 
@@ -29,6 +30,7 @@ def page() -> str:
         ("Bearings", "bearings.", BearingParameters()),
         ("Camera on board, of quadlab fly", "camera.", CameraParameters()),
         ("Board betaflight", "board.", BetaflightOptions()),
+        ("Board crazyflie", "board.", CrazyflieOptions()),
         ("Station", "station.", StationParameters()),
     ]
     parts = [

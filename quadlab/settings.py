@@ -15,6 +15,7 @@ from quadrotor.errors import MeasurementError, OutOfBoundsError, ParameterError,
 
 if TYPE_CHECKING:
     from quadrotor.parameters import Parameters, ParameterValue
+    from vehicle.parameters import VehicleParameters
 
 
 def _control_preset(name: str) -> dict[str, ParameterValue]:
@@ -78,6 +79,17 @@ def check_laws(values: Mapping[str, ParameterValue], data: Path) -> None:
 
     law, shadow = values.get(LAW, GEOMETRIC), values.get(SHADOW_LAW, NONE)
     Laws(data / PLUGINS).check(str(law), str(shadow))
+
+
+def vehicle_parameters(board: str) -> VehicleParameters:
+    """Return the parameters of a vehicle with this board. Raises UsageError."""
+    from quadrotor.parameters import ParameterStore
+    from vehicle.boards.kind import find_kind
+    from vehicle.parameters import new_parameters
+
+    parameters = new_parameters()
+    ParameterStore(parameters).preset(find_kind(board).traits.parameters)
+    return parameters
 
 
 def parse_board_options(

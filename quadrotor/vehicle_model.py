@@ -41,21 +41,21 @@ MODEL = np.dtype(
 class VehicleModel(Parameters):
     """The controller's model of the vehicle."""
 
-    mass: float = parameter(1.308, unit="kg", ge=0.5, le=2.4, step=0.001, flight_step=0.2)
+    mass: float = parameter(1.308, unit="kg", ge=0.02, le=2.4, step=0.001, flight_step=0.2)
     """total mass"""
     inertia_xx: float = parameter(
-        0.0154, unit="kg m²", ge=0.001, le=0.1, step=0.0001, flight_step=0.005
+        0.0154, unit="kg m²", ge=1e-06, le=0.1, step=1e-07, flight_step=0.005
     )
     """inertia about body x"""
     inertia_yy: float = parameter(
-        0.0154, unit="kg m²", ge=0.001, le=0.1, step=0.0001, flight_step=0.005
+        0.0154, unit="kg m²", ge=1e-06, le=0.1, step=1e-07, flight_step=0.005
     )
     """inertia about body y"""
     inertia_zz: float = parameter(
-        0.025, unit="kg m²", ge=0.001, le=0.2, step=0.0001, flight_step=0.01
+        0.025, unit="kg m²", ge=1e-06, le=0.2, step=1e-07, flight_step=0.01
     )
     """inertia about body z"""
-    arm: float = parameter(0.25, unit="m", ge=0.05, le=1.0, step=0.001, flight_step=0.05)
+    arm: float = parameter(0.25, unit="m", ge=0.03, le=1.0, step=0.001, flight_step=0.05)
     """rotor axis to centre, l of eq. 1"""
     torque_ratio: float = parameter(
         0.0174, unit="m", ge=0.001, le=0.1, step=0.0001, flight_step=0.004
@@ -75,7 +75,7 @@ class VehicleModel(Parameters):
     """√thrust per reference count"""
     motor_offset: float = parameter(14.267, unit="count", ge=-50, le=50, step=0.01, flight_step=5.0)
     """offset of the affine motor law"""
-    battery_nominal: float = parameter(15.2, unit="V", ge=5.0, le=30.0, step=0.1, flight_step=1.0)
+    battery_nominal: float = parameter(15.2, unit="V", ge=3.0, le=30.0, step=0.1, flight_step=1.0)
     """battery voltage of the motor law"""
     battery_exponent: float = parameter(0.0, ge=0.0, le=1.5, step=0.05, flight_step=0.25)
     """rotor speed follows voltage to this power; 0: not compensated"""

@@ -12,7 +12,7 @@ from control.parameters import ControlParameters
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError, OutOfBoundsError
 from quadrotor.parameters import Parameters, ParameterValue, parameter
-from quadrotor.vehicle_model import VehicleModel
+from quadrotor.vehicle_model import GRAVITY, VehicleModel, thrust_of_reference
 from vehicle.calibration.imu import ImuCalibration
 from vehicle.flight.flown_mass import FlownMassParameters
 from vehicle.flight.near_hovering import NearHoveringParameters
@@ -116,6 +116,25 @@ def check_pairs(values: Mapping[str, ParameterValue]) -> None:
         parse_layout(str(values["beacons.layout"]))
     except MeasurementError as error:
         raise OutOfBoundsError(f"beacons.layout: {error}") from None
+
+
+def check_hover(values: Mapping[str, ParameterValue]) -> None:
+    """Check that the motors of the model can carry its weight, by the values of all parameters.
+
+    Raises OutOfBoundsError.
+    """
+    slope, offset = float(values["model.motor_slope"]), float(values["model.motor_offset"])
+    low, high = (
+        thrust_of_reference(float(values[f"model.motor_reference_{end}"]), slope, offset)
+        for end in ("min", "max")
+    )
+    mass = float(values["model.mass"])
+    share = 0.25 * GRAVITY * mass
+    if not low < share < high:
+        raise OutOfBoundsError(
+            f"model.mass = {mass:g} kg cannot hover: each motor would carry {share:.3g} N and "
+            f"gives {low:.3g} to {high:.3g} N; change the motors' law first, or both at once"
+        )
 
 
 def new_parameters() -> VehicleParameters:

@@ -19,7 +19,7 @@ from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.records import Array
 from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.processes import mailbox
-from vehicle.simulator.betaflight.firmware import firmware_of
+from vehicle.simulator.boards import firmware_of
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 TOUCHING = 0.005
@@ -68,8 +68,7 @@ class WatchedFlight(SimulatedFlight):
         options = kind.configured({})
         parameters = with_options(FlightParameters().model_copy(deep=True), {"board": options})
         parameters.seed(seed)
-        of_board = kind.traits.parameters | {"simulator.imu_rate": kind.rate}
-        ParameterStore(parameters).preset(of_board | (settings or {}))
+        ParameterStore(parameters).preset(kind.simulated_parameters | (settings or {}))
         firmware = firmware_of(board, options)
         self.robot = SimulatedVehicle(parameters.simulator, firmware=firmware)
         self.events = Events()

@@ -26,7 +26,7 @@ class PreflightParameters(Parameters):
     """largest mean square of the estimate's innovations, expected: 1"""
     refused_share_max: float = parameter(0.5, ge=0.0, le=1.0, step=0.05)
     """largest share of measurements refused"""
-    battery_min: float = parameter(14.0, unit="V", ge=5, le=30, step=0.1)
+    battery_min: float = parameter(14.0, unit="V", ge=2.5, le=30, step=0.1)
     """lowest battery voltage; safety.battery_warning where that is higher"""
     tilt_max: float = parameter(10.0, unit="deg", ge=1, le=45, step=1)
     """largest tilt on the ground"""

@@ -41,7 +41,7 @@ class BehaviorParameters(Parameters):
     """largest tilt a trajectory may ask for; leave some to the feedback"""
     trajectory_body_rate_max: float = parameter(3.5, unit="rad/s", ge=0.5, le=10.0, step=0.1)
     """largest body rate a trajectory may ask for; the gyroscopes end at 5.2"""
-    trajectory_yaw_torque_max: float = parameter(0.07, unit="N m", ge=0.005, le=1.0, step=0.005)
+    trajectory_yaw_torque_max: float = parameter(0.07, unit="N m", ge=0.0001, le=1.0, step=0.0001)
     """largest yaw torque a trajectory may ask for; the motors give about 0.1"""
     trajectory_thrust_margin: float = parameter(0.1, ge=0.0, le=0.45, step=0.01)
     """share of each motor's thrust range that trajectories leave to the feedback, at both ends"""

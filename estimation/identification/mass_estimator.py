@@ -55,9 +55,9 @@ class MassParameters(Parameters):
     """a of eq. 7"""
     gain: float = parameter(1.0, unit="1/(N² s)", ge=0.0, le=10.0, step=0.01)
     """k_est,m of eq. 10; 0 holds"""
-    mass_min: float = parameter(0.5, unit="kg", ge=0.1, le=2.4, step=0.01, flight_step=0.2)
+    mass_min: float = parameter(0.5, unit="kg", ge=0.01, le=2.4, step=0.01, flight_step=0.2)
     """lower clamp of the estimate"""
-    mass_max: float = parameter(2.4, unit="kg", ge=0.5, le=5.0, step=0.01, flight_step=0.2)
+    mass_max: float = parameter(2.4, unit="kg", ge=0.02, le=5.0, step=0.01, flight_step=0.2)
     """upper clamp of the estimate"""
     variance_time: float = parameter(1.0, unit="s", ge=0.05, le=30.0, step=0.05)
     """window of the estimate's variance"""

@@ -60,6 +60,7 @@ EXAMPLES: dict[str, dict[str, str]] = {
         "quadlab vehicle --check --serial auto": "check the board without propellers",
         "quadlab vehicle --serial auto --rate 500": "fly",
         "quadlab vehicle --board betaflight --serial /dev/ttyACM0 --check": "check its settings",
+        "quadlab vehicle --board crazyflie --serial radio://0/80/2M/E7E7E7E7E7 --check": "the same",
     },
     "simulator": {"quadlab simulator --folder quad": "simulate a vehicle behind quad/mcu0"},
     "station": {"quadlab station --vehicle quad1": "run the station of one vehicle"},
@@ -72,6 +73,11 @@ EXAMPLES: dict[str, dict[str, str]] = {
         "quadlab tracker camera --device 0 --intrinsics camera.yaml --tags tags.toml": (
             "track with a USB camera"
         ),
+    },
+    "crazyradio": {
+        "quadlab crazyradio radio://0/80/2M/E7E7E7E701=19850 radio://0/80/2M/E7E7E7E702=19851": (
+            "share one radio between two Crazyflies"
+        )
     },
     "web": {"quadlab web --port 8080": "serve the page of a running station"},
 }

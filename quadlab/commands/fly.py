@@ -35,7 +35,7 @@ class Fly:
     """seed of all simulated noise; the same seed gives the same messages"""
     board: str = "mikrokopter"
     """the vehicle's board: mikrokopter; betaflight, whose real firmware flies (scripts/betaflight
-    builds it)"""
+    builds it); crazyflie, a simulated one"""
     set: Settings = ()
     """set a parameter; simulator.NAME, tracker.NAME and bearings.NAME for what is simulated,
     experiment.NAME for what is flown"""

@@ -14,13 +14,24 @@ import tyro
 
 from quadlab.commands.option_types import Flag, Folder, Names, Settings, optional
 from quadlab.data_folder import data_folder, open_data_folder
+<<<<<<< HEAD
 from quadlab.settings import check_laws, offer_plugins, parse_board_options, parse_settings
+=======
+from quadlab.settings import (
+    check_laws,
+    offer_estimators,
+    parse_board_options,
+    parse_settings,
+    vehicle_parameters,
+)
+>>>>>>> crazy
 from quadlab.up import serial_ports
 from quadlab.up.page_options import PageOptions, say_authority
 from quadlab.up.supervise import Child
 from quadlab.vehicle_names import THE_VEHICLE, check_name, parse_names, parse_vehicles
 from quadrotor.errors import QuadlabError, UsageError
-from vehicle.boards.kind import MIKROKOPTER
+from quadrotor.parameters import ParameterStore
+from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle_link.serial.ids import THE_ONE, Identity
 
 WATCH_PERIOD = 0.2
@@ -35,11 +46,13 @@ class Vehicle:
     """Run the vehicle's flight stack on board: flight and comms process."""
 
     serial: Annotated[tuple[str, ...], tyro.conf.arg(metavar="PORT[,PORT]")] = ()
-    """the microcontroller's serial ports, one or two; auto searches all serial devices"""
+    """the microcontroller's serial ports, one or two; auto searches all serial devices; the link
+    of a Crazyflie, like radio://0/80/2M/E7E7E7E7E7"""
     check: Flag = False
     """test the connection, print the result and exit"""
     board: str = MIKROKOPTER
-    """the flight board: mikrokopter, betaflight, or one of an installed package (docs/boards)"""
+    """the flight board: mikrokopter, betaflight, crazyflie, or one of an installed package
+    (docs/boards)"""
     find: Flag = False
     """list all serial devices, print what answers on each, and exit"""
     robot_id: Annotated[int, tyro.conf.arg(metavar="ID")] = THE_ONE.robot_id
@@ -88,10 +101,15 @@ class Vehicle:
 
         settings = {}
         if words:
+<<<<<<< HEAD
             from vehicle.parameters import new_parameters
 
             offer_plugins(data_folder(self.data))
             settings = parse_settings(new_parameters(), words)
+=======
+            offer_estimators(data_folder(self.data))
+            settings = parse_settings(vehicle_parameters(self.board), words)
+>>>>>>> crazy
         data = open_data_folder(self.data)
         check_laws(settings, data)
         return run_vehicle(
@@ -142,7 +160,7 @@ class Simulator:
     """firmware of the simulated microcontroller; c (firmware/) is first built with gcc and make"""
     board: str = MIKROKOPTER
     """the simulated board: mikrokopter; betaflight, its real firmware (scripts/betaflight builds
-    it)"""
+    it); crazyflie, behind udp://127.0.0.1:19850 and the ports after it"""
     set: Settings = ()
     """start with this parameter value; tracker.NAME=VALUE changes the noise of the served poses,
     board.NAME=VALUE is an option of the board"""
@@ -153,6 +171,7 @@ class Simulator:
         from vehicle.simulator.process import run
 
         parameters = SimulatorParameters(firmware=self.firmware)
+        ParameterStore(parameters).preset(find_kind(self.board).simulated)
         served, prefix = None, "tracker."
         words, options = parse_board_options(self.board, self.set)
         of_tracker = [word for word in words if word.startswith(prefix) and self.serve]

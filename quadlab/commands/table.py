@@ -7,6 +7,7 @@ from typing import Protocol
 
 from quadlab.commands.calibrate import Calibrate
 from quadlab.commands.camera import Camera
+from quadlab.commands.crazyradio import Crazyradio
 from quadlab.commands.doctor import Doctor
 from quadlab.commands.export import Export
 from quadlab.commands.fly import Fly
@@ -45,6 +46,7 @@ GROUPS: dict[str, dict[str, type[Command]]] = {
         "simulator": Simulator,
         "station": Station,
         "tracker": Tracker,
+        "crazyradio": Crazyradio,
         "web": Web,
         "mavlink": Mavlink,
     },

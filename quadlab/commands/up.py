@@ -19,7 +19,17 @@ import tyro
 from quadlab.commands.option_types import Flag, Folder, Settings, optional
 from quadlab.commands.processes import OPEN_BROWSER, SIGN_IN_TOKEN, WATCH_PERIOD, check_tracker
 from quadlab.data_folder import data_folder, open_data_folder, owned
+<<<<<<< HEAD
 from quadlab.settings import check_laws, offer_plugins, parse_board_options, parse_settings
+=======
+from quadlab.settings import (
+    check_laws,
+    offer_estimators,
+    parse_board_options,
+    parse_settings,
+    vehicle_parameters,
+)
+>>>>>>> crazy
 from quadlab.simulated.fleet import SimulatedFleet
 from quadlab.up.landing import land_before_stopping
 from quadlab.up.page_options import PageOptions
@@ -27,8 +37,9 @@ from quadlab.up.progress import Progress, require_free
 from quadlab.up.supervise import Child
 from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import UsageError
-from vehicle.boards.kind import BETAFLIGHT, MIKROKOPTER, find_kind
+from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER, find_kind
 from vehicle_link import clock
+from vehicle_link.crtp.links import UDP_PORT
 from vehicle_link.lockstep import Page
 from vehicle_link.serial.capacity import check_rate
 from vehicle_link.termination_signal import EndSignal
@@ -70,7 +81,7 @@ class Up(PageOptions):
     """firmware of the simulated microcontroller; c (firmware/) is first built with gcc and make"""
     board: str = MIKROKOPTER
     """the simulated vehicles' board: mikrokopter; betaflight, its real firmware
-    (scripts/betaflight builds it)"""
+    (scripts/betaflight builds it); crazyflie"""
     set: Settings = ()
     """start with this vehicle parameter, simulator.NAME=VALUE, or board.NAME=VALUE, which both the
     vehicle and its simulated board get"""
@@ -116,9 +127,12 @@ class Up(PageOptions):
         usual = min(fleet.rates.ticks, find_kind(self.board).rate)
         return usual if self.rate is None else self.rate
 
-    @property
-    def _ports(self) -> Sequence[str]:
-        return MCU_PORTS if self.board == MIKROKOPTER else MCU_PORTS[:1]
+    def _ports(self, folder: Path, number: int) -> Sequence[str]:
+        """Return the ports of a simulated vehicle, whose number counts from 0."""
+        if self.board == CRAZYFLIE:
+            return [f"udp://127.0.0.1:{UDP_PORT + number}"]
+        ports = MCU_PORTS if self.board == MIKROKOPTER else MCU_PORTS[:1]
+        return [str(folder / port) for port in ports]
 
     def _check_ports(self, fleet: SimulatedFleet) -> None:
         for port in (self.port, *fleet.ports.values()):
@@ -128,6 +142,9 @@ class Up(PageOptions):
         require_free("loopback session", self.link_port, socket.SOCK_STREAM, "--link-port")
         for port in fleet.ports.values():
             require_free("radio link", port, socket.SOCK_DGRAM, "--link-port")
+        if self.board == CRAZYFLIE:
+            for number in range(fleet.count):
+                require_free("Crazyflie", UDP_PORT + number, socket.SOCK_DGRAM, "--board")
 
     def _check_settings(self) -> tuple[list[str], list[str], dict[str, ParameterValue]]:
         words, _ = parse_board_options(self.board, self.set)
@@ -135,14 +152,18 @@ class Up(PageOptions):
         if not words:
             return of_board, of_board, {}
         # Imported only for their names and bounds: a plain start saves these 100 MB.
-        from vehicle.parameters import new_parameters
         from vehicle.simulator.parameters import SimulatorParameters
 
         prefix = "simulator."
         vehicle = [word for word in words if not word.startswith(prefix)]
         simulator = [word.removeprefix(prefix) for word in words if word.startswith(prefix)]
+<<<<<<< HEAD
         offer_plugins(data_folder(self.data))
         values = parse_settings(new_parameters(), vehicle)
+=======
+        offer_estimators(data_folder(self.data))
+        values = parse_settings(vehicle_parameters(self.board), vehicle)
+>>>>>>> crazy
         parse_settings(SimulatorParameters(), simulator, prefix)
         return of_board + _set_words(vehicle), of_board + _set_words(simulator), values
 
@@ -183,6 +204,8 @@ class Up(PageOptions):
         robot = ["simulator", "--folder", str(run_folder), *loopback, *names, *simulator]
         robot += ["--firmware", self.firmware, "--board", self.board]
         base = ["station", *common, *dialled, *loopback, *fleet.station_words]
+        of_station = find_kind(self.board).station.items()
+        base += _set_words([f"{name}={value}" for name, value in of_station])
         if self.tracker:
             base += ["--tracker", self._tracker_words(fleet)]
             robot += self._serve_words()
@@ -218,14 +241,14 @@ class Up(PageOptions):
     ) -> dict[str, list[str]]:
         """Return the command line of each vehicle, by the name of its process."""
         found = {}
-        for name, port in fleet.ports.items():
+        for number, (name, port) in enumerate(fleet.ports.items()):
             folder = run_folder if fleet.count == 1 else run_folder / name
             found["vehicle" if fleet.count == 1 else f"vehicle {name}"] = [
                 "vehicle",
                 "--board",
                 self.board,
                 "--serial",
-                *(str(folder / mcu) for mcu in self._ports),
+                *self._ports(folder, number),
                 "--rate",
                 str(self._rate(fleet)),
                 "--data",

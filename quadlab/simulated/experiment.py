@@ -73,7 +73,7 @@ def fly(
     from vehicle.flight.kernels import prepare
     from vehicle.plugins.offer import offer_plugins
     from vehicle.processes.parent import PLUGINS
-    from vehicle.simulator.betaflight.firmware import firmware_of
+    from vehicle.simulator.boards import firmware_of
     from vehicle.simulator.simulated_vehicle import SimulatedVehicle
     from vehicle_link.messages import typestore
 
@@ -86,7 +86,7 @@ def fly(
         FlightParameters().model_copy(deep=True),
         {"experiment": experiment.parameters, "board": kind.options() if kind.options else None},
     )
-    ParameterStore(parameters).preset(kind.traits.parameters | {"simulator.imu_rate": kind.rate})
+    ParameterStore(parameters).preset(kind.simulated_parameters)
     parameters.seed(seed)
     values = parse_settings(parameters, words)
     if "beacons.layout" not in values:  # the vehicle gets the true layout

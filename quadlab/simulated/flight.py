@@ -169,8 +169,8 @@ class SimulatedFlight(SimulatedGuide):
             if stack.outbox:
                 self._drain_outbox()
             lap("log")
-            if sample.stamp_ns >= self._next_station_ns:
-                self._station(sample.stamp_ns)
+            if (now_ns := self._simulated.stamp_ns) >= self._next_station_ns:
+                self._station(now_ns)  # a radio's samples are older than the truth
                 lap("station")
 
     def _station(self, now_ns: int) -> None:

@@ -10,6 +10,7 @@ from quadrotor.errors import LinkError, UsageError
 from quadrotor.parameters import ParameterValue
 from vehicle.boards.kind import find_kind
 from vehicle.processes.terminal import say
+from vehicle_link.crtp.links import is_link, open_port
 from vehicle_link.serial.capacity import DEFAULT_RATE, check_rate, default_rate, samples_a_second
 from vehicle_link.serial.ids import THE_ONE, Identity
 from vehicle_link.serial.port import NO_DEVICE
@@ -103,13 +104,15 @@ def ports_of_board(board: str, words: Sequence[str], rate: int | None) -> tuple[
     """
     kind, named = find_kind(board), split_ports(words)
     if not 1 <= len(named) <= len(kind.bauds):
+        most = len(kind.bauds)
+        has = "has 1" if most == 1 else f"has 1 to {most}"
         raise UsageError(
-            f"--serial has {len(named)} ports; --board {board} has 1 to {len(kind.bauds)}, like "
-            "--serial /dev/ttyS0,/dev/ttyS1"
+            f"--serial has {len(named)} ports; --board {board} {has}, like --serial {kind.example}"
         )
     if rate is not None:
         check_rate(rate, None)
-    return [os.path.abspath(port) for port in named], rate or kind.rate
+    ports = [port if is_link(port) else os.path.abspath(port) for port in named]
+    return ports, rate or kind.rate
 
 
 def check_other_board(
@@ -130,11 +133,9 @@ def check_other_board(
     if len(named) != 1:
         raise UsageError(
             f"--serial has {len(named)} ports; --board {board} --check reads one, like "
-            "--serial /dev/ttyACM0"
+            f"--serial {kind.example.partition(',')[0]}"
         )
-    from vehicle_link.serial.port import SerialPort
-
-    port = SerialPort(named[0], kind.bauds[0])
+    port = open_port(named[0], kind.bauds[0])
     try:
         return 1 if kind.check(port, kind.configured(values), _print) else 0
     finally:

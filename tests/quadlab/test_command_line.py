@@ -46,7 +46,7 @@ def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int)
         (["fly", "hover", "--seed", "x"], "--seed"),
         (["fly", "hover", "--seed", "-1"], "allowed 0 to"),
         (["fly", "hover", "--set", "model.mas=1"], "model.mass"),
-        (["fly", "hover", "--set", "model.mass=9"], "allowed 0.5 to 2.4 kg"),
+        (["fly", "hover", "--set", "model.mass=9"], "allowed 0.02 to 2.4 kg"),
         (["fly", "hover", "--set", "model.mass=nan"], "finite"),
         (["fly", "hover", "--set", "model.mass=heavy"], "a number"),
         (["fly", "hover", "--set", "model.mass"], "name=value"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +11,11 @@ import pytest
 
 from flight_log import read_log, read_metadata
 from quadlab.__main__ import main
-from quadlab.simulated.experiment import with_options
-from quadlab.simulated.flight import SimulatedFlight
-from quadlab.simulated.flight_log import FlightLog
-from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LinkError
-from quadrotor.parameters import ParameterStore
-from vehicle.boards.betaflight.board import KIND
-from vehicle.boards.betaflight.options import BetaflightOptions
+from tests.quadlab.hovering import Hovering
 from vehicle.processes import mailbox
 from vehicle.simulator.betaflight.firmware import BetaflightFirmware
 from vehicle.simulator.betaflight.process import FIRMWARE
-from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 pytestmark = pytest.mark.skipif(
     not FIRMWARE.exists(), reason="no Betaflight: scripts/betaflight builds it"
@@ -49,64 +42,12 @@ def test_the_eight_stays_within_its_errors(
 def test_a_board_that_is_not_known_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["fly", "hover", "--board", "naze"]) == 2
     said = capsys.readouterr().err
-    assert "--board 'naze' is not known; there are mikrokopter, betaflight" in said
-
-
-class Hovering:
-    """Vehicle in the air at 1 m."""
-
-    ALONE = 22.0
-    """Time, s, within which the board has landed and stopped its motors."""
-
-    def __init__(self, folder: Path) -> None:
-        options = BetaflightOptions()
-        parameters = with_options(FlightParameters().model_copy(deep=True), {"board": options})
-        store = ParameterStore(parameters)
-        store.preset(
-            KIND.traits.parameters | {"simulator.imu_rate": KIND.rate, "behavior.volume_z_max": 3.5}
-        )
-        self.vehicle = SimulatedVehicle(parameters.simulator, firmware=BetaflightFirmware(options))
-        self.log = FlightLog(folder / "hover.mcap", "quad1", store, {})
-        self.flight = flight = SimulatedFlight(parameters, self.vehicle, self.log, kind=KIND)
-        flight.wait_until(lambda v: v.mode == "ready", what="ready", timeout=20)
-        flight.wait(0.5)
-        flight.arm()
-        flight.wait(1.0)
-        flight.start("take_off", height=1.0)
-        flight.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
-
-    @property
-    def height(self) -> float:
-        return float(self.vehicle.truth["position_w"][0, 2])
-
-    def fly_to(self, height: float) -> None:
-        self.flight.start("fly_to", x=0.0, y=0.0, z=height, yaw=0.0)
-        self.flight.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=30)
-        self.flight.wait(1.0)
-
-    def left_alone(self) -> float:
-        """Run board and plant without the flight stack; return the fastest descent in m/s."""
-        return self.until_landed(self.vehicle.step, lambda: not any(self.motors))
-
-    @property
-    def motors(self) -> Sequence[float]:
-        """Return the references of the motors."""
-        return self.vehicle.firmware.references
-
-    def until_landed(self, advance: Callable[[], object], is_done: Callable[[], bool]) -> float:
-        """Continue until it has landed and `is_done`; return the fastest descent in m/s."""
-        fastest = 0.0
-        for _ in range(round(1000 * self.ALONE)):
-            advance()
-            fastest = max(fastest, -float(self.vehicle.truth["velocity_w"][0, 2]))
-            if self.height < 0.02 and is_done():
-                return fastest
-        raise AssertionError(f"{self.height:.2f} m high after {self.ALONE} s, motors {self.motors}")
+    assert "--board 'naze' is not known; there are mikrokopter, betaflight, crazyflie" in said
 
 
 @pytest.fixture
 def hovering(tmp_path: Path) -> Iterator[Hovering]:
-    made = Hovering(tmp_path)
+    made = Hovering(tmp_path, "betaflight")
     yield made
     made.log.close()
     made.vehicle.close()

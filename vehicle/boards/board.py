@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import Enum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import msgspec
 
 from quadrotor.parameters import ParameterValue
+from quadrotor.records import Record
 from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.ids import MotorState
 
@@ -32,6 +33,7 @@ class BodyRates(msgspec.Struct, frozen=True):
 
     rates_b: tuple[float, float, float]  # rad/s, body axes (x forward, y left, z up)
     throttle: float  # 0…1, the share of full motor reference that gives the commanded thrust
+    thrust: float = 0.0  # N, the same thrust
 
 
 MotorReferences = tuple[int, int, int, int]
@@ -132,4 +134,13 @@ class Board(Protocol):
 
     def service(self, now_s: float) -> None:
         """Send what is due, including retries; `now_s` is from any monotonic clock."""
+        ...
+
+
+@runtime_checkable
+class TakesPoses(Protocol):
+    """A board with a state estimator of its own, which needs poses."""
+
+    def locate(self, state: Record, now_s: float) -> None:
+        """Send the flight stack's STATE (1,) when that is due."""
         ...

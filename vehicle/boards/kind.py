@@ -14,11 +14,17 @@ from quadrotor.parameters import Parameters, ParameterStore, ParameterValue
 from vehicle.boards.board import Board, Traits
 from vehicle_link.serial.port import BAUD_RATE, Port
 
-MIKROKOPTER, BETAFLIGHT = "mikrokopter", "betaflight"
+MIKROKOPTER, BETAFLIGHT, CRAZYFLIE = "mikrokopter", "betaflight", "crazyflie"
 GROUP = "quadlab.boards"
 _HERE = {
+<<<<<<< HEAD
     MIKROKOPTER: f"{__package__}.mikrokopter.microcontroller",
     BETAFLIGHT: f"{__package__}.betaflight.board",
+=======
+    MIKROKOPTER: "vehicle.boards.mikrokopter.microcontroller",
+    BETAFLIGHT: "vehicle.boards.betaflight.board",
+    CRAZYFLIE: "vehicle.boards.crazyflie.kind",
+>>>>>>> crazy
 }
 
 
@@ -59,13 +65,23 @@ class Kind(msgspec.Struct, frozen=True):
     options: type[Parameters] | None = None
     rate: int = 500  # default sample rate, Hz
     bauds: tuple[int, ...] = (BAUD_RATE, BAUD_RATE)  # for its ports, of which it may have fewer
+    example: str = "/dev/ttyS0,/dev/ttyS1"  # of its ports
     poll_ms: int = 50  # longest time between two `service` calls; a polled board needs less
     check: Check | None = None  # None: it has no settings that can be wrong
+    simulated: dict[str, ParameterValue] = {}  # values of the simulated vehicle with this board
+    station: dict[str, ParameterValue] = {}  # values of its station in `quadlab up`
 
     @property
     def is_asked(self) -> bool:
         """Return whether the board gives samples only on request."""
         return self.poll_ms * self.rate < 1000
+
+    @property
+    def simulated_parameters(self) -> dict[str, ParameterValue]:
+        """Return the values of a simulated flight that replace the defaults."""
+        simulator = self.simulated | {"imu_rate": self.rate}
+        named = {f"simulator.{name}": value for name, value in simulator.items()}
+        return self.traits.parameters | named
 
     def configured(self, values: Mapping[str, ParameterValue]) -> Parameters | None:
         """Return its options with these values, None if it has none. Raises ParameterError."""

@@ -20,7 +20,7 @@ from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.model_in_use import ModelInUse
 from vehicle.flight.modes import FLYING
 from vehicle.flight.tick_record import Outbox, TickRecord
-from vehicle.parameters import VehicleParameters, check_pairs
+from vehicle.parameters import VehicleParameters, check_hover, check_pairs
 from vehicle.safety.ground_contact import GroundContact
 from vehicle_link.parameters.change import ParameterChange
 
@@ -86,7 +86,10 @@ class Configuration:
         """
         store = self.store
         checked = {name: store.check(name, value) for name, value in values.items()}
-        check_pairs(store.values() | checked)
+        together = store.values() | checked
+        check_pairs(together)
+        if any(name.startswith("model.") for name in checked):
+            check_hover(together)
         if self.ground.airborne:
             check_steps(store, checked)
         flying = self.modes.mode in FLYING

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from control.rate_law import rates_of_wrench
-from vehicle.boards.board import Board, BodyRates, Command, CommandKind
+from quadrotor.records import Record
+from vehicle.boards.board import Board, BodyRates, Command, CommandKind, TakesPoses
 from vehicle.boards.reference_rounding import ReferenceRounding
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.tick_record import TickRecord
@@ -29,7 +30,7 @@ def command_maker(level: CommandKind, tick: TickRecord, law: ControlLaw) -> Call
 
     def rates() -> BodyRates:
         x, y, z, throttle = rates_of_wrench(tick.wrench, omega_b, law.gains, law.model, RATE_MAX)
-        return BodyRates((x, y, z), throttle)
+        return BodyRates((x, y, z), throttle, tick.wrench.item(0))
 
     rates()  # compile now rather than in the first flight
     return rates
@@ -44,6 +45,9 @@ class CommandedModes(Protocol):
     @property
     def command_timeout_ms(self) -> int: ...
 
+    @property
+    def located(self) -> Record | None: ...
+
     def microcontroller_reports(self, lost_ports: int, obstacle: str) -> None: ...
 
 
@@ -52,6 +56,7 @@ class CommandSender:
 
     def __init__(self, modes: CommandedModes, board: Board) -> None:
         self._modes, self._board = modes, board
+        self._poses = board if isinstance(board, TakesPoses) else None
         self._motor_state = modes.motor_state_wanted
         self._timeout_ms = 0
 
@@ -70,5 +75,7 @@ class CommandSender:
         if timeout_ms != self._timeout_ms:
             self._timeout_ms = timeout_ms
             self._board.set_command_timeout(timeout_ms)
+        if self._poses is not None and (state := self._modes.located) is not None:
+            self._poses.locate(state, now_s)
         self._board.service(now_s)
         self._modes.microcontroller_reports(self._board.lost_ports, self._board.obstacle)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
 from quadrotor.errors import QuadlabError
+from quadrotor.records import Record
 from vehicle.boards.board import MotorReferences, RawSample
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
@@ -68,6 +69,11 @@ class ModeMachine:
     def command_timeout_ms(self) -> int:
         """Return the time without commands after which the microcontroller lands on its own."""
         return round(1000 * self.safety.command_timeout)
+
+    @property
+    def located(self) -> Record | None:
+        """Return the STATE (1,) that the estimator found by poses, None without them."""
+        return self.tick.state if self.navigation.has_pose else None
 
     def microcontroller_reports(self, lost_ports: int, obstacle: str) -> None:
         """Store the microcontroller's report on its ports and on what prevents a motor start."""

@@ -19,7 +19,7 @@ AVERAGE = 0.5
 class NearHoveringParameters(Parameters):
     """The parameters of the climb-rate control in near-hovering mode."""
 
-    stick_thrust: float = parameter(12.83, unit="N", ge=4.0, le=40.0, step=0.01)
+    stick_thrust: float = parameter(12.83, unit="N", ge=0.1, le=40.0, step=0.01)
     """thrust of the microcontroller's stick in its hovering position, 110"""
     climb_gain: float = parameter(3.0, unit="1/s", ge=0.5, le=8.0, step=0.1)
     """proportional gain of the climb-rate control"""

@@ -27,10 +27,11 @@ from vehicle.processes import mailbox
 from vehicle.processes.config import VehicleConfig, open_rings
 from vehicle.processes.parent import PLUGINS, TRAJECTORIES
 from vehicle.processes.terminal import say, speak_for
+from vehicle_link.crtp.links import open_port
 from vehicle_link.jobs import die_with_parent
 from vehicle_link.lockstep import FLIGHT_PROCESS, ProcessProgress
 from vehicle_link.serial.capacity import sample_period_us
-from vehicle_link.serial.port import BAUD_RATE, Port, PortError, PortProblem, SerialPort
+from vehicle_link.serial.port import BAUD_RATE, Port, PortError, PortProblem
 
 if TYPE_CHECKING:
     from vehicle.flight.stack import FlightStack
@@ -146,7 +147,7 @@ def why_unfit(port: Port, options: Parameters | None, check: Check) -> str:
 
 
 def _connect(
-    ports: Sequence[SerialPort],
+    ports: Sequence[Port],
     robot: InProcessRobot | None,
     config: VehicleConfig,
     kind: Kind,
@@ -187,18 +188,19 @@ def open_ports(
     paths: Sequence[str],
     patience_s: float = PORT_PATIENCE_S,
     bauds: Sequence[int] = (BAUD_RATE, BAUD_RATE),
-) -> list[SerialPort]:
-    """Open the serial ports, which may not exist yet or be held by another program.
+) -> list[Port]:
+    """Open the ports, which may not exist yet or be held by another program.
 
-    Raises PortError when they cannot be opened for `patience_s`.
+    Raises LinkError for a link that cannot be opened, PortError for serial devices when they cannot
+    be opened for `patience_s`.
     """
     deadline = time.monotonic() + patience_s
-    ports: list[SerialPort] = []
+    ports: list[Port] = []
     reported: set[str] = set()
     for path, baud in zip(paths, bauds, strict=False):
         while True:
             try:
-                ports.append(SerialPort(path, baud))
+                ports.append(open_port(path, baud))
                 break
             except PortError as error:
                 if error.problem is PortProblem.NOT_SERIAL or time.monotonic() >= deadline:

@@ -25,9 +25,9 @@ class SafetyParameters(Parameters):
     pose_land_after: float = parameter(1.0, unit="s", ge=0.1, le=5.0, step=0.1)
     """time without a pose measurement after which the vehicle reacts"""
     pose_reaction: str = _reaction("descend", "reaction to missing poses")
-    battery_warning: float = parameter(13.8, unit="V", ge=12.0, le=16.8, step=0.1)
+    battery_warning: float = parameter(13.8, unit="V", ge=2.5, le=16.8, step=0.1)
     """battery voltage below which the vehicle warns and refuses to arm"""
-    battery_land: float = parameter(13.1, unit="V", ge=12.0, le=16.8, step=0.1)
+    battery_land: float = parameter(13.1, unit="V", ge=2.5, le=16.8, step=0.1)
     """battery voltage below which the vehicle reacts"""
     battery_delay: float = parameter(1.0, unit="s", ge=0.1, le=10.0, step=0.1)
     """time the voltage must stay below a limit before it counts"""

@@ -136,6 +136,10 @@ class SimulatorParameters(VehicleModel):
     """resistance of cells and cables"""
     command_latency: float = parameter(0.0, unit="s", ge=0.0, le=0.1, step=0.001)
     """delay from a command's arrival at the microcontroller to the motors"""
+    radio_delay: float = parameter(0.004, unit="s", ge=0.0, le=0.1, step=0.001)
+    """delay of each packet of a simulated Crazyflie's radio, both ways"""
+    radio_loss: float = parameter(0.01, ge=0.0, le=0.9, step=0.005)
+    """share of these packets that are lost, both ways"""
     unplugged_port: str = parameter("none", choices=("none", "first", "second", "both"))
     """serial port whose adapter is unplugged; plugged in again it is a new device, which the
     vehicle opens at its next start"""

@@ -9,7 +9,7 @@ from quadrotor.compiled import compiled
 from quadrotor.records import Record
 from quadrotor.vehicle_model import Four
 from vehicle.simulator.air import blow
-from vehicle.simulator.betaflight.firmware import BetaflightFirmware
+from vehicle.simulator.board_firmware import BoardFirmware
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.firmware.native import NativeFirmware
 from vehicle.simulator.firmware.program import period
@@ -67,7 +67,7 @@ def _run_python(
 
 
 def run(
-    firmware: Firmware | NativeFirmware | BetaflightFirmware,
+    firmware: Firmware | NativeFirmware | BoardFirmware,
     world: World,
     row: int,
     command: Command,
@@ -83,7 +83,7 @@ def run(
     for k in range(row, row + periods):
         a, b, c, d = firmware.references
         move(*world, k, firmware.registers, (a, b, c, d), holder, dt)
-        if isinstance(firmware, BetaflightFirmware):
+        if isinstance(firmware, BoardFirmware):
             firmware.sense(*world, k)
         firmware.period(command)
 

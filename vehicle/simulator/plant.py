@@ -51,11 +51,15 @@ Item = Any
 """One record `array[k]` inside compiled code."""
 
 FOOT = 0.15
-"""Distance, in m, from the body's z axis to a foot."""
+"""Distance, in m, from the body's z axis to a foot, where the arms are as long as the paper's."""
+FOOT_SHARE = 0.6
+"""The same over the length of shorter arms."""
 CONTACT_HEIGHT = 0.5
 """Height, in m, above which no foot can touch the ground in any attitude."""
 SLIP_DAMPING = 100.0
 """Friction, in N s/m per foot, below the Coulomb limit; larger is unstable at steps of 1 ms."""
+SLIP_DAMPING_SHARE = 80.0
+"""The same over the mass of a lighter vehicle, 1/s."""
 SUBSTEP = 0.001
 """Longest integration step, in s."""
 
@@ -242,7 +246,8 @@ def _stand(p: Item, motion: Motion) -> tuple[Vector, Vector]:
     """Return the ground's force in world axes (N) and torque about body axes (N m) on the feet."""
     force_w = torque_b = (0.0, 0.0, 0.0)
     axes = axes_of(motion[2])
-    for lever in (FOOT, -FOOT):
+    foot = min(FOOT, FOOT_SHARE * p.model.arm)
+    for lever in (foot, -foot):
         for arm_b, along_w in (((lever, 0.0, 0.0), axes[0]), ((0.0, lever, 0.0), axes[1])):
             foot_w = _touch(p, motion, axes, arm_b, lever * along_w[2])
             force_w = add(force_w, foot_w)
@@ -269,7 +274,7 @@ def _touch(p: Item, motion: Motion, axes: Axes, arm_b: Vector, height: float) ->
     if normal <= 0.0:
         return 0.0, 0.0, 0.0
     slip = math.sqrt(x * x + y * y)
-    grip = SLIP_DAMPING
+    grip = min(SLIP_DAMPING, SLIP_DAMPING_SHARE * p.model.mass)
     if grip * slip > p.friction * normal:
         grip = p.friction * normal / slip
     return -grip * x, -grip * y, normal

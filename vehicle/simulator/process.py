@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from quadrotor.parameters import ParameterValue
 from vehicle.boards.kind import MIKROKOPTER, find_kind
-from vehicle.simulator.betaflight.firmware import firmware_of
+from vehicle.simulator.boards import firmware_of
 from vehicle.simulator.lockstep import LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.robot import SECOND_NS, Pace, Robot, RunStatistics, pace_of
@@ -80,10 +80,11 @@ def run(
     session = None if loopback_port is None else SharedSession(partial(_open, loopback_port))
     robots: list[Robot] = []
     try:
-        for truth, name in zip(side_by_side(parameters, len(vehicles)), vehicles, strict=True):
+        truths = side_by_side(parameters, len(vehicles))
+        for number, (truth, name) in enumerate(zip(truths, vehicles, strict=True)):
             place = folder if len(vehicles) == 1 else folder / name
             place.mkdir(exist_ok=True)
-            firmware = firmware_of(board, kind.configured(board_options or {}))
+            firmware = firmware_of(board, kind.configured(board_options or {}), number)
             robots.append(Robot(name, truth, place, session, pace, lockstep, served, firmware))
         where = f"microcontroller at {robots[0].place}"
         if len(robots) > 1:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from quadrotor.errors import RefusedError
 from quadrotor.records import STATE, Record
 from vehicle.simulator.battery import charge_battery
-from vehicle.simulator.betaflight.firmware import BetaflightFirmware
+from vehicle.simulator.board_firmware import BoardFirmware
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.firmware.native import NativeFirmware
 from vehicle.simulator.force_sensor import ForceReading, ForceSensor
@@ -53,7 +53,7 @@ class SimulatedVehicle:
         self,
         parameters: SimulatorParameters,
         ports: Sequence[Line] | None = None,
-        firmware: BetaflightFirmware | None = None,
+        firmware: BoardFirmware | None = None,
     ) -> None:
         self.ports: tuple[MemoryPort, ...] = ()
         if ports is None:
@@ -77,6 +77,8 @@ class SimulatedVehicle:
         self._count = 0  # periods begun, period 0 included
         if firmware is None:
             self.firmware.registers[Id.MIRROR_PERIOD] = round(1e6 / parameters.imu_rate)
+        else:
+            firmware.configure(parameters)
         self._pace()
         self._miss(parameters.missing_motor)
         self.truth: Record = self._plant["x"].view(STATE).reshape(1)
@@ -148,7 +150,7 @@ class SimulatedVehicle:
         row = noise.next_rows(periods)
         if first:
             sample(self._plant, self._sensors, noise.block, row, firmware.registers)
-            if isinstance(firmware, BetaflightFirmware):
+            if isinstance(firmware, BoardFirmware):
                 firmware.sense(self._plant, self._sensors, noise.block, row)
             firmware.period(command)
         else:
@@ -192,7 +194,7 @@ class SimulatedVehicle:
     def warm_up(self) -> None:
         """Compile what `step` calls, so that the first call is fast; changes no state."""
         world = self._plant.copy(), self._sensors, np.zeros_like(self._noise.block)
-        compile_periods(world, self._period, isinstance(self.firmware, BetaflightFirmware))
+        compile_periods(world, self._period, isinstance(self.firmware, BoardFirmware))
         world[0]["rotor_speeds"] = 1.0
         ForceSensor(self.parameters).read(0, world[0], self.parameters)
 
@@ -224,6 +226,8 @@ class SimulatedVehicle:
         self._fit_sensors(parameters)
         self._miss(parameters.missing_motor)
         configure_wires(self._wires, parameters)
+        if isinstance(self.firmware, BoardFirmware):
+            self.firmware.configure(parameters)
 
     def charge_battery(self, share: float) -> None:
         """Set the battery's charge to a share (0..1) of its capacity, flying or not."""
@@ -273,5 +277,5 @@ class SimulatedVehicle:
 
     def close(self) -> None:
         """End the process of its board, if it has one."""
-        if isinstance(self.firmware, BetaflightFirmware):
+        if isinstance(self.firmware, BoardFirmware):
             self.firmware.close()

@@ -6,8 +6,10 @@
 #include "vectors.h"
 
 #define FOOT 0.15          /* m, from the body's z axis to a foot */
+#define FOOT_SHARE 0.6     /* of a shorter arm */
 #define CONTACT_HEIGHT 0.5 /* m, above it no foot can touch the ground */
 #define SLIP_DAMPING 100.0 /* N s/m a foot, below the Coulomb limit */
+#define SLIP_DAMPING_SHARE 80.0 /* 1/s, of a lighter vehicle's mass */
 #define SUBSTEP 0.001      /* s, the longest integration step */
 #define STOPPED 1.0        /* counts at and below which a rotor gives nothing */
 #define ROTOR_RADIUS 0.127 /* m */
@@ -83,7 +85,8 @@ static Vector touch(const Plant *p, const Motion *m, Axes axes, Vector arm_b, do
     if (normal <= 0.0) return (Vector){0.0, 0.0, 0.0};
     const double slip = sqrt(foot_w.x * foot_w.x + foot_w.y * foot_w.y);
     const double most = v[GROUND_FRICTION] * normal;
-    const double grip = SLIP_DAMPING * slip > most ? most / slip : SLIP_DAMPING;
+    const double held = fmin(SLIP_DAMPING, SLIP_DAMPING_SHARE * p->mass);
+    const double grip = held * slip > most ? most / slip : held;
     return (Vector){-grip * foot_w.x, -grip * foot_w.y, normal};
 }
 
@@ -92,8 +95,9 @@ static Vector stand(const Plant *p, const Motion *m, Vector *torque_b) {
     const Axes axes = axes_of(m->q);
     Vector force_w = {0.0, 0.0, 0.0};
     *torque_b = force_w;
+    const double foot = fmin(FOOT, FOOT_SHARE * p->v[ARM]);
     for (int side = 0; side < 2; side++) {
-        const double lever = side ? -FOOT : FOOT;
+        const double lever = side ? -foot : foot;
         for (int k = 0; k < 2; k++) {
             const Vector arm_b = {k ? 0.0 : lever, k ? lever : 0.0, 0.0};
             const double height = lever * (k ? axes.y.z : axes.x.z);

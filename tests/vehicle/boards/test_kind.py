@@ -6,10 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from quadrotor.errors import UsageError
+from quadrotor.errors import OutOfBoundsError, UsageError
+from quadrotor.parameters import ParameterStore
 from vehicle.boards.betaflight.options import BetaflightOptions
 from vehicle.boards.board import CommandKind
+from vehicle.boards.crazyflie.options import CrazyflieOptions
 from vehicle.boards.kind import find_kind
+from vehicle.parameters import check_hover, check_pairs, new_parameters
 
 THEIRS = """
 from vehicle.boards.board import CommandKind, Traits
@@ -36,6 +39,9 @@ def test_ours_are_there_with_what_they_take() -> None:
     betaflight = find_kind("betaflight")
     assert betaflight.traits.direct is CommandKind.RATES
     assert (betaflight.options, betaflight.rate) == (BetaflightOptions, 250)
+    crazyflie = find_kind("crazyflie")
+    assert crazyflie.traits.direct is CommandKind.RATES
+    assert (crazyflie.options, crazyflie.rate, crazyflie.is_asked) == (CrazyflieOptions, 100, True)
 
 
 @pytest.mark.usefixtures("package")
@@ -46,3 +52,14 @@ def test_a_package_brings_its_own() -> None:
         find_kind("naze")
     with pytest.raises(UsageError, match=r"--board wrong: their_board:WRONG is no .*Kind"):
         find_kind("wrong")
+
+
+@pytest.mark.parametrize("board", ["mikrokopter", "betaflight", "crazyflie"])
+def test_each_boards_model_can_hover_and_a_mass_that_cannot_is_refused(board: str) -> None:
+    store = ParameterStore(new_parameters())
+    store.preset(find_kind(board).traits.parameters)
+    check_pairs(store.values())
+    check_hover(store.values())
+    wrong = 0.03 if board != "crazyflie" else 0.5
+    with pytest.raises(OutOfBoundsError, match=rf"model\.mass = {wrong:g} kg cannot hover: "):
+        check_hover(store.values() | {"model.mass": wrong})

@@ -47,6 +47,7 @@ class FakeStack:
         self.outbox: list[mailbox.Notification] = []
         self.motor_state_wanted = MotorState.OFF
         self.command_timeout_ms = 250
+        self.located: Record | None = None
         self.lost_ports = 0
         self.obstacle = ""
         self.modes = self

@@ -1,0 +1,45 @@
+"""`quadlab crazyradio`: shares one Crazyradio among several vehicles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import tyro
+
+from quadrotor.errors import UsageError
+
+
+@dataclass
+class Crazyradio:
+    """Share one Crazyradio: serve each Crazyflie on it by UDP to a `quadlab vehicle` of its own."""
+
+    links: Annotated[
+        tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="LINK=PORT [LINK=PORT ...]")
+    ]
+    """link of a Crazyflie and the UDP port for it, like radio://0/80/2M/E7E7E7E701=19850"""
+
+    def run(self) -> int:
+        from  import StopRequest
+        from vehicle_link.crtp.share import share
+
+        links = [_split(word) for word in self.links]
+        words = [word for link, port in links for word in (f"link {link}", f"port {port}")]
+        for word in words:
+            if words.count(word) > 1:
+                raise UsageError(f"{word} is given twice; give each Crazyflie its own")
+        for word, port in links:
+            print(f"{word}: fly it with --serial udp://127.0.0.1:{port}", flush=True)
+        stop = StopRequest()
+        with stop.installed():
+            share(links, lambda: stop.count > 0)
+        return 0
+
+
+def _split(word: str) -> tuple[str, int]:
+    link, _, port = word.rpartition("=")
+    if not link or not port.isdigit() or not 1 <= int(port) <= 65535:
+        raise UsageError(
+            f"{word!r} is no LINK=PORT; give one like radio://0/80/2M/E7E7E7E701=19850"
+        )
+    return link, int(port)

@@ -1,0 +1,82 @@
+"""`--check` of a Crazyflie: what must change, and one that does not answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from quadrotor.errors import LinkError
+from tests.vehicle.boards.crazyflie.bench import RestingCrazyflie
+from vehicle.boards.crazyflie import check
+from vehicle.boards.crazyflie.check import check_board
+from vehicle.boards.crazyflie.options import CrazyflieOptions
+from vehicle_link import clock
+from vehicle_link.serial.port import MemoryPort
+
+Checked = Callable[..., tuple[list[str], list[str]]]
+
+
+class Stepped(MemoryPort):
+    """A port behind which the Crazyflie runs a millisecond with each look."""
+
+    def __init__(self, firmware: RestingCrazyflie | None) -> None:
+        super().__init__()
+        self.firmware, self.now_ms = firmware, 0
+
+    def read(self) -> bytes:
+        self.now_ms += 1
+        if self.firmware is None:
+            return b""
+        self.firmware.period((0, 0, 0, 0))
+        return self.firmware.next_data()[1]
+
+    def write(self, data: bytes) -> None:
+        if self.firmware is not None:
+            self.firmware.receive(0, data)
+
+
+@pytest.fixture
+def checked(monkeypatch: pytest.MonkeyPatch) -> Checked:
+    def run(
+        firmware: RestingCrazyflie | None, options: CrazyflieOptions | None = None
+    ) -> tuple[list[str], list[str]]:
+        port = Stepped(firmware)
+        said: list[str] = []
+        monkeypatch.setattr(check, "POLL_S", 0.0)
+        monkeypatch.setattr(clock, "monotonic", lambda: 1e-3 * port.now_ms)
+        lines = check_board(port, options or CrazyflieOptions(), said.append)
+        return lines, said
+
+    return run
+
+
+def test_it_tells_what_is_there_and_what_each_start_sets_and_sets_nothing(checked: Checked) -> None:
+    firmware = RestingCrazyflie()
+    lines, said = checked(firmware)
+    assert lines == []
+    assert said == [
+        "CF2.1, firmware quadlab simulation",
+        "battery 4.10 V",
+        "each start sets stabilizer.estimator = 2  # it is 0",
+        "good",
+    ]
+    assert firmware.parameters.values["stabilizer.estimator"] == 0
+    assert not [packet for packet in firmware.taken if packet.port in (7, 9)]
+
+
+def test_a_firmware_that_is_too_old_must_change(checked: Checked) -> None:
+    lines, said = checked(RestingCrazyflie(protocol=11))
+    [line] = lines
+    assert line.startswith("the Crazyflie speaks CRTP 11, older than 12")
+    assert said == [f"not good: {line}"]
+
+
+def test_nobody_there_and_one_in_the_air_are_told(checked: Checked) -> None:
+    with pytest.raises(LinkError, match="no answer from it within 2 s: is it switched on"):
+        checked(None)
+    firmware = RestingCrazyflie()
+    firmware.supervisor.arm(True)
+    firmware._thrust, firmware._setpoint_ms = 30_000, 10_000
+    with pytest.raises(LinkError, match="it is flying, and is checked once it has landed"):
+        checked(firmware)

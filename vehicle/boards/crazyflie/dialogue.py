@@ -1,0 +1,178 @@
+"""The dialogue with a Crazyflie at the start: version, tables of contents, parameters, log blocks.
+
+A table of contents is read once for each checksum and kept for later starts of this process.
+"""
+
+from __future__ import annotations
+
+import difflib
+import struct
+from collections.abc import Generator
+
+import msgspec
+
+from quadrotor.errors import LinkError
+from vehicle.boards.crazyflie.messages import (
+    BLOCKS,
+    CONTROL,
+    GET_INFO,
+    GET_ITEM,
+    ITEM,
+    LOG_CREATE,
+    LOG_RESET,
+    LOG_START,
+    LOG_TYPES,
+    NEWEST,
+    OLDEST,
+    PARAMETER_TYPES,
+    READ,
+    TOC,
+    TOC_INFO,
+    TYPE_BITS,
+    VERSION,
+    WRITE,
+    Block,
+    Dialogue,
+    Request,
+)
+from vehicle_link.crtp.packets import CrtpPort, Packet
+
+
+class Entry(msgspec.Struct, frozen=True):
+    """One variable of a table of contents."""
+
+    number: int
+    kind: int  # its type's number
+
+    def form(self, types: dict[int, str]) -> struct.Struct:
+        """Return its layout. Raises LinkError."""
+        try:
+            return struct.Struct("<" + types[self.kind & TYPE_BITS])
+        except KeyError:
+            raise LinkError(f"the Crazyflie names an unknown type, {self.kind:#x}") from None
+
+
+Contents = dict[str, Entry]
+"""Variables by GROUP.NAME."""
+_READ: dict[tuple[int, int, int], Contents] = {}
+"""Tables of contents that were read, by port, number of entries and checksum."""
+
+
+class Found:
+    """What the dialogue found.
+
+    Attributes:
+        changed: the parameters that were set, {name: (before, after)}.
+        forms: layout of each log block's values.
+    """
+
+    def __init__(self) -> None:
+        self.firmware = self.device = ""
+        self.changed: dict[str, tuple[float, float]] = {}
+        self.forms: dict[int, struct.Struct] = {}
+
+
+def introduce(found: Found, wanted: dict[str, float], *, write: bool = True) -> Dialogue:
+    """Get to know a Crazyflie, set these parameters, start its log blocks.
+
+    Args:
+        write: False only reads the parameters.
+
+    Raises LinkError for a board that cannot be flown.
+    """
+    version = yield Request(Packet(CrtpPort.PLATFORM, VERSION, b"\x00"))
+    check_version(version[1] if len(version) > 1 else 0)
+    firmware = yield Request(Packet(CrtpPort.PLATFORM, VERSION, b"\x01"))
+    device = yield Request(Packet(CrtpPort.PLATFORM, VERSION, b"\x02"))
+    found.firmware, found.device = (_text(data[1:]) for data in (firmware, device))
+    parameters = yield from read_contents(CrtpPort.PARAMETERS)
+    for name, value in wanted.items():
+        entry = find(parameters, name, "parameter")
+        form, number = entry.form(PARAMETER_TYPES), struct.pack("<H", entry.number)
+        answer = yield Request(Packet(CrtpPort.PARAMETERS, READ, number), 2)
+        (before,) = _unpack(form, answer[3:], name)
+        if before == value:
+            continue
+        found.changed[name] = float(before), value
+        if write:
+            yield from _set(name, number, form, value)
+    variables = yield from read_contents(CrtpPort.LOG)
+    yield Request(Packet(CrtpPort.LOG, CONTROL, bytes((LOG_RESET,))))
+    for block in BLOCKS:
+        yield from _start(block, variables, found)
+
+
+def check_version(version: int) -> None:
+    """Raise LinkError for a version of CRTP that was not tried."""
+    if not OLDEST <= version <= NEWEST:
+        what = "older than" if version < OLDEST else "newer than"
+        raise LinkError(
+            f"the Crazyflie speaks CRTP {version}, {what} {OLDEST}, the version that was tried: "
+            "flash a firmware of 2026 with cfclient"
+        )
+
+
+def read_contents(port: CrtpPort) -> Generator[Request, bytes, Contents]:
+    """Read the table of contents of parameters or log variables."""
+    info = yield Request(Packet(port, TOC, bytes((GET_INFO,))))
+    found = _unpack(TOC_INFO, info, f"{port.name} information")
+    count, checksum = int(found[1]), int(found[2])
+    key = int(port), count, checksum
+    if key not in _READ:
+        contents: Contents = {}
+        for number in range(count):
+            item = yield Request(Packet(port, TOC, ITEM.pack(GET_ITEM, number)), 3)
+            group, _, name = item[4:].partition(b"\0")
+            contents[f"{_text(group)}.{_text(name)}"] = Entry(number, item[3])
+        _READ[key] = contents
+    return _READ[key]
+
+
+def find(contents: Contents, name: str, what: str) -> Entry:
+    """Return the entry of this name. Raises LinkError that suggests a similar one."""
+    if name in contents:
+        return contents[name]
+    near = difflib.get_close_matches(name, contents, 1)
+    raise LinkError(
+        f"the Crazyflie has no {what} {name}"
+        + (f"; did you mean {near[0]}?" if near else f"; it has {len(contents)} others")
+    )
+
+
+def _set(name: str, number: bytes, form: struct.Struct, value: float) -> Dialogue:
+    is_float = form.format[-1:] in ("f", "d")
+    try:
+        data = form.pack(value if is_float else int(value))
+    except (struct.error, OverflowError):
+        raise LinkError(f"board.parameters: {name} cannot be {value:g}") from None
+    (sent,) = form.unpack(data)
+    answer = yield Request(Packet(CrtpPort.PARAMETERS, WRITE, number + data), 2)
+    (set_to,) = _unpack(form, answer[2:], name)
+    if set_to != sent:
+        raise LinkError(f"the Crazyflie set {name} to {set_to:g}, not to {value:g}")
+
+
+def _start(block: Block, variables: Contents, found: Found) -> Dialogue:
+    entries = [find(variables, name, "log variable") for name in block.names]
+    layout = "".join(entry.form(LOG_TYPES).format[1:] for entry in entries)
+    found.forms[block.number] = struct.Struct("<" + layout)
+    items = b"".join(ITEM.pack(entry.kind & TYPE_BITS, entry.number) for entry in entries)
+    period = struct.pack("<H", block.period_ms)
+    for command, rest in ((LOG_CREATE, items), (LOG_START, period)):
+        data = bytes((command, block.number)) + rest
+        answer = yield Request(Packet(CrtpPort.LOG, CONTROL, data), 2)
+        if answer[2:3] not in (b"\x00", b"\x11"):  # EEXIST: an answer was lost
+            raise LinkError(
+                f"the Crazyflie refuses log block {block.number} ({', '.join(block.names)}) with "
+                f"error {answer[2:3].hex() or 'none'}"
+            )
+
+
+def _unpack(form: struct.Struct, data: bytes, what: str) -> tuple[float, ...]:
+    if len(data) < form.size:
+        raise LinkError(f"the Crazyflie answers {len(data)} bytes for {what}, not {form.size}")
+    return form.unpack_from(data)
+
+
+def _text(data: bytes) -> str:
+    return data.split(b"\0")[0].decode("ascii", "replace")

@@ -1,0 +1,37 @@
+"""The options of a Crazyflie, and what its parameters are set to at each start."""
+
+from __future__ import annotations
+
+from quadrotor.errors import OutOfBoundsError
+from quadrotor.parameters import Parameters, parameter
+
+
+class CrazyflieOptions(Parameters):
+    """Configuration of one Crazyflie."""
+
+    thrust_max: float = parameter(0.48, unit="N", ge=0.1, le=4.0, step=0.01)
+    """thrust of all four motors at its largest set-point, 65535; 0.72 with the thrust upgrade kit,
+    0.8 for the Brushless"""
+    landing_thrust: float = parameter(0.3, unit="N", ge=0.05, le=4.0, step=0.01)
+    """thrust of the level descent when the flight stack gives up, a little under the weight"""
+    landing_time: float = parameter(8.0, unit="s", ge=1.0, le=30.0, step=0.5)
+    """this descent ends after this, motors off"""
+    pose_rate: float = parameter(50.0, unit="Hz", ge=0.0, le=100.0, step=5.0)
+    """poses a second that its own estimator is given; 0: none"""
+    parameters: str = parameter("stabilizer.controller=1; stabilizer.estimator=2")
+    """its parameters that are set at each start, GROUP.NAME=VALUE; ...: PID and Kalman filter"""
+
+    @property
+    def wanted(self) -> dict[str, float]:
+        """Return {name: value} of `parameters`. Raises OutOfBoundsError."""
+        found = {}
+        for word in filter(None, map(str.strip, self.parameters.split(";"))):
+            name, _, value = word.partition("=")
+            try:
+                found[name.strip()] = float(value)
+            except ValueError:
+                raise OutOfBoundsError(
+                    f"board.parameters has {word!r}; give GROUP.NAME=VALUE; ... with numbers, like "
+                    "stabilizer.controller=1"
+                ) from None
+        return found

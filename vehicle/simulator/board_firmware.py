@@ -1,0 +1,97 @@
+"""What all simulated firmwares of other boards than the paper's have in common.
+
+They sense the plant more finely than the paper's converters, and run at 1 kHz.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.records import Record
+from quadrotor.vehicle_model import Four
+from vehicle.boards.reference_rounding import REFERENCE_MAX
+from vehicle.simulator.firmware.firmware import REGISTERS
+from vehicle.simulator.parameters import SimulatorParameters
+from vehicle.simulator.sensors import sense
+from vehicle_link.serial.ids import Id, MotorState
+
+PERIOD_US = 1000
+"""Period, in µs, at which it receives states, returns motor values and exchanges bytes."""
+
+
+class BoardFirmware:
+    """One board, like `vehicle.simulator.firmware.firmware.Firmware`, with finer sensors.
+
+    Attributes:
+        registers: (65,) int16, of which it uses only the period.
+        references: counts of motor reference, motors front, left, rear, right.
+    """
+
+    command = (0, 0, 0, 0)
+    udp_port: int | None = None
+    """Port of CRTP over UDP; None: a pseudo-terminal."""
+
+    def __init__(self) -> None:
+        self.registers: npt.NDArray[np.int16] = np.zeros(REGISTERS, np.int16)
+        self.registers[Id.MIRROR_PERIOD] = PERIOD_US
+        self.references: Four = (0.0, 0.0, 0.0, 0.0)
+        self._sensed = np.zeros((2, 3))  # specific force in m/s^2, angular velocity in rad/s
+        self._plant: Record | None = None
+        self._pressure = 0.0
+        self._missing = 0
+
+    @property
+    def motor_state(self) -> MotorState:
+        return MotorState.ON if any(self.references) else MotorState.OFF
+
+    @property
+    def voltage(self) -> float:
+        """Return the plant's voltage, V."""
+        assert self._plant is not None
+        return float(self._plant["voltage"][0])
+
+    def sense(
+        self, plant: Record, sensors: Record, noise: npt.NDArray[np.float64], row: int
+    ) -> None:
+        """Store the readings of a PLANT (1,) for the next period."""
+        self._plant = plant
+        self._pressure = sense(plant, sensors, noise, row, self._sensed)
+
+    def period(self, command: tuple[int, int, int, int]) -> None:
+        """Run the firmware for one period with the stored readings."""
+        raise NotImplementedError
+
+    def receive(self, port: int, data: bytes) -> bytes:
+        """Pass bytes to the firmware; `next_data` returns the answers."""
+        raise NotImplementedError
+
+    def next_data(self) -> tuple[int, bytes]:
+        """Return (port, bytes sent by the firmware)."""
+        raise NotImplementedError
+
+    def fail(self) -> None:
+        """Simulate a permanent failure of the board."""
+        raise NotImplementedError
+
+    def set_missing(self, motors: int) -> None:
+        """Set the bits of the motors that do not turn."""
+        self._missing = motors
+
+    def _turn(self, shares: Four) -> None:
+        """Set the motors to these shares, 0 to 1, of the largest reference."""
+        front, left, rear, right = (
+            0.0 if self._missing >> k & 1 else REFERENCE_MAX * max(0.0, share)
+            for k, share in enumerate(shares)
+        )
+        self.references = front, left, rear, right
+
+    def configure(self, parameters: SimulatorParameters) -> None: ...
+
+    def advance(self, elapsed_ms: int) -> None: ...
+
+    def steps(self, ms: int, count: int, step_ms: int) -> None: ...
+
+    def set_period(self, sixteenths: int) -> None: ...
+
+    def close(self) -> None: ...

@@ -1,0 +1,1 @@
+"""A simulated Crazyflie: its protocol, inner loops, supervisor and radio, on our plant."""

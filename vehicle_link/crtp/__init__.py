@@ -1,0 +1,1 @@
+"""CRTP, the packets of the Crazyflie, and the links that carry them."""
