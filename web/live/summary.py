@@ -36,7 +36,8 @@ class Summary:
         """Return the summary, which is read-only.
 
         It has the newest status messages, ages, the experiment and its proposal, control,
-        pre-flight, the progress of a trajectory, and what Emergency land does.
+        pre-flight, the progress of a trajectory, whether the 3D view shows a planned one, and what
+        Emergency land does.
         """
         now = self._clock()
         if now - self._made > SHARED:
@@ -54,6 +55,7 @@ class Summary:
             "transfers": transfers_summary(parts.live),
             "preflight": preflight_summary(parts.live),
             "trajectory": parts.trajectories.summary(),
+            "planned": parts.scene.is_plan_shown,
             "emergency_land": parts.replica.value("safety.emergency_land"),
             "pages": parts.hub.pages,
         }
