@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
 from importlib.metadata import PackageNotFoundError, distribution
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import FastAPI, HTTPException, Request, WebSocket
+from fastapi import FastAPI, HTTPException, Query, Request, WebSocket
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, Response
 from starlette.exceptions import HTTPException as StarletteHTTPException
@@ -46,12 +46,14 @@ from web.live import events
 from web.live.pictures import add_pictures
 from web.live.spectra import add_spectra
 from web.live.summary import Summary
+from web.live.telemetry import MOST_SIGNALS, described_expression
 from web.parameters.routes import add_parameters
 from web.replay.routes import add_replay
 from web.requester import Asker, Operator
 from web.runs.routes import add_runs
 from web.setup.routes import add_setup
 from web.signals import described
+from web.signals.expression import answers
 from web.static_files import FILES, STATIC
 from web.tuning.routes import add_tuning
 from web.view import proxy as pump
@@ -146,6 +148,13 @@ def _add_reading(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
     def signals() -> Response:
         """Return the signals for charts and table; topics in the order of the ages in a frame."""
         return Response(described(), media_type="application/json")
+
+    @app.get("/api/expressions")
+    def expressions(
+        text: Annotated[list[str], Query(max_length=MOST_SIGNALS)],
+    ) -> list[dict[str, Any]]:
+        """Return the derived signal of each text, or what is wrong with it as `problem`."""
+        return answers(text, described_expression)
 
     @app.get("/api/behaviors")
     def behaviors() -> list[dict[str, Any]]:
