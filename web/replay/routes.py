@@ -61,6 +61,10 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
     def page(run_id: str) -> HTMLResponse:
         return FILES.document("replay/replay.html")
 
+    @app.get("/compare", include_in_schema=False)
+    def compare_page() -> HTMLResponse:
+        return FILES.document("compare/compare.html")
+
     @app.get("/api/replay")
     def logs() -> list[dict[str, Any]]:
         """Return the vehicle's own logs on this computer, newest first; runs are in /api/runs."""

@@ -89,7 +89,7 @@ export class Chart {
     const labels = this.labelsOf(names);
     this.lines = this.source.lines(names, this.stylesOf(names))
       .map((line) => ({ ...line, unit: this.signal(line.name).unit,
-        label: line.second ? "" : labels[names.indexOf(line.name)] }));
+        label: line.label ?? (line.second ? "" : labels[names.indexOf(line.name)]) }));
     this.ends = this.lines.map(() => null);
     this.outputs = this.lines.map((line) => (line.label || line.second ? element("output") : null));
     this.legend.replaceChildren(...this.entries());
@@ -195,11 +195,17 @@ export class Chart {
 
   scale(unit) { return { range: () => this.rangeOf(unit) }; }
 
-  rangeOf(unit) {
-    let low = null, high = null;
+  // Least and greatest of what is shown in a unit; null of nothing.
+  extentOf(unit) {
+    let low = /** @type {number | null} */ (null), high = /** @type {number | null} */ (null);
     this.pieces.forEach((piece, i) => {
       if (piece && this.lines[i]?.unit === unit) [low, high] = extent(piece.values, piece.from, piece.to, low, high);
     });
+    return [low, high];
+  }
+
+  rangeOf(unit) {
+    let [low, high] = this.extentOf(unit);
     if (unit in this.limits && low !== null && high !== null) [low, high] = [Math.min(low, this.limits[unit]), Math.max(high, this.limits[unit])];
     return this.range(unit, low, high);
   }

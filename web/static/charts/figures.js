@@ -28,7 +28,7 @@ export class FigureTable {
   constructor(chart) {
     this.chart = chart;
     this.body = element("tbody");
-    this.place = element("table", { className: "figures", ariaLabel: "statistics of the time shown" },
+    this.place = element("table", { className: "statistics", ariaLabel: "statistics of the time shown" },
       element("thead", {}, element("tr", {}, element("th", {}, ""), ...SHOWN.map((name) => element("th", { scope: "col" }, name)))), this.body);
     this.key = "";
   }

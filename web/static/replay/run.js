@@ -26,13 +26,13 @@ export class Run {
   }
 
   // progress(0 … 1) is called while the log is read.
-  static async open(id, progress, { newer = false } = {}) {
+  static async open(id, progress, { newer = false, hasTrack = true } = {}) {
     const path = `/api/replay/${encodeURIComponent(id)}`;
     for (let wanted = newer; ; wanted = false) {
       const answer = await get(`${path}${wanted ? "?newer=true" : ""}`);
       if (answer.state === "ready") {
         const run = new Run(id, answer);
-        await run.loadTrack();
+        if (hasTrack) await run.loadTrack();
         return run;
       }
       progress(answer.progress);
