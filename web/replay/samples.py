@@ -106,7 +106,7 @@ class Samples:
             pieces.append(step(times[first:last], columns))
         return np.concatenate(pieces)
 
-    def _column(self, topic: str, column: str, first: int, last: int) -> Array:
+    def _column(self, topic: str, column: str, first: int, last: int) -> npt.NDArray[Any]:
         if is_expression(column):
             return self._evaluated(column)[first:last]
         return self._topics[topic].values(column, first, last)

@@ -66,7 +66,7 @@ class Expression:
     def described(self, topic: str) -> dict[str, Any]:
         """Return the fields that the page needs; `topic` is the one whose times it has."""
         group = {"label": self.label, "unit": self.unit, "group": "derived", "topic": topic}
-        return {"name": self.name, **group, "known": True}
+        return {"name": self.name, **group}
 
 
 def parse(text: str, units: Mapping[str, str]) -> Expression:

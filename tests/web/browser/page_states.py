@@ -137,7 +137,7 @@ class Room:
 
     def compare(self) -> None:
         run, later = self.runs_made
-        self._go(f"/compare?run={run}&run={later}", "#parameters table")
+        self._go(f"/compare?run={run}&run={later}", "#parameters h2")
         self.page.wait_for_selector("#signals .plot canvas >> nth=5")
 
     def setup(self) -> None:

@@ -19,7 +19,7 @@ UNITS = {
     "actuators/thrusts[0]": "",
     "actuators": "",
 }
-TIMES = np.arange(400) * 0.01
+TIMES: Any = np.arange(400) * 0.01
 
 
 @pytest.fixture
@@ -84,7 +84,7 @@ def test_the_integral_of_the_rate_is_the_signal(columns: dict[str, Any]) -> None
 def test_a_low_pass_filter_passes_what_is_slow_and_halves_the_power_at_its_cut_off(
     columns: dict[str, Any],
 ) -> None:
-    times = np.arange(20_000) * 1e-3
+    times: Any = np.arange(20_000) * 1e-3
     for frequency, gain in ((0.02, 1.0), (2.0, math.sqrt(0.5)), (40.0, 0.05)):
         wave = np.sin(2 * math.pi * frequency * times)
         passed = parse("lowpass(state.yaw, 2)", UNITS).start()(times, {"state.yaw": wave})

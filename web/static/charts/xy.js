@@ -18,7 +18,7 @@ export class XyChart extends Chart {
   select(names) {
     super.select(names);
     this.plot.append(...(this.dots ?? []));
-    this.plot.ariaLabel = names.length > 1 ? `${names.slice(1).map((name) => this.title(name)).join(", ")} over ${this.title(names[0])}` : "empty chart";
+    this.plot.ariaLabel = names.length > 1 ? `${names.filter((name) => this.isY(name)).map((name) => this.title(name)).join(", ")} over ${this.title(names[0])}` : "empty chart";
   }
 
   // The signal that is x for another one: that of the same vector, if it is shown.

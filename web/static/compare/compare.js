@@ -33,8 +33,7 @@ function chip(id, k) {
 const addressOf = (runs) => `/compare?${runs.map((id) => `run=${encodeURIComponent(id)}`).join("&")}${location.hash}`;
 
 // The run, or null with the reason in its line.
-async function open(id, k, about) {
-  const line = chip(id, k), entry = about.get(id);
+async function open(id, k, entry, line) {
   try {
     if (entry?.recording) throw new Error("is still being recorded: compare it when it is closed");
     const run = Object.assign(await Run.open(id, (share) => line.say(`reading, ${Math.round(100 * share)} %`), { hasTrack: false }), { number: k });
@@ -132,7 +131,11 @@ async function start() {
   if (ids.length < 2) { say("Choose two runs or more on the page Runs, then press Compare."); return; }
   if (ids.length > MOST_RUNS) say(`${MOST_RUNS} of ${ids.length} runs are shown: compare fewer at a time.`, true);
   const about = new Map((await get("/api/runs?limit=1000").catch(() => [])).map((run) => [run.id, run]));
-  const runs = (await Promise.all(ids.slice(0, MOST_RUNS).map((id, k) => open(id, k, about)))).filter((run) => run !== null);
+  const lines = ids.slice(0, MOST_RUNS).map(chip), runs = [];
+  for (const [k, line] of lines.entries()) { // the server prepares one at a time
+    const run = await open(ids[k], k, about.get(ids[k]), line);
+    if (run) runs.push(run);
+  }
   if (runs.length < 2) { say(runs.length ? "Only one of these runs can be compared." : "None of these runs can be compared.", true); return; }
   const words = new URLSearchParams(location.hash.slice(1)).getAll("s");
   const derived = (await derivedSignals((texts) => runs[0].expressions(texts), words)).map(({ name }) => name);
