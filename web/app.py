@@ -49,7 +49,7 @@ from web.live.summary import Summary
 from web.live.telemetry import MOST_SIGNALS, described_expression
 from web.parameters.routes import add_parameters
 from web.replay.routes import add_replay
-from web.requester import Asker, Operator
+from web.requester import Admin, Asker, Operator
 from web.runs.routes import add_runs
 from web.setup.routes import add_setup
 from web.signals import described
@@ -122,6 +122,10 @@ def _add_reading(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
     @app.get("/kill", include_in_schema=False)
     def kill_page() -> HTMLResponse:
         return FILES.document("emergency/kill.html")
+
+    @app.get("/design", include_in_schema=False)
+    def design_page(_: Admin) -> HTMLResponse:
+        return FILES.document("design/design.html")
 
     @app.get("/favicon.ico", include_in_schema=False)
     def icon() -> FileResponse:

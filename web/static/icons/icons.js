@@ -47,6 +47,8 @@ const PATHS = {
   pause: "M7 4v12M13 4v12",
 };
 
+export const ICONS = Object.keys(PATHS);
+
 /** @param {string} name */
 export function icon(name) {
   const made = document.createElementNS("http://www.w3.org/2000/svg", "svg"), path = document.createElementNS(made.namespaceURI, "path");

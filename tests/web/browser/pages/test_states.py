@@ -32,6 +32,7 @@ STATES = (
     "runs",
     "replay",
     "compare",
+    "design",
     "setup",
     "kill",
     "sign_in",
