@@ -53,7 +53,7 @@ export class Chart {
   // Whether statistics, or the lines of events, are shown.
   set(name, value) {
     this[name] = value;
-    this.figures.place.hidden = !this.hasFigures;
+    this.figures.place.hidden = !this.hasFigures || !this.source.figures;
     this.refresh();
     if (this.axis.paused) this.draw();
   }
@@ -304,7 +304,7 @@ export class Chart {
     this.pieces = this.lines.map((line) => this.source.samples(line, min, max));
     this.due = at + Math.max(PERIOD, 500 * (max - min) / width); // half a pixel later
     this.show(min, max);
-    if (this.hasFigures && (axis.paused || at >= this.counted)) { this.counted = at + COUNT; this.figures.draw(); }
+    if (this.hasFigures && this.source.figures && (axis.paused || at >= this.counted)) { this.counted = at + COUNT; this.figures.draw(); }
     // It runs on under the pointer.
     if (this.pointer !== undefined && !axis.paused) axis.point(this.timeAt(this.pointer));
     if (at - this.read >= READ || axis.paused) { this.read = at; this.readOut(); }

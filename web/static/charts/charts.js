@@ -155,8 +155,8 @@ export class Charts {
     return chart;
   }
 
-  overFrequency([Source, Kind], place, names, { scales = {} }) {
-    const source = new Source(this.signals, this.axis), chart = new Kind(place, { axis: source.axis ?? this.axis, source, scales });
+  overFrequency([Source, Kind], place, names, look) {
+    const source = new Source(this.signals, this.axis), chart = new Kind(place, { axis: source.axis ?? this.axis, source, ...look });
     chart.select(names);
     const problem = element("output", { className: "state" });
     chart.tools.append(problem);

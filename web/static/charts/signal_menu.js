@@ -200,7 +200,7 @@ export class ChartMenu {
   }
 
   shown(unit) {
-    const { min, max } = this.chart.uplot.scales[`y${this.chart.units.indexOf(unit)}`];
+    const { min, max } = this.chart.uplot.scales[`y${this.chart.units.indexOf(unit)}`] ?? {}; // x of one signal over another has none
     return [min, max].map((value) => Number((value ?? 0).toPrecision(3)));
   }
 }

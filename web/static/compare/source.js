@@ -1,6 +1,7 @@
 // The signals of several runs as a chart's source: a colour, a dash and a letter a run, or each run's difference
 // to the first one.
 
+import { figuresOf } from "../charts/figures.js";
 import { indexAt } from "../charts/history.js";
 import { setText } from "../core/dom.js";
 import { RecordedSignals } from "../replay/recorded_signals.js";
@@ -26,6 +27,10 @@ export class ComparedSignals extends RecordedSignals {
   lines(names) {
     this.names = names;
     this.clear();
+    return this.linesOf(names);
+  }
+
+  linesOf(names) {
     return this.shown.flatMap((run) => run.known(names).map((name) => {
       const { letter, stroke, dash } = look(run.number);
       return { name, run, stroke, dash, label: this.isDifference ? `${letter} − ${look(this.runs[0].number).letter}` : letter };
@@ -42,6 +47,21 @@ export class ComparedSignals extends RecordedSignals {
       this.differences.set(line.run, { values: piece.values, of: first.values, shift: piece.shift, found: difference(piece, first) });
     }
     return { ...piece, values: this.differences.get(line.run).found };
+  }
+
+  // Of a difference, of what is drawn.
+  async figures(line, from, to) {
+    const piece = this.isDifference ? this.samples(line, from, to) : null;
+    return piece ? figuresOf(piece.values, piece.from, piece.to) : super.figures(line, from, to);
+  }
+
+  async table(names, from, to) {
+    if (!this.isDifference) return super.table(names, from, to);
+    return this.linesOf(names).flatMap(({ name, run, label }) => {
+      const piece = this.samples({ name, run }, from, to);
+      const part = (list) => Array.from(list.slice(piece?.from, piece?.to));
+      return piece ? [{ names: [`${name}, ${label}`], times: part(piece.times).map((time) => time - piece.shift), columns: [part(piece.values)] }] : [];
+    });
   }
 
   // The value at the cursor, of what is drawn.

@@ -68,7 +68,7 @@ export class ReplayChart extends EventTarget {
     this.chart.close();
     place.replaceChildren();
     this.view = view;
-    this.chart = new Kind(place, { axis: source.axis ?? range, source, ...(view in { time: 1, xy: 1 } ? { hasFigures, hasEvents, limits } : {}) });
+    this.chart = new Kind(place, { axis: source.axis ?? range, source, hasFigures, hasEvents, limits });
     this.addTools();
     this.chart.select(names);
     this.changed();
