@@ -22,6 +22,10 @@ test("view, limits, statistics and event lines of a chart are kept, and nothing 
   assert.deepEqual(checked({ window: 30, charts: [{ signals: ["a"], view: "pie" }] }, SIGNALS).charts, [{ signals: ["a"], scales: {} }]);
 });
 
+test("a layout with a derived signal that was forgotten is kept without it", () => {
+  assert.deepEqual(checked(layout(["a", "= gone"]), SIGNALS).charts[0].signals, ["a"]);
+});
+
 test("the derived signals of a file that are not known yet can be made first", () => {
   const layouts = new Layouts(new Map([...SIGNALS, ["= a", { unit: "m" }]]));
   layouts.save("mine", layout(["= a", "b"]));

@@ -11,7 +11,7 @@ const VIEWS = [
   ["spectrogram", "Spectrogram", "density of the first signal over time and frequency"],
 ];
 
-// view: the present one's name; choose(name): another one; changed(): statistics or event lines are.
+// view: the present one's name; views: what can be chosen, none where there is one only; choose(name): another one; changed(): statistics or event lines are.
 export function viewMenu(chart, view, choose, changed = () => {}, views = VIEWS) {
   const place = element("div", { className: "menu view", role: "dialog", ariaLabel: "view of the chart", hidden: true });
   const button = element("button", { className: "icon", title: "view, statistics, event lines, save", ariaLabel: "view", ariaExpanded: "false", onclick: () => open(place.hidden) }, icon("more"));
@@ -27,8 +27,8 @@ export function viewMenu(chart, view, choose, changed = () => {}, views = VIEWS)
     onchange: ({ target }) => { chart.set(name, target.checked); changed(); } }), label);
   const isPlain = view === "time" || view === "xy";
   place.append(
-    element("div", { className: "views", role: "group", ariaLabel: "view" }, ...views.map(([name, label, title]) => act(label, title, () => { if (name !== view) choose(name); }, { ariaPressed: String(name === view), name }))),
-    ...(isPlain ? [box("Statistics", "hasFigures")] : []), ...(view === "time" ? [box("Event lines", "hasEvents")] : []),
+    ...(views.length < 2 ? [] : [element("div", { className: "views", role: "group", ariaLabel: "view" }, ...views.map(([name, label, title]) => act(label, title, () => { if (name !== view) choose(name); }, { ariaPressed: String(name === view), name })))]),
+    ...(isPlain ? [box("Statistics", "hasFigures")] : []), ...(view === "time" && views.length > 1 ? [box("Event lines", "hasEvents")] : []),
     element("div", { className: "tools" }, act("Save PNG", "what is drawn, as a picture", () => savePicture(chart)),
       act("Save CSV", "the numbers of what is shown", () => saveNumbers(chart))));
   place.addEventListener("keydown", (event) => { if (event.key === "Escape") { open(false); button.focus(); event.stopPropagation(); } });

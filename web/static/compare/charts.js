@@ -9,7 +9,6 @@ import { Range } from "../replay/range.js";
 import { ComparedSignals, look } from "./source.js";
 
 const SAMPLES = 1500; // of a difference
-const ONE_VIEW = [["time", "Over time", "values over time"]];
 
 // Seconds about the event at which the runs are aligned, which is 0.
 export class EventRange extends Range {
@@ -67,7 +66,7 @@ export class CompareCharts {
       places.append(place);
       const source = new ComparedSignals(this.clock, this.range, () => (isDifference ? SAMPLES : Math.min(2000, Math.max(200, place.clientWidth))), isDifference ? [having[0], ...shown] : shown, shown, isDifference);
       const chart = new GroupedChart(place, { axis: this.range, source });
-      chart.tools.append(viewMenu(chart, "time", () => {}, () => {}, ONE_VIEW));
+      chart.tools.append(viewMenu(chart, "time", () => {}, () => {}, []));
       pointingByKeys(chart);
       chart.select([name]);
       source.addEventListener("window", () => { for (const one of [chart, ...chart.group]) { one.refresh(); one.draw(); } this.show(chart); });
