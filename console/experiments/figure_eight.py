@@ -11,7 +11,7 @@ from pathlib import Path
 from console.evaluation.tracking import tracking_errors
 from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result
-from flight_log import read_metadata
+from flight_log import summarize
 from quadrotor.errors import RefusedError, UsageError
 from quadrotor.parameters import Parameters, parameter
 
@@ -140,6 +140,6 @@ class FigureEight:
         if self._window is None:
             raise RefusedError("the 8 was not flown to its end, so there is nothing to evaluate")
         metrics = tracking_errors(log, self._vehicle, *self._window).metrics()
-        board = read_metadata(log).get("quadlab.run", {}).get("board", MIKROKOPTER)
+        board = summarize(log).run.get("board", MIKROKOPTER)
         is_ours = board == MIKROKOPTER or self.parameters.laps == REST_TO_REST
         return judged(metrics, LIMITS[self.parameters.laps] if is_ours else BY_RATES)

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import erf
 
 from estimation.tags.intrinsics import Intrinsics
 
@@ -99,6 +98,8 @@ def _pixels(H: Array, places: Array, lens: Intrinsics) -> Array:
 
 def _smoothed(at: Array, cells: int, blur: float) -> tuple[Array, Array]:
     """Return the shares (places, cells) of the cells in a blurred picture, and their slopes."""
+    from scipy.special import erf  # late: it takes 0.2 s, and flights without a camera need none
+
     x = (at[:, None] - (np.arange(cells + 1) - 0.5 * cells)) / blur
     slope = np.exp(-0.5 * x * x) / (np.sqrt(2.0 * np.pi) * blur)
     return -np.diff(0.5 * erf(x / np.sqrt(2.0)), axis=1), -np.diff(slope, axis=1)
