@@ -234,6 +234,7 @@ export class Chart {
     });
     let free = -Infinity;
     ctx.textBaseline = "top";
+    ctx.textAlign = "left";
     for (const { t, text, kind } of this.hasEvents ? this.axis.events : []) {
       if (t < min || t > max) continue;
       const x = Math.round(left + (t - min) / (max - min) * width) + 0.5;

@@ -193,9 +193,9 @@ export class ChartMenu {
         this.changed();
       };
       return element("div", {}, element("span", {}, `scale ${unit || "without unit"}`),
-        element("label", {}, auto, "auto"), from, "to", to, "line at",
+        element("label", {}, auto, "auto"), from, "to", to, element("label", {}, "line at",
         element("input", { type: "number", step: "any", value: this.chart.limits[unit] ?? "", placeholder: "none", ariaLabel: `line across the ${unit || "plain"} scale`,
-          onchange: ({ target }) => { this.chart.setLimit(unit, target.valueAsNumber); this.changed(); } }));
+          onchange: ({ target }) => { this.chart.setLimit(unit, target.valueAsNumber); this.changed(); } })));
     }));
   }
 

@@ -9,6 +9,7 @@ import { Range } from "../replay/range.js";
 import { ComparedSignals, look } from "./source.js";
 
 const SAMPLES = 1500; // of a difference
+const LEAST = 700; // points of a chart: a new one has no width yet
 
 // Seconds about the event at which the runs are aligned, which is 0.
 export class EventRange extends Range {
@@ -64,7 +65,7 @@ export class CompareCharts {
     const add = (shown, isDifference, title) => {
       const place = element("section", { className: "chart", ariaLabel: `${title}: ${group} ${label}` }, element("h3", {}, title));
       places.append(place);
-      const source = new ComparedSignals(this.clock, this.range, () => (isDifference ? SAMPLES : Math.min(2000, Math.max(200, place.clientWidth))), isDifference ? [having[0], ...shown] : shown, shown, isDifference);
+      const source = new ComparedSignals(this.clock, this.range, () => (isDifference ? SAMPLES : Math.min(2000, Math.max(LEAST, place.clientWidth))), isDifference ? [having[0], ...shown] : shown, shown, isDifference);
       const chart = new GroupedChart(place, { axis: this.range, source });
       chart.tools.append(viewMenu(chart, "time", () => {}, () => {}, []));
       pointingByKeys(chart);
