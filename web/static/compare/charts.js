@@ -63,7 +63,7 @@ export class CompareCharts {
     const { runs } = this, having = runs.filter((run) => run.signals.has(name)), lacking = runs.filter((run) => !run.signals.has(name));
     const { group, label, unit } = having[0].signals.get(name), places = element("div", { className: this.isSplit ? "multiples" : "both" });
     const add = (shown, isDifference, title) => {
-      const place = element("section", { className: "chart", ariaLabel: `${title}: ${group} ${label}` }, element("h3", {}, title));
+      const place = element("section", { className: "chart", ariaLabel: `${title}: ${group} ${label}` }, ...(this.isSplit ? [] : [element("h3", {}, title)]));
       places.append(place);
       const source = new ComparedSignals(this.clock, this.range, () => (isDifference ? SAMPLES : Math.min(2000, Math.max(LEAST, place.clientWidth))), isDifference ? [having[0], ...shown] : shown, shown, isDifference);
       const chart = new GroupedChart(place, { axis: this.range, source });

@@ -126,7 +126,7 @@ class Page {
 
 async function start() {
   const session = await get("/api/session");
-  head(session, "/compare");
+  head(session, "/runs");
   document.title = `Compare ${ids.length} runs`;
   if (ids.length < 2) { say("Choose two runs or more on the page Runs, then press Compare."); return; }
   if (ids.length > MOST_RUNS) say(`${MOST_RUNS} of ${ids.length} runs are shown: compare fewer at a time.`, true);
