@@ -28,7 +28,7 @@ export class FigureTable {
   constructor(chart) {
     this.chart = chart;
     this.body = element("tbody");
-    this.place = element("table", { className: "statistics", ariaLabel: "statistics of the time shown" },
+    this.place = element("table", { className: "statistics", tabIndex: 0, ariaLabel: "statistics of the time shown" },
       element("thead", {}, element("tr", {}, element("th", {}, ""), ...SHOWN.map((name) => element("th", { scope: "col" }, name)))), this.body);
     this.key = "";
   }
@@ -39,8 +39,9 @@ export class FigureTable {
     const key = lines.map((/** @type {any} */ { name, run }) => `${run?.id}${name}`).join();
     if (key !== this.key) {
       this.key = key;
-      this.body.replaceChildren(...lines.map((/** @type {any} */ { name, second, run, stroke, dash }) => {
-        const head = element("th", { scope: "row", title: chart.title(name) }, `${chart.signal(name).label}${second ? `, ${run.id}` : ""}`);
+      this.body.replaceChildren(...lines.map((/** @type {any} */ { name, label, second, stroke, dash }) => {
+        const words = label || `${chart.isMerged(name) ? "reference " : ""}${chart.signal(name).label}${second ? ", second run" : ""}`;
+        const head = element("th", { scope: "row", title: chart.title(name) }, words);
         head.style.setProperty("--line-style", chart.pattern(stroke, dash));
         return element("tr", {}, head, ...SHOWN.map(() => element("td")));
       }));
