@@ -22,9 +22,9 @@ export class View {
     themeFrame($("scene"));
     $("follow").addEventListener("click", () => this.follow($("follow").getAttribute("aria-pressed") !== "true"));
     events.addEventListener("open", () => this.follow($("follow").getAttribute("aria-pressed") === "true"));
-    events.on("summary", ({ age, planned }) => {
+    events.on("summary", ({ age }) => {
       if (age) hide($("truth-key"), !(age.truth !== null && age.truth < 1));
-      hide($("planned-key"), !planned);
+      hide($("planned-key"), !events.summary.planned); // a message has only what changed
       this.flags(events);
     });
     timeout.addEventListener("change", () => this.flags(events));
