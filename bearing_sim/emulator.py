@@ -13,9 +13,8 @@ import numpy.typing as npt
 
 from bearing_sim.beacons import Beacons, parse_layout
 from bearing_sim.bearing_parameters import BearingParameters, parse_beacon_bias, parse_lost
-from bearing_sim.chance import Draws, hidden, pair
 from bearing_sim.pose_track import PoseTrack
-from bearing_sim.sampling import SECOND_NS, DelayLine, InstantGrid
+from bearing_sim.sampling import SECOND_NS, DelayLine, Draws, InstantGrid, hidden, pair
 from quadrotor.plain_rotations import Array, Quadruple, Triple, quaternion_of, rows_of
 
 __all__ = ["BearingEmulator", "BearingMeasurement", "BearingParameters", "perturbed"]

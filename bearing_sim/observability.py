@@ -21,11 +21,11 @@ import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.beacon_set import LEAST, Beacons
+from quadrotor.records import Array
 
 if TYPE_CHECKING:
     from bearing_sim.bearing_parameters import BearingParameters
 
-Array = npt.NDArray[np.float64]
 Symmetric = tuple[Array, Array, Array, Array, Array, Array]
 """xx, yy, zz, xy, xz, yz of symmetric matrices, one for each point."""
 

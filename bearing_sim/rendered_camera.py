@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
+
 Picture = npt.NDArray[np.uint8]
 Box = tuple[slice, slice]
 """Rows and columns of a picture."""

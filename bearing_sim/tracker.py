@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bearing_sim.chance import Draws
-from bearing_sim.sampling import SECOND_NS, DelayLine, SampleGrid
+from bearing_sim.sampling import SECOND_NS, DelayLine, Draws, SampleGrid
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.plain_rotations import Array, Triple, turned
 from quadrotor.records import NO_ATTITUDE

@@ -7,9 +7,11 @@ ratio is the median of the rounds' ratios. Each row has accuracy next to time.
 from __future__ import annotations
 
 import shutil
+import socket
 import statistics
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -55,6 +57,20 @@ def time_in_turns(
                 function()
             found[name].append((time.perf_counter() - began) / calls)
     return {name: Timing(tuple(values)) for name, values in found.items()}
+
+
+def free_port() -> int:
+    """Return a port that is free for TCP and UDP on loopback right now."""
+    while True:
+        with (
+            socket.socket(socket.AF_INET, socket.SOCK_STREAM) as tcp,
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp,
+        ):
+            tcp.bind(("127.0.0.1", 0))
+            port: int = tcp.getsockname()[1]
+            with suppress(OSError):
+                udp.bind(("127.0.0.1", port))
+                return port
 
 
 @dataclass

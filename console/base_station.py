@@ -15,38 +15,40 @@ from functools import partial
 from typing import Any
 
 from bearing_sim import BearingMeasurement, PoseMeasurement
-from console.beacon_layout import BeaconLayout, in_force, vehicle_teller
+from console.beacon_layout import BeaconLayout, layout_setter, restored_layout
 from console.calibrations import Calibrations
 from console.catalogue.catalogue import Catalogue
-from console.checks.alarms import AlarmBoard
-from console.checks.checks import CheckDesk
+from console.checks.alarms import Alarms
+from console.checks.gather import Gatherer
+from console.checks.observed import Observed
+from console.checks.preflight import Preflight
+from console.checks.startup import StartupChecks
 from console.commands.gateway import CommandGateway
-from console.commands.lease_service import ControlDesk
-from console.commands.stick_control import StickDesk
+from console.commands.lease_service import LeaseService
+from console.commands.stick_control import StickHandler
 from console.comparison.feed import ComparisonFeed
-from console.experiment_running.run_files import settings_of
+from console.context import StationContext
 from console.experiment_running.runner import ExperimentRunner
-from console.link.identification import Introduction
+from console.link.forwarding import forward_service
+from console.link.identification import VehicleIdentification
 from console.link.monitor import LinkMonitor
-from console.link.outbox import Outbox
-from console.link.polling import SlowQuestions
-from console.link.recent_telemetry import RecentTelemetry
+from console.link.outbox import INFO, WARN, Outbox
+from console.link.polling import VehiclePolling
 from console.link.status_sender import StatusSender
 from console.link.subscriptions import Subscriptions
-from console.link.telemetry import TelemetryIn
-from console.link.wakeup_rates import pace_of
+from console.link.telemetry import TelemetryReception
+from console.link.wakeup_rates import wakeup_rates
+from console.message_handlers import MessageHandlers
 from console.parameters.history import ParameterHistory
-from console.parameters.history_writer import ParameterWitness
+from console.parameters.history_writer import ParameterHistoryWriter
 from console.parameters.store import StationStore
 from console.parameters.vehicle import VehicleParameters
-from console.reception import Reception
 from console.runs.housekeeping import PERIOD, Housekeeping
 from console.runs.marks import MarkService
 from console.runs.pictures import PictureRecording
-from console.runs.runs import RunKeeper
+from console.runs.runs import RunManager
 from console.tracker_feed import TrackerFeed
 from console.transfers.service import Transfers
-from console.tuning.log_window import LogWindow
 from quadrotor.errors import LinkError, ParameterError, RefusedError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import has_attitude
@@ -59,8 +61,9 @@ from vehicle_link.transport.node import Node
 log = logging.getLogger(__name__)
 
 STATUS_EVERY = 4  # beats
-INFO, WARN = 20, 30
 CLOSE_PATIENCE = 3.0
+LOG_TIMEOUT = 1.0
+"""Seconds to wait for a part of the vehicle's log."""
 
 
 class BaseStation:
@@ -71,13 +74,13 @@ class BaseStation:
         vehicle: its name, which is the namespace of the topics.
         operator: written into runs that were started without a requester.
         settings: `station.*` parameters to start with.
-        keeps_house: whether this station tidies the runs' folder, which several stations share.
+        housekeeping: whether this station tidies the runs' folder, which several stations share.
         vehicles: number of vehicles of this process. With a single one, estimators are compared
             even when no page shows it, so that each run has the comparison, and lines for the
             terminal need no name.
         host: host of the vehicle, for datagrams next to the link; empty for none.
         instance: random number of this process (vehicle_link.process_instance).
-        endpoints: where the station listens and what it dials, in words.
+        endpoints: where the station listens and what it connects to, in words.
         follows_process: poses come from a tracker process, not from the simulated tracker.
     """
 
@@ -89,7 +92,7 @@ class BaseStation:
         operator: str = "",
         settings: Mapping[str, ParameterValue] | None = None,
         *,
-        keeps_house: bool = True,
+        housekeeping: bool = True,
         vehicles: int = 1,
         host: str = "",
         instance: int | None = None,
@@ -97,7 +100,7 @@ class BaseStation:
         follows_process: bool = False,
     ) -> None:
         self._vehicle = vehicle
-        self._pace, is_alone = pace_of(vehicles), vehicles == 1
+        self._rates, is_alone = wakeup_rates(vehicles), vehicles == 1
         self._closing = threading.Event()
         self._node = Node(session, f"/{vehicle}", "station")
         self._progress = ProcessProgress(vehicle)
@@ -109,17 +112,17 @@ class BaseStation:
         self._store.preset(settings or {})
         history = ParameterHistory(catalogue.engine, vehicle)
         known = history.known()
-        problem = self._taken_up(in_force(settings or {}, known))
+        problem = self._restore(restored_layout(settings or {}, known))
         self._vehicle_parameters = VehicleParameters(self._node, vehicle, known)
         self._calibrations = Calibrations(self._node)
-        self.runs = RunKeeper(
+        self.runs = RunManager(
             catalogue,
             self._store,
             self._vehicle_parameters,
             vehicle,
             operator,
             self._calibrations.attachment,
-            self._pace.written,
+            self._rates.write_period,
         )
         self._recorder = self.runs.recorder
         self._outbox = Outbox(
@@ -127,17 +130,21 @@ class BaseStation:
             vehicle,
             self._recorder.put,
             self.link.vehicle_ns,
-            self.link.standing,
+            self.link.permission,
             speaker="station" if is_alone else f"station {vehicle}",
             # In lockstep many more heartbeats go over the lane, and the link needs none of them.
-            beats_over_link=self._pace.beats_over_link * (5 if self._progress.in_lockstep else 1),
+            zenoh_heartbeat_every=self._rates.zenoh_heartbeat_every
+            * (5 if self._progress.in_lockstep else 1),
         )
         self._store.subscribe(self._outbox.parameter_changed)
-        self._alarms = AlarmBoard(partial(self._outbox.say, WARN))
+        self._alarms = Alarms(partial(self._outbox.say, WARN))
         if problem:
-            self._outbox.say(WARN, f"the beacons that were in force are not taken up: {problem}")
-        self.control = ControlDesk(self._node, self._outbox, self.link.vehicle_ns)
+            self._outbox.say(WARN, f"the previous beacon layout was not restored: {problem}")
         parameters = self._store.parameters
+        context = StationContext(
+            self._node, vehicle, self.link, self._outbox, self._recorder, self._alarms, parameters
+        )
+        self.control = LeaseService(context)
         self._comparison = ComparisonFeed(
             parameters.comparison,
             self._outbox.put,
@@ -153,25 +160,20 @@ class BaseStation:
         )
         self._layout = BeaconLayout(
             lambda: parameters.bearings.layout,
-            self._vehicle_parameters,
+            self._vehicle_parameters.known,
             lambda: not self.link.refusal("change_parameters"),
-            vehicle_teller(self._node),
+            layout_setter(self._node),
         )
         self._store.consult(self._layout.before_change)
-        self._witness = ParameterWitness(history, partial(self._alarms.set, "history"))
-        self._witness.begin(self._store.values())
-        self._vehicle_parameters.subscribe(self._witness.look)
+        self._history = ParameterHistoryWriter(history, partial(self._alarms.set, "history"))
+        self._history.begin(self._store.values())
+        self._vehicle_parameters.subscribe(self._history.compare)
         self.experiments = ExperimentRunner(
-            self._node,
-            vehicle,
-            self.link.state,
-            self.link.vehicle_ns,
-            self._outbox,
+            context,
             self._vehicle_parameters,
             self.runs,
             self._calibrations,
             catalogue,
-            settings_of(parameters),
             self._asked,
             self._permit,
         )
@@ -183,80 +185,50 @@ class BaseStation:
             self.control.permit,
             self.experiments.commanded,
         )
-        MarkService(self._node, vehicle, catalogue, self._recorder, self._outbox, self.link)
+        MarkService(context, catalogue)
         self._house = Housekeeping(
             catalogue,
             parameters.recorder,
             self._recorder.status,
             partial(self._outbox.say, INFO),
             self._alarms.set,
-            purges=keeps_house,
+            purges=housekeeping,
         )
-        LogWindow(self._node, self.link.state)
+        forward_service(self._node, "onboard_log", self.link.state, LOG_TIMEOUT)
         serve_parameters(self._node, self._store)
-        self._sticks = StickDesk(
-            self._outbox, self.control.steers, self.experiments, lambda: parameters.sticks.timeout
-        )
-        self.checks = CheckDesk(
-            self._node,
+        self._sticks = StickHandler(
             self._outbox,
-            parameters,
-            self.link,
+            self.control.accepts_sticks,
+            self.experiments.passes,
+            lambda: parameters.sticks.timeout,
+        )
+        observed, folder = Observed(), catalogue.folder
+        gatherer = Gatherer(
+            context,
+            observed,
             self._tracker,
             self._vehicle_parameters,
-            self._recorder,
-            self._alarms,
-            catalogue.folder,
+            folder,
             lambda: self._sticks.alarm is not None,
-            endpoints,
         )
-        self._status = StatusSender(
-            self._outbox,
-            self.link,
-            self._tracker,
-            self._recorder,
-            self._alarms,
-            self.checks.gatherer.take_link,
+        self._preflight = Preflight(context, gatherer.facts, self._vehicle_parameters.refresh)
+        self._startup_checks = StartupChecks(context, folder.parent, gatherer, endpoints)
+        self._status = StatusSender(context, self._tracker, gatherer.note_link_status)
+        polling = VehiclePolling(
+            context, self._vehicle_parameters, self._layout, self._calibrations
         )
-        questions = SlowQuestions(
-            self._node,
-            self.link,
-            self._recorder,
-            self._vehicle_parameters,
-            self._layout,
-            self._calibrations,
-            self._alarms,
+        self._transfers = Transfers(context, catalogue)
+        self.runs.subscribe(self._transfers.queue.run_closed)
+        identification = VehicleIdentification(self._node, vehicle, self.link)
+        telemetry = TelemetryReception(
+            context, self._comparison, observed, self.experiments, self._progress.vehicle_received
         )
-        self._transfers = Transfers(
-            self._node,
-            catalogue,
-            vehicle,
-            parameters.recorder,
-            self.link.state,
-            self._outbox.say,
-            self.link.vehicle_ns,
-        )
-        self.runs.subscribe(self._transfers.desk.run_closed)
-        introduction = Introduction(self._node, vehicle, self.link)
-        telemetry = TelemetryIn(
-            vehicle,
-            self.link,
-            self._outbox,
-            self._recorder,
-            self._comparison,
-            self.checks.observed,
-            self.experiments,
-            RecentTelemetry(self._node),
-            self._progress.vehicle_received,
-        )
-        reception = Reception(
-            vehicle,
-            link=self.link,
-            outbox=self._outbox,
+        message_handlers = MessageHandlers(
+            context,
             telemetry=telemetry,
-            observed=self.checks.observed,
+            observed=observed,
             parameters=self._vehicle_parameters,
-            history=self._witness,
+            history=self._history,
             runs=self.runs,
             experiments=self.experiments,
             comparison=self._comparison,
@@ -266,32 +238,24 @@ class BaseStation:
             progress=self._progress,
         )
         self._subscriptions = Subscriptions(
-            self._node,
-            vehicle,
-            host,
-            self.link,
-            self._alarms,
-            self.checks.observed,
-            self._recorder,
-            reception.handlers,
-            self._outbox.beats,
-            self._closing,
+            context, host, observed, message_handlers.handlers, self._closing
         )
-        self._pictures = PictureRecording(session, vehicle, self._recorder, parameters.recorder)
-        self.checks.start()
+        self._pictures = PictureRecording(context)
+        self._preflight.start()
+        self._startup_checks.start()
         self._threads = [
             threading.Thread(target=target, name=name, daemon=True)
             for name, target in (
                 ("beat", self._beat),
-                ("who", partial(introduction.run, self._closing, self._guard)),
-                ("slow", partial(questions.run, self._closing, self._guard)),
-                ("tidy", partial(self._tidy, keeps_house)),
+                ("identification", partial(identification.run, self._closing, self._guard)),
+                ("polling", partial(polling.run, self._closing, self._guard)),
+                ("housekeeping", partial(self._tidy, housekeeping)),
             )
         ]
         for thread in self._threads:
             thread.start()
 
-    def _taken_up(self, kept: Mapping[str, ParameterValue]) -> str:
+    def _restore(self, kept: Mapping[str, ParameterValue]) -> str:
         """Set values from before the start, which another version may have written; return the
         reason for refusing them, or "".
         """
@@ -306,7 +270,8 @@ class BaseStation:
         self._closing.set()
         self.runs.close()
         self._transfers.close()
-        self.checks.close()
+        self._preflight.close()
+        self._startup_checks.close()
         self.experiments.close()
         self._sticks.close()
         self._tracker.close()
@@ -316,7 +281,7 @@ class BaseStation:
         self._pictures.close()
         self._subscriptions.close()
         self._node.close()
-        self._witness.close()
+        self._history.close()
 
     def warn(self, line: str) -> None:
         """Publish a warning event of this vehicle."""
@@ -334,8 +299,8 @@ class BaseStation:
         RefusedError.
         """
         if command == "arm":
-            self.checks.preflight.before_arming(requester)
-        self.runs.asked(command, requester)
+            self._preflight.before_arming(requester)
+        self.runs.note_command(command, requester)
 
     def _on_bearings(self, frame: BearingMeasurement) -> None:
         self._outbox.bearings(frame)
@@ -356,17 +321,19 @@ class BaseStation:
         while not self._closing.is_set():
             count += 1
             self._guard(self._beat_once, count)
-            due = max(due + self._pace.beat, time.monotonic())  # never catch up in a burst
+            due = max(
+                due + self._rates.heartbeat_period, time.monotonic()
+            )  # never catch up in a burst
             self._closing.wait(due - time.monotonic())
 
     def _beat_once(self, count: int) -> None:
-        if self.link.standing.beats:
+        if self.link.permission.sends_heartbeats:
             self._outbox.heartbeat(count)
-        self._alarms.set("standing", self.link.problem() or None)
-        self._alarms.set("radio", self.link.standing.unreachable or None)
+        self._alarms.set("permission", self.link.problem() or None)
+        self._alarms.set("radio", self.link.permission.unreachable_reason or None)
         self._alarms.set("sticks", self._sticks.alarm)
-        eyes = ("tracker", self._tracker.alarm), ("camera", self._tracker.camera_alarm)
-        for key, line in eyes:
+        camera_alarms = ("tracker", self._tracker.alarm), ("camera", self._tracker.camera_alarm)
+        for key, line in camera_alarms:
             if line != self._alarms.keyed().get(key):
                 self._alarms.set(key, None)  # so that a different problem is reported as well
             self._alarms.set(key, line)
@@ -378,11 +345,11 @@ class BaseStation:
         if count % STATUS_EVERY == 0 or self._status.link_changed:
             self._status.send()
 
-    def _tidy(self, keeps_house: bool) -> None:
-        if keeps_house:
+    def _tidy(self, housekeeping: bool) -> None:
+        if housekeeping:
             self._guard(self._house.tidy)
         while not self._closing.wait(PERIOD):
-            self._guard(self._house.look)
+            self._guard(self._house.check)
 
     def _guard(self, act: Callable[..., None], *arguments: Any) -> None:
         """Call `act` and turn a defect in it into an alarm: it must not stop the heartbeat of a

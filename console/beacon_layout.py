@@ -11,7 +11,6 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Mapping
-from typing import Protocol
 
 from quadrotor.errors import LinkError, ParameterError
 from quadrotor.parameters import ParameterValue
@@ -20,49 +19,47 @@ from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.node import Node
 
-OURS = "station.bearings.layout"
-THEIRS = "beacons.layout"
+STATION_LAYOUT = "station.bearings.layout"
+VEHICLE_LAYOUT = "beacons.layout"
 SERVICE = "change_parameters"
 TIMEOUT = 1.0
 AGAIN = 5.0
 """Seconds before a vehicle that has refused is asked again."""
 
 
-class Known(Protocol):
-    """The part of console.parameters.vehicle.VehicleParameters that is needed here."""
-
-    def known(self, name: str) -> ParameterValue | None: ...
-
-
-def in_force(
+def restored_layout(
     given: Mapping[str, ParameterValue], before: Mapping[str, ParameterValue]
 ) -> dict[str, ParameterValue]:
     """Return the values to start with: the layout known last (`before`), unless one is `given`."""
-    return {OURS: before[OURS]} if OURS in before and OURS not in given else {}
+    return (
+        {STATION_LAYOUT: before[STATION_LAYOUT]}
+        if STATION_LAYOUT in before and STATION_LAYOUT not in given
+        else {}
+    )
 
 
-Tell = Callable[[str, str], None]
+SetLayout = Callable[[str, str], None]
 """Set the layout (text, requester) on the vehicle. Raises ParameterError or LinkError."""
 
 
-def vehicle_teller(node: Node) -> Tell:
+def layout_setter(node: Node) -> SetLayout:
     """Return a function that sets a layout through the vehicle's command service, which logs the
     requester.
     """
     client = node.client(SERVICE, SERVICES[SERVICE])
 
-    def tell(text: str, requester: str) -> None:
+    def set_layout(text: str, requester: str) -> None:
         request = new(
             f"{SERVICES[SERVICE]}_Request",
             request_id=uuid.uuid4().hex,
             requester=requester,
-            parameters=to_parameters({THEIRS: text}),
+            parameters=to_parameters({VEHICLE_LAYOUT: text}),
         )
         response = client.call(request, timeout=TIMEOUT)
         if not response.accepted:
             raise ParameterError(str(response.reason))
 
-    return tell
+    return set_layout
 
 
 class BeaconLayout:
@@ -70,55 +67,57 @@ class BeaconLayout:
 
     Args:
         ours: returns the station's layout as text.
-        vehicle: the copy of the vehicle's parameters.
+        known: returns the vehicle's value of a parameter; None when it is not known.
         connected: returns whether the vehicle can be asked.
-        tell: sets a layout on the vehicle, see `vehicle_teller`.
+        set_layout: sets a layout on the vehicle, see `layout_setter`.
         clock: a steady clock, s.
     """
 
     def __init__(
         self,
         ours: Callable[[], str],
-        vehicle: Known,
+        known: Callable[[str], ParameterValue | None],
         connected: Callable[[], bool],
-        tell: Tell,
+        set_layout: SetLayout,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._ours, self._vehicle, self._connected = ours, vehicle, connected
-        self._tell, self._clock = tell, clock
-        self._telling = threading.Lock()
+        self._ours, self._known, self._connected = ours, known, connected
+        self._set_layout, self._clock = set_layout, clock
+        self._setting = threading.Lock()
         self._refused_at: float | None = None
         self._reason = ""
 
     def before_change(self, values: Mapping[str, ParameterValue], requester: str) -> None:
         """Set a new layout of the station on the vehicle first. Raises ParameterError."""
-        text = str(values.get(OURS, self._ours()))
+        text = str(values.get(STATION_LAYOUT, self._ours()))
         if text == self._ours() or not self._connected():
             return  # sent when the vehicle connects
-        with self._telling:
+        with self._setting:
             try:
-                self._tell(text, requester)
+                self._set_layout(text, requester)
             except ParameterError as error:
-                raise ParameterError(f"{OURS} not changed, the vehicle refuses: {error}") from None
+                raise ParameterError(
+                    f"{STATION_LAYOUT} not changed, the vehicle refuses: {error}"
+                ) from None
             except LinkError as error:
-                raise ParameterError(f"{OURS} not changed: {error}; try again") from None
+                raise ParameterError(f"{STATION_LAYOUT} not changed: {error}; try again") from None
 
     def agree(self) -> str:
         """Send the layout to a vehicle that has another one; return why it still differs, or "".
         Raises LinkError.
         """
-        with self._telling:
-            theirs, text = self._vehicle.known(THEIRS), self._ours()
+        with self._setting:
+            theirs, text = self._known(VEHICLE_LAYOUT), self._ours()
             if theirs is None or theirs == text:
                 self._refused_at = None
                 return ""
             if self._refused_at is not None and self._clock() < self._refused_at + AGAIN:
                 return self._reason
             try:
-                self._tell(text, "station")
+                self._set_layout(text, "station")
             except ParameterError as error:
                 self._refused_at = self._clock()
-                self._reason = f"the vehicle keeps other beacons ({theirs}): {error}"
+                self._reason = f"the vehicle has other beacons ({theirs}): {error}"
                 return self._reason
             self._refused_at = None
             return ""

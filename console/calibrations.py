@@ -28,7 +28,7 @@ START_PATIENCE = 10.0
 """Seconds to wait for the gyroscope calibration of the vehicle's start: it is written to the
 vehicle's disk first."""
 GYROSCOPE = "gyroscope"
-TOLD = HISTORY, IN_FORCE = ("history", "in_force")
+ACTIONS = HISTORY, IN_FORCE = ("history", "in_force")
 NOT_READ = "not received from the vehicle yet"
 LOST = "the link to the vehicle is lost"
 
@@ -99,15 +99,15 @@ class Calibrations:
         with self._lock:
             self._due = float("inf")  # a later change is not in the answer
         try:
-            records = {action: self._asked(action) for action in TOLD}
+            records = {action: self._asked(action) for action in ACTIONS}
         except LinkError:
             with self._lock:
                 self._records, self._due = None, 0.0
             raise
-        told = {record.name for record in records[IN_FORCE]}
+        current = {record.name for record in records[IN_FORCE]}
         with self._lock:
             self._records, self._problem = records, ""
-            if GYROSCOPE not in told and time.monotonic() < self._awaited_until:
+            if GYROSCOPE not in current and time.monotonic() < self._awaited_until:
                 self._due = 0.0
         return records[HISTORY]
 
@@ -142,14 +142,14 @@ class Calibrations:
 
     def _answer(self, request: Any) -> Any:
         """Answer with the calibrations as last read."""
-        if request.action not in TOLD:
+        if request.action not in ACTIONS:
             raise RefusedError(
-                f"the station serves only {' and '.join(TOLD)} here, not {request.action!r:.40}; "
-                "calibrations are made and accepted through its experiments"
+                f"the station serves only {' and '.join(ACTIONS)} here, not "
+                f"{request.action!r:.40}; its experiments make and accept calibrations"
             )
         with self._lock:
             records, problem = self._records, self._problem
         if records is None:
             raise RefusedError(f"the vehicle's calibrations are not known: {problem}")
-        told = [one.model_dump_json() for one in records[request.action]]
-        return new(f"{SERVICE}_Response", accepted=True, records=told)
+        current = [one.model_dump_json() for one in records[request.action]]
+        return new(f"{SERVICE}_Response", accepted=True, records=current)

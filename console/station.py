@@ -15,7 +15,7 @@ from pathlib import Path
 
 from console.base_station import CLOSE_PATIENCE, BaseStation
 from console.catalogue.catalogue import Catalogue
-from console.link.dialled_vehicles import remember_dialled
+from console.link.known_vehicles import write_station_vehicles
 from quadrotor.parameters import ParameterValue
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import ensure_certificates, readable_keys
@@ -30,9 +30,7 @@ def run_station(
     data: Path,
     vehicles: Mapping[str, str],
     loopback_port: int = 7447,
-    operator: str = "",
     settings: Mapping[str, ParameterValue] | None = None,
-    database_url: str | None = None,
     *,
     follows_process: bool = False,
 ) -> int:
@@ -43,7 +41,6 @@ def run_station(
         vehicles: name → `host:port` of its radio link, the main one first; none need be reachable
             yet.
         loopback_port: TCP port for web, simulator and ROS 2 nodes on this machine.
-        operator: written into runs that were started without a requester.
         settings: `station.*` parameters of every vehicle to start with.
         follows_process: poses come from a tracker process.
 
@@ -56,14 +53,14 @@ def run_station(
     sys.setswitchinterval(SWITCH_INTERVAL * len(vehicles))
     stopping = EndSignal()
     hosts = list(dict.fromkeys(parse_endpoint(endpoint)[0] for endpoint in vehicles.values()))
-    catalogue = Catalogue(data, database_url)
+    catalogue = Catalogue(data)
     files = ensure_certificates(data / "certificates", hosts)
     for endpoint in vehicles.values():
         check_station(endpoint, files)  # refuse unusable endpoints before anything runs
     for line in readable_keys(files):
         sys.stderr.write(f"station: {line}\n")
     hub, instance = hub_session(loopback_port), new_instance()
-    remember_dialled(data, list(vehicles))
+    write_station_vehicles(data, list(vehicles))
     stations: list[BaseStation] = []
     radios: list[Radio] = []
     for name, endpoint in vehicles.items():
@@ -71,14 +68,13 @@ def run_station(
             hub,
             catalogue,
             name,
-            operator,
-            settings,
-            keeps_house=not stations,
+            settings=settings,
+            housekeeping=not stations,
             vehicles=len(vehicles),
             host=parse_endpoint(endpoint)[0],
             instance=instance,
             endpoints=(
-                f"dials the vehicle at {endpoint}, serves page and ROS 2 at "
+                f"connects to the vehicle at {endpoint}, serves page and ROS 2 at "
                 f"127.0.0.1:{loopback_port}"
             ),
             follows_process=follows_process,
@@ -95,7 +91,9 @@ def run_station(
         )
         station.link.follow(radio)
         radios.append(radio)
-    print(f"station: dials {_dialled(vehicles)}, serves 127.0.0.1:{loopback_port}", flush=True)
+    print(
+        f"station: connects to {_described(vehicles)}, serves 127.0.0.1:{loopback_port}", flush=True
+    )
     while not stopping.wait(1.0):
         pass
     _at_once([radio.close for radio in radios])
@@ -120,7 +118,7 @@ def _at_once(acts: Sequence[Callable[[], None]]) -> None:
         thread.join()
 
 
-def _dialled(vehicles: Mapping[str, str]) -> str:
+def _described(vehicles: Mapping[str, str]) -> str:
     if len(vehicles) == 1:
         return next(iter(vehicles.values()))
     return ", ".join(f"{name} at {endpoint}" for name, endpoint in vehicles.items())

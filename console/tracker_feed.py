@@ -27,6 +27,8 @@ from quadrotor.plain_rotations import Array
 from quadrotor.records import has_attitude
 from vehicle_link.clock import monotonic
 
+ENDED = "its process was ended"
+"""Problem in the last status of a tracker process that was ended on purpose."""
 RATE_WINDOW = 1.0
 SILENT, PROCESS_SILENT, STARTING = 1.0, 0.4, 10.0
 """Seconds without a truth, or without the tracker process's status, until it is reported; seconds
@@ -67,13 +69,13 @@ class TrackerFeed:
         self._clock = clock
         self._changed = threading.Condition()
         self._ahead_ns = 0  # vehicle's clock minus ours
-        self._heard: float | None = None
+        self._truth_at: float | None = None
         self._sent: deque[float] = deque(maxlen=1000)
         self._frames: deque[float] = deque(maxlen=1000)
         self._process: Any = None  # its newest TrackerStatus
-        self._told = clock() + STARTING
+        self._status_at = clock() + STARTING
         self._camera: Any = None  # the newest TrackerStatus of the camera on board
-        self._camera_told = 0.0
+        self._camera_status_at = 0.0
         self._closed = False
         self._thread = threading.Thread(target=self._run, name="tracker", daemon=True)
         self._thread.start()
@@ -83,7 +85,7 @@ class TrackerFeed:
         with self._changed:
             if self.follows_process:
                 return
-            self._heard = self._clock()
+            self._truth_at = self._clock()
             self._tracker.observe(stamp_ns, position_w, quaternion_wb)
             self._catch_up(stamp_ns)
 
@@ -95,9 +97,9 @@ class TrackerFeed:
             self._send(pose)
             self._catch_up(now_ns)
 
-    def process_told(self, status: Any) -> None:
+    def note_tracker_status(self, status: Any) -> None:
         """Handle a TrackerStatus of the tracker process."""
-        self.follows_process, self._process, self._told = True, status, self._clock()
+        self.follows_process, self._process, self._status_at = True, status, self._clock()
 
     def seen(self, frame: BearingMeasurement) -> None:
         """Handle a frame of a camera on board, stamped with the vehicle's clock."""
@@ -105,30 +107,39 @@ class TrackerFeed:
             self._frames.append(self._clock())
             self._publish_bearings(frame._replace(beacons=self._emulator.beacons))
 
-    def camera_told(self, status: Any) -> None:
-        """Handle a TrackerStatus of the camera on board: from then on no bearings are emulated."""
-        self._camera, self._camera_told = status, self._clock()
+    def note_camera_status(self, status: Any) -> None:
+        """Handle a TrackerStatus of the camera on board, which replaces the emulated bearings."""
+        self._camera, self._camera_status_at = status, self._clock()
+
+    def forget_ended_camera(self) -> bool:
+        """Emulate bearings again if the process of the camera on board was ended on purpose; return
+        whether it was. Called while the vehicle is disarmed: in flight the source must not change.
+        """
+        if self._camera is None or self._camera.problem != ENDED:
+            return False
+        self._camera = None
+        return True
 
     @property
     def camera_alarm(self) -> str | None:
         """Return what is wrong with the camera on board, or None."""
         if self._camera is None:
             return None
-        if self._clock() - self._camera_told > PROCESS_SILENT:
-            return "camera on board: its process is silent; start it again, or read its lines"
+        if self._clock() - self._camera_status_at > PROCESS_SILENT:
+            return "camera on board: its process is silent; restart it, or check its output"
         return f"camera on board: {self._camera.problem}" if self._camera.problem else None
 
     @property
     def alarm(self) -> str | None:
         """Return what is wrong with the tracker, or None."""
         if self.follows_process:
-            if self._clock() - self._told > PROCESS_SILENT:
-                return "tracker: its process is silent; start quadlab tracker, or read its lines"
+            if self._clock() - self._status_at > PROCESS_SILENT:
+                return "tracker: its process is silent; start quadlab tracker, or check its output"
             problem = "" if self._process is None else self._process.problem
             return f"tracker: {problem}" if problem else None
-        if self._heard is None or self._clock() - self._heard <= SILENT:
+        if self._truth_at is None or self._clock() - self._truth_at <= SILENT:
             return None  # before the first truth: neither simulator nor tracking system
-        return "tracker: the truth has stopped coming"
+        return "tracker: the simulator no longer sends true poses"
 
     @property
     def nominal(self) -> float:

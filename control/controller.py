@@ -23,7 +23,16 @@ class Controller(Protocol):
         """Return whether the last step limited the desired force."""
         ...
 
+    @property
+    def disturbance(self) -> Record:
+        """Return DISTURBANCE (1,), written before each step, which compensates it."""
+        ...
+
     def configure(self, parameters: ControlParameters, model: Record) -> None: ...
+
+    def weigh(self, mass: float) -> None:
+        """Use this mass (kg) from now on."""
+        ...
 
     def reset(self) -> None: ...
 

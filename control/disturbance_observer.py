@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from control.parameters import DisturbanceParameters, Item
 from quadrotor.compiled import compiled
@@ -26,8 +25,6 @@ from quadrotor.records import ACTUATORS, Record, new_state
 from quadrotor.rigid_body import drag_torque, gyroscopic_ratios, motor_share, rotors
 from quadrotor.vectors import Vector, add, along, axes_of, quaternion, scale, times, to_body, vector
 from quadrotor.vehicle_model import GRAVITY, Four, VehicleModel
-
-Array = npt.NDArray[np.float64]
 
 RATE_POLE = 20.0
 """Low pass, in rad/s, of the force's rate, which turns the vehicle before its tilt is wrong."""
@@ -82,10 +79,7 @@ nothing jumps when the observer is faded in or out."""
 
 def observer_record(parameters: DisturbanceParameters) -> Record:
     """Return the parameters as one OBSERVER record, shape (1,)."""
-    out = np.zeros(1, OBSERVER)
-    for name in OBSERVER.names or ():
-        out[name] = getattr(parameters, name)
-    return out
+    return np.array([tuple(getattr(parameters, name) for name in OBSERVER.names or ())], OBSERVER)
 
 
 @compiled(inner=True)
@@ -109,11 +103,12 @@ def observe_one(
     """
     m = memory
     n = m.rotor_speeds
-    target = vector4(actuators.motor_references)
+    target = quaternion(actuators.motor_references)
     if not flying:
         _forget(m, target, out)
         return
-    if not math.isfinite(_sum(state.velocity_w) + _sum(state.angular_velocity_b)):
+    moved, spun = state.velocity_w, state.angular_velocity_b
+    if not math.isfinite(moved[0] + moved[1] + moved[2] + spun[0] + spun[1] + spun[2]):
         return  # a NaN would persist
     pole, spin = settings.force_bandwidth, settings.torque_bandwidth
     keep, keep_spin = -math.expm1(-pole * dt), -math.expm1(-spin * dt)
@@ -142,18 +137,6 @@ def observe_one(
             v[i] += away
             m.turn_b[i] = away / dt
     _take(m, settings, model, dt, out)
-
-
-@compiled(inner=True)
-def vector4(a: Array) -> Four:
-    """Return the four numbers of an array."""
-    return a[0], a[1], a[2], a[3]
-
-
-@compiled(inner=True)
-def _sum(a: Array) -> float:
-    total: float = a[0] + a[1] + a[2]
-    return total
 
 
 @compiled(inner=True)

@@ -16,6 +16,7 @@ def page() -> str:
     from bearing_sim.emulator import BearingParameters
     from bearing_sim.tracker import TrackerParameters
     from console.parameters.station import StationParameters
+    from quadlab.mavlink.parameter_names import has_short_name, short_name
     from quadlab.simulated.parameters import CameraParameters
     from vehicle.boards.betaflight.options import BetaflightOptions
     from vehicle.parameters import new_parameters
@@ -43,6 +44,10 @@ def page() -> str:
             described = tuple(d for d in described if not d.name.startswith(ABOVE))
         parts.append(HEAD)
         parts.extend(_rows(prefix, described))
+        if title == "Vehicle":
+            parts.append("\n### Short names, for MAVLink\n\n| short name | name |\n|---|---|\n")
+            named = filter(has_short_name, described)
+            parts.extend(f"| `{short_name(d.name)}` | `{d.name}` |\n" for d in named)
     return "".join(parts)
 
 

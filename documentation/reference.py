@@ -85,8 +85,7 @@ def http_routes() -> str:
 
 def topics() -> str:
     """Return the page of topics, services and the definitions of our messages."""
-    from vehicle_link.messages.names import ros_name
-    from vehicle_link.messages.store import FOLDER
+    from vehicle_link.messages.store import FOLDER, ros_name
     from vehicle_link.topics.table import SERVICES, TOPICS
 
     rows = [
@@ -124,9 +123,8 @@ def file_format() -> str:
     from flight_log import run_folder, writer
     from flight_log.index import RECOVERED_METADATA
     from flight_log.provenance import provenance
-    from vehicle_link.messages.names import ros_name
-    from vehicle_link.messages.numbers import numbers
-    from vehicle_link.messages.units import unit_of
+    from vehicle_link.messages.store import ros_name
+    from vehicle_link.messages.units import numbers, unit_of
     from vehicle_link.topics.table import TOPICS
 
     parts = [

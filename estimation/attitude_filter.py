@@ -13,12 +13,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
 from quadrotor.compiled import compiled
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 Triple = tuple[float, float, float]
 
 

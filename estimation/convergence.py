@@ -6,11 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from quadrotor.records import Record
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,13 +12,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from quadrotor.compiled import compiled
+from quadrotor.records import Array
 from quadrotor.vectors import Vector, vector
-
-Array = npt.NDArray[np.float64]
 
 HIGHEST = 0.45
 """Share of the sampling rate above which a notch is disabled: there is nothing left to remove."""

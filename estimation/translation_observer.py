@@ -12,14 +12,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
 from estimation.attitude_filter import Triple, to_world
 from quadrotor.compiled import compiled
+from quadrotor.records import Array
 from quadrotor.vehicle_model import GRAVITY
-
-Array = npt.NDArray[np.float64]
 
 
 @compiled

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from flight_log.index import index_problem
 from flight_log.records import ReadState, records
 from flight_log.summary import LogSummary, summarize
 from flight_log.topic_columns import ColumnReader, Columns
 from quadrotor.errors import LogFormatError
+from quadrotor.records import Stamps
 from vehicle_link.topics.table import SHARED, TOPICS
 
 GAP = 5.0
@@ -25,7 +25,6 @@ OVERTAKEN = frozenset(row.name for row in TOPICS.values() if row.on_radio and no
 RATE_MIN = 1.0
 """Hz; topics with a lower rate are published on change."""
 
-Stamps = npt.NDArray[np.int64]
 _YEAR = 3.2e7  # s; a longer duration means a damaged time
 
 
@@ -169,7 +168,7 @@ def _compare_with_index(found: LogCheck) -> None:
         counted = found.topics[topic].count if topic in found.topics else 0
         if counted != stated.count:
             found.problems.append(
-                f"{topic}: the index tells {stated.count} messages, {counted} are there"
+                f"{topic}: the index states {stated.count} messages, the file has {counted}"
             )
     if index.recovered:
         found.notes.append("it was torn and has been repaired")

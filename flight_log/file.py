@@ -8,7 +8,7 @@ import stat
 import tempfile
 import threading
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -119,22 +119,25 @@ class LogFile:
                 raise StorageError(f"cannot write {self.path}: {error.strerror}") from error
 
 
-def open_log(path: Path) -> BinaryIO:
-    """Open a log for reading; in a run's folder, the one that `log_of` chooses.
+@contextmanager
+def open_log(path: Path) -> Iterator[BinaryIO]:
+    """Yield a log opened for reading; in a run's folder, the one that `log_of` chooses.
 
-    Raises StorageError, also when it is not a regular file: a pipe would block for ever.
+    Raises StorageError, also for an OSError while it is open, and when it is not a regular file: a
+    pipe would block for ever.
     """
     path = log_of(path)
     try:
         descriptor = os.open(path, READING)
+        mode = os.fstat(descriptor).st_mode
+        if not stat.S_ISREG(mode):
+            os.close(descriptor)
+            what = "a folder" if stat.S_ISDIR(mode) else "no file but a pipe or a device"
+            raise StorageError(f"cannot read {path}: it is {what}; give the path of an .mcap file")
+        with os.fdopen(descriptor, "rb") as stream:
+            yield stream
     except OSError as error:
         raise StorageError(f"cannot read {path}: {error.strerror}") from error
-    mode = os.fstat(descriptor).st_mode
-    if not stat.S_ISREG(mode):
-        os.close(descriptor)
-        what = "a folder" if stat.S_ISDIR(mode) else "no file but a pipe or a device"
-        raise StorageError(f"cannot read {path}: it is {what}; give the path of an .mcap file")
-    return os.fdopen(descriptor, "rb")
 
 
 def is_being_written(path: Path) -> bool:

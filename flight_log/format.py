@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import struct
 import zlib
+from functools import cache
 from io import BytesIO
 from typing import Any
 
+import numpy as np
 from lz4.frame import LZ4FrameDecompressor
 from mcap import records as library
 from mcap.data_stream import ReadDataStream
@@ -29,6 +31,14 @@ MESSAGE = struct.Struct("<HIQQ")
 """Channel, sequence, log time, publish time; then the payload."""
 HEAD_BYTES = RECORD.size + MESSAGE.size
 """Bytes of a message record before its payload."""
+_MESSAGE_FIELDS = [
+    ("opcode", "u1"),
+    ("length", "<u8"),
+    ("channel", "<u2"),
+    ("sequence", "<u4"),
+    ("log_ns", "<u8"),
+    ("publish_ns", "<u8"),
+]
 LENGTH_AT, CHANNEL_AT, LOG_AT, PUBLISH_AT = 1, 9, 15, 23
 """Offsets in a message record of its length, its channel and its two times."""
 CHUNK = struct.Struct("<QQQII")
@@ -73,6 +83,12 @@ _CLASSES: dict[int, Any] = {
     Opcode.ATTACHMENT_INDEX: library.AttachmentIndex,
     Opcode.METADATA_INDEX: library.MetadataIndex,
 }
+
+
+@cache
+def message_record(size: int) -> np.dtype[Any]:
+    """Return a message record with a payload of `size` bytes as a numpy type."""
+    return np.dtype([*_MESSAGE_FIELDS, ("payload", f"V{size}")])
 
 
 def parsed(opcode: int, content: bytes) -> Any:

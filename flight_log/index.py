@@ -20,7 +20,7 @@ from mcap.opcode import Opcode
 from flight_log.file import open_log
 from flight_log.format import END_BYTES, FOOTER, MAGIC, RECORD, SUMMARY_OFFSET, UNREADABLE, parsed
 from flight_log.limits import MAX_DESCRIPTION
-from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.errors import LogFormatError
 
 NO_END = "has no end mark: its writer was killed, or it was copied in part"
 DAMAGED = "has a damaged index"
@@ -40,21 +40,15 @@ def reading(file: int) -> Read:
 def is_closed(path: Path) -> bool:
     """Return True when the file has its end mark. Raises StorageError."""
     with open_log(path) as stream:
-        try:
-            size = stream.seek(0, os.SEEK_END)
-            stream.seek(max(size - len(MAGIC), 0))
-            return size >= 2 * len(MAGIC) and stream.read() == MAGIC
-        except OSError as error:
-            raise StorageError(f"cannot read {path}: {error.strerror}") from error
+        size = stream.seek(0, os.SEEK_END)
+        stream.seek(max(size - len(MAGIC), 0))
+        return size >= 2 * len(MAGIC) and stream.read() == MAGIC
 
 
 def holds_nothing(path: Path) -> bool:
     """Return whether its writer was killed before the first record. Raises StorageError."""
-    try:
-        with path.open("rb") as stream:
-            return MAGIC.startswith(stream.read(len(MAGIC) + 1))
-    except OSError as error:
-        raise StorageError(f"cannot read {path.name}: {error.strerror}") from error
+    with open_log(path) as stream:
+        return MAGIC.startswith(stream.read(len(MAGIC) + 1))
 
 
 def begins_as_log(file: int) -> bool:
@@ -68,10 +62,7 @@ def index_problem(path: Path) -> str:
     Raises StorageError.
     """
     with open_log(path) as stream:
-        try:
-            return _problem(reading(stream.fileno()), os.fstat(stream.fileno()).st_size)
-        except OSError as error:
-            raise StorageError(f"cannot read {path}: {error.strerror}") from error
+        return _problem(reading(stream.fileno()), os.fstat(stream.fileno()).st_size)
 
 
 def _problem(read: Read, size: int) -> str:
@@ -187,8 +178,6 @@ def read_index(path: Path) -> FileIndex:
             for opcode, data in index_records(reading(file), os.fstat(file).st_size, wanted):
                 records[opcode].append(parsed(opcode, data))
         [statistics] = records[Opcode.STATISTICS]
-    except OSError as error:
-        raise StorageError(f"cannot read {path.name}: {error.strerror}") from error
     except UNREADABLE as error:
         raise LogFormatError(f"{path.name} has no index that can be read") from error
     recovered = RECOVERED_METADATA in [one.name for one in records[Opcode.METADATA_INDEX]]

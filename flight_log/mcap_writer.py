@@ -13,7 +13,6 @@ import struct
 import zlib
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
-from functools import cache
 from typing import Any, NamedTuple
 
 import lz4.frame
@@ -48,18 +47,11 @@ from flight_log.format import (
     MESSAGE,
     MESSAGE_INDEX,
     RECORD,
+    message_record,
 )
 
 CHUNK_BYTES = 65536
 _HEAD = struct.Struct(RECORD.format + MESSAGE.format[1:])
-_FIELDS = [
-    ("opcode", "u1"),
-    ("length", "<u8"),
-    ("channel", "<u2"),
-    ("sequence", "<u4"),
-    ("log_ns", "<u8"),
-    ("publish_ns", "<u8"),
-]
 _OPCODE = int(Opcode.MESSAGE)
 _LZ4 = b"lz4"
 _INDEX_REST = struct.Struct("<QI3sQQ")
@@ -75,13 +67,8 @@ class MessageBatch(NamedTuple):
     publish_ns: npt.NDArray[np.int64]  # (N,)
 
 
-class OneMessage(NamedTuple):
-    """One message; times in ns."""
-
-    channel_id: int
-    payload: bytes
-    log_ns: int
-    publish_ns: int
+Message = tuple[int, bytes, int, int]
+"""Channel, payload, log time and publish time, ns."""
 
 
 class McapWriter:
@@ -98,17 +85,8 @@ class McapWriter:
         self._channels: list[Channel] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
-        self._statistics = Statistics(
-            attachment_count=0,
-            channel_count=0,
-            channel_message_counts=defaultdict(int),
-            chunk_count=0,
-            message_count=0,
-            message_end_time=0,
-            message_start_time=0,
-            metadata_count=0,
-            schema_count=0,
-        )
+        self._counts: Counter[int] = Counter()  # messages by channel
+        self._chunks = self._start_ns = self._end_ns = 0  # of all messages
         self._chunk = bytearray()
         self._entries: defaultdict[int, bytearray] = defaultdict(bytearray)  # by channel
         self._first_ns = self._last_ns = 0  # of the chunk's messages
@@ -175,14 +153,14 @@ class McapWriter:
         if len(chunk) > self._chunk_bytes:
             self.flush()
 
-    def add_messages(self, messages: Sequence[OneMessage], sequence: int) -> None:
+    def add_messages(self, messages: Sequence[Message], sequence: int) -> None:
         """Add at least one message, in this order, numbered from `sequence` on: 1 µs each.
 
         A chunk is closed only after the last one.
         """
-        times = [message.log_ns for message in messages]
+        channels, _, times, _ = zip(*messages, strict=True)
         first_ns, last_ns = min(times), max(times)
-        for channel_id, count in Counter(message.channel_id for message in messages).items():
+        for channel_id, count in Counter(channels).items():
             self._count(channel_id, count, first_ns, last_ns)
         place = len(self._chunk)
         parts: list[bytes] = []
@@ -190,17 +168,8 @@ class McapWriter:
             self._entries[channel_id] += INDEX_ENTRY.pack(log_ns, place)
             size = len(payload)
             place += HEAD_BYTES + size
-            parts.append(
-                _HEAD.pack(
-                    _OPCODE,
-                    MESSAGE.size + size,
-                    channel_id,
-                    number & 0xFFFF_FFFF,
-                    log_ns,
-                    publish_ns,
-                )
-            )
-            parts.append(payload)
+            length, low = MESSAGE.size + size, number & 0xFFFF_FFFF
+            parts += _HEAD.pack(_OPCODE, length, channel_id, low, log_ns, publish_ns), payload
         self._chunk += b"".join(parts)
         self._close_full()
 
@@ -212,7 +181,7 @@ class McapWriter:
         is closed only after the last message, so it may grow by all of them.
         """
         counts = [len(batch.log_ns) for batch in batches]
-        types = [_record_type(batch.payloads.dtype.itemsize) for batch in batches]
+        types = [message_record(batch.payloads.dtype.itemsize) for batch in batches]
         order = np.argsort(np.concatenate([batch.log_ns for batch in batches]), kind="stable")
         sizes = np.repeat([kind.itemsize for kind in types], counts)
         ends = np.cumsum(sizes[order])
@@ -248,14 +217,11 @@ class McapWriter:
             return
         chunk, self._chunk = self._chunk, bytearray()
         entries, self._entries = self._entries, defaultdict(bytearray)
-        self._statistics.chunk_count += 1
+        self._chunks += 1
         times = self._first_ns, self._last_ns
         stored = lz4.frame.compress(chunk)
-        content = (
-            CHUNK.pack(*times, len(chunk), zlib.crc32(chunk), len(_LZ4))
-            + _LZ4
-            + LENGTH.pack(len(stored))
-        )
+        content = CHUNK.pack(*times, len(chunk), zlib.crc32(chunk), len(_LZ4))
+        content += _LZ4 + LENGTH.pack(len(stored))
         head = RECORD.pack(Opcode.CHUNK, len(content) + len(stored)) + content
         begin, length = self._file.size, len(head) + len(stored)
         parts, places, place = [head, stored], b"", begin + length
@@ -277,10 +243,17 @@ class McapWriter:
         """Write the index and the end mark."""
         self.flush()
         self._file.write(_packed(DataEnd(0)))
-        statistics = self._statistics
-        statistics.schema_count, statistics.channel_count = len(self._schemas), len(self._channels)
-        statistics.attachment_count = len(self._attachments)
-        statistics.metadata_count = len(self._metadata)
+        statistics = Statistics(
+            attachment_count=len(self._attachments),
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=self._chunks,
+            message_count=self._counts.total(),
+            message_end_time=self._end_ns,
+            message_start_time=self._start_ns,
+            metadata_count=len(self._metadata),
+            schema_count=len(self._schemas),
+        )
         groups: list[tuple[int, Iterable[bytes]]] = [
             (Opcode.SCHEMA, [_packed(*self._schemas)]),
             (Opcode.CHANNEL, [_packed(*self._channels)]),
@@ -305,18 +278,13 @@ class McapWriter:
         self._file.write(end + zlib.crc32(end, checksum).to_bytes(4, "little") + MAGIC)
 
     def _count(self, channel_id: int, count: int, first_ns: int, last_ns: int) -> None:
-        """Count messages in the statistics of file and chunk."""
-        statistics = self._statistics
-        if statistics.message_count == 0 or first_ns < statistics.message_start_time:
-            statistics.message_start_time = first_ns
-        statistics.message_end_time = max(statistics.message_end_time, last_ns)
-        statistics.channel_message_counts[channel_id] += count
-        statistics.message_count += count
-        if not self._entries:
-            self._first_ns, self._last_ns = first_ns, last_ns
-            return
-        self._first_ns = min(self._first_ns, first_ns)
-        self._last_ns = max(self._last_ns, last_ns)
+        """Count messages of the file and of the chunk."""
+        self._start_ns = min(self._start_ns, first_ns) if self._counts else first_ns
+        self._end_ns = max(self._end_ns, last_ns)
+        self._counts[channel_id] += count
+        is_first = not self._entries
+        self._first_ns = first_ns if is_first else min(self._first_ns, first_ns)
+        self._last_ns = last_ns if is_first else max(self._last_ns, last_ns)
 
     def _close_full(self) -> None:
         if len(self._chunk) > self._chunk_bytes:
@@ -329,9 +297,3 @@ def _packed(*records: McapRecord) -> bytes:
         record.write(builder)
     data: bytes = builder.end()
     return data
-
-
-@cache
-def _record_type(size: int) -> np.dtype[Any]:
-    """Return a message record with a payload of `size` bytes."""
-    return np.dtype([*_FIELDS, ("payload", f"V{size}")])

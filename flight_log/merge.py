@@ -23,7 +23,6 @@ import numpy as np
 from mcap.records import Attachment
 
 from flight_log.columns.log_columns import read_columns
-from flight_log.comparison import Comparison, compare
 from flight_log.file import LogFile, sync_folder
 from flight_log.mcap_writer import McapWriter
 from flight_log.run_folder import MERGED, STATION, station_log, vehicle_logs
@@ -31,13 +30,15 @@ from flight_log.vehicle_messages import (
     EARLIEST,
     LATEST,
     Channel,
+    Comparison,
     LogOverview,
     Selection,
-    Stamps,
+    compare,
     joined,
 )
 from flight_log.writer import FILLED_METADATA, MEDIA_TYPES
 from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.records import Stamps
 from vehicle_link.topics.table import SHARED
 
 LEAD_NS = 2_000_000_000

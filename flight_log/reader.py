@@ -17,7 +17,7 @@ from flight_log.format import CHUNK_INDEX, INDEX_PLACE, RECORD, UNREADABLE, open
 from flight_log.index import index_records, reading
 from flight_log.limits import MemoryBudget, check_record
 from flight_log.records import RawMessage, ReadState, records, split_chunk
-from quadrotor.errors import LogFormatError, StorageError, UsageError
+from quadrotor.errors import LogFormatError, UsageError
 from vehicle_link.messages import stored_name, typestore
 
 
@@ -110,8 +110,6 @@ def read_topic(path: Path, name: str) -> Iterator[bytes]:
             for _, data in chain([first], chunks):
                 if (place := _chunk_with(data, wanted)) is not None:
                     yield from _payloads(path.name, file, place, wanted)
-    except OSError as error:
-        raise StorageError(f"cannot read {path}: {error.strerror}") from error
     except UNREADABLE as error:
         raise LogFormatError(
             f"{path} has a damaged index ({error}); try: quadlab log recover"

@@ -19,7 +19,7 @@ from flight_log.file import open_log
 from flight_log.format import MAGIC, MESSAGE, RECORD, TIMES, UNREADABLE, opened, parsed
 from flight_log.index import index_names
 from flight_log.limits import MemoryBudget, check_record, map_bytes
-from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.errors import LogFormatError
 
 AT_ONCE = 1_000_000
 """Largest size, in bytes, of a chunk whose messages are made together."""
@@ -73,10 +73,7 @@ def walk(path: Path, state: WalkState, begin: int = 0) -> Iterator[tuple[int, by
         StorageError: the file cannot be read.
     """
     with open_log(path) as stream:
-        try:
-            yield from _walk(path.name, stream, state, begin)
-        except OSError as error:
-            raise StorageError(f"cannot read {path}: {error.strerror}") from error
+        yield from _walk(path.name, stream, state, begin)
 
 
 def _walk(
@@ -116,7 +113,7 @@ def _walk(
             if behind != MAGIC:
                 state.tear = "has a wrong end mark"
             elif more:
-                state.tear = f"has {more} bytes behind its end"
+                state.tear = f"has {more} bytes after its end"
             else:
                 state.closed = True
             return

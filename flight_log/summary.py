@@ -27,7 +27,7 @@ from flight_log.index import (
 from flight_log.limits import MAX_DESCRIPTION, MemoryBudget, map_bytes
 from flight_log.run_folder import log_of
 from flight_log.writer import FILLED_METADATA, RUN_METADATA
-from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.errors import LogFormatError
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +75,6 @@ def summarize(path: Path, progress: Callable[[float], None] = lambda share: None
             raise ValueError(problem)
         with open_log(path) as stream:
             found = _by_index(path, stream.fileno())
-    except OSError as error:
-        raise StorageError(f"cannot read {path}: {error.strerror}") from error
     except (*UNREADABLE, KeyError) as error:
         why = problem or f"{DAMAGED} ({error!r:.80})"
         raise LogFormatError(f"{path} {why}; try: quadlab log recover") from error

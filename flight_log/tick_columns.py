@@ -21,10 +21,10 @@ from flight_log.format import HEAD_BYTES, LENGTH_AT, MAGIC, MESSAGE
 from flight_log.mcap_writer import CHUNK_BYTES
 from flight_log.records import records
 from quadrotor.errors import UsageError
+from quadrotor.records import Stamps
 from vehicle_link.messages.cdr_layout import FixedLayout
 from vehicle_link.topics.ticks import SECOND_NS, WORLD, body_frame, layout
 
-Stamps = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float32]
 
 TICK_TOPICS = ("state", "reference", "imu", "actuators")

@@ -21,6 +21,7 @@ from flight_log.blocks import Block, BlockReader, Bytes, Places, field_at, rows_
 from flight_log.format import HEAD_BYTES, LENGTH_AT, LOG_AT, PUBLISH_AT
 from flight_log.payload_layout import MAX_NUMBERS, PayloadLayout, SchemaLayouts
 from quadrotor.errors import LinkError, LogFormatError
+from quadrotor.records import Stamps
 from vehicle_link.messages import decode
 
 MAX_LAYOUTS = 200
@@ -35,7 +36,6 @@ MAX_VALUES = 4_000_000
 NO_SCHEMA = Schema(id=0, name="", encoding="", data=b"")
 
 Floats = npt.NDArray[np.float64]
-Stamps = npt.NDArray[np.int64]
 
 
 @dataclass

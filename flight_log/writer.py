@@ -17,7 +17,7 @@ import numpy.typing as npt
 from mcap.records import Attachment
 
 from flight_log.file import LogFile
-from flight_log.mcap_writer import McapWriter, MessageBatch, OneMessage
+from flight_log.mcap_writer import McapWriter, MessageBatch
 from quadrotor.errors import StorageError
 from vehicle_link import messages
 
@@ -54,7 +54,6 @@ class LogWriter:
         path: a new file; missing folders are made.
         run: the metadata record `quadlab.run` (run id, vehicle, operator, git revision, …).
         attachments: name → bytes, written before the first message so that a crash keeps them.
-        qos_profiles: topic → rosbag2's YAML text of its profiles, where known.
         chunk_age_ns: log time after which a chunk is closed, full or not.
 
     Raises:
@@ -66,11 +65,9 @@ class LogWriter:
         path: Path,
         run: Mapping[str, str],
         attachments: Mapping[str, bytes],
-        qos_profiles: Mapping[str, str] | None = None,
         chunk_age_ns: int = CHUNK_AGE_NS,
     ) -> None:
         self.path = path
-        self._qos_profiles = dict(qos_profiles or {})
         self._file = LogFile(path)
         self._channels: dict[tuple[str, str], int] = {}
         self._schemas: dict[str, int] = {}
@@ -126,19 +123,14 @@ class LogWriter:
         with self._guarded():
             if not messages:
                 return
-            found = self._channels
+            known, register = self._channels, self._register
             rows = [
-                OneMessage(
-                    found.get((topic, kind)) or self._register(topic, kind),
-                    payload,
-                    log,
-                    publish if publish > 0 else 0,
-                )
-                for topic, kind, payload, log, publish in messages
+                (known.get((of, kind)) or register(of, kind), data, log, at if at > 0 else 0)
+                for of, kind, data, log, at in messages
             ]
             self._writer.add_messages(rows, self.message_count + 1)
             self.message_count += len(rows)
-            self._close_old_chunk(rows[-1].log_ns)
+            self._close_old_chunk(messages[-1][3])
 
     def write_batches(self, batches: Sequence[Batch]) -> None:
         """Write many messages in the order of their log time; at equal times, in that of `batches`.
@@ -251,10 +243,7 @@ class LogWriter:
             topic,
             "cdr",
             self._schemas[name],
-            {
-                "offered_qos_profiles": self._qos_profiles.get(topic, "[]"),
-                "topic_type_hash": messages.type_hash(type_name),
-            },
+            {"offered_qos_profiles": "[]", "topic_type_hash": messages.type_hash(type_name)},
         )
         self._channels[topic, type_name] = channel
         return channel

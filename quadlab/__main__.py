@@ -126,7 +126,7 @@ def _one_line(boxed: str) -> str:
         elif line:
             sections[-1].append(line)
     first, *others = [section for section in sections if section]
-    said = " ".join(first)
+    said = " ".join(first).replace("Expected 1 values", "Expected one value")
     for section in others:
         if section[0].startswith(("Perhaps you meant", "Available subcommands")):
             said += "; " + " ".join(section[:2])

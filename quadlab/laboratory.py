@@ -76,7 +76,9 @@ class Laboratory:
         try:
             self._tls = ssl.create_default_context(cafile=authority) if is_tls else None
         except OSError as error:  # ssl.SSLError is one
-            raise UsageError(f"{authority} is no certificate (PEM) to read: {error}") from None
+            raise UsageError(
+                f"{authority} cannot be read as a certificate (PEM): {error}"
+            ) from None
         self._client = httpx.Client(
             base_url=self._base,
             headers={"origin": self._base},
@@ -191,7 +193,10 @@ class Laboratory:
             summary = self.summary
             now, age = summary.get("experiment") or {}, summary["age"].get("experiment_status")
             if has_begun and (age is None or age > REACH):
-                raise LinkError(f"{experiment} is flown on unseen: the station is silent")
+                raise LinkError(
+                    f"the station is silent, so {experiment} is not followed any longer; it may "
+                    "still be flying"
+                )
             is_ours = (now.get("name"), now.get("requester")) == (experiment, self.label)
             is_running = is_ours and now["phase"] in RUNNING
             has_begun = has_begun or is_running
@@ -270,7 +275,7 @@ class Laboratory:
                 proxy=None,
             )
         except (OSError, WebSocketException) as error:
-            raise UnreachableError(f"{self._base}{path} is not reached: {error}") from None
+            raise UnreachableError(f"{self._base}{path} cannot be reached: {error}") from None
 
     def _hold_presence(self) -> None:
         """Stay connected like an open page, so that the station leaves control to this user."""

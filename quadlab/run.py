@@ -224,7 +224,7 @@ class Table:
     def window(self, begin: float, end: float) -> Table:
         """Return the rows from `begin` to `end` (s). Raises UsageError for an empty range."""
         if not begin < end:
-            raise UsageError(f"from {begin:g} to {end:g} s is no time")
+            raise UsageError(f"from {begin:g} to {end:g} s is not a range of time")
         time = self["time"]
         return Table(self.arrow.filter((time >= begin) & (time <= end)))
 

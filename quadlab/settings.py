@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from quadrotor.errors import OutOfBoundsError, ParameterError, UsageError
+from quadrotor.errors import MeasurementError, OutOfBoundsError, ParameterError, UsageError
 
 if TYPE_CHECKING:
     from quadrotor.parameters import Parameters, ParameterValue
@@ -137,3 +137,17 @@ def parse_settings(
         except ParameterError as error:
             raise UsageError(str(error)) from None
     return values
+
+
+def beacon_words(file: Path | None) -> list[str]:
+    """Return the `--set` words for the file's layout of beacons. Raises UsageError with line and
+    column.
+    """
+    if file is None:
+        return []
+    from bearing_sim.beacons import format_layout, load_beacons
+
+    try:
+        return [f"bearings.layout={format_layout(load_beacons(file))}"]
+    except MeasurementError as error:
+        raise UsageError(f"--beacons: {error}") from None

@@ -12,11 +12,13 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from quadrotor.errors import LinkError, RefusedError
+from quadrotor.parameters import ParameterDescription
+from vehicle_link.clock import monotonic_ns
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.parameters.service import ParameterClient
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
-from vehicle_link.transport.publisher import Received
+from vehicle_link.transport.publisher import Publisher, Received
 from vehicle_link.transport.session import loopback_session
 
 REACH = 3.0
@@ -28,14 +30,15 @@ PRESENT = 1.0
 
 
 class StationClient:
-    """Client of a station, made by `station`; it gives commands in the name of this user.
+    """Client of a station, made by `station`; it gives commands in the name of this user, or of
+    `requester`.
 
     Attributes:
         statuses: each ExperimentStatus as it is received.
     """
 
-    def __init__(self, session: Any, vehicle: str) -> None:
-        self.requester = f"{_user()} (terminal)"
+    def __init__(self, session: Any, vehicle: str, requester: str = "") -> None:
+        self.requester = requester or f"{_user()} (terminal)"
         self._node = Node(session, f"/{vehicle}", f"terminal_{uuid.uuid4().hex[:8]}")
         self._parameters = ParameterClient(self._node, f"/{vehicle}/vehicle")
         self._clients: dict[str, Any] = {}
@@ -76,15 +79,30 @@ class StationClient:
 
     def newest(self, topic: str) -> Callable[[], Any]:
         """Return a function that decodes a topic's newest message; None before the first."""
-        row, payloads = TOPICS[topic], deque[bytes](maxlen=1)
+        type_name, payload = TOPICS[topic].type_name, self.newest_payload(topic)
+        return lambda: decode(newest[0], type_name) if (newest := payload()) else None
+
+    def newest_payload(self, topic: str) -> Callable[[], tuple[bytes, int] | None]:
+        """Return a function that returns a topic's newest message, encoded, and when it was
+        received (ns of the flight's steady clock); None before the first.
+        """
+        row, arrived = TOPICS[topic], deque[tuple[bytes, int]](maxlen=1)
         self._node.subscribe(
             row.name,
             row.type_name,
-            lambda received: payloads.append(received.payload),
+            lambda received: arrived.append((received.payload, monotonic_ns())),
             qos=row.qos,
             direct=True,
         )
-        return lambda: decode(payloads[0], row.type_name) if payloads else None
+        return lambda: arrived[0] if arrived else None
+
+    def advertise(self, topic: str) -> Publisher:
+        """Return a publisher of a topic."""
+        return self._node.advertise(TOPICS[topic])
+
+    def descriptions(self) -> list[ParameterDescription]:
+        """Return the descriptions of the vehicle's parameters. Raises LinkError."""
+        return self._parameters.describe()
 
     def parameters(self) -> dict[str, Any]:
         """Return the vehicle's current values. Raises LinkError."""

@@ -27,8 +27,8 @@ from quadrotor.checkout import ROOT
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
-KEPT = 3
-"""Number of versions of a module to keep, so that two branches do not evict each other."""
+VERSIONS = 3
+"""Number of versions of a module that are stored, so that two branches do not evict each other."""
 
 _IMPORT = re.compile(
     rb"^\s*(?:from|import) "
@@ -37,7 +37,7 @@ _IMPORT = re.compile(
 )
 
 
-class Kept(FunctionCache):
+class CompilerlessCache(FunctionCache):
     """A function's compiled code on disk, loaded without importing numba's compiler.
 
     numba's `FunctionCache` imports the compiler before it loads anything, which costs each process
@@ -92,7 +92,7 @@ def compiled(function: Any = None, *, nogil: bool = False, inner: bool = False) 
     }
     try:
         out = numba.njit(**options)(function)
-        out._cache = Kept(function)  # type: ignore[no-untyped-call]
+        out._cache = CompilerlessCache(function)  # type: ignore[no-untyped-call]
     finally:
         config.CACHE_DIR = chosen
     if inner:
@@ -139,7 +139,7 @@ def _folder(module: str, chosen: str) -> Path:
     folder = root / f"{module}-{digest(module)}"
     if not folder.exists():
         old = sorted(root.glob(f"{module}-*"), key=_age)
-        for one in old[KEPT - 1 :]:
+        for one in old[VERSIONS - 1 :]:
             shutil.rmtree(one, ignore_errors=True)
     return folder
 
@@ -164,7 +164,7 @@ def _age(folder: Path) -> float:
         return 0.0
 
 
-def kept(module: str) -> bool:
+def is_cached(module: str) -> bool:
     """Return whether machine code of this very source of `module` is stored, so that its functions
     will be loaded.
     """

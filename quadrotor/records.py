@@ -13,6 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+Array = npt.NDArray[np.float64]
+Stamps = npt.NDArray[np.int64]
 Record = npt.NDArray[np.void]
 """A structured array, shape (1,) in the tick, (N,) in a batch."""
 Numbers = Sequence[float] | npt.NDArray[np.float64]

@@ -23,10 +23,13 @@ class EndSignal:
     A handler must not set a threading.Event: handlers run in the main thread, between any two of
     its steps. If that thread happened to hold the event's lock, which is not re-entrant, it would
     wait for itself for ever.
+
+    Attributes:
+        count: number of signals received; a second one asks for more haste.
     """
 
     def __init__(self, numbers: Iterable[int] = (signal.SIGTERM, signal.SIGINT)) -> None:
-        self._is_set = False
+        self.count = 0
         self._reader, self._writer = socket.socketpair()
         self._writer.setblocking(False)
         for number in numbers:
@@ -34,11 +37,11 @@ class EndSignal:
 
     def wait(self, timeout: float) -> bool:
         """Wait for a signal for at most `timeout` seconds; return whether one was received."""
-        if not self._is_set:
+        if not self.count:
             select.select([self._reader], [], [], timeout)
-        return self._is_set
+        return bool(self.count)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        self._is_set = True
+        self.count += 1
         with suppress(BlockingIOError):  # the buffer is full: the waiting thread has been woken
             self._writer.send(b"\0")

@@ -107,13 +107,11 @@ def serve_time_sync(node: Node, clock: Callable[[], int] = time_ns) -> None:
     node.serve("time_sync", TIME_SYNC, answer, direct=True)
 
 
-def exchange(
-    client: ServiceClient, clock: Callable[[], int] = time_ns, timeout: float = 1.0
-) -> Exchange:
+def exchange(client: ServiceClient, timeout: float = 1.0) -> Exchange:
     """Make one exchange with a server of TimeSync. Raises LinkError."""
-    sent = clock()
+    sent = time_ns()
     response = client.call(new(f"{TIME_SYNC}_Request", client_sent_ns=sent), timeout)
-    return Exchange(sent, int(response.server_received_ns), int(response.server_sent_ns), clock())
+    return Exchange(sent, int(response.server_received_ns), int(response.server_sent_ns), time_ns())
 
 
 def answers(client: ServiceClient, timeout: float) -> bool:

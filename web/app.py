@@ -23,10 +23,9 @@ from quadrotor.errors import (
     StorageError,
     UnreachableError,
 )
-from web.access.hashing import BusyError
+from web.access.passwords import BusyError
 from web.access.roles import Role, Session
 from web.access.users import add_users
-from web.app_parts import Parts
 from web.beacons.routes import add_beacons
 from web.beacons.survey import add_survey
 from web.commands import sticks
@@ -56,6 +55,7 @@ from web.signals import described
 from web.signals.expression import answers
 from web.static_files import FILES, STATIC
 from web.tuning.routes import add_tuning
+from web.vehicle_context import VehicleContext
 from web.view import proxy as pump
 
 UPLOT = {"uPlot.iife.js": "text/javascript", "uPlot.min.css": "text/css"}
@@ -73,7 +73,7 @@ STATUS_OF: tuple[tuple[type[QuadlabError], int], ...] = (
 
 
 def create_app(
-    parts: Parts,
+    context: VehicleContext,
     fleet: Fleet,
     lifespan: Callable[[FastAPI], AbstractAsyncContextManager[None]] | None = None,
 ) -> FastAPI:
@@ -88,33 +88,33 @@ def create_app(
     )
     _add_error_handlers(app)
     app.mount("/static", FILES)  # mounted first: most requests are for these
-    _add_reading(app, parts, fleet)
-    add_commands(app, parts)
-    add_trajectories(app, parts.trajectories)
-    _add_invitations(app, parts)
-    add_plain_emergency(app, parts, fleet)
-    _add_view(app, parts)
-    _add_sockets(app, parts)
-    add_parameters(app, parts)
-    add_runs(app, parts)
-    add_replay(app, parts.catalogue, parts.replays)
-    add_users(app, parts.people)
-    add_control(app, parts)
-    add_setup(app, parts, fleet)
-    add_experiments(app, parts)
-    add_calibration(app, parts)
-    add_reports(app, parts)
-    add_beacons(app, parts)
-    add_survey(app, parts)
-    add_tuning(app, parts)
-    add_spectra(app, parts)
+    _add_reading(app, context, fleet)
+    add_commands(app, context)
+    add_trajectories(app, context.trajectories)
+    _add_invitations(app, context)
+    add_plain_emergency(app, context, fleet)
+    _add_view(app, context)
+    _add_sockets(app, context)
+    add_parameters(app, context)
+    add_runs(app, context)
+    add_replay(app, context.catalogue, context.replays)
+    add_users(app, context.people)
+    add_control(app, context)
+    add_setup(app, context, fleet)
+    add_experiments(app, context)
+    add_calibration(app, context)
+    add_reports(app, context)
+    add_beacons(app, context)
+    add_survey(app, context)
+    add_tuning(app, context)
+    add_spectra(app, context)
     add_fleet(app, fleet)
-    add_foxglove(app, parts)
-    add_pictures(app, parts)
+    add_foxglove(app, context)
+    add_pictures(app, context)
     return app
 
 
-def _add_reading(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
+def _add_reading(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
     @app.get("/", include_in_schema=False)
     def page() -> HTMLResponse:
         return FILES.document("console/index.html")
@@ -145,7 +145,7 @@ def _add_reading(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
     @app.get("/api/session")
     def session(session: Asker) -> dict[str, Any]:
         """Return who this browser is signed in as, this page's vehicle, and all vehicles."""
-        ours = {"vehicle": parts.vehicle, "vehicles": fleet.names}
+        ours = {"vehicle": context.vehicle, "vehicles": fleet.names}
         return {**events.session_fields(session), **ours}
 
     @app.get("/api/signals")
@@ -168,15 +168,15 @@ def _add_reading(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
     @app.get("/api/summary")
     async def summary() -> dict[str, Any]:
         """Return the newest status messages and the age of every topic, as in the page's bar."""
-        return {**Summary(parts).fresh(), "emergency": parts.emergency.state}
+        return {**Summary(context).fresh(), "emergency": context.emergency.state}
 
     @app.get("/api/events")
     async def newest_events() -> list[dict[str, Any]]:
         """Return the newest log lines of the vehicle, the station and the page."""
-        return parts.hub.lines
+        return context.hub.lines
 
 
-def _add_invitations(app: FastAPI, parts: Parts) -> None:
+def _add_invitations(app: FastAPI, context: VehicleContext) -> None:
     @app.post("/api/invitations")
     def invite(body: InvitationBody, session: Operator) -> dict[str, str]:
         """Make a sign-in link for one more browser.
@@ -186,10 +186,10 @@ def _add_invitations(app: FastAPI, parts: Parts) -> None:
         role = Role(body.role)
         if role is not Role.VIEWER and not session.role.may(Role.ADMIN):
             raise HTTPException(403, f"{session.label} may invite viewers; ask an admin for more")
-        return {"url": f"{parts.base_url}/?token={parts.people.door.mint(role)}"}
+        return {"url": f"{context.base_url}/?token={context.people.tokens.mint(role)}"}
 
 
-def _add_view(app: FastAPI, parts: Parts) -> None:
+def _add_view(app: FastAPI, context: VehicleContext) -> None:
     @app.get("/viser/", include_in_schema=False)
     def client() -> HTMLResponse:
         return HTMLResponse(
@@ -199,38 +199,38 @@ def _add_view(app: FastAPI, parts: Parts) -> None:
     @app.post("/api/view/follow")
     async def follow(body: FollowBody) -> dict[str, bool]:
         """Let one page's camera follow the vehicle, or stop following it."""
-        parts.scene.follow(body.view, body.follow)
+        context.scene.follow(body.view, body.follow)
         return {"follow": body.follow}
 
 
-def _add_sockets(app: FastAPI, parts: Parts) -> None:
-    summary = Summary(parts)
+def _add_sockets(app: FastAPI, context: VehicleContext) -> None:
+    summary = Summary(context)
 
     @app.websocket("/viser")
     async def view(socket: WebSocket) -> None:
         session: Session = socket.scope["session"]
-        await pump.pump(socket, parts.view_server, session)
+        await pump.pump(socket, context.view_server, session)
 
     @app.websocket("/ws/telemetry")
     async def telemetry(socket: WebSocket) -> None:
-        await parts.feed.serve(socket)
+        await context.feed.serve(socket)
 
     @app.websocket("/ws/events")
     async def news(socket: WebSocket) -> None:
         def hello() -> dict[str, Any]:
             return {
-                "vehicle": parts.vehicle,
-                "events": parts.hub.lines,
-                "revision": parts.replica.revision,
-                "emergency": parts.emergency.state,
+                "vehicle": context.vehicle,
+                "events": context.hub.lines,
+                "revision": context.replica.revision,
+                "emergency": context.emergency.state,
             }
 
-        await events.serve(socket, parts.hub, socket.scope["session"], hello, summary)
+        await events.serve(socket, context.hub, socket.scope["session"], hello, summary)
 
     @app.websocket("/ws/stick")
     async def stick(socket: WebSocket) -> None:
         session: Session = socket.scope["session"]
-        await sticks.serve(socket, parts.stick, session, parts.control.may, parts.hub.say)
+        await sticks.serve(socket, context.stick, session, context.control.may, context.hub.say)
 
 
 def _add_error_handlers(app: FastAPI) -> None:

@@ -14,21 +14,21 @@ from fastapi import FastAPI
 from starlette.types import ASGIApp
 
 from console.catalogue.catalogue import Catalogue
-from web.access.attempts import Attempts
 from web.access.gate import Gate
 from web.access.passwords import Passwords
 from web.access.people import open_people
+from web.access.sign_in_limiter import SignInLimiter
 from web.access.signed_links import SignedLinks
 from web.access.tls import Tls
 from web.app import create_app
 from web.beacons.survey import SurveyRun
 from web.fleet.fleet import Fleet
-from web.fleet.vehicle_of_request import ByVehicle
+from web.fleet.vehicle_router import VehicleRouter
 from web.live.events import EventHub
-from web.live.vehicle_side import Connect, Runs, Shared, VehicleSide
 from web.replay.store import ReplayStore
 from web.runs.exports import ViserExports
 from web.runs.report_making import ReportMaking
+from web.vehicle_context import Connect, Runs, SharedServices, VehicleContext
 from web.view.server import ViewServer
 
 
@@ -48,7 +48,7 @@ def assemble(
     new_view_server: Callable[[], ViewServer] = ViewServer,
     names: Collection[str] = (),
     tls: Tls | None = None,
-    attempts: Attempts | None = None,
+    limiter: SignInLimiter | None = None,
     passwords: Passwords | None = None,
     survey: SurveyRun | None = None,
 ) -> ASGIApp:
@@ -60,7 +60,7 @@ def assemble(
         connect: makes the client of the station for one vehicle.
         names: host names of this page, in addition to those of `base_url` and loopback.
         tls: the page's certificate, for the start-up checks.
-        attempts, passwords: replacements for tests.
+        limiter, passwords: replacements for tests.
         survey: finds the beacons' positions from a run's log; without it the page offers no survey.
 
     Raises StorageError.
@@ -79,11 +79,11 @@ def assemble(
         token,
         say=say,
         on_link=lambda label: show_link(sign_in_link(), label),
-        attempts=attempts,
+        limiter=limiter,
         passwords=passwords,
     )
-    links = SignedLinks(data / "web")
-    shared = Shared(
+    links = SignedLinks(people.tokens.secret)
+    shared = SharedServices(
         base_url,
         people,
         catalogue,
@@ -94,19 +94,21 @@ def assemble(
         tls,
         survey,
     )
-    sides = [VehicleSide(name, shared, connect, hubs[name], new_view_server()) for name in vehicles]
-    fleet = Fleet(sides)
+    contexts = [
+        VehicleContext(name, shared, connect, hubs[name], new_view_server()) for name in vehicles
+    ]
+    fleet = Fleet(contexts)
 
     def sign_in_link() -> str:
-        return f"{base_url}/?token={people.door.token}"
+        return f"{base_url}/?token={people.tokens.token}"
 
     @contextlib.asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        for side in sides:
-            side.attach(asyncio.get_running_loop())
-            side.station.start()
+        for context in contexts:
+            context.attach(asyncio.get_running_loop())
+            context.station.start()
         loops = [_start(part, say) for part in (people, people.sockets, fleet)]
-        loops += [_start(part, side.hub.say) for side in sides for part in side.loops]
+        loops += [_start(part, context.hub.say) for context in contexts for part in context.loops]
         show_link(sign_in_link())
         try:
             yield
@@ -114,18 +116,18 @@ def assemble(
             for task in loops:
                 task.cancel()
             await asyncio.gather(*loops, return_exceptions=True)
-            for side in sides:
-                side.stop()
+            for context in contexts:
+                context.stop()
             fleet.stop()
             shared.exports.stop()
             shared.reports.stop()
             people.stop()
 
-    first, *others = sides
-    apps = {first.name: create_app(first.parts, fleet, lifespan)}
-    apps |= {side.name: create_app(side.parts, fleet) for side in others}
+    first, *others = contexts
+    apps = {first.vehicle: create_app(first, fleet, lifespan)}
+    apps |= {context.vehicle: create_app(context, fleet) for context in others}
     return Gate(
-        ByVehicle(apps),
+        VehicleRouter(apps),
         base_url=base_url,
         hosts=allowed_hosts(base_url, names),
         people=people,

@@ -196,8 +196,8 @@ def _source_map(
 
     Each line of the script is a line of a file, or belongs to no file.
     """
-    told = [(0, 0), *(one for one in places if one is not None)]
-    steps = iter([(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(told)])
+    known = [(0, 0), *(one for one in places if one is not None)]
+    steps = iter([(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(known)])
     mappings = []
     for one in places:
         if one is None:

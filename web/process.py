@@ -50,7 +50,7 @@ def run_web(
         vehicles: names of the vehicles; the first one's page is at /, each one's at /v/NAME/.
         loopback_port: port of the station's router.
         token: a first sign-in token chosen by the caller; one is made if None.
-        host: where to listen; `web.access.reach.check_reach` checks whether that is allowed.
+        host: where to listen; `web.access.listen_address` checks whether that is allowed.
         tls: serve https with this certificate.
         survey: see `web.assembly.assemble`.
         open_browser: open the page in a browser, unless `token` was used before: then this is
@@ -59,8 +59,7 @@ def run_web(
     Raises LinkError (port in use), UsageError (no such port) or StorageError (data folder).
     """
     from console.catalogue.catalogue import Catalogue
-    from vehicle_link.transport.session import loopback_session
-    from vehicle_link.transport.shared_session import SharedSession
+    from vehicle_link.transport.session import SharedSession, loopback_session
 
     session = SharedSession(lambda: loopback_session(loopback_port))
 
@@ -139,13 +138,13 @@ def print_settled(url: str, lives: Sequence[Live], longest: float = LONGEST) -> 
     Until then, for `longest` s at most, a line every WAITING_PERIOD reports what is missing.
     """
     began = time.monotonic()
-    told = began - WAITING_PERIOD
+    printed = began - WAITING_PERIOD
     heard = 0.0
     while (now := time.monotonic()) - began < longest and not 0.0 < heard < now - CHECKS_TOLD:
         if not heard and all(live.current("status") is not None for live in lives):
             heard = now
-        if now - told >= WAITING_PERIOD:
-            told = now
+        if now - printed >= WAITING_PERIOD:
+            printed = now
             what = "looking at clocks and rates" if heard else "waiting for the vehicle"
             print(f"quadlab: {what}, {now - began:.0f} s", flush=True)
         time.sleep(0.1)

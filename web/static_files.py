@@ -39,7 +39,7 @@ _JOINED = re.compile(rf"{JOINED}(?:[a-z0-9_]{{1,60}}/)?[a-z0-9_]{{1,60}}(\.css|\
 _TYPES = {".css": "text/css", ".js": "text/javascript", ".js.map": "application/json"}
 
 
-class KeptFiles(StaticFiles):
+class CachedFiles(StaticFiles):
     """Files of a folder, held in memory; a changed one is read again."""
 
     def __init__(self, directory: Path) -> None:
@@ -148,7 +148,7 @@ class KeptFiles(StaticFiles):
         return content
 
 
-FILES = KeptFiles(STATIC)
+FILES = CachedFiles(STATIC)
 """Static files, shared by the applications of all vehicles."""
 
 

@@ -16,10 +16,10 @@ from benchmarks.estimation.flights import (
     RATE_BIAS,
     RATE_NOISE,
     SIGMA,
-    Array,
     Flight,
     Frame,
 )
+from quadrotor.records import Array
 
 START = np.repeat([0.15, 0.75, np.radians(4.0), RATE_BIAS, FORCE_BIAS], 3)
 """Standard deviations before the first frame: a one-frame pose; the flights' speed and biases."""

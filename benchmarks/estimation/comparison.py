@@ -37,7 +37,7 @@ def run(quick: bool = False) -> Report:
         "Estimators compared at the station: processor",
         [
             f"IMU {RATE:.0f} Hz in packets of {SAMPLES_A_PACKET}, four bearings {FRAMES:.0f} Hz, "
-            f"truth 100 Hz, told 10 Hz; {duration:.0f} s of flight, {rounds} rounds",
+            f"truth 100 Hz, reports 10 Hz; {duration:.0f} s of flight, {rounds} rounds",
             "processor time of the thread over the flight's time; medians of the rounds",
             "own: the vehicle's estimate alone, decoding and encoding included",
             "accuracy: rms over the last 10 s against the truth, bearings only",

@@ -8,18 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.estimation.flights import (
-    BEACONS,
-    FORCE_NOISE,
-    RATE,
-    SIGMA,
-    UP,
-    Array,
-    Flight,
-    quaternion,
-)
+from benchmarks.estimation.flights import BEACONS, FORCE_NOISE, RATE, SIGMA, UP, Flight, quaternion
 from benchmarks.harness import Row
 from estimation.poses.planar_pose import planar_pose
+from quadrotor.records import Array
 
 
 def peers(

@@ -19,7 +19,6 @@ from benchmarks.estimation.flights import (
     RATE_BIAS,
     RATE_NOISE,
     SIGMA,
-    Array,
     Flight,
     flight,
     quaternion,
@@ -39,6 +38,7 @@ from quadrotor.records import (
     IMU_SAMPLE,
     POSE_SAMPLE,
     STATE,
+    Array,
     Record,
     new_state,
 )
@@ -245,7 +245,7 @@ def run(quick: bool = False) -> Report:
         _row("error-state, bearings 20 ms late, stamped", late[True].rms, same, late[True].seconds)
     )
     report.rows.append(
-        _row("error-state, 20 ms late, not told", late[False].rms, same, late[False].seconds)
+        _row("error-state, 20 ms late, delay unknown", late[False].rms, same, late[False].seconds)
     )
     peer_rows, notes = peers(
         [flight(seed, DURATION) for seed in range(2)],

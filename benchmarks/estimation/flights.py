@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from bearing_sim.beacons import PAPER_BEACONS
 from bearing_sim.emulator import perturbed
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 G = 9.81
 UP = np.array([0.0, 0.0, G])

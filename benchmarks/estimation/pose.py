@@ -15,7 +15,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from benchmarks.harness import Report, Row, Target, time_in_turns
@@ -23,8 +22,8 @@ from estimation.poses.literal_pose import literal_pose
 from estimation.poses.opencv_pose import OpenCVPose
 from estimation.poses.planar_pose import PlanarPoseSolver
 from quadrotor.errors import MeasurementError
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 Method = Callable[[Array], tuple[Array, Array]]
 """Function from bearings (N, 3) to position_w (3,) and R_wb (3, 3); raises MeasurementError."""
 

@@ -9,16 +9,15 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from bearing_sim.rendered_camera import Pattern
 from benchmarks.flights.camera_flight import CAMERA, LENS
 from benchmarks.harness import Report, Row, Target, time_in_turns
 from estimation.tags.detector import Picture, TagDetector, dictionary_of
 from estimation.tags.tag_layout import ROUND
+from quadrotor.records import Array
 from quadrotor.rotations import rotation_exp
 
-Array = npt.NDArray[np.float64]
 Detect = Callable[[Picture], list[tuple[int, Array]]]
 
 NUMBER, SIZE = 3, 0.12

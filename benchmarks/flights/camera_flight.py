@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from bearing_sim.rendered_camera import Pattern, RenderedCamera
 from bearing_sim.sampling import DelayLine, SampleGrid
@@ -17,9 +16,8 @@ from estimation.tags.intrinsics import Intrinsics
 from estimation.tags.tag_layout import CameraPlace, TagLayout, TagPlace
 from estimation.tags.tag_tracker import TagTracker
 from quadrotor.errors import MeasurementError
+from quadrotor.records import Array
 from quadrotor.rotations import quaternion_from_euler, quaternion_to_matrix
-
-Array = npt.NDArray[np.float64]
 
 RATE, LATE_NS = 30.0, 40_000_000
 SECONDS, LAPS = 10.0, 2

@@ -42,7 +42,7 @@ FED: Settings = {"model.drag": DRAG}
 WEIGHED: Settings = {"mass.used_by": "estimate"}
 VIBRATION = 3.0
 """Vibration at hover, in m/s^2 rms."""
-TOLD: Settings = {
+NOISE_SET: Settings = {
     "estimation.estimator": "error_state",
     "estimation.error_state.accelerometer_noise": round(VIBRATION / math.sqrt(500.0), 3),
 }
@@ -75,7 +75,10 @@ CASES: dict[str, tuple[Settings, float | None, dict[str, Settings]]] = {
     "vibration 3 m/s²": (
         {"simulator.vibration": VIBRATION},
         None,
-        {"error-state filter, told": TOLD, "on, error-state filter, told": {**OBSERVER, **TOLD}},
+        {
+            "error-state filter, noise set": NOISE_SET,
+            "on, error-state filter, noise set": {**OBSERVER, **NOISE_SET},
+        },
     ),
     "rough: all that recorded flights show": (
         {f"simulator.{name}": value for name, value in ROUGH.items()},

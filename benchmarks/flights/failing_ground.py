@@ -6,7 +6,6 @@ The truth arrives over a router of this process, which no failure affects.
 from __future__ import annotations
 
 import secrets
-import socket
 import threading
 import time
 from collections.abc import Callable
@@ -16,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.harness import free_port
 from quadrotor.errors import LinkError
 from quadrotor.records import POSE_SAMPLE
 from vehicle_link import messages, topics
@@ -45,20 +45,6 @@ def until(what: str, look: Callable[[], Any], patience: float = PATIENCE) -> Any
             return found
         time.sleep(0.01)
     raise NotFlownError(f"waited {patience:.0f} s for {what} in vain")
-
-
-def free_port() -> int:
-    """Return a port that is free for TCP and UDP on loopback right now."""
-    while True:
-        with (
-            socket.socket(socket.AF_INET, socket.SOCK_STREAM) as tcp,
-            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp,
-        ):
-            tcp.bind(("127.0.0.1", 0))
-            port: int = tcp.getsockname()[1]
-            with suppress(OSError):
-                udp.bind(("127.0.0.1", port))
-                return port
 
 
 class Ground:
@@ -142,7 +128,7 @@ class Ground:
             sample["position_w"] = state["position_w"]
             sample["quaternion_wb"] = state["quaternion_wb"]
             with suppress(LinkError):
-                self._poses.put(topics.encode_poses(sample)[0], stamp_ns)
+                self._poses.put(topics.pose_messages(sample).tobytes(), stamp_ns)
         self.watch(self.stamp, state)
 
     def _beat(self) -> None:

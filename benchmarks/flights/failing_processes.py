@@ -21,8 +21,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.flights.failing_flights import CORRUPTED, CORRUPTED_FOR, SETTINGS, conditions
-from benchmarks.flights.failing_ground import NAME, Ground, NotFlownError, free_port, until
+from benchmarks.flights.failing_ground import NAME, Ground, NotFlownError, until
 from benchmarks.flights.touch_down import TOUCHING, Outcome, TouchDown
+from benchmarks.harness import free_port
 from flight_log import is_closed
 from quadrotor.checkout import ROOT
 from quadrotor.errors import LinkError

@@ -10,7 +10,7 @@ the poses or bearings that it flies on, and it is watched for some seconds. A fl
 - recovered: it flies on and at the end its estimate is near the truth again,
 - handed over: another estimator or the tracker took over, or the vehicle landed by itself,
 - refused: it was not armed, or the hand-over to bearings was refused,
-- told: the estimate is off at the end, and flags or `converged` report it,
+- reported: the estimate is off at the end, and flags or `converged` report it,
 - silent: the estimate was off for a while and nothing reported it,
 - lost: it left its volume, turned over or hit the ground hard.
 """
@@ -250,7 +250,7 @@ class HostileFlight(WatchedFlight):
             return "silent"
         if self.handed:
             return "handed over"
-        return "recovered" if self.near else "told"
+        return "recovered" if self.near else "reported"
 
 
 def fly(seed: int) -> Outcome:
@@ -297,7 +297,7 @@ def run(quick: bool = False, flights: int = FLIGHTS, seed: int = 1) -> Report:
 
 def report(outcomes: Sequence[Outcome]) -> Report:
     """Return one row for each way and fault: a fault alone, or among others."""
-    verdicts = ("recovered", "handed over", "told", "refused", "silent", "lost")
+    verdicts = ("recovered", "handed over", "reported", "refused", "silent", "lost")
     near = ", ".join(f"{m:g} m, {deg:g} deg on {on}" for on, (m, deg) in NEAR.items())
     found = Report(
         "hostile_flights",

@@ -136,7 +136,7 @@ def _begun(kind: str, seed: int, folder: Path, settings: dict[str, str]) -> Watc
 
 def _external(flight: WatchedFlight, kind: str) -> External | None:
     if kind == "law":
-        return flight.stack.steering.external
+        return flight.stack.law.external
     return next(iter(flight.stack.navigation.externals), None)
 
 

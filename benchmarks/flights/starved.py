@@ -35,7 +35,7 @@ from flight_log import is_closed, read_log
 from quadrotor.checkout import ROOT
 from quadrotor.errors import QuadlabError
 from vehicle_link.messages import decode
-from vehicle_link.topics import decode_odometry, decode_reference
+from vehicle_link.topics import decode_external_reference, decode_odometry
 
 PORT, LINK_PORT = 28083, 28452
 FLIGHTS, QUICK_FLIGHTS, UNLOADED = 20, 3, 4
@@ -200,7 +200,7 @@ def judge(flight: Flight, run: Path) -> None:
             rows["truth"].append((stamp_ns, *state["position_w"][0]))
             continue
         if name == "reference":
-            stamp_ns, reference = decode_reference(message.payload)
+            stamp_ns, reference = decode_external_reference(message.payload)
             rows["reference"].append((stamp_ns, *reference["position_w"][0]))
             continue
         told = decode(message.payload, message.type_name)
@@ -328,8 +328,8 @@ def measure(count: int, words: tuple[str, ...]) -> Report:
         Target("error, starved over alone", ratio, 1.1),
         Target("false events, starved", sum(len(one.false_events) for one in starved), 0),
     ]
-    told = sorted({event for one in starved for event in one.false_events})
-    report.notes += [f"told: {event}" for event in told[:20]]
+    reported = sorted({event for one in starved for event in one.false_events})
+    report.notes += [f"reported: {event}" for event in reported[:20]]
     return report
 
 

@@ -31,7 +31,7 @@ SECONDS = 12.0
 """Time, in s, for which a flight is watched after the fault: enough to land from 1 m."""
 SHORT = 0.6
 """Duration, in s, of a short fault: longer than its report takes, shorter than pose_land_after."""
-TOLD = 0.5
+REPORTED = 0.5
 HARD = 1.0
 """Speed at the ground, in m/s, beyond which a landing is a crash."""
 PLANE = 0.1
@@ -112,7 +112,7 @@ class System:
         self.chance = np.random.default_rng((seed, 77))
         self.ahead_ns, self.failed_ns = AHEAD_NS, 0
         self.fault: Fault | None = None
-        self.seconds, self.told = 0.0, float("inf")
+        self.seconds, self.reported = 0.0, float("inf")
         self._inner = tracker
         self._now_ns = 0
         self._under_way: deque[tuple[int, int, list[Body]]] = deque()
@@ -130,7 +130,7 @@ class System:
 
     def fail(self, fault: Fault, seconds: float, now_ns: int) -> None:
         self.fault, self.seconds, self.failed_ns = fault, seconds, now_ns
-        self.told = float("inf")
+        self.reported = float("inf")
 
     def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
         self._inner.observe(stamp_ns, position_w, quaternion_wb)
@@ -150,11 +150,11 @@ class System:
         with self._patch:
             while self._under_way and self._under_way[0][0] <= now_ns:
                 received_ns, taken_ns, bodies = self._under_way.popleft()
-                self._process._take(Frame(taken_ns, received_ns, tuple(bodies)))
-            self._process._tell()
+                self._process._handle(Frame(taken_ns, received_ns, tuple(bodies)))
+            self._process._publish_statuses()
         for payload in _Node.sent["tracker_status"]:
             if self.fault and decode(payload, "quadlab_msgs/TrackerStatus").problem:
-                self.told = min(self.told, 1e-9 * (now_ns - self.failed_ns))
+                self.reported = min(self.reported, 1e-9 * (now_ns - self.failed_ns))
         _Node.sent["tracker_status"].clear()
         found = [topics.decode_pose(payload)[0] for payload in _Node.sent["tracker_body"]]
         _Node.sent["tracker_body"].clear()
@@ -193,7 +193,7 @@ def fly(seed: int, name: str) -> dict[str, float]:
     as_meant = safe and (flies if goes_on else not flies)
     return {
         "as meant": float(as_meant),
-        "told": system.told,
+        "reported": system.reported,
         "hardest": flight.hardest,
         "error": float(np.linalg.norm(places - wanted, axis=1).max()) if goes_on else 0.0,
     }
@@ -228,12 +228,12 @@ def run(quick: bool = False, flights: int | None = None) -> Report:
         if goes_on:
             figures["largest error, m"] = max(one["error"] for one in found)
         if fault is not _dropped:  # no fault is reported when every third frame is missing
-            told = max(one["told"] for one in found)
-            figures["told after, s, at most"], late = told, max(late, told)
+            reported = max(one["reported"] for one in found)
+            figures["reported after, s, at most"], late = reported, max(late, reported)
         wrong += count - round(sum(one["as meant"] for one in found))
         report.rows.append(Row(name, figures))
     report.targets = [
         Target("flights that did not do what was meant", wrong, 0),
-        Target("told, s after the fault, at most", late, TOLD),
+        Target("reported, s after the fault, at most", late, REPORTED),
     ]
     return report

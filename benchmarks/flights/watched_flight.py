@@ -11,18 +11,17 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 
 from quadlab.simulated.experiment import with_options
 from quadlab.simulated.flight import SimulatedFlight, TrueState
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.records import Array
 from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.processes import mailbox
 from vehicle.simulator.betaflight.firmware import firmware_of
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
-Array = npt.NDArray[np.float64]
 TOUCHING = 0.005
 """Height, in m, below which the vehicle touches the ground."""
 

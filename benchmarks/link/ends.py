@@ -2,7 +2,7 @@
 
     python -m benchmarks.link.ends vehicle|station FOLDER PLAN
 
-Telemetry is sent as on board (vehicle.comms.publishers, vehicle.comms.lane) and received as at the
+Telemetry is sent as on board (vehicle.comms.publish, vehicle.comms.lane) and received as at the
 station (hub, radio, console.link.lane, console.link.monitor); in parallel the same bytes are sent
 by plain UDP, half a period later: at the same moment, the second would always have the larger of
 two delays. Poses are sent in the other direction. Each program runs until it is terminated, and
@@ -32,7 +32,7 @@ import numpy as np
 
 from benchmarks.impairment.link import A, B
 from benchmarks.link.notes import Notebook
-from console.link.lane import DATAGRAM, LaneIn
+from console.link.lane import DATAGRAM, VehicleLane
 from console.link.monitor import LinkMonitor
 from console.station import SWITCH_INTERVAL
 from console.transfers.fetcher import Fetcher
@@ -42,8 +42,7 @@ from quadrotor.errors import LinkError
 from quadrotor.records import POSE_SAMPLE, TICK
 from vehicle.comms.lane import CommsLane
 from vehicle.comms.process import STATION_LOST_S
-from vehicle.comms.publish import PROBE_NS
-from vehicle.comms.publishers import LinkRadio
+from vehicle.comms.publish import PROBE_NS, LinkRadio
 from vehicle.safety.parameters import SafetyParameters
 from vehicle_link import telemetry, topics
 from vehicle_link.lane.datagram import LARGEST, LARGEST_PAYLOAD
@@ -68,7 +67,7 @@ COMMAND, PART = SERVICES["arm"], SERVICES["onboard_part"]
 STATES = (LinkState.GOOD, LinkState.DEGRADED, LinkState.LOST)
 _STAMP = struct.Struct("<qq")  # number, ns
 _TELEMETRY = telemetry.pack(np.zeros(telemetry.SAMPLES_A_PACKET, TICK), 0)
-_POSE = topics.encode_poses(np.zeros(1, POSE_SAMPLE))[0]
+_POSE = topics.pose_messages(np.zeros(1, POSE_SAMPLE)).tobytes()
 _FRAMING = LARGEST - LARGEST_PAYLOAD
 
 
@@ -164,7 +163,7 @@ def vehicle(folder: Path, plan: Plan) -> None:
 
     def came(topic: str, received: Received) -> None:
         if topic == "station_heartbeat":
-            lane.heard()
+            lane.note_received()
 
     lane = CommsLane(node, QUIC_PORT + 1, came)
     lane.send(radio.publishers)
@@ -190,10 +189,10 @@ def vehicle(folder: Path, plan: Plan) -> None:
 
     poses = program.note("poses", 3, POSE_RATE)
     silences = program.note("silences", 2, 1.0)
-    lane.take(
+    lane.subscribe(
         "tracker_pose", lambda r: poses.add(*_STAMP.unpack_from(r.payload), time.monotonic_ns())
     )
-    lane.take("station_heartbeat", lambda r: heard.__setitem__(0, time.monotonic()))
+    lane.subscribe("station_heartbeat", lambda r: heard.__setitem__(0, time.monotonic()))
     lane.start()
     serve_time_sync(node, time.time_ns)
     node.serve("arm", COMMAND, lambda request: new(f"{COMMAND}_Response", accepted=True))
@@ -236,7 +235,7 @@ def station(folder: Path, plan: Plan) -> None:
         heard.add(number, sent_ns, now_ns, int(shown), int(link.path == DATAGRAM))
 
     pose, beat = node.advertise(TOPICS["tracker_pose"]), node.advertise(TOPICS["station_heartbeat"])
-    LaneIn(
+    VehicleLane(
         node,
         A if plan.lane else "",
         link,

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -25,6 +24,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from benchmarks.harness import free_port
 from benchmarks.logs.killed_file import Kill, problems_of
 from benchmarks.onboard.flight_under_test import NICENESS
 from flight_log import is_closed, read_log
@@ -32,10 +32,10 @@ from flight_log.tick_columns import TICK_TOPICS
 from quadrotor.checkout import ROOT
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import TICK
-from vehicle.onboard_log.recovery import FOLDER, recover_logs, torn_logs
+from vehicle.onboard_log.repair import FOLDER, recover_logs, torn_logs
 from vehicle.parameters import new_parameters
 from vehicle.processes import mailbox
-from vehicle.processes.config import CommsConfig, RingDescriptors, Rings, create_rings, open_rings
+from vehicle.processes.config import RingDescriptors, Rings, VehicleConfig, create_rings, open_rings
 from vehicle.processes.rings import READ
 from vehicle_link.security.authority import ensure_certificates
 
@@ -133,7 +133,9 @@ def _run(data: Path, descriptors: RingDescriptors, ending: signal.Signals, after
     """Run until `after_s` after its file exists; return that file."""
     folder = data / FOLDER
     before = set(folder.glob("*.mcap"))
-    config = CommsConfig(os.getpid(), descriptors, NAME, str(data), _free_port())
+    config = VehicleConfig(
+        parent=os.getpid(), rings=descriptors, name=NAME, data=str(data), link_port=free_port()
+    )
     process = subprocess.Popen(
         [sys.executable, "-m", "vehicle.comms.process", msgspec.json.encode(config).decode()],
         cwd=ROOT,
@@ -189,10 +191,3 @@ def _numbers(log: Path, flight: Flight) -> dict[str, list[int]]:
         number = (message.publish_ns - flight.start_ns) // STEP_NS
         found.setdefault(message.topic.rsplit("/", 1)[-1], []).append(number)
     return found
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port

@@ -21,7 +21,7 @@ from quadrotor.errors import QuadlabError, RefusedError
 from quadrotor.records import Record
 from vehicle.flight.modes import Mode
 from vehicle.processes import mailbox
-from vehicle.processes.config import FlightConfig, create_rings, open_rings
+from vehicle.processes.config import VehicleConfig, create_rings, open_rings
 
 STEP_S = 0.01
 NICENESS = -10
@@ -53,7 +53,9 @@ class FlightUnderTest:
         self._poses = poses
         self._descriptors = create_rings()
         self._rings = open_rings(self._descriptors)
-        self._config = FlightConfig(os.getpid(), self._descriptors, list(ports), rate)
+        self._config = VehicleConfig(
+            parent=os.getpid(), rings=self._descriptors, ports=list(ports), rate=rate
+        )
         self._replies: dict[str, mailbox.Reply] = {}
         self._asked = 0
         self._heartbeat_ns = 0

@@ -12,16 +12,15 @@ import math
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.flights.watched_flight import WatchedFlight
 from benchmarks.harness import Report, Row, Target
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
+from quadrotor.records import Array
 from vehicle.simulator.parameters import SimulatorParameters
 
 Flown = tuple[float, float, float]
-Array = npt.NDArray[np.float64]
 RATES = (60, 120, 250, 500, 650, 1000)
 FLAT_FROM = 250
 SEEDS = 4

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.harness import Report, Row, Target, time_in_turns
+from benchmarks.onboard.compiled_step import onboard_step, onboard_steps
 from benchmarks.peers.cpp_twin import NATIVE, PORTABLE, TUNED, CppTwin
 from benchmarks.peers.rotorpy_flight import RotorPy
 from control.controller import GeometricController
@@ -18,13 +18,20 @@ from control.parameters import ControlParameters
 from control.trajectories.figure_eight import FigureEight
 from estimation.complementary import ComplementaryEstimator
 from estimation.parameters import EstimationParameters
-from quadrotor.records import ACTUATORS, IMU_SAMPLE, POSE_SAMPLE, Record, new_reference, new_state
+from quadrotor.records import (
+    ACTUATORS,
+    IMU_SAMPLE,
+    POSE_SAMPLE,
+    Array,
+    Record,
+    new_reference,
+    new_state,
+)
 from quadrotor.rotations import rotate_inverse
 from quadrotor.vehicle_model import GRAVITY, VehicleModel
 from vehicle.closed_loop.batch import Scenario, fly_batch
-from vehicle.closed_loop.onboard import new_onboard, new_settings, onboard_step, onboard_steps
+from vehicle.closed_loop.onboard import new_onboard, new_settings
 
-Array = npt.NDArray[np.float64]
 PERIOD = 0.002
 TWINS = {
     "C++ -O3": PORTABLE,

@@ -67,8 +67,10 @@ STUB = """() => {
 EVENTS = {
     "blur": "dispatchEvent(new Event('blur'))",
     "hidden tab": "window.isHidden = true; document.dispatchEvent(new Event('visibilitychange'))",
-    "unplugged, told": "window.plugged = false; dispatchEvent(new Event('gamepaddisconnected'))",
-    "unplugged, not told": "window.plugged = false",
+    "unplugged, with an event": (
+        "window.plugged = false; dispatchEvent(new Event('gamepaddisconnected'))"
+    ),
+    "unplugged, without an event": "window.plugged = false",
     "page left": "dispatchEvent(new Event('pagehide'))",
     "page hangs": "const end = performance.now() + 600; while (performance.now() < end);",
 }

@@ -41,7 +41,7 @@ class CppTwin:
         self._library.fly_true_state.restype = ctypes.c_double
 
     def step(self, onboard: Record, settings: Record, imu: Record, t: float, dt: float) -> None:
-        """Run one onboard step in flight, as `vehicle.closed_loop.onboard.onboard_step` does."""
+        """Run one onboard step in flight, as `compiled_step.onboard_step` does."""
         self._library.onboard_step(
             _of(onboard), _of(settings), _of(imu), ctypes.c_double(t), 1, ctypes.c_double(dt)
         )
@@ -54,7 +54,7 @@ class CppTwin:
         thrusts: npt.NDArray[np.float64],
         dt: float,
     ) -> None:
-        """Run as `vehicle.closed_loop.onboard.onboard_steps` does."""
+        """Run as `compiled_step.onboard_steps` does."""
         count = ctypes.c_int64(len(imu))
         self._library.onboard_steps(
             _of(onboard), _of(settings), _of(imu), _of(thrusts), 1, ctypes.c_double(dt), count

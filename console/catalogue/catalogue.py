@@ -36,13 +36,13 @@ class RunEntry:
     start_ns: int  # epoch, station clock
     duration: float  # s
     file: str  # name of the run's folder or single file within the runs folder
-    bytes: int
-    messages: int
-    operator: str
-    complete: bool  # closed with its index
-    recovered: bool  # its end was lost, and it was closed later
-    problem: str  # why the file is not as it should be, or empty
-    notes: str
+    bytes: int = 0
+    messages: int = 0
+    operator: str = ""
+    complete: bool = False  # closed with its index
+    recovered: bool = False  # its end was lost, and it was closed later
+    problem: str = ""  # why the file is not as it should be, or empty
+    notes: str = ""
 
     @property
     def start(self) -> datetime:

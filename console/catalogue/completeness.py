@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 State = Literal["open", "complete", "filled", "missing", "unknown"]
 """State of a comparison; open: still to be made, unknown: given up."""
 MOST_OPEN = 200
-WORTH_TELLING = 0.1
+SHORTEST_REPORTED = 0.1
 """Shortest restored time, in s, worth reporting. In almost every run the first ticks come from the
 vehicle's log, because the station receives the arming late."""
 
@@ -48,7 +48,7 @@ class Completeness:
         return self.why or "not compared with the vehicle's log yet"
 
 
-def keep_completeness(catalogue: Catalogue, run_id: str, found: Completeness) -> None:
+def store_completeness(catalogue: Catalogue, run_id: str, found: Completeness) -> None:
     """Store the completeness of a run. Raises StorageError."""
     with catalogue.session() as session:
         session.merge(CompletenessRow(run_id=run_id, stamp_ns=time.time_ns(), **asdict(found)))

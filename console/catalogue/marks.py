@@ -31,7 +31,7 @@ class Mark:
     requester: str
 
 
-def keep_mark(catalogue: Catalogue, mark: Mark) -> None:
+def store_mark(catalogue: Catalogue, mark: Mark) -> None:
     """Store a new mark, or a new text of a known one."""
     with catalogue.session() as session:
         session.merge(MarkRow(**asdict(mark)))

@@ -6,15 +6,15 @@ import threading
 from collections.abc import Callable, Sequence
 
 
-class AlarmBoard:
+class Alarms:
     """Alarms by cause, one line each however often the cause is noticed; thread-safe.
 
     Args:
-        said: called with each new line, outside the lock.
+        on_begin: called with each new line, outside the lock.
     """
 
-    def __init__(self, said: Callable[[str], None]) -> None:
-        self._said = said
+    def __init__(self, on_begin: Callable[[str], None]) -> None:
+        self._on_begin = on_begin
         self._lock = threading.Lock()
         self._lines: dict[str, str] = {}
         self._foreign: set[str] = set()
@@ -29,7 +29,7 @@ class AlarmBoard:
             else:
                 self._lines[key] = line
         if begins and line is not None:
-            self._said(line)
+            self._on_begin(line)
 
     def keyed(self) -> dict[str, str]:
         """Return the alarms by cause."""
@@ -46,5 +46,5 @@ class AlarmBoard:
             begun = [line for line in foreign if line not in self._foreign]
             self._foreign = set(foreign)
         for line in begun:
-            self._said(line)
+            self._on_begin(line)
         return [*own, *foreign]

@@ -39,7 +39,7 @@ class BodyTurn:
         self._since: float | None = None
         self._force = 0.0
 
-    def take(self, now: float, quaternion_wb: Vector, rates_b: Vector, force_b: Vector) -> None:
+    def update(self, now: float, quaternion_wb: Vector, rates_b: Vector, force_b: Vector) -> None:
         """Handle the newest tick of a disarmed vehicle.
 
         Args:

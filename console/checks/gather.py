@@ -7,14 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from console.checks.alarms import AlarmBoard
 from console.checks.facts import Box, Facts
 from console.checks.observed import Observed
-from console.link.monitor import LinkMonitor
-from console.parameters.station import StationParameters
+from console.context import StationContext
 from console.parameters.vehicle import VehicleParameters
 from console.runs.disk import folder_problem
-from console.runs.recorder import Recorder
 from console.tracker_feed import TrackerFeed
 from vehicle_link.clock import monotonic
 
@@ -37,25 +34,21 @@ class Gatherer:
 
     def __init__(
         self,
-        link: LinkMonitor,
+        context: StationContext,
         observed: Observed,
         tracker: TrackerFeed,
         vehicle: VehicleParameters,
-        station: StationParameters,
-        recorder: Recorder,
-        alarms: AlarmBoard,
         folder: Path,
         sticks_dropped: Callable[[], bool],
-        clock: Callable[[], float] = monotonic,
     ) -> None:
-        self._link, self._observed, self._tracker = link, observed, tracker
-        self._vehicle, self._station = vehicle, station
-        self._recorder, self._alarms = recorder, alarms
-        self._folder, self._sticks_dropped, self._clock = folder, sticks_dropped, clock
+        self._link, self._station = context.link, context.parameters
+        self._recorder, self._alarms = context.recorder, context.alarms
+        self._observed, self._tracker, self._vehicle = observed, tracker, vehicle
+        self._folder, self._sticks_dropped = folder, sticks_dropped
         self._in_step: float | None = None
         self.link_status: Any = None
 
-    def take_link(self, status: Any) -> None:
+    def note_link_status(self, status: Any) -> None:
         """Store the newest quadlab_msgs/LinkStatus."""
         self.link_status = status
 
@@ -113,7 +106,7 @@ class Gatherer:
 
     def _behind(self) -> float | None:
         """Return the seconds since our copy last matched the vehicle's parameters, or None."""
-        now = self._clock()
+        now = monotonic()
         if self._vehicle.in_step:
             self._in_step = now
         return None if self._in_step is None else now - self._in_step

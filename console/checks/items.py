@@ -33,7 +33,7 @@ Item = Callable[[Facts, PreflightParameters], Check]
 
 def link(f: Facts, p: PreflightParameters) -> Check:
     advice = {
-        LinkState.LOST: "is the vehicle switched on and in reach?",
+        LinkState.LOST: "is the vehicle switched on and in range?",
         LinkState.DEGRADED: "bring the antennas closer, or find what is loading the network",
     }
     state: State = "ok" if f.link is LinkState.GOOD else "fail"
@@ -62,7 +62,7 @@ def mode(f: Facts, p: PreflightParameters) -> Check:
         return Check("mode", "fail", _SILENT, "ready", "wait for the vehicle")
     advice = {
         "cut": "the motors were cut: find out why, then press Disarm to acknowledge",
-        "emergency_land": "wait until it is down",
+        "emergency_land": "wait until it has landed",
         "starting": "wait for the gyroscope's calibration",
         "bench": "a motor is on the bench: wait, or press Disarm to end it",
     }
@@ -159,7 +159,7 @@ def tracked_body(f: Facts, p: PreflightParameters) -> Check:
     name, wanted = "tracked body", f"gravity at most {GRAVITY_OFF:.0f}° off"
     if f.body_turn is not None and abs(math.degrees(f.body_turn)) > TURNED:
         advice = (
-            "tilt the vehicle by 20° in the hand, hold it, and look again; then turn the body in "
+            "tilt the vehicle by 20° in the hand, hold it, and check again; then turn the body in "
             "the tracking system, or calibrate tracker_body"
         )
         found = f"turned by {math.degrees(f.body_turn):+.0f}° about the vertical when tilted"
@@ -172,7 +172,7 @@ def tracked_body(f: Facts, p: PreflightParameters) -> Check:
         "calibrate tracker_body"
     )
     state: State = "ok" if off <= GRAVITY_OFF else "fail"
-    seen = "unknown until it is tilted in the hand" if f.body_turn is None else "seen to be right"
+    seen = "unknown until it is tilted in the hand" if f.body_turn is None else "verified"
     found = f"gravity {off:.0f}° off; turn about the vertical {seen}"
     return Check(name, state, found, wanted, advice)
 
@@ -200,7 +200,7 @@ def parameters(f: Facts, p: PreflightParameters) -> Check:
     if f.parameters_behind > BEHIND:
         found = f"{f.parameters_behind:.0f} s behind the vehicle's"
         return Check("parameters", "fail", found, wanted, "wait, or check the link")
-    return Check("parameters", "ok", "in step", wanted)
+    return Check("parameters", "ok", "up to date", wanted)
 
 
 def recording(f: Facts, p: PreflightParameters) -> Check:
@@ -215,7 +215,7 @@ def recording(f: Facts, p: PreflightParameters) -> Check:
 
 def alarms(f: Facts, p: PreflightParameters) -> Check:
     if f.alarms:
-        advice = "see the alarms; restart quadlab if one of them does not go"
+        advice = "see the alarms; restart quadlab if one of them does not clear"
         return Check("alarms", "fail", "; ".join(f.alarms), "none", advice)
     if f.notices:
         return Check("alarms", "warn", "; ".join(f.notices), "none", "see the alarms")
@@ -286,7 +286,7 @@ def reasons(checks: Iterable[Check]) -> list[str]:
     in one line each.
     """
     return [
-        f"{one.name}: {one.found}, wanted {one.wanted}; {one.advice}"
+        f"{one.name}: {one.found}, required: {one.wanted}; {one.advice}"
         for one in checks
         if one.state == "fail"
     ]

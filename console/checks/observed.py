@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from collections.abc import Callable
 from typing import Any
 
 from console.checks.body_turn import BodyTurn
@@ -29,10 +28,9 @@ specific force (3,).
 
 
 class Observed:
-    """The newest messages from subscriptions, for the checks. `clock` is steady, in s."""
+    """The newest messages from subscriptions, for the checks."""
 
-    def __init__(self, clock: Callable[[], float] = monotonic) -> None:
-        self._clock = clock
+    def __init__(self) -> None:
         self._lock = threading.Lock()
         self._status: tuple[float, Any] | None = None
         self._payloads: dict[str, tuple[float, bytes]] = {}
@@ -42,18 +40,18 @@ class Observed:
     # ------------------------------------------------------------------ input
     def status(self, status: Any) -> None:
         """Store a quadlab_msgs/VehicleStatus."""
-        self._status = (self._clock(), status)
+        self._status = (monotonic(), status)
 
     def message(self, name: str, payload: bytes) -> None:
         """Store a received message of `estimator`, `battery` or `stick` from any sender."""
         if name in KEPT:
-            self._payloads[name] = (self._clock(), payload)
+            self._payloads[name] = (monotonic(), payload)
 
     def telemetry(self, tick: Record) -> None:
         """Store the newest TICK of a packet."""
         state = tick["state"]
         sample = (
-            self._clock(),
+            monotonic(),
             state["position_w"],
             state["velocity_w"],
             state["quaternion_wb"],
@@ -63,7 +61,7 @@ class Observed:
         with self._lock:
             self._samples.append(sample)
         if self._status is not None and not self._status[1].armed:
-            self._turn.take(sample[0], *sample[3:])
+            self._turn.update(sample[0], *sample[3:])
 
     # ------------------------------------------------------------------ output
     def newest_status(self) -> Any | None:
@@ -89,7 +87,7 @@ class Observed:
         """Return the motion as fields of `Facts`; empty when there is no fresh telemetry."""
         with self._lock:
             samples = list(self._samples)
-        now = self._clock()
+        now = monotonic()
         if not samples or now - samples[-1][0] > STALE["telemetry"]:
             return {}
         recent = [one for one in samples if now - one[0] <= STILL_WINDOW]
@@ -106,6 +104,6 @@ class Observed:
         }
 
     def _fresh(self, name: str, kept: tuple[float, Any] | None) -> Any | None:
-        if kept is None or self._clock() - kept[0] > STALE[name]:
+        if kept is None or monotonic() - kept[0] > STALE[name]:
             return None
         return kept[1]

@@ -13,8 +13,8 @@ from collections.abc import Callable
 
 from console.checks.facts import Facts
 from console.checks.items import judged, reasons
-from console.checks.parameters import PreflightParameters
-from console.link.outbox import Outbox
+from console.context import StationContext
+from console.link.outbox import WARN
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from vehicle_link.checks import Check, to_messages
 from vehicle_link.messages import header, new
@@ -24,8 +24,7 @@ log = logging.getLogger(__name__)
 PERIOD = 0.2
 """Seconds between two evaluations; a change is published at once."""
 EVERY = 0.5
-WARN = 30
-KEPT = 5.0
+ACCEPTED_FOR = 5.0
 """Seconds for which the list of an accepted request to arm belongs to the flight that begins."""
 
 
@@ -34,29 +33,22 @@ class Preflight:
 
     Args:
         facts: returns the present facts; may wait for the disk.
-        limits: the live parameters.
-        outbox: publishes and records `preflight`.
-        vehicle_ns: the vehicle's clock.
         refresh: reads the vehicle's parameters again when they have changed. Raises LinkError.
     """
 
     def __init__(
-        self,
-        facts: Callable[[], Facts],
-        limits: PreflightParameters,
-        outbox: Outbox,
-        vehicle_ns: Callable[[], int],
-        refresh: Callable[[], None],
+        self, context: StationContext, facts: Callable[[], Facts], refresh: Callable[[], None]
     ) -> None:
-        self._facts, self._limits = facts, limits
-        self._outbox, self._vehicle_ns, self._refresh = outbox, vehicle_ns, refresh
+        self._outbox, self._link = context.outbox, context.link
+        self._limits = context.parameters.preflight
+        self._facts, self._refresh = facts, refresh
         self._lock = threading.Lock()
         self._judging = threading.Lock()
-        self._asked: tuple[float, list[Check]] = (float("-inf"), [])
+        self._accepted: tuple[float, list[Check]] = (float("-inf"), [])
         self._flown: list[Check] | None = None  # the list at arming, while armed
         self._newest: list[Check] = []
-        self._told: tuple[object, ...] = ()
-        self._told_at = float("-inf")
+        self._published: tuple[object, ...] = ()
+        self._published_at = float("-inf")
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="preflight", daemon=True)
 
@@ -74,13 +66,13 @@ class Preflight:
             return  # when already armed, the vehicle's own answer is the better one
         checks = judged(facts, self._limits)
         if any(one.name == "parameters" and one.state == "fail" for one in checks):
-            checks = judged(self._read_anew(), self._limits)
+            checks = judged(self._read_again(), self._limits)
         if failing := reasons(checks):
             line = f"not armed: {'. '.join(failing)}"
             self._outbox.say(WARN, f"refused {requester or 'someone'}: {line}")
             raise RefusedError(line)
         with self._lock:
-            self._asked = (time.monotonic(), checks)
+            self._accepted = (time.monotonic(), checks)
 
     def tick(self) -> None:
         """Evaluate once; publish when something has changed or a period has passed."""
@@ -90,16 +82,16 @@ class Preflight:
             if not facts.armed:
                 self._flown, self._newest = None, checks
             elif self._flown is None:
-                at, asked = self._asked
-                self._flown = asked if time.monotonic() - at < KEPT else self._newest
+                at, accepted = self._accepted
+                self._flown = accepted if time.monotonic() - at < ACCEPTED_FOR else self._newest
             shown = self._newest if self._flown is None else self._flown
         ready = not any(one.state == "fail" for one in shown)
         key = (facts.armed, ready, *((one.name, one.state) for one in shown))
         now = time.monotonic()
-        if key == self._told and now - self._told_at < EVERY - PERIOD / 2:
+        if key == self._published and now - self._published_at < EVERY - PERIOD / 2:
             return
-        self._told, self._told_at = key, now
-        stamp_ns = self._vehicle_ns()
+        self._published, self._published_at = key, now
+        stamp_ns = self._link.vehicle_ns()
         message = new(
             "quadlab_msgs/Preflight",
             header=header(stamp_ns),
@@ -110,7 +102,7 @@ class Preflight:
         )
         self._outbox.message("preflight", message, stamp_ns)
 
-    def _read_anew(self) -> Facts:
+    def _read_again(self) -> Facts:
         """Read the vehicle's parameters again, as far as it answers, and return the facts."""
         try:
             self._refresh()

@@ -12,14 +12,14 @@ import logging
 import threading
 import time
 import uuid
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from console.checks import station_items
 from console.checks.gather import Gatherer
-from console.parameters.station import StationParameters
+from console.context import StationContext
+from console.link.outbox import INFO, WARN
 from flight_log.provenance import provenance
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from vehicle_link.checks import Check, from_messages, to_messages
@@ -28,18 +28,16 @@ from vehicle_link.messages import new
 from vehicle_link.security.certificate_checks import certificate_check
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.heartbeat import LinkState
-from vehicle_link.transport.node import Node
 
 log = logging.getLogger(__name__)
 
-LOOK = 1.0
+PERIOD = 1.0
 """Seconds between two checks of the clock."""
-SETTLE, ALONE = 4, 10
-"""Number of LOOK periods from the vehicle's connecting to the checks (rates need two seconds to
+SETTLE, WITHOUT_VEHICLE = 4, 10
+"""Number of PERIOD periods from the vehicle's connecting to the checks (rates need two seconds to
 count), and from the start when none connects."""
 TIMEOUT = 2.0
 """Seconds that the vehicle has for its own checks."""
-INFO, WARN = 20, 30
 ANSWER = f"{SERVICES['checks']}_Response"
 
 
@@ -48,29 +46,22 @@ class StartupChecks:
 
     Args:
         data: the station's data folder.
-        say: publishes an event (level, line).
-        endpoints: where the station listens and what it dials, in words.
+        endpoints: where the station listens and what it connects to, in words.
     """
 
     def __init__(
-        self,
-        node: Node,
-        data: Path,
-        gatherer: Gatherer,
-        parameters: StationParameters,
-        say: Callable[[int, str], None],
-        endpoints: str = "",
+        self, context: StationContext, data: Path, gatherer: Gatherer, endpoints: str = ""
     ) -> None:
-        self._data, self._gatherer, self._parameters, self._say = data, gatherer, parameters, say
-        self._endpoints = endpoints
+        self._data, self._gatherer, self._endpoints = data, gatherer, endpoints
+        self._parameters, self._outbox = context.parameters, context.outbox
         self._watch = ClockWatch()
-        self._looking = threading.Lock()
-        self._vehicle_client = node.client("checks", SERVICES["checks"])
+        self._checking = threading.Lock()
+        self._vehicle_client = context.node.client("checks", SERVICES["checks"])
         self._station: list[Check] = []
         self._vehicle: list[Check] = []
         self._checked = 0.0
         self._closing = threading.Event()
-        node.serve("station/checks", SERVICES["checks"], self._answer)
+        context.node.serve("station/checks", SERVICES["checks"], self._answer)
         self._thread = threading.Thread(target=self._run, name="checks", daemon=True)
 
     def start(self) -> None:
@@ -89,21 +80,21 @@ class StartupChecks:
     def _is_vehicle_unknown(self) -> bool:
         return all(one.state == "unknown" for one in self._vehicle)
 
-    def look(self) -> None:
+    def run_checks(self) -> None:
         """Check everything now; may take some seconds. Raises LinkError only for our own defect."""
-        with self._looking:
-            self._station = self._look_here()
-            self._vehicle = self._look_at_vehicle()
+        with self._checking:
+            self._station = self._check_station()
+            self._vehicle = self._check_vehicle()
             self._checked = time.time()
 
     def _answer(self, request: Any) -> Any:
         if request.again and self._gatherer.facts().armed:
             raise RefusedError("the vehicle is armed; checks are made on the ground")
         if request.again:
-            self.look()
+            self.run_checks()
         return new(ANSWER, accepted=True, checked=self._checked, checks=to_messages(self.found))
 
-    def _look_here(self) -> list[Check]:
+    def _check_station(self) -> list[Check]:
         facts, status = self._gatherer.facts(), self._gatherer.link_status
         keep_free = facts.keep_free
         runs = self._data / "runs"
@@ -121,7 +112,7 @@ class StartupChecks:
             Check("libraries", "ok", _libraries()),
         ]
 
-    def _look_at_vehicle(self) -> list[Check]:
+    def _check_vehicle(self) -> list[Check]:
         request = new(
             f"{SERVICES['checks']}_Request",
             request_id=uuid.uuid4().hex,
@@ -132,7 +123,7 @@ class StartupChecks:
             answer = self._vehicle_client.call(request, timeout=TIMEOUT)
         except LinkError as error:
             advice = "connect the vehicle, then check again"
-            found = "not asked: the vehicle does not answer"
+            found = "not checked: the vehicle does not answer"
             log.debug("the vehicle's checks: %s", error)
             return [Check("vehicle", "unknown", found, "connected", advice, "vehicle")]
         if not answer.accepted:
@@ -142,33 +133,33 @@ class StartupChecks:
         return [_compared(one, ours) for one in from_messages(answer.checks)]
 
     def _run(self) -> None:
-        looks = heard = 0
+        periods = connected_for = 0
         due = False
-        while not self._closing.wait(LOOK):
+        while not self._closing.wait(PERIOD):
             self._watch.compare()
-            looks += 1
+            periods += 1
             try:
                 facts = self._gatherer.facts()
-                heard = heard + 1 if facts.link is LinkState.GOOD else 0
-                connected = heard == SETTLE and self._is_vehicle_unknown
-                due |= connected or (looks == ALONE and not self._checked)
+                connected_for = connected_for + 1 if facts.link is LinkState.GOOD else 0
+                connected = connected_for == SETTLE and self._is_vehicle_unknown
+                due |= connected or (periods == WITHOUT_VEHICLE and not self._checked)
                 if due and not facts.armed:
                     due = False
-                    self.look()
-                    self._tell()
+                    self.run_checks()
+                    self._report()
             except QuadlabError:
                 if not self._closing.is_set():
                     log.warning("start-up checks", exc_info=True)
             except Exception:  # the clock must stay watched
                 log.exception("start-up checks")
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         """Publish one line when a check needs attention."""
         bad = [f"{one.name} ({one.place})" for one in self.found if one.state in ("warn", "fail")]
         if bad:
             failing = any(one.state == "fail" for one in self.found)
             line = f"start-up checks need attention: {', '.join(bad)}; see the Set-up page"
-            self._say(WARN if failing else INFO, line)
+            self._outbox.say(WARN if failing else INFO, line)
 
 
 def _compared(check: Check, ours: str) -> Check:

@@ -37,12 +37,12 @@ def vehicle_clock(f: Facts, link_status: Any) -> Check:
 def rates(f: Facts, p: StationParameters) -> list[Check]:
     """Check the rates of received and sent messages against their nominal values."""
     packets = min(TOPICS["telemetry"].rate, f.nominal_rate)
-    heard = f.mode is not None
+    is_connected = f.mode is not None
     return [
-        _rate("telemetry", f.telemetry_rate if heard else None, packets, "check the link"),
+        _rate("telemetry", f.telemetry_rate if is_connected else None, packets, "check the link"),
         _rate(
             "flight loop",
-            f.tick_rate if heard else None,
+            f.tick_rate if is_connected else None,
             f.nominal_rate,
             "check the microcontroller's cables and the load of the vehicle's computer",
         ),
@@ -63,7 +63,7 @@ def rates(f: Facts, p: StationParameters) -> list[Check]:
     ]
 
 
-def disk_speed(f: Facts, folder: Path, data: Path, megabytes: float = PROBE / 1e6) -> Check:
+def disk_speed(f: Facts, folder: Path, data: Path) -> Check:
     """Measure the disk's speed with a small synced file, which is removed again.
 
     Never during a flight: only when the vehicle reports that it is disarmed.
@@ -73,7 +73,7 @@ def disk_speed(f: Facts, folder: Path, data: Path, megabytes: float = PROBE / 1e
         why = "is armed" if f.armed else "sends nothing, and may be flying"
         advice = "check again with the vehicle connected and disarmed"
         return Check(name, "unknown", f"not measured: the vehicle {why}", wanted, advice)
-    path, block = folder / ".speed", os.urandom(round(1e6 * megabytes))
+    path, block = folder / ".speed", os.urandom(PROBE)
     try:
         began = time.perf_counter()
         with path.open("wb") as file:
@@ -87,7 +87,7 @@ def disk_speed(f: Facts, folder: Path, data: Path, megabytes: float = PROBE / 1e
     finally:
         with suppress(OSError):
             path.unlink()
-    speed = megabytes / spent
+    speed = 1e-6 * PROBE / spent
     advice = f"move {data} to a quicker disk; a slow one loses messages of a run"
     return Check(name, "ok" if speed >= SLOWEST else "fail", f"{speed:.0f} MB/s", wanted, advice)
 

@@ -16,7 +16,7 @@ from console.parameters.store import PREFIX, StationStore
 from quadrotor.errors import LinkError, NoAnswerError, ParameterError, RefusedError
 from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import new
-from vehicle_link.parameters.authority import SIMULATOR, authority_of
+from vehicle_link.parameters.change import SIMULATOR, authority_of
 from vehicle_link.parameters.messages import from_parameters, to_parameters
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.client import ServiceClient
@@ -129,8 +129,8 @@ class CommandGateway:
         others = [name for name in names if authority_of(name) != SIMULATOR]
         if others:
             raise ParameterError(
-                f"{others[0]} and parameters of the simulator cannot be changed in one step; "
-                "change them apart"
+                f"{others[0]} and parameters of the simulator cannot be changed in one request; "
+                "change them separately"
             )
         return _answer(self._simulator, request, COMMANDS["change_parameters"].patience)
 

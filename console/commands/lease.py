@@ -57,7 +57,7 @@ class ControlLease:
         """Count a command of this person. Raises RefusedError when another holds the lease."""
         if not self.may_command(who, now):
             raise RefusedError(
-                f"{self._holder} has control; ask for it, or wait until it is given up"
+                f"{self._holder} has control; request it, or wait until it is released"
             )
         if not self._holder:
             self._give(who, now)
@@ -77,7 +77,7 @@ class ControlLease:
         if self._holder in ("", who):
             self._give(who, now)
         elif self._asking not in ("", who):
-            raise RefusedError(f"{self._asking} has asked {self._holder} for control already")
+            raise RefusedError(f"{self._asking} has already requested control from {self._holder}")
         elif not self._asking:
             self._asking, self._asked = who, now
 
@@ -85,7 +85,7 @@ class ControlLease:
         """Answer the pending request, as the holder. Raises RefusedError."""
         self._of_holder(who)
         if not self._asking:
-            raise RefusedError("there is no request for control (any more)")
+            raise RefusedError("there is no pending request for control")
         self._acted = now
         if yes:
             self._give(self._asking, now)

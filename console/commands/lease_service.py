@@ -8,19 +8,17 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
 from typing import Any
 
 from console.commands.lease import ControlLease
-from console.link.outbox import Outbox
+from console.context import StationContext
+from console.link.outbox import INFO
 from quadrotor.errors import UsageError
 from vehicle_link.messages import decode, header, new
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.idempotent import Idempotent
-from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 
-INFO = 20
 ANSWER = f"{SERVICES['control']}_Response"
 OWN = ("quadlab up",)
 """Our own requesters, which may end a flight no matter who has control; names of people have no
@@ -28,24 +26,16 @@ spaces, or end in a number."""
 EVERY = 10  # heartbeats between two messages without a change
 
 
-class ControlDesk:
-    """The lease with its service and topics; thread-safe. `clock` is steady, in s."""
+class LeaseService:
+    """The lease with its service and topics; thread-safe."""
 
-    def __init__(
-        self,
-        node: Node,
-        outbox: Outbox,
-        vehicle_ns: Callable[[], int],
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self._outbox = outbox
-        self._vehicle_ns = vehicle_ns
-        self._clock = clock
+    def __init__(self, context: StationContext) -> None:
+        self._context = context
         self._lease = ControlLease()
         self._lock = threading.Lock()
-        self._told = ("", "")
+        self._published = ("", "")
+        node, presence = context.node, TOPICS["presence"]
         node.serve("station/control", SERVICES["control"], Idempotent(self._answer))
-        presence = TOPICS["presence"]
         node.subscribe(presence.name, presence.type_name, self._on_presence, qos=presence.qos)
 
     def permit(self, command: str, requester: str) -> None:
@@ -56,10 +46,10 @@ class ControlDesk:
         if command == "emergency" or requester in OWN:
             return
         with self._lock:
-            self._lease.command(requester or "someone", self._clock())
-        self._tell()
+            self._lease.command(requester or "someone", time.monotonic())
+        self._publish()
 
-    def steers(self, requester: str, enabled: bool) -> bool:
+    def accepts_sticks(self, requester: str, enabled: bool) -> bool:
         """Return whether these sticks count; released sticks request nothing.
 
         Sticks without a requester (a joystick at the base, through ROS 2) belong to the holder of
@@ -68,32 +58,32 @@ class ControlDesk:
         if not requester:
             return True
         with self._lock:
-            now = self._clock()
+            now = time.monotonic()
             if not self._lease.may_command(requester, now):
                 return False
             if enabled:
                 self._lease.command(requester, now)
-        self._tell()
+        self._publish()
         return True
 
     def tick(self, count: int) -> None:
         """Advance the lease; called every 50 ms."""
         with self._lock:
-            self._lease.expire(self._clock())
-        self._tell(count % EVERY == 0)
+            self._lease.expire(time.monotonic())
+        self._publish(count % EVERY == 0)
 
     def _on_presence(self, received: Received) -> None:
         names = decode(received.payload, TOPICS["presence"].type_name).names
         with self._lock:
             for name in names:
-                self._lease.present(str(name), self._clock())
+                self._lease.present(str(name), time.monotonic())
 
     def _answer(self, request: Any) -> Any:
         try:
             with self._lock:
-                self._do(request.action, request.requester or "someone", self._clock())
+                self._do(request.action, request.requester or "someone", time.monotonic())
         finally:
-            self._tell()
+            self._publish()
         return new(ANSWER, accepted=True)
 
     def _do(self, action: str, who: str, now: float) -> None:
@@ -108,18 +98,18 @@ class ControlDesk:
             lease.take(who, now)
         else:
             raise UsageError(
-                f"{action!r} is no action; there are ask, give, keep, release and take"
+                f"unknown action {action!r}; allowed are ask, give, keep, release and take"
             )
 
-    def _tell(self, always: bool = False) -> None:
+    def _publish(self, always: bool = False) -> None:
         with self._lock:
-            view, told = self._lease.view(self._clock()), self._told
-            self._told = (view.holder, view.asking)
-        if self._told == told and not always:
+            view, published = self._lease.view(time.monotonic()), self._published
+            self._published = (view.holder, view.asking)
+        if self._published == published and not always:
             return
-        if view.holder != told[0]:
-            self._outbox.say(INFO, f"{view.holder} has control" if view.holder else _FREE)
-        stamp_ns = self._vehicle_ns()
+        if view.holder != published[0]:
+            self._context.outbox.say(INFO, f"{view.holder} has control" if view.holder else _FREE)
+        stamp_ns = self._context.link.vehicle_ns()
         message = new(
             "quadlab_msgs/ControlStatus",
             header=header(stamp_ns),
@@ -127,7 +117,7 @@ class ControlDesk:
             asking=view.asking,
             answer_within=view.answer_within,
         )
-        self._outbox.message("control", message, stamp_ns)
+        self._context.outbox.message("control", message, stamp_ns)
 
 
 _FREE = "no one has control; the next command takes it"

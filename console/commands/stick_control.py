@@ -10,7 +10,6 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
-from typing import Protocol
 
 from console.commands.stick_watchdog import StickOrder, StickWatchdog
 from console.link.outbox import Outbox
@@ -26,29 +25,24 @@ EARLY = 0.01  # s, so that the drop is sent, and not only due, when the silence 
 JOY, STATUS = "sensor_msgs/Joy", "quadlab_msgs/StickStatus"
 
 
-class Pilots(Protocol):
-    """Decides what passes while an experiment flies: only sticks that take it over."""
-
-    def passes(self, order: StickOrder) -> bool: ...
-
-
-class StickDesk:
+class StickHandler:
     """Handles the stick messages of one vehicle; thread-safe.
 
     Args:
-        steers: (requester, whether their dead-man is held) → whether their sticks count.
-        pilots: decides between a person and an experiment.
+        accepts: (requester, whether their dead-man is held) → whether their sticks count.
+        passes: returns whether an order is sent; while an experiment flies, only sticks that take
+            over are.
         timeout: returns the seconds of silence after which sticks are dropped.
     """
 
     def __init__(
         self,
         outbox: Outbox,
-        steers: Callable[[str, bool], bool],
-        pilots: Pilots,
+        accepts: Callable[[str, bool], bool],
+        passes: Callable[[StickOrder], bool],
         timeout: Callable[[], float],
     ) -> None:
-        self._outbox, self._steers, self._pilots = outbox, steers, pilots
+        self._outbox, self._accepts, self._passes = outbox, accepts, passes
         self._timeout = timeout
         self._watchdog = StickWatchdog()
         self._changed = threading.Condition()
@@ -75,7 +69,7 @@ class StickDesk:
             whose = f" of {self._last.requester}" if self._last.requester else ""
         return (
             f"sticks{whose} dropped: silent for {self._timeout():g} s; "
-            "release the dead-man and press again"
+            "release the dead-man button and press it again"
         )
 
     def received(self, message: Received) -> None:
@@ -86,7 +80,7 @@ class StickDesk:
         if message.received_ns - message.source_ns > timeout * 1e9:
             return  # from a process that was stopped; the watchdog has noticed
         sticks = topics.decode_joy(message.payload)
-        if not self._steers(sticks.requester, sticks.enabled):
+        if not self._accepts(sticks.requester, sticks.enabled):
             # What these sticks held is dropped by their silence, or at once when they let go.
             if not sticks.enabled:
                 self._let_go(sticks, timeout)
@@ -96,14 +90,14 @@ class StickDesk:
             order = self._watchdog.feed(sticks.axes, sticks.enabled, monotonic(), timeout)
             dropped, self._last = self._watchdog.dropped, sticks
             self._changed.notify()
-        passes = self._pilots.passes(order)
+        passes = self._passes(order)
         if passes:
             self._outbox.joy(order)
         reason = ""
         if sticks.enabled and dropped:
             reason = "dropped by the station's watchdog"
         elif sticks.enabled and not passes:
-            reason = "an experiment flies; deflect a stick to take over"
+            reason = "an experiment is flying; deflect a stick to take over"
         self._answer(sticks, order.enabled, reason)
 
     def _let_go(self, sticks: topics.Sticks, timeout: float) -> None:
@@ -132,7 +126,7 @@ class StickDesk:
             if order is None:
                 self._changed.wait(self._watchdog.due(now, timeout))
                 return
-        if self._pilots.passes(order):
+        if self._passes(order):
             self._outbox.joy(order)
         if is_drop:
             self._answer(last, False, f"silent for {timeout:g} s")

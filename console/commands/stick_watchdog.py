@@ -29,7 +29,7 @@ class StickWatchdog:
     """Drops silent sticks. Times in s of any steady clock."""
 
     def __init__(self) -> None:
-        self._heard: float | None = None  # s, last message while enabled
+        self._held_at: float | None = None  # s, last message while enabled
         self._latched = False
         self._repeats = 0
 
@@ -37,23 +37,23 @@ class StickWatchdog:
         self, axes: tuple[float, float, float, float], enabled: bool, now: float, timeout: float
     ) -> StickOrder:
         """Handle one message of the page's sticks; return what to forward for it."""
-        if self._heard is not None and now - self._heard > timeout:
+        if self._held_at is not None and now - self._held_at > timeout:
             self._drop()
         if not enabled:
-            if self._heard is not None:
+            if self._held_at is not None:
                 self._repeats = REPEATS - 1
-            self._heard = None
+            self._held_at = None
             self._latched = False
             return DROPPED
         if self._latched:
             return DROPPED
-        self._heard = now
+        self._held_at = now
         self._repeats = 0
         return StickOrder(axes, True)
 
     def tick(self, now: float, timeout: float) -> StickOrder | None:
         """Return the order to stop while it must be sent, or None; called when it is `due`."""
-        if self._heard is not None and now - self._heard > timeout:
+        if self._held_at is not None and now - self._held_at > timeout:
             self._drop()
         if self._repeats > 0:
             self._repeats -= 1
@@ -62,7 +62,7 @@ class StickWatchdog:
 
     def due(self, now: float, timeout: float) -> float | None:
         """Return the seconds until silence becomes a drop; None = nothing to drop."""
-        return None if self._heard is None else max(self._heard + timeout - now, 0.0) + 1e-4
+        return None if self._held_at is None else max(self._held_at + timeout - now, 0.0) + 1e-4
 
     @property
     def dropped(self) -> bool:
@@ -70,6 +70,6 @@ class StickWatchdog:
         return self._latched
 
     def _drop(self) -> None:
-        self._heard = None
+        self._held_at = None
         self._latched = True
         self._repeats = REPEATS

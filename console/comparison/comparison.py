@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import Beacons
 from bearing_sim.emulator import BearingMeasurement
-from bearing_sim.known_beacons import KnownBeacons
 from bearing_sim.observability import frame_bound
 from bearing_sim.pose_track import Pose
 from console.comparison.bearings import residuals
 from console.comparison.results import Comparison, Result
-from console.comparison.samples import Event, SampleQueue
+from console.comparison.samples import PacketEvent, SampleQueue
 from console.comparison.shadow import Shadow
 from console.comparison.statistics import QUATERNION, ErrorStatistics, errors
 from console.comparison.truth import Row, Source, TruthMerge
@@ -64,15 +64,15 @@ class EstimatorComparison:
         self._shadows: dict[str, Shadow] = {}
         self._armed = self._starting = False
         self._flown = False  # since the vehicle, or this process, was started
-        self._begin_anew(SampleQueue())
+        self._start_over(SampleQueue())
 
-    def _begin_anew(self, samples: SampleQueue) -> None:
+    def _start_over(self, samples: SampleQueue) -> None:
         self._samples = samples
         self._merge = TruthMerge()
         self._rows: deque[Row] = deque(maxlen=ROWS)
         self._frames: deque[tuple[int, Record]] = deque(maxlen=FRAMES)
         self._compared: tuple[Row, Pose] | None = None
-        self._told_ns = -(1 << 62)
+        self._reported_ns = -(1 << 62)
         self._statistics = {word: ErrorStatistics() for word in (VEHICLE, *self._words)}
 
     # ------------------------------------------------------------------ the set
@@ -96,11 +96,11 @@ class EstimatorComparison:
     def ticks(self, ticks: Record) -> None:
         """Handle the TICK (N,) of one packet of telemetry."""
         stretch = self._samples.packet(np.ascontiguousarray(ticks["imu"]))
-        if stretch.event is Event.NOTHING_NEW:
+        if stretch.event is PacketEvent.NOTHING_NEW:
             return
-        if stretch.event is Event.RESTARTED:
+        if stretch.event is PacketEvent.RESTARTED:
             self._forget()
-        elif stretch.event is Event.GAP:
+        elif stretch.event is PacketEvent.GAP:
             self._reset()
         for word, shadow in list(self._shadows.items()):
             try:
@@ -152,9 +152,9 @@ class EstimatorComparison:
         row, true = self._rows[-1], None
         if self._compared and row.stamp_ns - self._compared[0].stamp_ns < PATIENCE_NS:
             row, true = self._compared
-        if row.stamp_ns <= self._told_ns:
+        if row.stamp_ns <= self._reported_ns:
             return None
-        self._told_ns = row.stamp_ns
+        self._reported_ns = row.stamp_ns
         out = Comparison(
             row.stamp_ns,
             self._merge.source if true else "",
@@ -243,7 +243,7 @@ class EstimatorComparison:
         """
         self._reset()
         # The queue noticed the restart itself, and has the next samples.
-        self._begin_anew(self._samples)
+        self._start_over(self._samples)
         self._armed = self._flown = False
 
 

@@ -30,9 +30,9 @@ COMMAND = (sys.executable, "-m", "console.comparison.process")
 PERIOD = 0.05
 HELD = 4000
 """Maximum number of messages queued for the process: about 10 s of them."""
-AGAIN = 5.0
+RESTART_PERIOD = 5.0
 """Seconds between two starts of the process."""
-LOOK, LINGER = 1.0, 30.0
+CHECK_PERIOD, LINGER = 1.0, 30.0
 """Seconds between checks whether the results are needed, and for which the process continues when
 they no longer are."""
 PATIENCE = 2.0
@@ -50,7 +50,7 @@ class ComparisonFeed:
         parameters: the live object, read again in each period.
         publish: called with topic, payload and stamp (ns).
         say: called with a line for the operator.
-        wanted: returns whether the results are needed.
+        needs_results: returns whether the results are needed.
     """
 
     def __init__(
@@ -58,15 +58,15 @@ class ComparisonFeed:
         parameters: ComparisonParameters,
         publish: Callable[[str, bytes, int], None],
         say: Callable[[str], None],
-        wanted: Callable[[], bool] = lambda: True,
+        needs_results: Callable[[], bool] = lambda: True,
     ) -> None:
         self._parameters, self._publish, self._say = parameters, publish, say
-        self._asks_wanted = wanted
-        self._look_due = self._wanted_until = -LINGER
+        self._needs_results = needs_results
+        self._check_due = self._needed_until = -LINGER
         self._queue: deque[tuple[Any, ...]] = deque(maxlen=HELD)
-        self._flies = False
+        self._has_telemetry = False
         self._child: subprocess.Popen[bytes] | None = None
-        self._started = -AGAIN
+        self._started = -RESTART_PERIOD
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="comparison", daemon=True)
         self._thread.start()
@@ -74,7 +74,7 @@ class ComparisonFeed:
     def telemetry(self, payload: bytes) -> None:
         """Queue one packet."""
         self._queue.append(("telemetry", payload))
-        self._flies = True
+        self._has_telemetry = True
 
     def status(self, armed: bool, mode: str) -> None:
         self._queue.append(("status", armed, mode == STARTING))
@@ -99,22 +99,22 @@ class ComparisonFeed:
     def _run(self) -> None:
         due = time.monotonic()
         while not self._closing.is_set():
-            due = max(due + (PERIOD if self._child else LOOK), time.monotonic())
+            due = max(due + (PERIOD if self._child else CHECK_PERIOD), time.monotonic())
             self._closing.wait(due - time.monotonic())
-            if not self._is_wanted():
+            if not self._is_needed():
                 self._rest()
-            elif self._flies and self._alive():
+            elif self._has_telemetry and self._alive():
                 self._send()
         if self._child is not None:
             self._end(self._child)
 
-    def _is_wanted(self) -> bool:
+    def _is_needed(self) -> bool:
         now = time.monotonic()
-        if now >= self._look_due:
-            self._look_due = now + LOOK
-            if self._asks_wanted():
-                self._wanted_until = now + LINGER
-        return now < self._wanted_until
+        if now >= self._check_due:
+            self._check_due = now + CHECK_PERIOD
+            if self._needs_results():
+                self._needed_until = now + LINGER
+        return now < self._needed_until
 
     def _rest(self) -> None:
         child, self._child = self._child, None
@@ -127,20 +127,20 @@ class ComparisonFeed:
         child = self._child
         if child is not None and child.poll() is None:
             return True
-        if self._closing.is_set() or time.monotonic() < self._started + AGAIN:
+        if self._closing.is_set() or time.monotonic() < self._started + RESTART_PERIOD:
             return False
         if child is not None:
-            self._say(f"comparison of estimators ended ({child.returncode}); started again")
+            self._say(f"the comparison of estimators ended ({child.returncode}); started again")
         self._started = time.monotonic()
         try:
             self._child = child = subprocess.Popen(
                 COMMAND, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE
             )
         except OSError as error:
-            self._say(f"comparison of estimators does not start: {error}")
+            self._say(f"the comparison of estimators cannot be started: {error}")
             return False
         threading.Thread(
-            target=self._receive, args=(child,), name="comparison heard", daemon=True
+            target=self._receive, args=(child,), name="comparison output", daemon=True
         ).start()
         return True
 

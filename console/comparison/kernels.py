@@ -15,8 +15,8 @@ from contextlib import suppress
 from quadrotor.errors import JobError
 from vehicle_link.jobs import IDLE, run
 
-SAID_AFTER = 1.0
-KEPT = {
+REPORTED_AFTER = 1.0
+MODULES = {
     "complementary": (
         "estimation.complementary_filter",
         "estimation.poses.frame_solution",
@@ -28,7 +28,7 @@ KEPT = {
 is prepared in the process that registered it."""
 
 
-class Kernels:
+class CompiledEstimators:
     """Called from one thread; prepares one estimator after the other in another thread.
 
     Args:
@@ -38,7 +38,7 @@ class Kernels:
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
         self._ready: set[str] = set()
-        self._asked: set[str] = set()
+        self._requested: set[str] = set()
         self._thread: threading.Thread | None = None
         self._closing = threading.Event()
 
@@ -49,8 +49,8 @@ class Kernels:
         if name in self._ready:
             return True
         busy = self._thread is not None and self._thread.is_alive()
-        if not busy and name not in self._asked and not self._closing.is_set():
-            self._asked.add(name)
+        if not busy and name not in self._requested and not self._closing.is_set():
+            self._requested.add(name)
             self._thread = threading.Thread(
                 target=self._prepare, args=(name,), name="kernels", daemon=True
             )
@@ -65,9 +65,9 @@ class Kernels:
     def _prepare(self, name: str) -> None:
         try:
             from estimation import registry
-            from quadrotor.compiled import kept
+            from quadrotor.compiled import is_cached
 
-            if not all(kept(module) for module in KEPT.get(name, ())):
+            if not all(is_cached(module) for module in MODULES.get(name, ())):
                 self._compile(name)
             if not self._closing.is_set():
                 registry.prepare(name, bearings=True)
@@ -77,14 +77,14 @@ class Kernels:
 
     def _compile(self, name: str) -> None:
         """Compile in a separate process; what it leaves undone is compiled here, later."""
-        began, said = time.monotonic(), False
+        began, is_reported = time.monotonic(), False
 
         def check() -> None:
-            nonlocal said
+            nonlocal is_reported
             if self._closing.is_set():
                 raise JobError("no longer needed")
-            if not said and time.monotonic() - began > SAID_AFTER:
-                said = True
+            if not is_reported and time.monotonic() - began > REPORTED_AFTER:
+                is_reported = True
                 self._say(f"comparing {name}: compiling")
 
         with suppress(JobError):

@@ -10,13 +10,13 @@ from pydantic import ConfigDict, field_validator
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.parameters import Parameters, parameter
 
-MOST = 6
+MAX_ESTIMATORS = 6
 """Maximum number of estimators at once: each uses a share of the station's only interpreter."""
 PRESET_OF: Mapping[str, str] = {"complementary": "resolved"}
 """Presets for names given without one; other names use the defaults."""
 
 
-class Choice(NamedTuple):
+class EstimatorChoice(NamedTuple):
     """A word `name` or `name:preset`, split; preset "" means the default parameters."""
 
     word: str
@@ -43,7 +43,7 @@ class ComparisonParameters(Parameters):
         return text
 
 
-def parse_estimators(text: str) -> tuple[Choice, ...]:
+def parse_estimators(text: str) -> tuple[EstimatorChoice, ...]:
     """Return the choices of a text, in order. Raises OutOfBoundsError with what is allowed."""
     words = text.split()
     if not words:
@@ -60,12 +60,12 @@ def parse_estimators(text: str) -> tuple[Choice, ...]:
                 f"{', '.join(registry.names())}, each alone or with a preset "
                 f"({', '.join(PRESETS)}) like complementary:paper, words separated by spaces"
             )
-        choices.append(Choice(word, name, preset or PRESET_OF.get(name, "")))
+        choices.append(EstimatorChoice(word, name, preset or PRESET_OF.get(name, "")))
     twice = [word for k, word in enumerate(words) if word in words[:k]]
     if twice:
         raise OutOfBoundsError(f"estimators = {text!r} has {twice[0]!r} twice; name each once")
-    if len(words) > MOST:
+    if len(words) > MAX_ESTIMATORS:
         raise OutOfBoundsError(
-            f"estimators = {text!r} are {len(words)}; allowed are at most {MOST} at once"
+            f"estimators = {text!r} are {len(words)}; allowed are at most {MAX_ESTIMATORS} at once"
         )
     return tuple(choices)

@@ -16,8 +16,8 @@ from typing import Any, BinaryIO
 
 from bearing_sim import PAPER_BEACONS, BearingMeasurement
 from console.comparison.comparison import EstimatorComparison
-from console.comparison.kernels import Kernels
-from console.comparison.parameters import Choice, parse_estimators
+from console.comparison.kernels import CompiledEstimators
+from console.comparison.parameters import EstimatorChoice, parse_estimators
 from console.comparison.results import message_of
 from quadrotor.errors import OutOfBoundsError
 from vehicle_link.messages import encode
@@ -25,10 +25,10 @@ from vehicle_link.telemetry import unpack
 
 Batch = tuple[str, Sequence[tuple[Any, ...]]]
 """The text of the parameter, and (kind, its arguments) in the order of arrival."""
-TOLD_EVERY = 2  # batches
+REPORT_EVERY = 2  # batches
 
 
-class Worker:
+class ComparisonWorker:
     """Processes batches; reads no clock.
 
     Args:
@@ -39,21 +39,21 @@ class Worker:
     def __init__(self, publish: Callable[[bytes, int], None], say: Callable[[str], None]) -> None:
         self._publish, self._say = publish, say
         self._comparison = EstimatorComparison(say)
-        self._kernels = Kernels(say)
+        self._kernels = CompiledEstimators(say)
         self._text = ""
-        self._choices: tuple[Choice, ...] = ()
-        self._missing: list[Choice] = []
+        self._choices: tuple[EstimatorChoice, ...] = ()
+        self._missing: list[EstimatorChoice] = []
         self._defect = ""
         self._batches = 0
 
-    def take(self, batch: Batch) -> None:
+    def process(self, batch: Batch) -> None:
         """Process a batch. A defect in what is only displayed ends nothing and is reported once."""
         text, items = batch
         self._batches += 1
         for act in (
             lambda: self._follow(text),
             *(lambda one=one: self._feed(*one) for one in items),
-            self._tell,
+            self._publish_report,
         ):
             try:
                 act()
@@ -61,7 +61,7 @@ class Worker:
                 traceback.print_exc()
                 if self._defect != repr(error):
                     self._defect = repr(error)
-                    self._say(f"comparison of estimators: defect, see the station's log: {error!r}")
+                    self._say(f"a defect in the comparison of estimators, see the log: {error!r}")
 
     def close(self) -> None:
         self._kernels.close()
@@ -90,7 +90,7 @@ class Worker:
         if self._missing:
             self._missing = [one for one in self._missing if not self._started(one)]
 
-    def _started(self, choice: Choice) -> bool:
+    def _started(self, choice: EstimatorChoice) -> bool:
         if not self._kernels.ready(choice.name):
             return False
         from estimation import registry
@@ -100,8 +100,8 @@ class Worker:
         self._comparison.start(choice.word, registry.create(choice.name, parameters))
         return True
 
-    def _tell(self) -> None:
-        if self._batches % TOLD_EVERY:
+    def _publish_report(self) -> None:
+        if self._batches % REPORT_EVERY:
             return
         report = self._comparison.report()
         if report is not None:
@@ -120,7 +120,7 @@ def main() -> None:
         output.write(pickle.dumps(message))
         output.flush()
 
-    worker = Worker(
+    worker = ComparisonWorker(
         lambda payload, stamp_ns: send("comparison", payload, stamp_ns),
         lambda line: send("say", line),
     )
@@ -138,13 +138,13 @@ def main() -> None:
         worker.close()
 
 
-def _work(worker: Worker, source: BinaryIO) -> None:
+def _work(worker: ComparisonWorker, source: BinaryIO) -> None:
     while True:
         try:
             batch: Batch = pickle.load(source)
         except EOFError:
             return
-        worker.take(batch)
+        worker.process(batch)
 
 
 if __name__ == "__main__":

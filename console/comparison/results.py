@@ -61,26 +61,11 @@ def message_of(comparison: Comparison) -> Any:
 
 
 def _result(result: Result) -> Any:
-    r = result
-    x, y, z, u, v, w, qw, qx, qy, qz = r.state[:10].tolist()
-    fields: dict[str, Any] = {}
-    for when, summary in (("_recent", r.recent), ("", r.session)):
+    fields = dict(vars(result))
+    x, y, z, u, v, w, qw, qx, qy, qz = fields.pop("state")[:10].tolist()
+    for when, summary in (("_recent", fields.pop("recent")), ("", fields.pop("session"))):
         for name, value in summary._asdict().items():
             what, kind = name.split("_")
             fields[f"{what}_{kind}{when}"] = value
-    return new(
-        "quadlab_msgs/EstimatorResult",
-        name=r.name,
-        initialized=r.initialized,
-        converged=r.converged,
-        pose={"position": (x, y, z), "orientation": (qx, qy, qz, qw)},
-        velocity=(u, v, w),
-        position_covariance=r.position_covariance,
-        attitude_variance=r.attitude_variance,
-        position_error=r.position_error,
-        attitude_error=r.attitude_error,
-        processor=r.processor,
-        beacon_ids=r.beacon_ids,
-        residuals=r.residuals,
-        **fields,
-    )
+    pose = {"position": (x, y, z), "orientation": (qx, qy, qz, qw)}
+    return new("quadlab_msgs/EstimatorResult", pose=pose, velocity=(u, v, w), **fields)

@@ -25,7 +25,7 @@ BEHIND = 3
 WAITING = 128
 
 
-class Event(Enum):
+class PacketEvent(Enum):
     """The result of adding a packet."""
 
     GOES_ON = auto()
@@ -37,7 +37,7 @@ class Event(Enum):
 class Stretch(NamedTuple):
     """IMU_SAMPLE (N,), the step to each (s), and (index, BEARINGS_SAMPLE) due after samples."""
 
-    event: Event
+    event: PacketEvent
     imu: Record
     steps: Sequence[float]
     frames: Sequence[tuple[int, Record]]
@@ -63,27 +63,27 @@ class SampleQueue:
         """Return the new samples, IMU_SAMPLE (N,), in order. Samples that are not newer than the
         newest are skipped.
         """
-        event = Event.GOES_ON
+        event = PacketEvent.GOES_ON
         last_ns = int(imu["stamp_ns"][-1])
         if self._newest is not None:
             self._behind = self._behind + 1 if last_ns < self._newest_ns - OTHER_LIFE_NS else 0
             if self._behind >= BEHIND:
-                self._newest, event = None, Event.RESTARTED
+                self._newest, event = None, PacketEvent.RESTARTED
         if self._newest is not None:
             imu = imu[imu["stamp_ns"] > self._newest_ns]
             if not len(imu):
-                return Stretch(Event.NOTHING_NEW, imu, (), ())
+                return Stretch(PacketEvent.NOTHING_NEW, imu, (), ())
             gap = 1e-9 * (int(imu["stamp_ns"][0]) - self._newest_ns)
             if gap > LONGEST_GAP:
-                event = Event.GAP
+                event = PacketEvent.GAP
             elif gap > LONGEST_STEP:
                 imu = np.concatenate((bridge(self._newest, imu[:1], gap), imu))
         stamps = imu["stamp_ns"]
         before_ns = self._newest_ns if self._newest is not None else stamps[0] - 2_000_000
         steps = 1e-9 * np.diff(stamps, prepend=before_ns)
-        if event is not Event.GOES_ON:
+        if event is not PacketEvent.GOES_ON:
             steps[0] = NOMINAL_STEP
-        if event is Event.RESTARTED:
+        if event is PacketEvent.RESTARTED:
             self._waiting = [one for one in self._waiting if one[0] < last_ns + OTHER_LIFE_NS]
         self._newest, self._newest_ns, self._behind = imu[-1:].copy(), int(stamps[-1]), 0
         return Stretch(event, imu, np.minimum(steps, LONGEST_STEP).tolist(), self._due(imu))

@@ -91,15 +91,15 @@ def _pose(number: int, held: Held, columns: dict[str, Series], in_force: InForce
     raw = raw_of(force, in_force.matrix, in_force.bias)
     if len(raw) < SAMPLES_MIN:
         raise MeasurementError(
-            f"pose {number} has {len(raw)} samples in the log, needed are {SAMPLES_MIN}; "
+            f"pose {number} has {len(raw)} samples in the log, at least {SAMPLES_MIN} are needed; "
             "was it recorded to its end?"
         )
     if references.any():
-        raise MeasurementError(f"motors were on in pose {number}; they shake it. Begin again")
+        raise MeasurementError(f"motors were on in pose {number}; begin again with the motors off")
     if np.abs(raw).max() >= SATURATED:
         raise MeasurementError(
-            f"the accelerometer is saturated in pose {number}: {np.abs(raw).max():.1f} m/s², it "
-            f"shows up to {SATURATED:g}"
+            f"the accelerometer is saturated in pose {number}: {np.abs(raw).max():.1f} m/s², "
+            f"its range is {SATURATED:g}"
         )
     deviation = float(raw.std(axis=0).max())
     if deviation > DEVIATION_MAX:

@@ -1,4 +1,4 @@
-"""Values of one topic at the stamps of another."""
+"""Values of one topic at the stamps of another, and rows of attitudes."""
 
 from __future__ import annotations
 
@@ -9,20 +9,24 @@ Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
 
 LARGEST_GAP_NS = 20_000_000
-"""Largest gap, in ns, between messages for interpolation."""
+"""Largest gap, in ns, between messages of one process."""
 
 
 def between(
-    stamps: Stamps, given: Stamps, values: npt.NDArray[np.floating]
+    stamps: Stamps | npt.NDArray[np.floating],
+    given: Stamps | npt.NDArray[np.floating],
+    values: npt.NDArray[np.floating],
+    largest_gap: float = LARGEST_GAP_NS,
 ) -> tuple[Array, npt.NDArray[np.bool_]]:
     """Interpolate linearly between neighbours; a message with exactly a given stamp is used as is.
 
     In simulated time the stamps of all topics coincide; over a link each source has its own.
 
     Args:
-        stamps: (N,) ns.
-        given: (M,) ns, rising.
+        stamps: (N,) ns, or another unit of time.
+        given: (M,) in the same unit, rising.
         values: (M, K); quaternions in them must not flip their sign between neighbours.
+        largest_gap: longest gap between given stamps for interpolation.
 
     Returns:
         (N, K) values, and (N,) which of them are known; the others are NaN.
@@ -32,9 +36,30 @@ def between(
     after = np.clip(np.searchsorted(given, stamps), 0, len(given) - 1)
     before = np.where(given[after] == stamps, after, np.maximum(after - 1, 0))
     gap = given[after] - given[before]
-    inside = (given[before] <= stamps) & (stamps <= given[after]) & (gap <= LARGEST_GAP_NS)
-    share = np.where(gap > 0, (stamps - given[before]) / np.maximum(gap, 1), 0.0)[:, None]
+    inside = (given[before] <= stamps) & (stamps <= given[after]) & (gap <= largest_gap)
+    share = np.where(gap > 0, (stamps - given[before]) / np.where(gap > 0, gap, 1), 0.0)[:, None]
     first = values[before].astype(np.float64)
     out: Array = first + share * (values[after] - first)
     out[~inside] = np.nan
     return out, inside
+
+
+def make_continuous(quaternion: npt.NDArray[np.floating]) -> None:
+    """Give neighbouring quaternions (N, 4) the same sign, in place, so that they can be
+    interpolated.
+    """
+    flips = np.einsum("nk,nk->n", quaternion[1:], quaternion[:-1]) < 0.0
+    if flips.any():
+        quaternion[np.concatenate([[0], np.cumsum(flips)]) % 2 == 1] *= -1.0
+
+
+def rotated_rows(
+    quaternion_wb: npt.NDArray[np.floating], vector_b: npt.NDArray[np.floating]
+) -> npt.NDArray[np.floating]:
+    """Return R_wb v of each row, (N, 3), of unit quaternions (N, 4) and vectors (N, 3)."""
+    axis = quaternion_wb[:, 1:]
+    across = 2.0 * np.cross(axis, vector_b)
+    rotated: npt.NDArray[np.floating] = (
+        vector_b + quaternion_wb[:, :1] * across + np.cross(axis, across)
+    )
+    return rotated

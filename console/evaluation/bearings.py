@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.beacons import parse_layout
-from console.evaluation.alignment import between
+from console.evaluation.alignment import between, make_continuous, rotated_rows
 from console.evaluation.bearings_bound import Frame, PoseBound, posterior_bound
 from console.evaluation.figures import rms
 from console.evaluation.log_columns import read_parameters
@@ -138,7 +138,7 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
     if tracked:
         stamps, truth = _rows(topics, "tracker_pose", begin_ns, end_ns)
     state_ns, state = _rows(topics, "state", begin_ns, end_ns)
-    _unflip(state)
+    make_continuous(state[:, 3:7])
     estimate, known = between(stamps, state_ns, state)
     del state
     wanted_w, known_too = between(stamps, *_rows(topics, "reference", begin_ns, end_ns))
@@ -220,24 +220,13 @@ def _rows(
     return stamps[begin:end], rows[begin:end]
 
 
-def _unflip(odometry: Floats) -> None:
-    """Give neighbouring quaternions the same sign, so that they can be interpolated."""
-    quaternion = odometry[:, 3:7]
-    flips = np.einsum("nk,nk->n", quaternion[1:], quaternion[:-1]) < 0.0
-    if flips.any():
-        turned = np.concatenate([[0], np.cumsum(flips)]) % 2 == 1
-        quaternion[turned] *= -1.0
-
-
 def _state(odometry: npt.NDArray[np.floating]) -> Array:
     """Return position, velocity (world, NaN if missing) and quaternion, (N, 10), of ODOMETRY's
     rows.
     """
     position_w, quaternion, velocity_b = odometry[:, :3], odometry[:, 3:7], odometry[:, 7:]
     if velocity_b.shape[1]:
-        axis = quaternion[:, 1:]
-        across = 2.0 * np.cross(axis, velocity_b)
-        velocity_w = velocity_b + quaternion[:, :1] * across + np.cross(axis, across)
+        velocity_w = rotated_rows(quaternion, velocity_b)
     else:
         velocity_w = np.full_like(position_w, np.nan)
     out: Array = np.concatenate([position_w, velocity_w, quaternion], axis=1)
@@ -300,6 +289,6 @@ def _noise(values: Mapping[str, ParameterValue]) -> ErrorStateParameters:
     """Return the IMU noise that the vehicle assumes, with defaults for values not in the log."""
     noise = ErrorStateParameters()
     for name, default in ErrorStateParameters():
-        told = values.get(f"estimation.error_state.{name}", default)
-        setattr(noise, name, told if isinstance(told, int | float) and told > 0.0 else default)
+        value = values.get(f"estimation.error_state.{name}", default)
+        setattr(noise, name, value if isinstance(value, int | float) and value > 0.0 else default)
     return noise

@@ -41,7 +41,7 @@ def read_bench_file(path: Path) -> BenchRecording:
             raise StorageError(f"{path} has more than {LARGEST // 1_000_000} MB; cut it")
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "it is no text in UTF-8"
+        why = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise StorageError(f"{path} cannot be read: {why}") from None
     lines = csv.reader(text.splitlines())
     header = [name.strip() for name in next(lines, [])]
@@ -60,8 +60,8 @@ def read_bench_file(path: Path) -> BenchRecording:
             )
     if len(rows) < ROWS_MIN:
         raise MeasurementError(
-            f"{path.name} line {lines.line_num}: it ends after {len(rows)} samples, needed are "
-            f"{ROWS_MIN}; record at 100 Hz or more"
+            f"{path.name} line {lines.line_num}: it ends after {len(rows)} samples, "
+            f"{ROWS_MIN} are needed; record at 100 Hz or more"
         )
     table = np.array(rows).T
     speed = table[4] if SPEED in header else np.full(len(rows), np.nan)
@@ -79,7 +79,7 @@ def _check_header(path: Path, header: list[str]) -> None:
             f"and call it {plain[0]}"
         )
     raise MeasurementError(
-        f"{path.name} line 1: there is no column {', '.join(missing)}; needed are "
+        f"{path.name} line 1: the column {', '.join(missing)} is missing; needed are "
         f"{', '.join(COLUMNS)} and, with a tachometer, {SPEED}"
     )
 

@@ -156,7 +156,7 @@ def read_drag(log: Path, vehicle: str) -> DragFlight:
     # The filters start in the ramp; their initial values have decayed when the circles count.
     inside = (time >= start - RAMP) & (time <= end)
     if inside.sum() < PIECES * 10:
-        raise MeasurementError(f"{log.name} has hardly a tick of the circles")
+        raise MeasurementError(f"{log.name} has almost no ticks of the circles")
 
     def table(columns: Series, rows: npt.NDArray[np.intp], names: tuple[str, ...]) -> Array:
         return np.stack([columns.values(name)[rows][inside] for name in names], 1, dtype=np.float64)

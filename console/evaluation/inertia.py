@@ -172,7 +172,7 @@ def read_inertia(log: Path, vehicle: str) -> InertiaFlight:
     time, first, second = np.intersect1d(state.time, actuators.time, return_indices=True)
     inside = (time >= start) & (time <= end)
     if inside.sum() < 3:
-        raise MeasurementError(f"{log.name} has hardly a tick of the excitation")
+        raise MeasurementError(f"{log.name} has almost no ticks of the excitation")
     rates = np.stack([state.values(name)[first][inside] for name in RATES], 1, dtype=np.float64)
     thrusts = np.stack(
         [actuators.values(name)[second][inside] for name in THRUSTS], 1, dtype=np.float64

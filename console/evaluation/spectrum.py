@@ -51,7 +51,7 @@ def evenly(time: Array, values: Values) -> tuple[float, Array]:
     count = round(span / float(np.median(np.diff(time)))) + 1 if span > 0.0 else 0
     if not len(time) >= (1.0 - LOST_MAX) * count > 0.0:
         raise MeasurementError(
-            f"{len(time)} of {count} samples are there, needed are {100 * (1 - LOST_MAX):.0f} %"
+            f"{len(time)} of {count} samples were received, {100 * (1 - LOST_MAX):.0f} % are needed"
         )
     grid = np.linspace(time[0], time[-1], count)
     columns = [np.interp(grid, time, column) for column in values.T]

@@ -207,7 +207,7 @@ def read_vibration(log: Path, vehicle: str) -> Vibration:
     ):
         if not seconds >= least:
             raise MeasurementError(
-                f"{log.name} has {max(seconds, 0.0):.1f} s of {name}, needed are {least:g} s"
+                f"{log.name} has {max(seconds, 0.0):.1f} s of {name}, {least:g} s are needed"
             )
     rest = _window(imu, begin, end)
     hover = _window(imu, start, stop)
@@ -296,5 +296,5 @@ def _longest(status: Series, path: str, text: str) -> tuple[float, float]:
     had.
     """
     changes = [*status.changes(path), (float(status.time[-1]), "")]
-    spans = [(begin, changes[k + 1][0]) for k, (begin, told) in enumerate(changes) if told == text]
+    spans = [(begin, changes[k + 1][0]) for k, (begin, was) in enumerate(changes) if was == text]
     return max(spans, key=lambda span: span[1] - span[0], default=(math.nan, math.nan))

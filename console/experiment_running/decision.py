@@ -8,8 +8,9 @@ from pathlib import Path
 from console.calibrations import Calibrations
 from console.catalogue.catalogue import Catalogue
 from console.experiment_running.state import ACCEPTED, REJECTED
-from console.experiment_running.status_publisher import INFO, WARN, ExperimentBoard
+from console.experiment_running.status_publisher import ExperimentStatusPublisher
 from console.experiment_running.vehicle_services import VehicleServices
+from console.link.outbox import INFO, WARN
 from console.runs.report_folders import write_decision
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
@@ -24,7 +25,7 @@ class Decisions:
 
     def __init__(
         self,
-        board: ExperimentBoard,
+        board: ExperimentStatusPublisher,
         services: VehicleServices,
         calibrations: Calibrations,
         catalogue: Catalogue,
@@ -43,7 +44,7 @@ class Decisions:
             sent = record.model_copy(
                 update={"run_id": self._board.state.run_id, "requester": requester[:NAME_MAX]}
             )
-            if self._unanswered != text or not self._is_kept(sent):
+            if self._unanswered != text or not self._is_stored(sent):
                 self._store(text, sent, requester)
             self._decide(ACCEPTED, record.name, requester)
         self._calibrations.changed()
@@ -79,7 +80,7 @@ class Decisions:
                 f"it is not known whether the vehicle applied it ({error}); accept it again"
             ) from error
 
-    def _is_kept(self, record: CalibrationRecord) -> bool:
+    def _is_stored(self, record: CalibrationRecord) -> bool:
         """Return whether the vehicle applied the record although its answer was lost. Raises
         RefusedError.
         """
@@ -87,7 +88,9 @@ class Decisions:
             history = self._calibrations.read()
         except LinkError as error:
             raise RefusedError(str(error)) from error
-        return any((kept.name, kept.run_id) == (record.name, record.run_id) for kept in history)
+        return any(
+            (stored.name, stored.run_id) == (record.name, record.run_id) for stored in history
+        )
 
     def _decide(self, decision: str, name: str, requester: str) -> None:
         self._unanswered = ""

@@ -14,7 +14,7 @@ from typing import Any
 
 from console.evaluation.verdict import evaluated
 from console.experiments.client import VERDICTS, Calibrating, Experiment, Reporting, Result
-from console.experiments.user_file import mistakes_told
+from console.experiments.user_file import errors_with_line
 from console.runs.report_folders import report_folder, write_result
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import JobError, MeasurementError, QuadlabError, RefusedError, StorageError
@@ -22,7 +22,7 @@ from vehicle_link.jobs import run
 
 
 @dataclass(frozen=True)
-class Job:
+class EvaluationJob:
     """The input of an evaluation: the flown experiment, its log, and the time limit (s)."""
 
     experiment: Experiment
@@ -31,7 +31,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Judgement:
+class Evaluation:
     """The result of an evaluation, with the report's files or why there are none."""
 
     result: Result
@@ -41,7 +41,7 @@ class Judgement:
     """JSON of the proposed calibration record."""
 
 
-def judge(job: Job, cancelled: threading.Event) -> Judgement:
+def judge(job: EvaluationJob, cancelled: threading.Event) -> Evaluation:
     """Run the process and wait for it. Raises QuadlabError with the reason of a failure."""
 
     def check() -> None:
@@ -54,7 +54,7 @@ def judge(job: Job, cancelled: threading.Event) -> Judgement:
         raise JobError(f"the evaluation of {job.experiment.name} failed: {error}") from error
     result = Result(answer["verdict"], answer["metrics"], answer["limits"], answer["reason"])
     proposal = answer["proposal"]
-    return Judgement(
+    return Evaluation(
         result,
         tuple(answer["files"]),
         answer["problem"],
@@ -62,12 +62,12 @@ def judge(job: Job, cancelled: threading.Event) -> Judgement:
     )
 
 
-def evaluate(job: Job) -> dict[str, Any]:
+def evaluate(job: EvaluationJob) -> dict[str, Any]:
     """Write result.json and the report's files, inside the process, and return their content.
     Raises QuadlabError.
     """
     experiment, folder = job.experiment, report_folder(job.log)
-    with mistakes_told(experiment):
+    with errors_with_line(experiment):
         result = evaluated(experiment, job.log)
     if result.verdict not in VERDICTS:
         raise MeasurementError(
@@ -87,7 +87,7 @@ def evaluate(job: Job) -> dict[str, Any]:
         files = []
         if isinstance(experiment, Reporting):
             try:
-                with mistakes_told(experiment):
+                with errors_with_line(experiment):
                     files = [path.name for path in experiment.report(job.log, folder)]
             except Exception as error:  # the verdict is valid without plots
                 problem = "; ".join(filter(None, (problem, f"no plots: {error}")))
@@ -109,13 +109,13 @@ def evaluate(job: Job) -> dict[str, Any]:
     return content
 
 
-def proposed(job: Job) -> tuple[CalibrationRecord | None, str]:
+def proposed(job: EvaluationJob) -> tuple[CalibrationRecord | None, str]:
     """Return the proposed calibration, or None and the reason."""
     experiment = job.experiment
     if not isinstance(experiment, Calibrating):
         return None, ""
     try:
-        with mistakes_told(experiment):
+        with errors_with_line(experiment):
             return parse_record(experiment.proposal(job.log).model_dump_json()), ""
     except QuadlabError as error:
         return None, f"nothing is proposed: {error}"
@@ -135,7 +135,7 @@ def begin_report(log: Path) -> None:
         )
 
 
-def evaluate_and_report(job: Job) -> dict[str, Any]:
+def evaluate_and_report(job: EvaluationJob) -> dict[str, Any]:
     """Evaluate the run, and start its report in the background."""
     answer = evaluate(job)
     begin_report(job.log)

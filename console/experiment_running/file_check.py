@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.experiments.client import Calibrating
+from console.experiments.client import Calibrating, Experiment
 from console.experiments.user_file import load
 from quadrotor.errors import JobError, JobTimeoutError, QuadlabError
 from quadrotor.parameters import ParameterDescription, ParameterStore
@@ -13,6 +13,8 @@ from vehicle_link.jobs import run
 
 SECONDS = 30.0
 """s, enough for imports that compile; a file that takes longer counts as hanging."""
+RECORDS = {"motor_bench": "motor"}
+"""Calibrations whose name differs from that of their experiment."""
 
 
 @dataclass(frozen=True)
@@ -49,11 +51,16 @@ def describe(path: Path, vehicle: str) -> Described:
         experiment = load(path, vehicle)
     except QuadlabError as error:
         return Described(path.name, problem=" ".join(str(error).split()))
-    options = experiment.parameters
-    text = (type(experiment).__doc__ or "").strip() or f"of the file {path.name}"
+    return described(experiment, f"of the file {path.name}")
+
+
+def described(experiment: Experiment, text: str = "") -> Described:
+    """Describe an experiment; `text` is used when its class has no docstring."""
+    options, name = experiment.parameters, experiment.name
+    lines = ((type(experiment).__doc__ or "").strip() or text).splitlines()
     return Described(
-        experiment.name,
-        text.splitlines()[0],
+        name,
+        lines[0],
         () if options is None else ParameterStore(options).descriptions(),
-        experiment.name if isinstance(experiment, Calibrating) else "",
+        RECORDS.get(name, name) if isinstance(experiment, Calibrating) else "",
     )

@@ -14,7 +14,7 @@ from vehicle_link.clock import monotonic
 
 PERIOD = 0.2
 """s between two requests."""
-LOOKED = 5.0
+HANGING_AFTER = 5.0
 """s after which an experiment that does not read its client counts as hanging."""
 SHOWN = 0.5
 """s after which the vehicle's status must show the bench."""
@@ -29,7 +29,7 @@ class LiveBench:
         end: requests the end of the bench from the vehicle in any case; does not raise.
         timeout: s after which the vehicle stops the motor.
         mode: returns the vehicle's mode, empty when there is no fresh status.
-        looked: returns when the experiment last read its client, s of the steady clock.
+        last_check: returns when the experiment last read its client, s of the steady clock.
 
     Attributes:
         problem: why the bench stopped by itself, until it is set again.
@@ -41,13 +41,13 @@ class LiveBench:
         end: Callable[[], None],
         timeout: Callable[[], float],
         mode: Callable[[], str],
-        looked: Callable[[], float],
+        last_check: Callable[[], float],
     ) -> None:
-        self._ask, self._tell_end = ask, end
-        self._timeout, self._mode, self._looked = timeout, mode, looked
-        self._asking = threading.Lock()
+        self._ask, self._request_end = ask, end
+        self._timeout, self._mode, self._last_check = timeout, mode, last_check
+        self._sending = threading.Lock()
         self._wanted: tuple[int, int] | None = None
-        self._since = self._heard = 0.0
+        self._since = self._answered_at = 0.0
         self._limit = 0.0
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
@@ -59,7 +59,7 @@ class LiveBench:
 
     def set(self, motor: int, reference: int) -> None:
         """Set motor 1 to 4 to a reference (counts), 0 ends it. Raises RefusedError or LinkError."""
-        with self._asking:
+        with self._sending:
             if self._over.is_set():
                 raise RefusedError("the experiment is over; it can no longer turn a motor")
             self.problem = None
@@ -74,7 +74,7 @@ class LiveBench:
             except QuadlabError:
                 self._stop()
                 raise
-            self._wanted, self._heard = (motor, reference), sent
+            self._wanted, self._answered_at = (motor, reference), sent
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name="bench", daemon=True)
                 self._thread.start()
@@ -92,23 +92,23 @@ class LiveBench:
     # ------------------------------------------------------------------ its thread
     def _run(self) -> None:
         while not self._over.wait(min(PERIOD, 0.4 * self._limit)):
-            with self._asking:
+            with self._sending:
                 if self._wanted is not None and not self._over.is_set():
-                    self._again(*self._wanted)
-        with self._asking:
+                    self._repeat(*self._wanted)
+        with self._sending:
             self._stop()
 
     def _stop(self) -> None:
         if self._wanted is not None:
             self._wanted = None
-            self._tell_end()
+            self._request_end()
 
-    def _again(self, motor: int, reference: int) -> None:
+    def _repeat(self, motor: int, reference: int) -> None:
         try:
             self._check()
             sent = monotonic()
             self._ask(motor, reference)
-            self._heard = sent
+            self._answered_at = sent
         except LinkError:
             return  # retried in the next period, while the vehicle still turns it
         except QuadlabError as error:
@@ -120,14 +120,15 @@ class LiveBench:
         a motor that it has stopped.
         """
         now = monotonic()
-        if now - self._heard > self._limit:
+        if now - self._answered_at > self._limit:
             raise RefusedError(
-                f"the vehicle did not answer for {now - self._heard:.1f} s and has stopped the "
-                "motor on the bench; restore the link and begin again"
+                f"the vehicle did not answer for {now - self._answered_at:.1f} s and has stopped "
+                "the motor on the bench; restore the link and begin again"
             )
         if now - self._since > SHOWN and self._mode() not in (BENCH, SILENT):
             raise RefusedError(f"the vehicle has ended the bench; it is {self._mode()}")
-        if now - self._looked() > LOOKED:
+        if now - self._last_check() > HANGING_AFTER:
             raise RefusedError(
-                f"the motor was stopped: the experiment did not read its client for {LOOKED:g} s"
+                f"the motor was stopped: the experiment did not read its client for "
+                f"{HANGING_AFTER:g} s"
             )

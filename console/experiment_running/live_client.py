@@ -5,9 +5,10 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
+from typing import TYPE_CHECKING
 
 from console.experiment_running.live_bench import LiveBench
-from console.experiment_running.live_commands import LOOK, Ground, LiveCommands
+from console.experiment_running.live_commands import LOOK, LiveCommands
 from console.experiment_running.readings_feed import ReadingsFeed
 from console.experiment_running.simulated_hand import SimulatedHand
 from console.experiment_running.vehicle import VehicleFeed
@@ -16,6 +17,9 @@ from console.experiments.client import ExperimentEndedError
 from console.experiments.readings import BenchReadings, ImuReadings, Progress, TrackedAttitude
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import QuadlabError, RefusedError
+
+if TYPE_CHECKING:
+    from console.experiment_running.runner import ExperimentRunner
 
 GYROSCOPE_TIMEOUT = 6.0
 """s for the vehicle's gyroscope calibration."""
@@ -35,10 +39,10 @@ class LiveClient(LiveCommands):
         feed: VehicleFeed,
         readings: ReadingsFeed,
         hand: SimulatedHand,
-        ground: Ground,
+        runner: ExperimentRunner,
         requester: str,
     ) -> None:
-        super().__init__(services, feed, ground, requester)
+        super().__init__(services, feed, runner, requester)
         self._readings, self._hand = readings, hand
         self._yes = threading.Event()
         self._is_recorded = self._needs_imu = False
@@ -47,7 +51,7 @@ class LiveClient(LiveCommands):
             self._end_bench,
             self._bench_timeout,
             lambda: feed.mode,
-            lambda: self._looked,
+            lambda: self._last_check,
         )
 
     # ------------------------------------------------------------------ from other threads
@@ -72,20 +76,20 @@ class LiveClient(LiveCommands):
     def tell(self, progress: Progress) -> None:
         self._check()
         self._recorded()
-        self._ground.tell(progress)
+        self._runner.tell(progress)
 
     def confirm(self, question: str) -> None:
         self._check()
         self._recorded()
         self._yes.clear()
-        self._ground.ask(question)
+        self._runner.ask(question)
         try:
             while not self._yes.wait(LOOK):
                 self._check()
                 if self.finished:
-                    raise ExperimentEndedError("it was finished before its question was answered")
+                    raise ExperimentEndedError("it was finished before the question was answered")
         finally:
-            self._ground.ask("")
+            self._runner.ask("")
 
     def turn(self, quaternion_wb: Sequence[float] | None) -> None:
         self._check()
@@ -104,8 +108,8 @@ class LiveClient(LiveCommands):
 
     def calibrate_gyroscope(self) -> CalibrationRecord:
         self._recorded()
-        self._ground.step("calibrating the gyroscope")
-        self._ground.asked("calibrate", self.requester)
+        self._runner.step("calibrating the gyroscope")
+        self._runner.asked("calibrate", self.requester)
         response = self._call("calibrate", action="gyroscope", timeout=GYROSCOPE_TIMEOUT)
         if not response.records:
             raise RefusedError("the vehicle calibrated its gyroscope but reported no result")
@@ -151,7 +155,7 @@ class LiveClient(LiveCommands):
     def _recorded(self) -> None:
         """Record from the first guided step on, even on the ground and disarmed."""
         if not self._is_recorded:
-            self._ground.record()
+            self._runner.record()
             self._readings.begin()  # only readings that are in the run's file are used
             self._is_recorded = True
 

@@ -9,18 +9,20 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-from console.commands.stick_watchdog import StickOrder, StickWatchdog
+from console.commands.stick_watchdog import StickWatchdog
 from console.experiment_running.vehicle import VehicleFeed
 from console.experiment_running.vehicle_services import VehicleServices
 from console.experiments.client import VehicleView
-from console.experiments.readings import Progress
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.clock import monotonic
 from vehicle_link.parameters.messages import from_parameters, to_parameters
 from vehicle_link.transport.heartbeat import LinkState
+
+if TYPE_CHECKING:
+    from console.experiment_running.runner import ExperimentRunner
 
 LOOK = 0.02
 """s, least time between two checks of a condition."""
@@ -30,28 +32,6 @@ SHOWN = 0.5
 """s for the status to show an accepted command."""
 SETTLE = 0.05
 """Seconds that a person's command waits for a command of the experiment that is in progress."""
-
-
-class Ground(Protocol):
-    """The station's functions that the client needs."""
-
-    def link_state(self) -> LinkState: ...
-
-    def vehicle_ns(self) -> int: ...
-
-    def joy(self, order: StickOrder) -> None: ...
-
-    def stick_timeout(self) -> float: ...
-
-    def asked(self, command: str, requester: str) -> None: ...
-
-    def step(self, text: str) -> None: ...
-
-    def tell(self, progress: Progress) -> None: ...
-
-    def ask(self, question: str) -> None: ...
-
-    def record(self) -> None: ...
 
 
 class LiveCommands:
@@ -64,9 +44,9 @@ class LiveCommands:
     has_pilot = True
 
     def __init__(
-        self, services: VehicleServices, feed: VehicleFeed, ground: Ground, requester: str
+        self, services: VehicleServices, feed: VehicleFeed, runner: ExperimentRunner, requester: str
     ) -> None:
-        self._services, self._feed, self._ground = services, feed, ground
+        self._services, self._feed, self._runner = services, feed, runner
         self.requester = requester
         self._sending = threading.Lock()
         self._ended: QuadlabError | None = None
@@ -74,7 +54,7 @@ class LiveCommands:
         self._finish = threading.Event()
         self._watchdog = StickWatchdog()
         self._watchdog_lock = threading.Lock()
-        self._looked = monotonic()
+        self._last_check = monotonic()
         self.pilot = False
         """True while a person flies with the sticks."""
         self.armed = False
@@ -107,9 +87,9 @@ class LiveCommands:
     def tick(self) -> None:
         """Drop the sticks when the experiment no longer updates them; called periodically."""
         with self._watchdog_lock:
-            order = self._watchdog.tick(monotonic(), self._ground.stick_timeout())
+            order = self._watchdog.tick(monotonic(), self._runner.stick_timeout())
         if order is not None and self._ended is None and not self.pilot:
-            self._ground.joy(order)
+            self._runner.joy(order)
 
     # ------------------------------------------------------------------ the client API
     @property
@@ -119,15 +99,15 @@ class LiveCommands:
     def pilot_flies(self, on: bool) -> None:
         self.pilot = on
         if on:
-            self._ground.step("flown by hand")
+            self._runner.step("flown by hand")
 
     def view(self) -> VehicleView:
         self._check()
         return self._feed.view()
 
     def arm(self) -> None:
-        self._ground.step("arming")
-        self._ground.asked("arm", self.requester)
+        self._runner.step("arming")
+        self._runner.asked("arm", self.requester)
         self.armed = True
         try:
             self._call("arm")
@@ -137,19 +117,19 @@ class LiveCommands:
         self._shown("")
 
     def start(self, behavior: str, **arguments: ParameterValue) -> None:
-        self._ground.step(behavior.replace("_", " "))
+        self._runner.step(behavior.replace("_", " "))
         self._call("start_behavior", name=behavior, arguments=to_parameters(arguments))
         self._shown(behavior)
 
     def change(self, values: dict[str, ParameterValue]) -> None:
         if not values:
             return
-        asked = _few(values)
-        self._ground.step(asked)
+        asked = _summary(values)
+        self._runner.step(asked)
         try:
             response = self._call("change_parameters", parameters=to_parameters(values))
         except RefusedError as error:
-            self._ground.step(f"{asked}: {error}")
+            self._runner.step(f"{asked}: {error}")
             raise
         self._feed.applied(from_parameters(response.applied), int(response.revision))
 
@@ -158,19 +138,19 @@ class LiveCommands:
 
     def sticks(self, axes: Sequence[float]) -> None:
         forward, left, up, yaw = (float(axis) for axis in axes)
-        now, timeout = monotonic(), self._ground.stick_timeout()
+        now, timeout = monotonic(), self._runner.stick_timeout()
         with self._watchdog_lock:
             if self._watchdog.dropped:  # released and pressed again
                 self._watchdog.feed((0.0, 0.0, 0.0, 0.0), False, now, timeout)
             order = self._watchdog.feed((forward, left, up, yaw), True, now, timeout)
         with self._sending:
             self._check()
-            self._ground.joy(order)
+            self._runner.joy(order)
 
     def wait_until(
         self, condition: Callable[[VehicleView], bool], *, what: str, timeout: float
     ) -> None:
-        self._ground.step(f"waiting for {what}")
+        self._runner.step(f"waiting for {what}")
         end = monotonic() + timeout
         while True:
             seen, looked = self._feed.news, monotonic()
@@ -229,7 +209,7 @@ class LiveCommands:
         """Wait for a status newer than the answer, so that the next check does not see an old
         one.
         """
-        self._feed.wait_status(behavior, self._ground.vehicle_ns(), SHOWN)
+        self._feed.wait_status(behavior, self._runner.vehicle_ns(), SHOWN)
         self._check()
 
     def _pause(self, until: float) -> None:
@@ -239,8 +219,8 @@ class LiveCommands:
             time.sleep(left)
 
     def _check(self) -> None:
-        self._looked = monotonic()
-        if self._ended is None and self._ground.link_state() is LinkState.LOST:
+        self._last_check = monotonic()
+        if self._ended is None and self._runner.link_state() is LinkState.LOST:
             self._ended = LinkError(
                 "the link to the vehicle was lost; it brakes, and lands on its own unless "
                 "the link returns"
@@ -249,7 +229,7 @@ class LiveCommands:
             raise self._ended
 
 
-def _few(values: dict[str, ParameterValue]) -> str:
+def _summary(values: dict[str, ParameterValue]) -> str:
     """Return a short text about parameters that are set."""
     if len(values) > 3:
         return f"setting {len(values)} parameters"

@@ -14,30 +14,30 @@ from collections.abc import Callable
 from console.calibrations import Calibrations
 from console.catalogue.catalogue import Catalogue
 from console.commands.stick_watchdog import StickOrder
+from console.context import StationContext
 from console.experiment_running import state as phases
 from console.experiment_running.decision import Decisions
-from console.experiment_running.judging import Judging
+from console.experiment_running.judging import judge_run
 from console.experiment_running.live_client import LiveClient
 from console.experiment_running.live_commands import SETTLE
 from console.experiment_running.readings_feed import ReadingsFeed
-from console.experiment_running.run_files import LOOK, RunFiles, Settings
+from console.experiment_running.run_files import LOOK, RunFiles
 from console.experiment_running.service import ExperimentService
 from console.experiment_running.simulated_hand import SimulatedHand
 from console.experiment_running.state import ExperimentState
-from console.experiment_running.status_publisher import INFO, WARN, ExperimentBoard
+from console.experiment_running.status_publisher import ExperimentStatusPublisher
 from console.experiment_running.stick_takeover import StickTakeover
 from console.experiment_running.user_files import FOLDER, UserFiles
 from console.experiment_running.vehicle import VehicleFeed
 from console.experiment_running.vehicle_services import VehicleServices
-from console.experiments.client import Experiment, ExperimentEndedError
+from console.experiments.client import FAILED, Experiment, ExperimentEndedError
 from console.experiments.watched import fly
-from console.link.outbox import Outbox
+from console.link.outbox import INFO, WARN
 from console.parameters.vehicle import VehicleParameters
-from console.runs.runs import RunKeeper
+from console.runs.runs import RunManager
 from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
 from vehicle_link.clock import monotonic
 from vehicle_link.transport.heartbeat import LinkState
-from vehicle_link.transport.node import Node
 
 log = logging.getLogger(__name__)
 
@@ -48,34 +48,30 @@ class ExperimentRunner:
     """Serves `/<vehicle>/station/experiment` and publishes `experiment_status`.
 
     Args:
-        settings: the station's stick timeout and the recorder's time after disarming, s.
         asked: called with (command, requester) of each command, including the experiment's own.
     """
 
     def __init__(
         self,
-        node: Node,
-        vehicle: str,
-        link_state: Callable[[], LinkState],
-        vehicle_ns: Callable[[], int],
-        outbox: Outbox,
+        context: StationContext,
         parameters: VehicleParameters,
-        runs: RunKeeper,
+        runs: RunManager,
         calibrations: Calibrations,
         catalogue: Catalogue,
-        settings: Settings,
         asked: Callable[[str, str], None],
         permit: Callable[[str, str], None],
     ) -> None:
         self.feed, self.readings = VehicleFeed(parameters), ReadingsFeed()
-        self.link_state, self.vehicle_ns, self.joy = link_state, vehicle_ns, outbox.joy
+        node, vehicle, outbox = context.node, context.vehicle, context.outbox
+        self.link_state, self.vehicle_ns = context.link.state, context.link.vehicle_ns
+        self.joy = outbox.joy
         self.asked, self.permit = asked, permit
         self._vehicle = vehicle
         self._runs, self._calibrations = runs, calibrations
-        self._settings = settings
+        self._station = context.parameters
         self._services, self._hand = VehicleServices(node), SimulatedHand(node, vehicle)
         self._client: LiveClient | None = None
-        self._board = ExperimentBoard(outbox, vehicle_ns, lambda: self._pilot)
+        self._board = ExperimentStatusPublisher(outbox, self.vehicle_ns, lambda: self._pilot)
         self._lock = self._board.lock
         self.tell = self._board.tell
         decisions = Decisions(self._board, self._services, calibrations, catalogue)
@@ -83,8 +79,7 @@ class ExperimentRunner:
         self._thread: threading.Thread | None = None
         self._stopped_by = ""
         self._cancelled = threading.Event()
-        self._files = RunFiles(runs.recorder, catalogue, lambda: settings()[1], self._cancelled)
-        self._judging = Judging(self._board, self._files, self._cancelled)
+        self._files = RunFiles(runs.recorder, catalogue, self._station, self._cancelled)
         self._takeover = StickTakeover()
         self._user_files = UserFiles(catalogue.folder.parent / FOLDER, vehicle)
         ExperimentService(node, vehicle, self, self._user_files)
@@ -198,12 +193,12 @@ class ExperimentRunner:
         if takes_over:
             client.end(ExperimentEndedError(_BY_STICKS), taken_over=True)
             threading.Thread(
-                target=self._obey_sticks, args=(client,), name="take-over", daemon=True
+                target=self._hand_over_to_sticks, args=(client,), name="take-over", daemon=True
             ).start()
             return True
         return False
 
-    def _obey_sticks(self, client: LiveClient) -> None:
+    def _hand_over_to_sticks(self, client: LiveClient) -> None:
         """Take over by the sticks in a separate thread, as they must not wait for an answer."""
         # After the experiment's last command, if one is in progress.
         client.end(ExperimentEndedError(_BY_STICKS), taken_over=True, patience=SETTLE)
@@ -233,7 +228,7 @@ class ExperimentRunner:
 
     # ------------------------------------------------------------------ what the client needs
     def stick_timeout(self) -> float:
-        return self._settings()[0]
+        return self._station.sticks.timeout
 
     def step(self, text: str) -> None:
         self._board.set(step=text)
@@ -251,7 +246,7 @@ class ExperimentRunner:
 
     # ------------------------------------------------------------------ the thread
     def _run(self, experiment: Experiment, client: LiveClient) -> None:
-        phase, reason = phases.FAILED, ""
+        phase, reason = FAILED, ""
         try:
             self.feed.fetch()
             self._hand.begin(client.requester)
@@ -264,7 +259,7 @@ class ExperimentRunner:
             if isinstance(error, LinkError):
                 client.end(error)
         except QuadlabError as error:
-            phase, reason = phases.FAILED if client.has_begun else phases.REFUSED, str(error)
+            phase, reason = FAILED if client.has_begun else phases.REFUSED, str(error)
         except Exception as error:
             log.exception("experiment %s", experiment.name)
             reason = f"a defect of the experiment, see the station's log: {error!r}"
@@ -274,17 +269,17 @@ class ExperimentRunner:
             self._runs.release()
             self._calibrations.changed()
             if reason:
-                self._leave(client, reason, phase)
+                self._end_early(client, reason, phase)
             else:
                 self._client = None  # it no longer flies: commands take over nothing
-                self._judging.judge(experiment)
+                judge_run(experiment, self._board, self._files, self._cancelled)
         except Exception as error:
             log.exception("experiment %s", experiment.name)
-            self._board.end(phases.FAILED, f"a defect of the station, see its log: {error!r}")
+            self._board.end(FAILED, f"a defect of the station, see its log: {error!r}")
         finally:
             self._client = None
 
-    def _leave(self, client: LiveClient, reason: str, phase: str) -> None:
+    def _end_early(self, client: LiveClient, reason: str, phase: str) -> None:
         """End early: command a vehicle in flight to hover, unless a person flies it."""
         if not client.armed or self.link_state() is LinkState.LOST:
             self._board.end(phase, reason)

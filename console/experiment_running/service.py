@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-from console.experiment_running.file_check import Described
+from console.experiment_running.file_check import Described, described
 from console.experiments.catalogue import EXPERIMENTS, find
-from console.experiments.client import Calibrating, Experiment
-from console.experiments.user_file import mistakes_told
+from console.experiments.client import Experiment
+from console.experiments.user_file import errors_with_line
 from quadrotor.errors import UsageError
 from quadrotor.parameters import ParameterStore
 from vehicle_link.messages import new
@@ -18,43 +19,19 @@ from vehicle_link.topics import SERVICES
 from vehicle_link.transport.idempotent import Idempotent
 from vehicle_link.transport.node import Node
 
+if TYPE_CHECKING:
+    from console.experiment_running.runner import ExperimentRunner
+    from console.experiment_running.user_files import UserFiles
+
 ANSWER = f"{SERVICES['experiment']}_Response"
-RECORDS = {"motor_bench": "motor"}
-"""Calibrations whose name differs from that of their experiment."""
-
-
-class Runner(Protocol):
-    """The runner's interface for the service; each method raises RefusedError with the reason."""
-
-    def permit(self, command: str, requester: str) -> None: ...
-
-    def check_free(self) -> None: ...
-
-    def start(self, experiment: Experiment, requester: str) -> None: ...
-
-    def finish(self, requester: str) -> None: ...
-
-    def stop(self, requester: str) -> None: ...
-
-    def confirm(self, question: str, requester: str) -> None: ...
-
-    def accept(self, requester: str) -> None: ...
-
-    def reject(self, requester: str) -> None: ...
-
-
-class Files(Protocol):
-    """The users' own experiments."""
-
-    def described(self) -> list[Described]: ...
-
-    def find(self, name: str) -> Experiment | None: ...
 
 
 class ExperimentService:
     """Serves `/<vehicle>/station/experiment` in its own thread."""
 
-    def __init__(self, node: Node, vehicle: str, runner: Runner, files: Files) -> None:
+    def __init__(
+        self, node: Node, vehicle: str, runner: ExperimentRunner, files: UserFiles
+    ) -> None:
         self._vehicle = vehicle
         self._runner, self._files = runner, files
         self._lock = threading.Lock()
@@ -67,7 +44,7 @@ class ExperimentService:
     def _do(self, request: Any) -> Any:
         requester = request.requester or "someone"
         if request.action == "describe":
-            return describe(self._vehicle, self._files)
+            return describe(self._vehicle, self._files.described())
         self._runner.permit("experiment", requester)
         if request.action == "start":
             self._runner.check_free()
@@ -86,8 +63,8 @@ class ExperimentService:
             self._runner.reject(requester)
         else:
             raise UsageError(
-                f"{request.action!r} is no action; there are start, finish, stop, confirm, accept, "
-                "reject and describe"
+                f"unknown action {request.action!r}; allowed are start, finish, stop, confirm, "
+                "accept, reject and describe"
             )
         return new(ANSWER, accepted=True)
 
@@ -98,17 +75,18 @@ class ExperimentService:
         if experiment.parameters is not None:
             ParameterStore(experiment.parameters).set(options)
         elif options:
-            raise UsageError(f"{name} has no options, so not {', '.join(options)}")
-        with mistakes_told(experiment):
+            raise UsageError(f"{name} has no options; leave out {', '.join(options)}")
+        with errors_with_line(experiment):
             experiment.check()
         return experiment
 
 
-def describe(vehicle: str, files: Files) -> Any:
+def describe(vehicle: str, own: Sequence[Described]) -> Any:
     """Return the experiments' names, a line about each, and the options of all as
     <name>.<option>.
     """
-    listed = [*(_built_in(name, vehicle) for name in EXPERIMENTS), *files.described()]
+    built_in = [described(find(name, vehicle)) for name in EXPERIMENTS]
+    listed = [*built_in, *own]
     descriptors = [
         to_descriptor(replace(option, name=f"{one.name}.{option.name}"))
         for one in listed
@@ -122,15 +100,4 @@ def describe(vehicle: str, files: Files) -> Any:
         descriptors=descriptors,
         calibrations=[one.calibration for one in listed],
         problems=[one.problem for one in listed],
-    )
-
-
-def _built_in(name: str, vehicle: str) -> Described:
-    experiment = find(name, vehicle)
-    options = experiment.parameters
-    return Described(
-        name,
-        (type(experiment).__doc__ or "").strip().splitlines()[0],
-        () if options is None else ParameterStore(options).descriptions(),
-        RECORDS.get(name, name) if isinstance(experiment, Calibrating) else "",
     )

@@ -80,13 +80,11 @@ class SimulatedHand:
             try:
                 [value] = self._get.call(request, TIMEOUT).values
                 return str(from_value(value))
-            except (WrongTypeError, ValueError):
-                return None
             except UnreachableError:
                 return None
             except NoAnswerError:
                 continue
-            except LinkError:
+            except (LinkError, WrongTypeError, ValueError):
                 return None
         return None
 

@@ -12,12 +12,11 @@ from vehicle_link.clock import monotonic
 from vehicle_link.messages import header, new
 
 IDLE, FLYING, FINISHING, EVALUATING = "idle", "flying", "finishing", "evaluating"
-PASSED, FAILED, NOT_JUDGED = "passed", "failed", "not_judged"
 STOPPED, REFUSED = "stopped", "refused"
 RUNNING = (FLYING, FINISHING, EVALUATING)
 IN_THE_AIR = (FLYING, FINISHING)
 ACCEPTED, REJECTED = "accepted", "rejected"
-NOTHING_TOLD = Progress("")
+NO_PROGRESS = Progress("")
 STEPS_MAX, LIVE_MAX = 9999, 200
 
 
@@ -36,7 +35,7 @@ class ExperimentState:
     metrics: Mapping[str, float] = field(default_factory=dict)
     limits: Mapping[str, float] = field(default_factory=dict)
     reports: tuple[str, ...] = ()
-    progress: Progress = NOTHING_TOLD
+    progress: Progress = NO_PROGRESS
     question: str = ""
     proposal: str = ""
     decision: str = ""

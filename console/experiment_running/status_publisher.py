@@ -9,8 +9,9 @@ from typing import Any
 
 from console.experiment_running import state as phases
 from console.experiment_running.state import ExperimentState, plain
+from console.experiments.client import PASSED
 from console.experiments.readings import Progress
-from console.link.outbox import Outbox
+from console.link.outbox import INFO, WARN, Outbox
 from quadrotor.errors import LinkError
 from vehicle_link.clock import monotonic
 
@@ -20,10 +21,9 @@ OFTEN, SELDOM = 4, 20
 """Cycles (50 ms) between two statuses, while an experiment runs and otherwise."""
 SOON = 0.2
 """s, least time between two statuses sent for new instructions."""
-INFO, WARN = 20, 30
 
 
-class ExperimentBoard:
+class ExperimentStatusPublisher:
     """Publishes `experiment_status`; any thread may write, under `lock`.
 
     Args:
@@ -69,10 +69,10 @@ class ExperimentBoard:
         with self.lock:
             state = self.state
             state.phase, state.reason, state.step = phase, reason, ""
-            state.progress, state.question = phases.NOTHING_TOLD, ""
+            state.progress, state.question = phases.NO_PROGRESS, ""
             state.ended = monotonic()
             name = state.name
-        level = INFO if phase == phases.PASSED else WARN
+        level = INFO if phase == PASSED else WARN
         words = phase.replace("_", " ")
         self.say(level, f"experiment {name}: {words}{': ' if reason else ''}{reason}")
         self.send()

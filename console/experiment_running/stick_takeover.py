@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from enum import Enum
 
 from console.commands.stick_watchdog import StickOrder
@@ -23,16 +22,15 @@ class _Until(Enum):
 
 
 class StickTakeover:
-    """A watch for a person who deflects the sticks. `clock` returns s of a steady clock."""
+    """A watch for a person who deflects the sticks."""
 
-    def __init__(self, clock: Callable[[], float] = monotonic) -> None:
-        self._clock = clock
+    def __init__(self) -> None:
         self._deflected, self._seen = False, -SILENT
         self._blind_until = _Until.NOTHING
 
     def begin(self) -> None:
         """Begin an experiment: sticks that are deflected now do not count."""
-        old = self._clock() - self._seen > SILENT
+        old = monotonic() - self._seen > SILENT
         is_deflected = self._deflected and not old
         self._blind_until = _Until.CENTRED if is_deflected else _Until.NOTHING
 
@@ -42,7 +40,7 @@ class StickTakeover:
 
     def seen(self, order: StickOrder) -> bool:
         """Process one stick command; return whether it takes over."""
-        now = self._clock()
+        now = monotonic()
         deflected = order.enabled and max(map(abs, order.axes)) > DEFLECTED
         centred = self._blind_until is _Until.CENTRED and not deflected
         if centred or not order.enabled or now - self._seen > SILENT:

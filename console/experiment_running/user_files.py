@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable
 from pathlib import Path
 
 from console.experiment_running.file_check import Described, check
@@ -28,16 +27,10 @@ Version = tuple[int, int]
 
 
 class UserFiles:
-    """Scans the folder in a separate thread; a missing folder counts as empty.
+    """Scans the folder in a separate thread; a missing folder counts as empty."""
 
-    Args:
-        look: describes one file, in a separate process.
-    """
-
-    def __init__(
-        self, folder: Path, vehicle: str, look: Callable[[Path, str], Described] = check
-    ) -> None:
-        self._folder, self._vehicle, self._look = folder, vehicle, look
+    def __init__(self, folder: Path, vehicle: str) -> None:
+        self._folder, self._vehicle = folder, vehicle
         self._lock = threading.Lock()
         self._known: dict[Path, tuple[Version, Described]] = {}
         self._waiting: tuple[Path, ...] = ()
@@ -126,7 +119,7 @@ class UserFiles:
         for path in changed:
             if self._closing.is_set():
                 return
-            found = self._look(path, self._vehicle)
+            found = check(path, self._vehicle)
             with self._lock:
                 self._known[path] = (present[path], found)
         with self._lock:

@@ -41,13 +41,13 @@ class VehicleFeed:
         """Store the newest sample of a packet."""
         with self._news:
             self._stamp_ns, self._position_w = stamp_ns, position_w
-            self._tell()
+            self._notify()
 
     def status(self, status: Any) -> None:
         """Store a quadlab_msgs/VehicleStatus."""
         with self._news:
             self._status, self._status_at = status, monotonic()
-            self._tell()
+            self._notify()
 
     def estimate(self, payload: bytes) -> None:
         """Store a received quadlab_msgs/EstimatorStatus; it is decoded only when it is read."""
@@ -66,9 +66,9 @@ class VehicleFeed:
     def wake(self) -> None:
         """Wake all waiting threads to check their conditions again."""
         with self._news:
-            self._tell()
+            self._notify()
 
-    def _tell(self) -> None:
+    def _notify(self) -> None:
         self._count += 1
         self._news.notify_all()
 

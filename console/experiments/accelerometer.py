@@ -17,6 +17,7 @@ import numpy as np
 from console.evaluation.accelerometer import RESIDUAL_MAX, Held, InForce, identify, record_of
 from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result, VehicleView
+from console.experiments.manoeuvres import wait_ready
 from console.experiments.pose_guide import (
     Array,
     attitude_of,
@@ -105,18 +106,19 @@ class Accelerometer:
         """Guide through the poses. Raises RefusedError when motors are on, or no pose is held in
         time.
         """
-        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        wait_ready(client)
         self._in_force, self._held = InForce.of(client), []
         self._simulated = client.simulated
         client.tell(Progress("Take the vehicle into your hands; its motors stay off"))
         client.imu()
         client.wait(LISTEN)
-        heard = len(client.imu().time)
-        if heard < 2:
+        samples = len(client.imu().time)
+        if samples < 2:
             raise RefusedError(
-                f"no samples of the IMU came within {LISTEN:g} s; check the link, then start again"
+                f"no samples of the IMU arrived within {LISTEN:g} s; check the link, then begin "
+                "again"
             )
-        finder = StillPoses(heard / LISTEN, duration=self.parameters.hold)
+        finder = StillPoses(samples / LISTEN, duration=self.parameters.hold)
         state = _Progress(finder, client.view().time, self._next([], []))
         try:
             self._collect(client, state)
@@ -128,18 +130,18 @@ class Accelerometer:
     def _collect(self, client: Client, state: _Progress) -> None:
         client.turn(attitude_of(state.target))
         live = self._live(state)
-        while not (client.finished or self._enough(state)):
+        while not (client.finished or self._is_complete(state)):
             how = self._words(state.target)
-            told = f"{state.note}. {how}" if state.note else how
+            instruction = f"{state.note}. {how}" if state.note else how
             number = min(len(state.ups) + 1, self._count)
-            client.tell(Progress(told, number, self._count, state.share, live))
+            client.tell(Progress(instruction, number, self._count, state.share, live))
             client.wait(LOOK)
             self._refuse(client.view(), state)
-            if self._look(client, state):
+            if self._add_samples(client, state):
                 state.known = coverage(np.array([pose.measured for pose in state.finder.poses]))
                 state.target = self._next(state.ups, state.faces)
                 live = self._live(state)
-                if not self._enough(state):
+                if not self._is_complete(state):
                     client.turn(attitude_of(state.target))
 
     def _refuse(self, view: VehicleView, state: _Progress) -> None:
@@ -156,7 +158,7 @@ class Accelerometer:
                 "taken, which is not enough. Nothing was changed; begin again"
             )
 
-    def _look(self, client: Client, state: _Progress) -> bool:
+    def _add_samples(self, client: Client, state: _Progress) -> bool:
         """Add the samples since the last call; return whether they complete a pose."""
         assert self._in_force is not None
         readings, seen = client.imu(), None
@@ -164,7 +166,7 @@ class Accelerometer:
             seen = client.tracked()
         up = up_of(seen.quaternion_wb) if seen is not None else None
         raw = raw_of(readings.specific_force_b, self._in_force.matrix, self._in_force.bias)
-        came = False
+        is_new = False
         for time, force, rate in zip(
             readings.time.tolist(), raw, readings.angular_velocity_b, strict=True
         ):
@@ -174,12 +176,12 @@ class Accelerometer:
             if still.share and math.isnan(state.begun):
                 state.begun = time
             if len(state.finder.poses) > known:
-                came |= self._take(state, state.finder.poses[-1], time)
+                is_new |= self._add_pose(state, state.finder.poses[-1], time)
             if still.share in (0.0, 1.0):  # the stillness starts again
                 state.begun = math.nan
-        return came
+        return is_new
 
-    def _take(self, state: _Progress, pose: StillPose, time: float) -> bool:
+    def _add_pose(self, state: _Progress, pose: StillPose, time: float) -> bool:
         """Store a pose, or report why not."""
         face, up = "", pose.up_b
         if self.parameters.method == "faces":
@@ -201,7 +203,7 @@ class Accelerometer:
         self._held.append(Held(state.begun, time, face))
         return True
 
-    def _enough(self, state: _Progress) -> bool:
+    def _is_complete(self, state: _Progress) -> bool:
         taken = len(state.ups)
         return taken >= MOST * self._count or (taken >= self._count and not state.known.next_face)
 

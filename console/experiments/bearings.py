@@ -16,6 +16,7 @@ from console.evaluation.bearings import read_flight
 from console.evaluation.bearings_limits import limits
 from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result
+from console.experiments.manoeuvres import arm, brake, take_off, wait_landed, wait_ready
 from console.experiments.stick_sequences import RATE, recorded, scripted
 from control.presets import PRESETS as CONTROL_PRESETS
 from control.presets import preset_values
@@ -96,16 +97,13 @@ class BearingsExperiment:
                 "page, or fly experiment.manoeuvre=sticks, scripted or with experiment.sticks_file"
             )
         sticks = self._sticks() if p.manoeuvre == "sticks" else np.empty((0, 4))
-        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        wait_ready(client)
         before = {name: client.parameter(name) for name in self._control_gains()}
         found = {name: client.parameter(name) for name in self._changed_on_board()}
         client.change(self._shadow())  # compiled on the ground, restarted in the air
         client.change({"estimation.shadow": "none"})
-        client.wait(0.5)
-        client.arm()
-        client.wait(1.0)
-        client.start("take_off", height=p.height)
-        client.wait_until(lambda v: v.behavior == "hover", what="hover after take-off", timeout=20)
+        arm(client)
+        take_off(client, p.height)
         try:
             self._hand_over(client)
         except RefusedError:
@@ -126,8 +124,7 @@ class BearingsExperiment:
     def _land(self, client: Client) -> None:
         if client.view().mode == "armed":
             client.start("land")
-        client.wait_until(lambda v: not v.armed, what="touch-down", timeout=20)
-        client.wait(0.5)
+        wait_landed(client, 20)
 
     def _hand_over(self, client: Client) -> None:
         p = self.parameters
@@ -159,8 +156,7 @@ class BearingsExperiment:
                 timeout=(laps + 2) * PERIOD + 10,
             )
             if client.view().behavior == "follow_trajectory":
-                client.start("brake")
-                client.wait(2.0)
+                brake(client)
         elif p.manoeuvre == "sticks":
             client.start("velocity")
             for axes in sticks:
@@ -192,8 +188,7 @@ class BearingsExperiment:
 
     def _brake(self, client: Client) -> None:
         if client.view().behavior == "velocity":
-            client.start("brake")
-            client.wait(2.0)
+            brake(client)
 
     def _over(self, client: Client) -> bool:
         """Return whether the manoeuvre is to end: on request, or because the vehicle no longer

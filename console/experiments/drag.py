@@ -9,17 +9,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from console.evaluation.drag import RAMP, read_drag
-from console.experiments.calibration_flight import (
-    CLEAR,
-    CalibrationFlight,
-    Found,
-    come_down,
-    fly_laps,
-    take_off,
-)
+from console.experiments.calibration_flight import CLEAR, CalibrationFlight, CalibrationResult
 from console.experiments.client import Client
+from console.experiments.manoeuvres import arm, fly_laps, landing_afterwards, take_off, wait_ready
 from console.experiments.readings import Progress
-from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, ParameterValue, parameter
 
 STEPS = 3
@@ -56,13 +49,11 @@ class DragExperiment(CalibrationFlight):
     def fly(self, client: Client) -> None:
         """Fly. Raises RefusedError with the vehicle's reason when it refuses."""
         p = self.parameters
-        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        wait_ready(client)
         client.confirm(CLEAR)
-        client.wait(0.5)
         client.tell(Progress("Keep clear: it takes off on its own", 1, STEPS))
-        client.arm()
-        client.wait(1.0)
-        try:
+        arm(client)
+        with landing_afterwards(client, STEPS):
             take_off(client, p.height)
             client.wait(2.0)
             client.tell(Progress("It flies circles: keep clear", 2, STEPS))
@@ -73,12 +64,7 @@ class DragExperiment(CalibrationFlight):
                 "laps": p.laps,
             }
             fly_laps(client, "the circles", p.laps * p.period + 20.0, ramp=RAMP, **circles)
-        except RefusedError:
-            come_down(client)
-            raise
-        client.tell(Progress("It lands", STEPS, STEPS))
-        come_down(client)
 
-    def found(self, log: Path) -> Found:
+    def found(self, log: Path) -> CalibrationResult:
         """Return the drag found in the log."""
         return read_drag(log, self._vehicle)

@@ -11,6 +11,7 @@ from pathlib import Path
 from console.evaluation.tracking import tracking_errors
 from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result
+from console.experiments.manoeuvres import arm, brake, land, take_off, wait_ready
 from flight_log import summarize
 from quadrotor.errors import RefusedError, UsageError
 from quadrotor.parameters import Parameters, parameter
@@ -77,18 +78,15 @@ class FigureEight:
         """
         self.check()
         one_lap = self.parameters.laps == REST_TO_REST
-        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
-        client.wait(0.5)
-        client.arm()
-        client.wait(1.0)
-        client.start("take_off", height=1.0)
-        client.wait_until(lambda v: v.behavior == "hover", what="hover after take-off", timeout=20)
+        wait_ready(client)
+        arm(client)
+        take_off(client, 1.0)
         client.wait(3.0)
         start = client.view().time
         try:
             self._start(client)
         except RefusedError:
-            self._land(client)
+            land(client)
             raise
         longest = (LAPS + 2) * PERIOD + 10
         client.wait_until(
@@ -100,15 +98,9 @@ class FigureEight:
         self._window = (start + ramp, client.view().time - ramp)
         if client.view().behavior == "follow_trajectory":  # finished early: no ramp out
             self._window = (start + ramp, client.view().time)
-            client.start("brake")
-            client.wait(2.0)
+            brake(client)
         client.wait(1.0)
-        self._land(client)
-
-    def _land(self, client: Client) -> None:
-        client.start("land")
-        client.wait_until(lambda v: not v.armed, what="touch-down", timeout=20)
-        client.wait(0.5)
+        land(client)
 
     def _start(self, client: Client) -> None:
         """Start the trajectory. The vehicle checks its limits at the start, so they are widened

@@ -9,6 +9,7 @@ import numpy as np
 from console.evaluation.log_columns import Array, read_columns
 from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result
+from console.experiments.manoeuvres import wait_ready
 from console.experiments.readings import Progress
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError, RefusedError
@@ -51,7 +52,7 @@ class Gyroscope:
 
     def fly(self, client: Client) -> None:
         """Calibrate. Raises RefusedError with the vehicle's reason: it moved, or motors are on."""
-        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        wait_ready(client)
         client.tell(Progress(KEEP_STILL, 1, 2))
         before = client.parameter(SAMPLES)
         client.change({SAMPLES: self.parameters.samples})
@@ -115,11 +116,11 @@ class Gyroscope:
         rates = columns["imu"].table(RATES, *self._window)
         if len(rates) < 50:
             raise MeasurementError(
-                f"{log.name} has {len(rates)} samples after the calibration, needed are 50; "
+                f"{log.name} has {len(rates)} samples after the calibration, 50 are needed; "
                 "was it recorded to its end?"
             )
         if columns["actuators"].table(REFERENCES, *self._window).any():
-            raise MeasurementError("motors were on while the gyroscope was looked at; begin again")
+            raise MeasurementError("motors were on after the gyroscope's calibration; begin again")
         return self._found, rates
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from console.evaluation.tracking import tracking_errors
 from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result
+from console.experiments.manoeuvres import arm, land, take_off, wait_ready
 from quadrotor.errors import RefusedError
 
 DURATION = 10.0
@@ -29,12 +30,9 @@ class Hover:
 
     def fly(self, client: Client) -> None:
         """Fly. Raises RefusedError with the vehicle's reason when it refuses."""
-        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
-        client.wait(0.5)
-        client.arm()
-        client.wait(1.0)
-        client.start("take_off", height=1.0)
-        client.wait_until(lambda v: v.behavior == "hover", what="hover after take-off", timeout=20)
+        wait_ready(client)
+        arm(client)
+        take_off(client, 1.0)
         client.wait(2.0)
         start = client.view().time
         client.wait_until(
@@ -43,9 +41,7 @@ class Hover:
             timeout=DURATION + 5.0,
         )
         self._window = (start, client.view().time)
-        client.start("land")
-        client.wait_until(lambda v: not v.armed, what="touch-down", timeout=20)
-        client.wait(0.5)
+        land(client)
 
     def evaluate(self, log: Path) -> Result:
         """Judge the errors in hover against the limits. Raises LogFormatError, RefusedError."""

@@ -12,14 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from console.evaluation.inertia import read_inertia
-from console.experiments.calibration_flight import (
-    CLEAR,
-    CalibrationFlight,
-    Found,
-    come_down,
-    take_off,
-)
+from console.experiments.calibration_flight import CLEAR, CalibrationFlight, CalibrationResult
 from console.experiments.client import Client, VehicleView
+from console.experiments.manoeuvres import arm, come_down, take_off, wait_ready
 from console.experiments.readings import Progress
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, ParameterValue, parameter
@@ -113,13 +108,11 @@ class InertiaExperiment(CalibrationFlight):
         by itself.
         """
         self._place = None
-        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        wait_ready(client)
         client.confirm(CLEAR)
-        client.wait(0.5)
         steps = self.excitations()
         client.tell(Progress("Keep clear: it takes off on its own", 1, len(steps) + 2))
-        client.arm()
-        client.wait(1.0)
+        arm(client)
         try:
             take_off(client, self.parameters.height)
             client.wait(2.0)
@@ -177,7 +170,7 @@ class InertiaExperiment(CalibrationFlight):
         come_down(client)
 
     # ------------------------------------------------------------------ judgement
-    def found(self, log: Path) -> Found:
+    def found(self, log: Path) -> CalibrationResult:
         """Return the three inertias for model.inertia_xx, _yy, _zz."""
         return read_inertia(log, self._vehicle)
 

@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from console.evaluation.mass import DEVIATION_MAX, read_mass
-from console.experiments.calibration_flight import CLEAR, CalibrationFlight, Found, come_down
+from console.experiments.calibration_flight import CLEAR, CalibrationFlight, CalibrationResult
 from console.experiments.client import Client, VehicleView
+from console.experiments.manoeuvres import arm, brake, come_down, wait_ready
 from console.experiments.readings import Progress
 from console.experiments.stick_sequences import RATE, SPEEDS, scripted
 from quadrotor.errors import RefusedError
@@ -74,7 +75,7 @@ class MassExperiment(CalibrationFlight):
         with its initial value restored.
         """
         p = self.parameters
-        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        wait_ready(client)
         client.confirm(CLEAR)
         found = {name: client.parameter(name) for name in (USED_BY, INITIAL)}
         client.change({USED_BY: "estimate", INITIAL: p.initial})
@@ -86,13 +87,11 @@ class MassExperiment(CalibrationFlight):
                 raise
             come_down(client)
         finally:
-            self._put_back(client, found)
+            self._restore(client, found)
 
     def _fly(self, client: Client, found: dict[str, ParameterValue]) -> None:
         p = self.parameters
-        client.wait(0.5)
-        client.arm()
-        client.wait(1.0)
+        arm(client)
         patience = p.height / p.climb + 10.0
         client.start("take_off", height=p.height, speed=p.climb)
         try:
@@ -146,14 +145,13 @@ class MassExperiment(CalibrationFlight):
             client.wait(1.0 / RATE)
             view = client.view()
             if k % 10 == 0:
-                _tell(client, view, "It flies about: keep clear", 4, k / len(sequence))
+                _show_progress(client, view, "It flies about: keep clear", 4, k / len(sequence))
             if client.finished or view.behavior != "velocity":
                 break
             if np.linalg.norm(view.position_w - place) > FAR:
                 raise RefusedError(f"more than {FAR:g} m from where it hovered: ended")
         if client.view().behavior == "velocity":
-            client.start("brake")
-            client.wait(2.0)
+            brake(client)
 
     def _until(
         self,
@@ -166,30 +164,30 @@ class MassExperiment(CalibrationFlight):
     ) -> None:
         """Wait with progress; the vehicle's own landing ends it. Raises RefusedError."""
         start = client.view().time
-        told = -1.0
+        shown_at = -1.0
 
-        def looked(view: VehicleView) -> bool:
-            nonlocal told
-            if view.time >= told + 0.2:
-                told = view.time
+        def check(view: VehicleView) -> bool:
+            nonlocal shown_at
+            if view.time >= shown_at + 0.2:
+                shown_at = view.time
                 share = min(1.0, (view.time - start) / timeout)
-                _tell(client, view, instruction, number, share)
+                _show_progress(client, view, instruction, number, share)
             if not view.armed:
                 raise RefusedError(f"the motors are off while it waited for {what}")
             return condition(view) or client.finished
 
-        client.wait_until(looked, what=what, timeout=timeout)
+        client.wait_until(check, what=what, timeout=timeout)
 
-    def _put_back(self, client: Client, found: dict[str, ParameterValue]) -> None:
+    def _restore(self, client: Client, found: dict[str, ParameterValue]) -> None:
         with suppress(RefusedError):  # not on the ground: parameters stay as they are
             client.change(found)
 
     # ------------------------------------------------------------------ judgement
-    def found(self, log: Path) -> Found:
+    def found(self, log: Path) -> CalibrationResult:
         """Return the mass for model.mass."""
         return read_mass(log, self._vehicle)
 
 
-def _tell(client: Client, view: VehicleView, text: str, number: int, share: float) -> None:
+def _show_progress(client: Client, view: VehicleView, text: str, number: int, share: float) -> None:
     live = {"mass": (view.mass, "kg"), "mass deviation": (view.mass_deviation, "kg")}
     client.tell(Progress(text, number, STEPS, share, live))

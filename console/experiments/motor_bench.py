@@ -24,6 +24,7 @@ from console.evaluation.motor_bench import (
 )
 from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result
+from console.experiments.manoeuvres import wait_ready
 from console.experiments.readings import BenchReadings, Progress
 from estimation.calibration.motor_bench import SETTLING, BenchSchedule
 from quadrotor.calibration_record import CalibrationRecord
@@ -99,7 +100,7 @@ class MotorBench:
         elif p.last < p.first + 4 * p.step:
             raise UsageError(
                 f"experiment.first={p.first} to experiment.last={p.last} in steps of {p.step} are "
-                f"{len(self._schedule.references)} references, needed are 5 for a law; "
+                f"{len(self._schedule.references)} references, a law needs 5; "
                 "use smaller steps"
             )
 
@@ -110,7 +111,7 @@ class MotorBench:
         """
         p = self.parameters
         self.check()
-        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        wait_ready(client)
         self._simulated = client.simulated
         self._battery = Battery.of(client)
         if p.csv:
@@ -131,7 +132,7 @@ class MotorBench:
         schedule, motor = self._schedule, self.parameters.motor
         turned = schedule.rest_reference
         client.bench(motor, turned)
-        self._started = heard = client.view().time
+        self._started = last_reading_at = client.view().time
         newest: BenchReadings | None = None
         while (into := client.view().time - self._started) < schedule.duration:
             if client.finished:
@@ -142,8 +143,8 @@ class MotorBench:
                 client.bench(motor, turned)
             readings = client.bench_readings()
             if len(readings.time):
-                newest, heard = readings, client.view().time
-            elif client.view().time - heard > SILENCE:
+                newest, last_reading_at = readings, client.view().time
+            elif client.view().time - last_reading_at > SILENCE:
                 raise RefusedError(
                     f"the force/torque sensor sends nothing for {SILENCE:g} s (topic "
                     "bench_reading); the motor is stopped. Plug it in, then begin again"

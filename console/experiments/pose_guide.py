@@ -59,7 +59,7 @@ def words_of(up_b: Array) -> str:
     """Return an attitude in words: 'nose up by 35 deg, left side up by 60 deg'."""
     pitch = math.asin(max(-1.0, min(1.0, float(up_b[0]))))
     roll = math.asin(max(-1.0, min(1.0, float(up_b[1]))))
-    told = [
+    text = [
         f"{high if angle > 0.0 else low} by {math.degrees(abs(angle)):.0f} deg"
         for angle, high, low in (
             (pitch, "nose up", "nose down"),
@@ -68,7 +68,7 @@ def words_of(up_b: Array) -> str:
         if abs(angle) > SMALL
     ]
     below = ", upside down" if up_b[2] < -0.1 else ""
-    return (", ".join(told) or "level") + below
+    return (", ".join(text) or "level") + below
 
 
 def face_up(name: str) -> Array:

@@ -12,14 +12,9 @@ from pathlib import Path
 
 from console.evaluation.tracked_body import TrackedBodyFound, read_tracked_body
 from console.evaluation.verdict import judged
-from console.experiments.calibration_flight import (
-    CLEAR,
-    CalibrationFlight,
-    come_down,
-    fly_laps,
-    take_off,
-)
+from console.experiments.calibration_flight import CLEAR, CalibrationFlight
 from console.experiments.client import Client, Result
+from console.experiments.manoeuvres import arm, fly_laps, landing_afterwards, take_off, wait_ready
 from console.experiments.pose_guide import attitude_of, spread_poses, words_of
 from console.experiments.readings import Progress
 from quadrotor.calibration_record import CalibrationRecord
@@ -61,7 +56,7 @@ class TrackerDelay(CalibrationFlight):
         """Guide a person who turns it, or fly. Raises RefusedError with the reason when neither is
         possible.
         """
-        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        wait_ready(client)
         if self.parameters.method == "hand":
             self._turned_by_hand(client)
         else:
@@ -76,8 +71,8 @@ class TrackerDelay(CalibrationFlight):
                     break
                 up = ups[k * 5 % POSES]  # 5 and 12 are coprime: all poses in turn, far apart
                 client.turn(attitude_of(up))
-                told = f"Turn it on, in the tracker's view, to: {words_of(up)}"
-                client.tell(Progress(told, k + 1, count, k / count))
+                instruction = f"Turn it on, in the tracker's view, to: {words_of(up)}"
+                client.tell(Progress(instruction, k + 1, count, k / count))
                 client.wait(EACH)
                 view = client.view()
                 if view.armed or view.mode != "ready":
@@ -92,20 +87,13 @@ class TrackerDelay(CalibrationFlight):
 
     def _flown(self, client: Client) -> None:
         client.confirm(CLEAR)
-        client.wait(0.5)
-        client.arm()
-        client.wait(1.0)
+        arm(client)
         laps = max(2, round(self.parameters.duration / LAP))
-        try:
+        with landing_afterwards(client, 2):
             take_off(client, 1.2)
             client.tell(Progress("It flies a figure 8: keep clear", 1, 2))
             eight: dict[str, ParameterValue] = {"trajectory": "figure_eight", "period": LAP}
             fly_laps(client, "the figure 8", laps * LAP + 20.0, laps=laps, **eight)
-        except RefusedError:
-            come_down(client)
-            raise
-        client.tell(Progress("It lands", 2, 2))
-        come_down(client)
 
     def evaluate(self, log: Path) -> Result:
         """Judge the result. Raises LogFormatError without IMU or poses, MeasurementError with what

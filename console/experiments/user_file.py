@@ -68,7 +68,7 @@ def load(path: Path, vehicle: str = "quad1") -> Experiment:
 
 
 @contextmanager
-def mistakes_told(experiment: Experiment) -> Iterator[None]:
+def errors_with_line(experiment: Experiment) -> Iterator[None]:
     """Wrap calls of a user's file: its exceptions become UserFileError, "FILE.py line N: …".
 
     Errors made for users pass unchanged, and so do all exceptions of a built-in experiment.
@@ -182,7 +182,9 @@ def _check(path: Path, experiment: Any, node: ast.ClassDef) -> None:
     planned = call_user_code(path, lambda: experiment.planned, UsageError)
     number = isinstance(planned, int | float) and not isinstance(planned, bool)
     if not number or not (math.isfinite(planned) and planned >= 0.0):
-        raise refuse("planned", f"has planned = {planned!r}, needed are the seconds it takes")
+        raise refuse(
+            "planned", f"has planned = {planned!r}; set it to the seconds that the flight takes"
+        )
 
 
 def _accepts(method: Callable[..., object], count: int) -> bool:

@@ -5,16 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from console.evaluation.vibration import HOVER_MIN, REST_MIN, SETTLE, read_vibration
-from console.experiments.calibration_flight import (
-    CLEAR,
-    CalibrationFlight,
-    Found,
-    come_down,
-    take_off,
-)
+from console.experiments.calibration_flight import CLEAR, CalibrationFlight, CalibrationResult
 from console.experiments.client import Client
+from console.experiments.manoeuvres import landing_afterwards, take_off, wait_ready
 from console.experiments.readings import Progress
-from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, parameter
 
 STEPS = 4
@@ -48,20 +42,15 @@ class VibrationExperiment(CalibrationFlight):
     def fly(self, client: Client) -> None:
         """Fly. Raises RefusedError with the vehicle's reason when it refuses."""
         p = self.parameters
-        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        wait_ready(client)
         client.confirm(CLEAR)
         self._wait(client, "Leave it standing still", 1, p.rest)
         client.tell(Progress("Keep clear: it takes off on its own", 2, STEPS))
         client.arm()
         client.wait(1.0)
-        try:
+        with landing_afterwards(client, STEPS):
             take_off(client, p.height)
             self._wait(client, "It hovers: keep clear", 3, p.hover + SETTLE)
-        except RefusedError:
-            come_down(client)
-            raise
-        client.tell(Progress("It lands", STEPS, STEPS))
-        come_down(client)
 
     def _wait(self, client: Client, words: str, number: int, seconds: float) -> None:
         start = client.view().time
@@ -69,6 +58,6 @@ class VibrationExperiment(CalibrationFlight):
             client.tell(Progress(words, number, STEPS, past / seconds))
             client.wait(0.2)
 
-    def found(self, log: Path) -> Found:
+    def found(self, log: Path) -> CalibrationResult:
         """Return the noise for estimation.error_state.*."""
         return read_vibration(log, self._vehicle)

@@ -11,14 +11,9 @@ from collections.abc import Callable
 from typing import Any, Protocol, cast, runtime_checkable
 
 from console.experiments.client import Client, Experiment, VehicleView
-from console.experiments.user_file import mistakes_told
+from console.experiments.manoeuvres import LANDING, brake, wait_ready
+from console.experiments.user_file import errors_with_line
 from quadrotor.errors import QuadlabError, RefusedError
-
-READY = 20.0
-"""Seconds to wait for the vehicle before its preconditions are checked."""
-BRAKING = 2.0
-LANDING = 30.0
-"""Seconds for braking, and for the landing."""
 
 
 class AbortedError(QuadlabError):
@@ -46,11 +41,9 @@ def fly(experiment: Experiment, client: Client) -> None:
     with the reason once the vehicle has braked and landed; UserFileError for a mistake in a user's
     file.
     """
-    with mistakes_told(experiment):
+    with errors_with_line(experiment):
         if isinstance(experiment, Conditional):
-            client.wait_until(
-                lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=READY
-            )
+            wait_ready(client)
             missing = experiment.preconditions(client.view())
             if missing:
                 raise RefusedError(f"not started: {missing}")
@@ -77,13 +70,13 @@ class Watched:
     def wait_until(
         self, condition: Callable[[VehicleView], bool], *, what: str, timeout: float
     ) -> None:
-        def looked(view: VehicleView) -> bool:
+        def check(view: VehicleView) -> bool:
             reason = self._abort(view)
             if reason:
                 raise AbortedError(f"aborted: {reason}")
             return condition(view)
 
-        self._client.wait_until(looked, what=what, timeout=timeout)
+        self._client.wait_until(check, what=what, timeout=timeout)
 
     def wait(self, seconds: float) -> None:
         end = self._client.view().time + seconds
@@ -93,7 +86,6 @@ class Watched:
 def _come_down(client: Client) -> None:
     """Brake and land if in flight. Raises RefusedError when the vehicle refuses."""
     if client.view().airborne:
-        client.start("brake")
-        client.wait(BRAKING)
+        brake(client)
         client.start("land")
         client.wait_until(lambda v: not v.armed, what="touch-down", timeout=LANDING)

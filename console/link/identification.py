@@ -18,16 +18,16 @@ from vehicle_link.transport.session import parse_endpoint
 
 log = logging.getLogger(__name__)
 
-LOOK = 0.25
-AGAIN = 5.0
+PERIOD = 0.25
+REPEAT = 5.0
 """Seconds between requests to a vehicle that has answered: another may have its address by now."""
-STRANGE = 3.0
+SILENT_FOR = 3.0
 """Seconds for which a link is up without an answer before the reason is reported."""
-DOWN = 3.0
+DOWN_FOR = 3.0
 """Seconds without a link before the reason is reported."""
 
 
-class Introduction:
+class VehicleIdentification:
     """Identifies the vehicle, in its own thread (`run`), because an answer may take a second."""
 
     def __init__(self, node: Node, vehicle: str, link: LinkMonitor) -> None:
@@ -38,33 +38,33 @@ class Introduction:
 
     def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
         """Run until `closing`; `guard` calls a function and survives its defects."""
-        while not closing.wait(LOOK):
-            guard(self.look)
+        while not closing.wait(PERIOD):
+            guard(self.update)
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Identify the vehicle if that is due."""
-        standing, now = self._link.standing, time.monotonic()
+        permission, now = self._link.permission, time.monotonic()
         if not self._link.is_up:
-            standing.gone()
+            permission.forget_identity()
             self._due = 0.0
             self._down_since = self._down_since or now
-            if now >= max(self._down_since + DOWN, self._probe_due):
-                self._probe_due = now + AGAIN
-                standing.unreachable = self._unreachable()
-                standing.stranger = ""
+            if now >= max(self._down_since + DOWN_FOR, self._probe_due):
+                self._probe_due = now + REPEAT
+                permission.unreachable_reason = self._unreachable()
+                permission.identity_problem = ""
             return
         self._down_since, self._probed = 0.0, None
-        standing.unreachable = ""
+        permission.unreachable_reason = ""
         if now < self._due:
             return
         try:
-            standing.introduced(self._whoami.ask())
-            self._due = now + (AGAIN if standing.access != OBSERVER else STRANGE)
+            permission.note_identity(self._whoami.ask())
+            self._due = now + (REPEAT if permission.access != OBSERVER else SILENT_FOR)
         except LinkError:
             log.debug("the vehicle did not identify itself", exc_info=True)
             # With access, only one answer was lost, and nothing has changed.
-            if not standing.access and (found := self._stranger()) is not None:
-                standing.stranger = found
+            if not permission.access and (found := self._identity_problem()) is not None:
+                permission.identity_problem = found
 
     def _unreachable(self) -> str:
         """Return why there is no link, as far as our files and a packet without certificates can
@@ -81,15 +81,15 @@ class Introduction:
             return ""  # it may have come up just now
         return f"no link to {radio.address}: {EXPLANATIONS[result]}"
 
-    def _stranger(self) -> str | None:
+    def _identity_problem(self) -> str | None:
         """Return what is known about a vehicle that does not answer; None while it may
         still do so.
         """
         radio = self._link.radio
-        heard = self._link.state() is not LinkState.LOST
-        if radio is None or heard or self._whoami.is_there:
+        is_received = self._link.state() is not LinkState.LOST
+        if radio is None or is_received or self._whoami.is_there:
             return ""  # it would understand, but is busy
-        if radio.connected_for < STRANGE:
+        if radio.connected_for < SILENT_FOR:
             return None
         names = radio.names()
         if names and self._vehicle not in names:

@@ -1,17 +1,23 @@
-"""The vehicles that were enrolled on this base: `known_vehicles.toml` in the data folder."""
+"""The vehicles that were enrolled on this base, and those that the station connects to.
+
+They are `known_vehicles.toml` and `station.json` in the data folder.
+"""
 
 from __future__ import annotations
 
 import datetime
+import json
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from console.atomic_file import replacing
 from quadrotor.errors import StorageError, UsageError
 from vehicle_link.transport.session import parse_endpoint
 
-FILE = "known_vehicles.toml"
+FILE, STATION_FILE = "known_vehicles.toml", "station.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +86,25 @@ class KnownVehicles:
             f'[{one.name}]\naddress = "{one.address}"\nenrolled = "{one.enrolled}"\n'
             for one in vehicles.values()
         ]
-        part = self.path.with_name(f".{FILE}.part")
-        try:
-            part.write_text("\n".join(lines))
-            part.replace(self.path)
-        except OSError as error:
-            raise StorageError(f"cannot write {self.path}: {error.strerror or error}") from error
+        _write(self.path, "\n".join(lines))
+
+
+def write_station_vehicles(data: Path, names: Sequence[str]) -> None:
+    """Write the names of the vehicles that the station connects to. Raises StorageError."""
+    _write(data / STATION_FILE, json.dumps({"vehicles": list(names)}))
+
+
+def station_vehicles(data: Path) -> tuple[str, ...]:
+    """Return the vehicles of the station's newest start; empty when there was none."""
+    with suppress(OSError, ValueError, TypeError, KeyError):
+        names = json.loads((data / STATION_FILE).read_text())["vehicles"]
+        return tuple(name for name in names if isinstance(name, str))
+    return ()
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        with replacing(path) as new:
+            new.write_text(text)
+    except OSError as error:
+        raise StorageError(f"cannot write {path}: {error.strerror or error}") from error

@@ -26,31 +26,31 @@ from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Publisher, Received
 
 DATAGRAM, QUIC = "datagram", "quic"
-BEAT = "station_heartbeat"
+HEARTBEAT = "station_heartbeat"
 TYPE = SERVICES[LANE]
 
 
-class LaneDoor:
+class LaneClient:
     """Client of the vehicle's lane service: of the one for pilots, unless that is not visible."""
 
     def __init__(self, node: Node, instance: int) -> None:
         self._pilot, self._observer = node.client(PILOT_LANE, TYPE), node.client(LANE, TYPE)
         self._request = new(f"{TYPE}_Request", requester=node.full_name, instance=instance)
 
-    def ask(self) -> Message:
+    def request_keys(self) -> Message:
         """Request keys for a lane from the vehicle. Raises LinkError."""
-        door = self._pilot if self._pilot.wait(DISCOVERY_TIMEOUT) else self._observer
-        return door.call(self._request)
+        client = self._pilot if self._pilot.wait(DISCOVERY_TIMEOUT) else self._observer
+        return client.call(self._request)
 
 
-class LaneIn:
+class VehicleLane:
     """The lane of one vehicle.
 
     Args:
         node: of the station, in the vehicle's namespace.
         host: of the vehicle, as it is dialled; empty for no lane.
         telemetry, heartbeat: called with each message, once; never two at a time.
-        beats: publishes our heartbeats, which use the lane too.
+        heartbeats: publishes our heartbeats, which use the lane too.
     """
 
     def __init__(
@@ -60,11 +60,11 @@ class LaneIn:
         link: LinkMonitor,
         telemetry: Callable[[Received], None],
         heartbeat: Callable[[Received], None],
-        beats: Publisher,
+        heartbeats: Publisher,
     ) -> None:
         self._node, self._link = node, link
         self._callbacks = {"telemetry": telemetry, "vehicle_heartbeat": heartbeat}
-        self._came: dict[tuple[str, bytes], ReplayWindow] = {}
+        self._windows: dict[tuple[str, bytes], ReplayWindow] = {}
         """Windows by topic and publisher, which numbers its messages equally on both paths."""
         self._one_at_a_time = {name: threading.Lock() for name in self._callbacks}
         self._lane: StationLane | None = None
@@ -72,11 +72,11 @@ class LaneIn:
         self._subscribe("vehicle_heartbeat", node)
         self._set_lane_up(False)
         if host:
-            door = LaneDoor(node, link.standing.instance)
-            self._lane = StationLane(host, door.ask, self._by_lane, self._set_lane_up)
-            beats.also_send = partial(self._beat, self._lane)
+            client = LaneClient(node, link.permission.instance)
+            self._lane = StationLane(host, client.request_keys, self._by_lane, self._set_lane_up)
+            heartbeats.also_send = partial(self._send_heartbeat, self._lane)
             for name in TO_VEHICLE:
-                if name not in (HELLO, BEAT):
+                if name not in (HELLO, HEARTBEAT):
                     send = partial(self._send, self._lane, name)
                     node.subscribe(name, TOPICS[name].type_name, send, direct=True)
 
@@ -104,26 +104,26 @@ class LaneIn:
     def _send(lane: StationLane, name: str, received: Received) -> None:
         lane.send(name, received)
 
-    def _beat(self, lane: StationLane, received: Received) -> bool:
-        is_pilot = self._link.standing.access not in ("", OBSERVER)
-        return lane.send(BEAT, received, greets=is_pilot) and lane.is_up
+    def _send_heartbeat(self, lane: StationLane, received: Received) -> bool:
+        is_pilot = self._link.permission.access not in ("", OBSERVER)
+        return lane.send(HEARTBEAT, received, greets=is_pilot) and lane.is_up
 
     def _by_lane(self, name: str, received: Received) -> None:
         self._link.note_lane_message()
-        self._heard(name, DATAGRAM, received)
+        self._receive(name, DATAGRAM, received)
 
     def _by_zenoh(self, name: str, received: Received) -> None:
         self._link.note_session_message()
         if name == "vehicle_heartbeat" and self._lane is not None:
             self._lane.note_vehicle(topics.decode_heartbeat(received.payload).instance)
-        self._heard(name, QUIC, received)
+        self._receive(name, QUIC, received)
 
-    def _heard(self, name: str, path: str, received: Received) -> None:
+    def _receive(self, name: str, path: str, received: Received) -> None:
         with self._one_at_a_time[name]:
-            came = self._came.setdefault((name, received.gid), ReplayWindow())
-            if not came.is_new(received.sequence):
+            window = self._windows.setdefault((name, received.gid), ReplayWindow())
+            if not window.is_new(received.sequence):
                 return
-            came.mark_received(received.sequence)
+            window.mark_received(received.sequence)
             if name == "telemetry":
                 self._link.path = path
             self._callbacks[name](received)

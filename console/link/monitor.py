@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from console.link.outages import Outages
-from console.link.permission import Standing
+from console.link.permission import CommandPermission
 from console.link.telemetry_quality import TelemetryWindow
 from vehicle_link.clock import monotonic, monotonic_ns, time_ns
 from vehicle_link.messages import header, new
@@ -35,7 +35,7 @@ class LinkMonitor:
     def __init__(
         self, vehicle: str = "quad1", instance: int = 0, steady_ns: Callable[[], int] = monotonic_ns
     ) -> None:
-        self.standing = Standing(vehicle, instance)
+        self.permission = CommandPermission(vehicle, instance)
         self.radio: Radio | None = None
         self.path = ""
         """Path of the newest telemetry: datagram or quic."""
@@ -72,7 +72,7 @@ class LinkMonitor:
 
     def beat(self, payload: bytes) -> None:
         """Handle the vehicle's heartbeat, over either path. Raises LinkError."""
-        self.standing.heartbeat(decode_heartbeat(payload), monotonic_ns())
+        self.permission.heartbeat(decode_heartbeat(payload), monotonic_ns())
         self.alive()
 
     def alive(self) -> None:
@@ -109,13 +109,13 @@ class LinkMonitor:
 
     def problem(self) -> str:
         """Return why the vehicle is not commanded although the link is up."""
-        return self.standing.problem(monotonic_ns())
+        return self.permission.problem(monotonic_ns())
 
     def refusal(self, command: str) -> str:
         """Return why this command is not sent to the vehicle; "" when it is."""
         if command != "emergency" and self.state() is LinkState.LOST:
             return "the link to the vehicle is lost; nothing was sent"
-        return self.standing.refusal(command, monotonic_ns())
+        return self.permission.refusal(command, monotonic_ns())
 
     def state(self) -> LinkState:
         return self._heartbeats.state(self._steady_ns())
@@ -156,8 +156,8 @@ class LinkMonitor:
             outage_longest=outages.longest,
             outage_total=outages.total,
             address="" if self.radio is None else self.radio.address,
-            access=self.standing.access,
+            access=self.permission.access,
             path=self.path if quality.rate else "",
-            problem=self.problem() or self.standing.unreachable,
+            problem=self.problem() or self.permission.unreachable_reason,
             reopened=0 if self.radio is None else self.radio.reopened,
         )

@@ -31,19 +31,19 @@ class Outages:
     """
 
     def __init__(self, started_ns: int) -> None:
-        self._heard_ns: int | None = None
+        self._received_ns: int | None = None
         self._good_since_ns = started_ns
         self._ended = OutageFigures()
 
     def note_received(self, now_ns: int) -> None:
         """Note that the vehicle was received."""
         length_ns = self._silence_ns(now_ns)
-        if self._heard_ns is None or length_ns >= _SHORTEST_NS:
+        if self._received_ns is None or length_ns >= _SHORTEST_NS:
             self._good_since_ns = now_ns
         if length_ns >= _SHORTEST_NS:
             self._ended = self._ended.with_one(length_ns * 1e-9)
-        if self._heard_ns is None or now_ns > self._heard_ns:
-            self._heard_ns = now_ns
+        if self._received_ns is None or now_ns > self._received_ns:
+            self._received_ns = now_ns
 
     def figures(self, now_ns: int) -> OutageFigures:
         length_ns = self._silence_ns(now_ns)
@@ -54,9 +54,9 @@ class Outages:
         last message, or since the start when there was none.
         """
         since_ns = self._good_since_ns
-        if self._heard_ns is not None and self._silence_ns(now_ns) >= _SHORTEST_NS:
-            since_ns = self._heard_ns
+        if self._received_ns is not None and self._silence_ns(now_ns) >= _SHORTEST_NS:
+            since_ns = self._received_ns
         return max(0, now_ns - since_ns) * 1e-9
 
     def _silence_ns(self, now_ns: int) -> int:
-        return 0 if self._heard_ns is None else now_ns - self._heard_ns
+        return 0 if self._received_ns is None else now_ns - self._received_ns

@@ -8,26 +8,36 @@ from typing import Any
 
 from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.commands.stick_watchdog import StickOrder
-from console.link.permission import Standing
-from console.link.telemetry_topics import ENCODERS
+from console.link.permission import CommandPermission
 from quadrotor.parameters import ParameterValue
-from quadrotor.records import has_attitude, pose_sample
+from quadrotor.records import Record, has_attitude, pose_sample
 from vehicle_link import topics
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import encode
+from vehicle_link.messages.cdr_layout import Records
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.topics import SCENE_TOPICS, TOPICS
 from vehicle_link.topics.table import SHARED
 from vehicle_link.transport.node import Node
 
+ENCODERS: dict[str, Callable[[Record, str], Records]] = {
+    "state": topics.state_messages,
+    "reference": lambda ticks, vehicle: topics.reference_messages(ticks),
+    "imu": topics.imu_messages,
+    "actuators": topics.actuator_messages,
+}
+"""Topic → function that returns its payloads for TICK records, shape (N,)."""
+
 RECORDED = tuple(name for name, row in TOPICS.items() if row.recorded and row.sender == "station")
 """Topics recorded as they are sent. Heartbeats are not; telemetry's topics are recorded at full
 rate elsewhere."""
 
+INFO, WARN = 20, 30
+"""Levels of events (rcl_interfaces/Log)."""
 FROM_TELEMETRY = (*ENCODERS, *SCENE_TOPICS)
-LOOK = 0.2  # s
+CHECK_PERIOD = 0.2  # s
 
-Record = Callable[[str, str, bytes, int, int], None]
+PutMessage = Callable[[str, str, bytes, int, int], None]
 """Called with topic, type name, payload, log_ns, publish_ns."""
 
 
@@ -38,35 +48,36 @@ class Outbox:
         vehicle: its name, which is the namespace of the topics.
         record: called with each message to be recorded.
         vehicle_ns: the vehicle's clock, which stamps everything.
-        standing: whether the vehicle accepts messages from us.
+        permission: whether the vehicle accepts messages from us.
         speaker: prefix of lines for the terminal.
-        beats_over_link: of the heartbeats over the lane, one in this many is sent over Zenoh too.
+        zenoh_heartbeat_every: one in this many of the heartbeats over the lane is sent over Zenoh
+            too.
 
     Attributes:
-        beats: publishes our heartbeats.
+        heartbeats: publishes our heartbeats.
     """
 
     def __init__(
         self,
         node: Node,
         vehicle: str,
-        record: Record,
+        record: PutMessage,
         vehicle_ns: Callable[[], int],
-        standing: Standing,
+        permission: CommandPermission,
         speaker: str = "station",
-        beats_over_link: int = 1,
+        zenoh_heartbeat_every: int = 1,
     ) -> None:
         self._speaker = speaker
         self._vehicle = vehicle
         self._record = record
         self._vehicle_ns = vehicle_ns
-        self._standing = standing
+        self._permission = permission
         names = (*RECORDED, *SHARED, "station_heartbeat", "stick_status", "marks", *FROM_TELEMETRY)
-        self._heard: frozenset[str] = frozenset()
-        self._look_due = 0.0
+        self._subscribed: frozenset[str] = frozenset()
+        self._check_due = 0.0
         self._publishers = {name: node.advertise(TOPICS[name]) for name in names}
-        self.beats = self._publishers["station_heartbeat"]
-        self.beats.send_one_in = beats_over_link
+        self.heartbeats = self._publishers["station_heartbeat"]
+        self.heartbeats.send_one_in = zenoh_heartbeat_every
 
     def put(self, name: str, payload: bytes, source_ns: int) -> None:
         """Publish a message, and record it if its topic is recorded when sent. Raises LinkError
@@ -75,7 +86,7 @@ class Outbox:
         Poses, bearings and sticks are neither published nor recorded while the vehicle accepts them
         from another station.
         """
-        if TOPICS[name].one_source and not self._standing.speaks:
+        if TOPICS[name].one_source and not self._permission.sends_measurements:
             return
         self._publishers[name].put(payload, source_ns)
         if name in RECORDED:
@@ -83,15 +94,15 @@ class Outbox:
             self._record(topic, type_name, payload, time_ns(), source_ns)
 
     @property
-    def heard(self) -> frozenset[str]:
-        """Return the expanded telemetry topics that have subscribers, at most `LOOK` ago: usually
-        none.
+    def subscribed_topics(self) -> frozenset[str]:
+        """Return the expanded telemetry topics that had subscribers at most `CHECK_PERIOD` ago:
+        usually none.
         """
         now = time.monotonic()
-        if now >= self._look_due:
-            self._look_due = now + LOOK
-            self._heard = frozenset(filter(self.has_subscribers, FROM_TELEMETRY))
-        return self._heard
+        if now >= self._check_due:
+            self._check_due = now + CHECK_PERIOD
+            self._subscribed = frozenset(filter(self.has_subscribers, FROM_TELEMETRY))
+        return self._subscribed
 
     def has_subscribers(self, name: str) -> bool:
         """Return whether any node subscribes to the topic."""
@@ -105,9 +116,9 @@ class Outbox:
         """Send a tracked pose, or the position of a marker when it has no attitude."""
         sample = pose_sample(*pose)
         if has_attitude(pose.quaternion_wb):
-            self.put("tracker_pose", topics.encode_poses(sample)[0], pose.stamp_ns)
+            self.put("tracker_pose", topics.pose_messages(sample).tobytes(), pose.stamp_ns)
         else:
-            self.put("tracker_position", topics.encode_positions(sample)[0], pose.stamp_ns)
+            self.put("tracker_position", topics.position_messages(sample).tobytes(), pose.stamp_ns)
 
     def bearings(self, frame: BearingMeasurement) -> None:
         payload = topics.encode_bearings(
@@ -123,14 +134,12 @@ class Outbox:
         stamp_ns = self._vehicle_ns()
         self.put(
             "station_heartbeat",
-            topics.encode_heartbeat(count, stamp_ns, self._standing.instance),
+            topics.encode_heartbeat(count, stamp_ns, self._permission.instance),
             stamp_ns,
         )
 
     def say(self, level: int, line: str) -> None:
-        """Publish an event: one line for the terminal, the page and the log; rcl_interfaces/Log
-        levels.
-        """
+        """Publish an event: one line for the terminal, the page and the log."""
         print(f"{self._speaker}: {line}", flush=True)
         stamp_ns = self._vehicle_ns()
         self.put("events", topics.encode_event(stamp_ns, level, line, "station"), stamp_ns)
@@ -140,6 +149,6 @@ class Outbox:
     ) -> None:
         """Publish a changed parameter for our own log and page, and for ROS 2."""
         stamp_ns = self._vehicle_ns()
-        instance = self._standing.instance
+        instance = self._permission.instance
         change = ParameterChange(stamp_ns, name, old, value, requester, revision, instance)
         self.put("parameter_changes", topics.encode_parameter_change(change), stamp_ns)

@@ -17,7 +17,7 @@ TWINS_NS = 1_000_000_000
 """Time in ns; two processes received within it are two vehicles, as a restart takes longer."""
 
 
-class Standing:
+class CommandPermission:
     """The permission of one station. Written by several threads; every method is a few assignments
     on plain objects.
 
@@ -29,48 +29,48 @@ class Standing:
     def __init__(self, vehicle: str, instance: int) -> None:
         self._vehicle = vehicle
         self.instance = instance
-        self._heard_ns: dict[int, int] = {}
+        self._received_ns: dict[int, int] = {}
         self._twins_ns: int | None = None
         self._holder = 0
         self._newest: int | None = None  # instance
         self.access = ""
         """Pilot or observer, once the vehicle has reported it."""
-        self.stranger = ""
-        """The reason why this vehicle may not be commanded; set by the identity check."""
-        self.unreachable = ""
-        """The reason why there has been no link for a while; set by the same check."""
+        self.identity_problem = ""
+        """The reason why this vehicle may not be commanded; set by the identification."""
+        self.unreachable_reason = ""
+        """The reason why there has been no link for a while; set by the same thread."""
 
     def heartbeat(self, beat: Heartbeat, now_ns: int) -> None:
         """Handle a heartbeat of the vehicle, at this time of any steady clock."""
-        recent = {k: at for k, at in self._heard_ns.items() if now_ns - at < TWINS_NS}
+        recent = {k: at for k, at in self._received_ns.items() if now_ns - at < TWINS_NS}
         recent[beat.instance] = now_ns
-        self._heard_ns = recent
+        self._received_ns = recent
         if len(recent) > 1:
             self._twins_ns = now_ns
         self._holder, self._newest = beat.holder, beat.instance
 
-    def introduced(self, whoami: Any) -> None:
+    def note_identity(self, whoami: Any) -> None:
         """Handle the vehicle's answer to `whoami`."""
         self.access = str(whoami.access)
-        self.stranger = disagreement(str(whoami.protocol), str(whoami.version))
+        self.identity_problem = disagreement(str(whoami.protocol), str(whoami.version))
 
-    def gone(self) -> None:
+    def forget_identity(self) -> None:
         """Forget the vehicle, because the link is down and another one may return.
 
-        The reason against a stranger stays until more is known, because a link without messages is
+        The identity problem stays until more is known, because a link without messages is
         reopened again and again.
         """
         self.access = ""
 
     @property
-    def beats(self) -> bool:
+    def sends_heartbeats(self) -> bool:
         """Return whether to send our heartbeats to the vehicle: not while it follows another
         station.
         """
         return self._holder in (0, self.instance) and self.access != OBSERVER
 
     @property
-    def speaks(self) -> bool:
+    def sends_measurements(self) -> bool:
         """Return whether the vehicle accepts poses, bearings and sticks from us.
 
         It does not before it has reported so. A vehicle that does not report whom it follows (no
@@ -80,10 +80,10 @@ class Standing:
 
     def problem(self, now_ns: int) -> str:
         """Return why nothing is commanded although the link is up; "" when it is permitted."""
-        if self.stranger:
-            return self.stranger
+        if self.identity_problem:
+            return self.identity_problem
         if self._twins_ns is not None and now_ns - self._twins_ns < 2 * TWINS_NS:
-            both = " and ".join(sorted(map(short_id, self._heard_ns)))
+            both = " and ".join(sorted(map(short_id, self._received_ns)))
             return (
                 f"two vehicles are called {self._vehicle} ({both}): their data is mixed; land, "
                 "then start one of them with another --name"

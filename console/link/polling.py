@@ -8,45 +8,39 @@ from collections.abc import Callable
 
 from console.beacon_layout import BeaconLayout
 from console.calibrations import Calibrations
-from console.checks.alarms import AlarmBoard
-from console.link.monitor import LinkMonitor
+from console.context import StationContext
 from console.parameters.vehicle import VehicleParameters
-from console.runs.recorder import Recorder
 from quadrotor.errors import LinkError
 from vehicle_link.time_sync import TIME_SYNC, exchange
 from vehicle_link.transport.heartbeat import LinkState
-from vehicle_link.transport.node import Node
 
 log = logging.getLogger(__name__)
 
-SLOW, EAGER = 1.0, 0.2
+PERIOD, EAGER_PERIOD = 1.0, 0.2
 """Seconds between requests to the vehicle; eager until its clock and its calibrations are known,
 which the next run is to carry."""
 
 
-class SlowQuestions:
+class VehiclePolling:
     """Polls the vehicle in its own thread, because an answer may take a second."""
 
     def __init__(
         self,
-        node: Node,
-        link: LinkMonitor,
-        recorder: Recorder,
+        context: StationContext,
         parameters: VehicleParameters,
         layout: BeaconLayout,
         calibrations: Calibrations,
-        alarms: AlarmBoard,
     ) -> None:
-        self._link, self._recorder, self._parameters = link, recorder, parameters
-        self._layout, self._alarms = layout, alarms
-        self._calibrations = calibrations
-        self._time_sync = node.client("time_sync", TIME_SYNC)
+        self._link, self._recorder = context.link, context.recorder
+        self._alarms, self._parameters = context.alarms, parameters
+        self._layout, self._calibrations = layout, calibrations
+        self._time_sync = context.node.client("time_sync", TIME_SYNC)
 
     def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
         """Run until `closing`; `guard` calls a function and survives its defects."""
-        while not closing.wait(EAGER if self._is_eager else SLOW):
+        while not closing.wait(EAGER_PERIOD if self._is_eager else PERIOD):
             if self._link.state() is not LinkState.LOST:
-                guard(self._ask)
+                guard(self._poll)
             else:
                 self._calibrations.lost()
                 self._parameters.mark_incomplete()
@@ -56,7 +50,7 @@ class SlowQuestions:
         knows_all = bool(self._recorder.run_id) or not self._calibrations.is_due
         return not (self._link.clock_known and knows_all)
 
-    def _ask(self) -> None:
+    def _poll(self) -> None:
         try:
             self._link.exchanged(exchange(self._time_sync))
             if not self._recorder.run_id:

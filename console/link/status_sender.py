@@ -5,39 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from console.checks.alarms import AlarmBoard
-from console.link.monitor import LinkMonitor
-from console.link.outbox import Outbox
-from console.runs.recorder import Recorder
+from console.context import StationContext
+from console.link.outbox import INFO, WARN
 from console.tracker_feed import TrackerFeed
 from vehicle_link.clock import real_time_factor, time_ns
 from vehicle_link.messages import header, new
 from vehicle_link.transport.heartbeat import LinkState
-
-INFO, WARN = 20, 30
 
 
 class StatusSender:
     """Sends both statuses; used by one thread. `on_link` is called with each LinkStatus."""
 
     def __init__(
-        self,
-        outbox: Outbox,
-        link: LinkMonitor,
-        tracker: TrackerFeed,
-        recorder: Recorder,
-        alarms: AlarmBoard,
-        on_link: Callable[[Any], None],
+        self, context: StationContext, tracker: TrackerFeed, on_link: Callable[[Any], None]
     ) -> None:
-        self._outbox, self._link = outbox, link
-        self._tracker, self._recorder, self._alarms = tracker, recorder, alarms
-        self._on_link = on_link
-        self._said = LinkState.LOST
+        self._outbox, self._link = context.outbox, context.link
+        self._recorder, self._alarms = context.recorder, context.alarms
+        self._tracker, self._on_link = tracker, on_link
+        self._published_state = LinkState.LOST
 
     @property
     def link_changed(self) -> bool:
         """Return whether the link's state differs from the one published last."""
-        return self._link.state() is not self._said
+        return self._link.state() is not self._published_state
 
     def send(self) -> None:
         """Send both statuses, and an event when the link's state has changed since the
@@ -45,8 +35,8 @@ class StatusSender:
         """
         now_ns, stamp_ns = time_ns(), self._link.vehicle_ns()
         state = self._link.state()
-        if state is not self._said:
-            self._said = state
+        if state is not self._published_state:
+            self._published_state = state
             self._outbox.say(INFO if state is LinkState.GOOD else WARN, f"link {state}")
         recorder = self._recorder.status()
         status = new(

@@ -2,46 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from console.checks.observed import Observed
 from console.comparison.feed import ComparisonFeed
+from console.context import StationContext
 from console.experiment_running.runner import ExperimentRunner
-from console.link.monitor import LinkMonitor
-from console.link.outbox import Outbox
+from console.link.outbox import ENCODERS
 from console.link.recent_telemetry import RecentTelemetry
-from console.link.telemetry_topics import ENCODERS, expanded, messages_of
-from console.runs.recorder import Recorder
+from console.runs.recorder import Message
 from quadrotor.records import Record
 from vehicle_link.clock import time_ns
+from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.telemetry import unpack
 from vehicle_link.topics import SCENE_TOPICS, TOPICS, SceneMessages
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.rmw_keys import full_name
 
 
-class TelemetryIn:
-    """Receives telemetry; used by one thread. `heard` is called with the newest stamp of each
+class TelemetryReception:
+    """Receives telemetry; used by one thread. `on_stamp` is called with the newest stamp of each
     packet.
     """
 
     def __init__(
         self,
-        vehicle: str,
-        link: LinkMonitor,
-        outbox: Outbox,
-        recorder: Recorder,
+        context: StationContext,
         comparison: ComparisonFeed,
         observed: Observed,
         experiments: ExperimentRunner,
-        recent: RecentTelemetry,
-        heard: Callable[[int], None],
+        on_stamp: Callable[[int], None],
     ) -> None:
-        self._vehicle = vehicle
-        self._link, self._outbox, self._recorder = link, outbox, recorder
+        self._vehicle, self._link = context.vehicle, context.link
+        self._outbox, self._recorder = context.outbox, context.recorder
         self._comparison, self._observed = comparison, observed
-        self._experiments, self._recent, self._newest = experiments, recent, heard
-        self._scene = SceneMessages(vehicle)
+        self._experiments, self._newest = experiments, on_stamp
+        self._recent = RecentTelemetry(context.node)
+        self._scene = SceneMessages(context.vehicle)
 
     def received(self, received: Received) -> None:
         """Handle a packet of telemetry. Raises LinkError when it is invalid."""
@@ -60,11 +57,13 @@ class TelemetryIn:
             messages = messages_of(payloads, ticks, self._vehicle, received.received_ns)
             self._recorder.put_all(messages)
         elif shown:
-            payloads = expanded(ticks[-1:], self._vehicle, self._outbox.heard & ENCODERS.keys())
+            payloads = expanded(
+                ticks[-1:], self._vehicle, self._outbox.subscribed_topics & ENCODERS.keys()
+            )
         if shown:
-            for name in self._outbox.heard & payloads.keys():
+            for name in self._outbox.subscribed_topics & payloads.keys():
                 self._outbox.put(name, payloads[name][-1], stamp_ns)
-            if self._recorder.run_id or not self._outbox.heard.isdisjoint(SCENE_TOPICS):
+            if self._recorder.run_id or not self._outbox.subscribed_topics.isdisjoint(SCENE_TOPICS):
                 self._draw(ticks, received.received_ns)
         self._newest(stamp_ns)
 
@@ -74,5 +73,24 @@ class TelemetryIn:
             topic = full_name(f"/{self._vehicle}", name)
             kind = TOPICS[name].type_name
             self._recorder.put(topic, kind, payload, received_ns, stamp_ns)
-            if name in self._outbox.heard:
+            if name in self._outbox.subscribed_topics:
                 self._outbox.put(name, payload, stamp_ns)
+
+
+def expanded(
+    ticks: Record, vehicle: str, wanted: Collection[str] = tuple(ENCODERS)
+) -> dict[str, list[bytes]]:
+    """Return the payloads of the requested topics, one for each of the TICK records (N,)."""
+    return {topic: payloads_of(ENCODERS[topic](ticks, vehicle)) for topic in wanted}
+
+
+def messages_of(
+    payloads: dict[str, list[bytes]], ticks: Record, vehicle: str, received_ns: int
+) -> list[Message]:
+    """Return the messages for the recorder: received now, published at each sample's own stamp."""
+    stamps = ticks["imu"]["stamp_ns"].tolist()
+    return [
+        (f"/{vehicle}/{topic}", TOPICS[topic].type_name, payload, received_ns, stamp)
+        for topic, column in payloads.items()
+        for payload, stamp in zip(column, stamps, strict=True)
+    ]

@@ -11,23 +11,24 @@ FEW = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Pace:
+class WakeupRates:
     """The rates of one vehicle.
 
     Attributes:
-        beat: s between two heartbeats.
-        beats_over_link: of the heartbeats over the lane, one in this many is sent over Zenoh too.
-        written: s between two writes of a run, which a killed station loses.
+        heartbeat_period: s between two heartbeats.
+        zenoh_heartbeat_every: one in this many of the heartbeats over the lane is sent over Zenoh
+            too.
+        write_period: s between two writes of a run, which a killed station loses.
     """
 
-    beat: float
-    beats_over_link: int
-    written: float
+    heartbeat_period: float
+    zenoh_heartbeat_every: int
+    write_period: float
 
 
-ALONE, MANY = Pace(0.05, 1, 0.02), Pace(0.1, LINK_HEARTBEAT_EVERY, 0.04)
+ALONE, MANY = WakeupRates(0.05, 1, 0.02), WakeupRates(0.1, LINK_HEARTBEAT_EVERY, 0.04)
 
 
-def pace_of(vehicles: int) -> Pace:
+def wakeup_rates(vehicles: int) -> WakeupRates:
     """Return the rates for each of this many vehicles of one process."""
     return ALONE if vehicles <= FEW else MANY

@@ -61,7 +61,7 @@ class Tables:
         progress: Callable[[float], None] = lambda share: None,
     ) -> None:
         if not begin < end:
-            raise UsageError(f"from {begin:g} to {end:g} s is no time; give --from below --to")
+            raise UsageError(f"from {begin:g} to {end:g} s is empty; give a --from below --to")
         summary = summarize(path)
         if begin > summary.duration:
             raise UsageError(

@@ -8,12 +8,12 @@ down, appears as a difference between a snapshot and the replica, and is written
 from __future__ import annotations
 
 import logging
-import queue
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from functools import partial
 
 from console.parameters.history import ParameterHistory, RecordedChange
+from console.runs.disk_worker import DiskWorker
 from quadrotor.errors import StorageError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.clock import time_ns
@@ -24,28 +24,14 @@ log = logging.getLogger(__name__)
 
 AT_START = "(start of vehicle or station)"
 AT_RESTART = "(the vehicle restarted)"
-NOT_HEARD = "(not received: the link was down)"
+NOT_RECEIVED = "(not received: the link was down)"
 """Requester of a change whose message did not arrive."""
 UNRECORDED = "not recorded"
 CLOSE_PATIENCE = 3.0
 RETRY = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class _Begin:
-    run: str
-    stamp_ns: int
-
-
-@dataclass(frozen=True, slots=True)
-class _End:
-    stamp_ns: int
-
-
-_Item = RecordedChange | _Begin | _End | dict[str, ParameterValue] | None
-
-
-class ParameterWitness:
+class ParameterHistoryWriter:
     """Collects changes from any thread and writes them in its own, because the disk may be slow.
 
     Args:
@@ -61,12 +47,8 @@ class ParameterWitness:
         self._newest: dict[str, tuple[int, int, ParameterValue]] = {}  # instance, revision, value
         last = history.flight()
         self._is_open = last is not None and not last.is_over
-        self._queue: queue.SimpleQueue[_Item] = queue.SimpleQueue()
-        self._idle = threading.Event()
-        self._idle.set()
         self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._write, name="parameter history", daemon=True)
-        self._thread.start()
+        self._worker = DiskWorker("parameter history")
 
     def changed(self, change: ParameterChange, received_ns: int) -> None:
         """Write a change that an authority published, and any earlier change whose message was
@@ -77,7 +59,7 @@ class ParameterWitness:
             instance, newest, known = self._newest.get(name, (0, 0, change.old))
             if instance == change.instance and newest < revision - 1 and known != change.old:
                 self._write_later(
-                    name, known, change.old, NOT_HEARD, received_ns, sent_ns, revision - 1
+                    name, known, change.old, NOT_RECEIVED, received_ns, sent_ns, revision - 1
                 )
             if change.old != change.new:
                 self._write_later(
@@ -96,31 +78,26 @@ class ParameterWitness:
                 return
             if not armed:
                 self._flight = ""
-                self._put(_End(time_ns()))
+                self._put(partial(self._history.end_flight, time_ns()))
             elif not (was is None and self._is_open):  # the station ended in flight and restarted
-                self._put(_Begin(self._flight, time_ns()))
+                self._put(partial(self._history.begin_flight, self._flight, time_ns()))
 
-    def look(self, snapshot: Snapshot) -> None:
+    def compare(self, snapshot: Snapshot) -> None:
         """Write the changes that a snapshot of the vehicle shows and no message reported."""
         before = snapshot.instance_before
         if before is None:
             why = AT_START
         else:
-            why = NOT_HEARD if before == snapshot.instance else AT_RESTART
+            why = NOT_RECEIVED if before == snapshot.instance else AT_RESTART
         self._adopt(snapshot.before, snapshot.values, snapshot.revision, why, snapshot.instance)
 
     def begin(self, values: Mapping[str, ParameterValue]) -> None:
         """Store the station's own values at its start, and write their changes."""
         self._adopt(self._history.known(), values, 0, AT_START)
 
-    def wait_idle(self, bound: float) -> bool:
-        """Wait until everything reported is written, at most `bound` s; return whether it is."""
-        return self._idle.wait(bound)
-
     def close(self) -> None:
         self._closing.set()
-        self._queue.put(None)
-        self._thread.join(CLOSE_PATIENCE)
+        self._worker.close(CLOSE_PATIENCE)
 
     def _adopt(
         self,
@@ -133,7 +110,7 @@ class ParameterWitness:
         now_ns = time_ns()
         with self._lock:
             if unknown := {name: value for name, value in values.items() if name not in before}:
-                self._put(unknown)
+                self._put(partial(self._history.learn, unknown))
             for name, value in values.items():
                 if (old := before.get(name, value)) != value:
                     self._write_later(name, old, value, why, now_ns, now_ns, revision)
@@ -149,49 +126,30 @@ class ParameterWitness:
         sent_ns: int,
         revision: int,
     ) -> None:
-        self._put(
-            RecordedChange(
-                name=name,
-                old=old,
-                new=new,
-                requester=requester,
-                stamp_ns=stamp_ns,
-                flight=self._flight,
-                revision=revision,
-                sent_ns=sent_ns,
-            )
+        change = RecordedChange(
+            name=name,
+            old=old,
+            new=new,
+            requester=requester,
+            stamp_ns=stamp_ns,
+            flight=self._flight,
+            revision=revision,
+            sent_ns=sent_ns,
         )
+        self._put(partial(self._history.add, [change]))
 
-    def _put(self, item: _Item) -> None:
-        self._idle.clear()
-        self._queue.put(item)
+    def _put(self, write: Callable[[], None]) -> None:
+        self._worker.put(partial(self._write, write))
 
-    # ------------------------------------------------------------------ the writer's thread
-    def _write(self) -> None:
-        while (item := self._queue.get()) is not None:
-            self._write_one(item)
-            with self._lock:
-                if self._queue.empty():
-                    self._idle.set()
-
-    def _write_one(self, item: _Item) -> None:
-        """Write an item, retrying until it succeeds: a full disk or a busy database
-        leaves no gap.
-        """
+    def _write(self, write: Callable[[], None]) -> None:
+        """Write, retrying until it succeeds: a full disk or a busy database leaves no gap."""
         while True:
             try:
-                if isinstance(item, RecordedChange):
-                    self._history.add([item])
-                elif isinstance(item, _Begin):
-                    self._history.begin_flight(item.run, item.stamp_ns)
-                elif isinstance(item, _End):
-                    self._history.end_flight(item.stamp_ns)
-                elif item is not None:
-                    self._history.learn(item)
+                write()
             except StorageError as error:
                 self._alarm(str(error))
                 if self._closing.wait(RETRY):
-                    log.error("a change of a parameter was not written: %s", item)
+                    log.error("a change of a parameter was not written: %s", write)
                     return
             else:
                 self._alarm(None)

@@ -18,22 +18,17 @@ OnChange = Callable[[str, ParameterValue, ParameterValue, str, int], None]
 
 
 class StationStore:
-    """The backend of the station's parameter services; thread-safe.
+    """The backend of the station's parameter services; thread-safe."""
 
-    Args:
-        on_change: called once for each value that really changed, in the order of the revisions;
-            it may read here but not change.
-    """
-
-    def __init__(self, on_change: OnChange = lambda *_: None) -> None:
+    def __init__(self) -> None:
         self._tree = StationTree(
             station=StationParameters().model_copy(deep=True)  # never the class's defaults
         )
         self._store = ParameterStore(self._tree)
         self._lock = threading.Lock()
-        self._telling = threading.Lock()
+        self._notifying = threading.Lock()
         self._before_change: BeforeChange = lambda *_: None
-        self._on_change = on_change
+        self._on_change: OnChange = lambda *_: None
 
     @property
     def parameters(self) -> StationParameters:
@@ -51,7 +46,9 @@ class StationStore:
         return self._store.values()
 
     def subscribe(self, on_change: OnChange) -> None:
-        """Call `on_change` from now on, instead of the previous one."""
+        """Call `on_change` once for each value that really changes, in the order of the revisions,
+        instead of the previous one; it may read here but not change.
+        """
         self._on_change = on_change
 
     def consult(self, before_change: BeforeChange) -> None:
@@ -75,7 +72,7 @@ class StationStore:
         ParameterError.
         """
         self._before_change(self._checked(values), requester)
-        with self._telling:
+        with self._notifying:
             with self._lock:
                 before = self._store.values()
                 applied = self._store.set(values)

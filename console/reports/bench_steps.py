@@ -45,7 +45,6 @@ def bench_of(log: RunLog) -> tuple[Bench, str]:
         steps.force,
         inside,
         fits,
-        USABLE,
     )
     return bench, summary
 

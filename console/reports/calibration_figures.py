@@ -12,7 +12,7 @@ from console.evaluation.inertia import read_inertia
 from console.reports.content import Picture
 from console.reports.flight import Flight
 from console.reports.judgement import Judgement
-from console.reports.plots import AXES, COLORS, QUIET, REFERENCE, finish, grid, line, styled, triple
+from console.reports.plots import AXES, COLORS, DASHED, QUIET, finish, grid, line, styled, triple
 from console.reports.run_log import RunLog
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord
@@ -39,10 +39,8 @@ def gyroscope(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
         axes = grid(figure, 1)[:, 0]
         triple(axes[0], imu.time, rates, linewidth=0.6)
         for time in found:
-            axes[0].axvline(time, color=REFERENCE, linewidth=0.9, linestyle=(0, (4, 2)))
-        axes[0].plot(
-            [], [], color=REFERENCE, linewidth=0.9, linestyle=(0, (4, 2)), label="new drift"
-        )
+            axes[0].axvline(time, **DASHED)
+        axes[0].plot([], [], **DASHED, label="new drift")
         finish(axes[0], "angular velocity minus the drift in force", "deg/s")
         axes[0].set_xlabel("s")
 
@@ -76,9 +74,7 @@ def residuals(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
             linewidth=0.7,
             label="length",
         )
-        axes[1].axhline(
-            GRAVITY, color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)), label="gravity"
-        )
+        axes[1].axhline(GRAVITY, **DASHED, label="gravity")
         finish(axes[1], "its magnitude", "m/s²")
         axes[1].set_xlabel("s")
 
@@ -114,12 +110,9 @@ def inertia(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
         triple(axes[2], time, found.inertia_b, ("xx", "yy", "zz"))
         for k, truth in enumerate(found.truth_b):
             if np.isfinite(truth):
-                style: Any = {"color": COLORS[k], "linewidth": 0.8, "linestyle": (0, (4, 2))}
-                axes[2].axhline(truth, **style)
+                axes[2].axhline(truth, **{**DASHED, "color": COLORS[k]})
         if np.isfinite(found.truth_b).all():
-            axes[2].plot(
-                [], [], color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)), label="true"
-            )
+            axes[2].plot([], [], **DASHED, label="true")
         finish(axes[2], "estimated inertia", "kg m²")
         axes[2].set_xlabel("s")
         axes[2].set_xlim(time[0] - 2.0, time[-1] + 2.0)

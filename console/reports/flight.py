@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from console.evaluation.alignment import between, make_continuous, rotated_rows
 from console.reports.run_log import ODOMETRY, RunLog
 from quadrotor.plain_rotations import roll_pitch_yaw_of_rows
 
 Array = npt.NDArray[np.floating[Any]]
-Flags = npt.NDArray[np.bool_]
 
 LARGEST_GAP = 0.1
 """Longest gap between messages that is interpolated, s."""
@@ -105,7 +105,7 @@ def flight_of(log: RunLog) -> Flight:
     wanted = np.full((len(time), len(REFERENCE)), np.nan)
     if log.has("reference"):
         series = log.topics["reference"]
-        wanted = between(time, series.time, series.take(REFERENCE))
+        wanted = between(time, series.time, series.take(REFERENCE), LARGEST_GAP)[0]
     return Flight(truth, estimate, wanted)
 
 
@@ -123,33 +123,10 @@ def wrapped(angle: Array) -> Array:
     return out
 
 
-def between(time: Array, given: Array, values: Array) -> Array:
-    """Return columns of `values` (M, K) at `time` (N,), linearly; NaN outside and across long
-    gaps.
-    """
-    if not len(given):
-        return np.full((len(time), values.shape[1]), np.nan)
-    out = np.stack(
-        [np.interp(time, given, column, left=np.nan, right=np.nan) for column in values.T], axis=1
-    )
-    after = np.clip(np.searchsorted(given, time), 1, max(len(given) - 1, 1))
-    if len(given) > 1:
-        out[given[after] - given[after - 1] > LARGEST_GAP] = np.nan
-    return out
-
-
 def rms(values: Array) -> float:
     """Return the rms of the finite values, NaN when there is none."""
     finite = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(finite**2))) if len(finite) else float("nan")
-
-
-def inside(time: Array, spans: list[tuple[float, float]]) -> Flags:
-    """Return which times lie in any of the spans."""
-    found = np.zeros(len(time), bool)
-    for start, end in spans:
-        found |= (time >= start) & (time <= end)
-    return found
 
 
 def airborne(log: RunLog) -> list[tuple[float, float]]:
@@ -170,13 +147,8 @@ def _odometry(log: RunLog, topic: str, name: str, time: Array | None = None) -> 
         return None
     rows: Array = series.take(ODOMETRY)
     if time is not None:
-        quaternion = rows[:, 3:7]  # with consistent signs, for interpolation
-        flips = np.einsum("nk,nk->n", quaternion[1:], quaternion[:-1]) < 0.0
-        if flips.any():
-            quaternion[np.concatenate([[0], np.cumsum(flips)]) % 2 == 1] *= -1.0
-        rows = between(time, series.time, rows)
-    w, axis, velocity_b = rows[:, 3:4], rows[:, 4:7], rows[:, 7:]
-    across = 2.0 * np.cross(axis, velocity_b)
-    velocity_w = velocity_b + w * across + np.cross(axis, across)
+        make_continuous(rows[:, 3:7])
+        rows = between(time, series.time, rows, LARGEST_GAP)[0]
+    velocity_w = rotated_rows(rows[:, 3:7], rows[:, 7:])
     at = series.time if time is None else time
     return Track(name, at, rows[:, :3], rows[:, 3:7], velocity_w)

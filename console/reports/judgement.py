@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from console.evaluation.explanation.finding import within
 from console.evaluation.verdict import evaluated, judged
 from console.experiments.catalogue import EXPERIMENTS, find
 from console.experiments.client import NOT_JUDGED, VERDICTS, Calibrating, Experiment, Result
@@ -17,7 +18,7 @@ from console.experiments.figure_eight import LIMITS as EIGHT_LIMITS
 from console.experiments.figure_eight import REST_TO_REST, STEADY
 from console.experiments.hover import Hover
 from console.reports.bench_steps import law_figures
-from console.reports.flight import Flight, airborne, inside, rms
+from console.reports.flight import Flight, airborne, rms
 from console.reports.run_log import RunLog
 from console.runs.report_folders import has_report, read_result
 from quadrotor.calibration_record import CalibrationRecord, parse_record
@@ -111,15 +112,15 @@ def judge(
         pass
     elif out.experiment in FLOWN:
         out.source = (
-            "not judged: there is no result.json next to the log; the process that flies the "
+            "there is no result.json next to the log; the process that flies the "
             "experiment judges it (quadlab fly --report, or the station)"
         )
     elif experiment is not None:
         _evaluated(log, out, experiment)
     elif out.experiment:
-        out.source = f"not judged: {out.experiment} is not an experiment of quadlab"
+        out.source = f"{out.experiment} is not an experiment of quadlab"
     else:
-        out.source = "not judged: the log is not of an experiment"
+        out.source = "the log is not of an experiment"
     out.proposal = proposal or out.proposal
     _proposed(log, out, experiment)
     return out
@@ -156,7 +157,7 @@ def flight_figures(log: RunLog, flight: Flight, windows: Spans) -> dict[str, flo
     found: dict[str, float] = {}
     if flight.shown is not None and spans:
         error, yaw = flight.tracking_error
-        rows = inside(flight.shown.time, spans)
+        rows = within(flight.shown.time, spans)
         distance = np.linalg.norm(error[rows], axis=1)
         found["position_rms_m"] = rms(distance)
         found["position_max_m"] = float(np.nanmax(distance, initial=0.0))
@@ -167,7 +168,7 @@ def flight_figures(log: RunLog, flight: Flight, windows: Spans) -> dict[str, flo
             found["estimate_velocity_rms_m_s"] = rms(np.linalg.norm(velocity[rows], axis=1))
     if log.has("actuators") and spans:
         series = log.topics["actuators"]
-        rows = inside(series.time, spans)
+        rows = within(series.time, spans)
         motors = series.rows(tuple(f"motor_references[{k}]" for k in range(4)))[rows]
         scaling = series.rows(("scaling",))[rows]
         if len(motors):
@@ -201,10 +202,10 @@ def _stored(log: RunLog, out: Judgement) -> None:
             out.proposal = parse_record(json.dumps(stored["proposal"]))
         options = stored.get("options")
         out.options = dict(options) if isinstance(options, Mapping) else out.options
-        reason = str(stored.get("reason", ""))
-        out.source = _source("judged after the flight (result.json)", out.verdict, reason)
+        reason = str(stored.get("reason", "")) if out.verdict == NOT_JUDGED else ""
+        out.source = reason or "judged after the flight (result.json)"
     except QuadlabError as error:
-        out.source = f"not judged: {error}"
+        out.source = str(error)
 
 
 def _evaluated(log: RunLog, out: Judgement, experiment: Experiment) -> None:
@@ -217,19 +218,14 @@ def _evaluated(log: RunLog, out: Judgement, experiment: Experiment) -> None:
             start, end = out.windows[0]
             _taken(out, result, f"judged by this report from {start:.1f} to {end:.1f} s of the log")
         else:
-            out.source = f"not judged: {error}"
+            out.source = str(error)
         return
     _taken(out, result, "judged by this report from the log")
 
 
 def _taken(out: Judgement, result: Result, source: str) -> None:
     out.verdict, out.metrics, out.limits = result.verdict, result.metrics, result.limits
-    out.source = _source(source, result.verdict, result.reason)
-
-
-def _source(by: str, verdict: str, reason: str) -> str:
-    """Return what judged the run, or why it was not judged."""
-    return f"not judged: {reason}" if verdict == NOT_JUDGED else by
+    out.source = result.reason if result.verdict == NOT_JUDGED else source
 
 
 def _proposed(log: RunLog, out: Judgement, experiment: object) -> None:

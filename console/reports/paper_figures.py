@@ -16,6 +16,7 @@ import numpy.typing as npt
 from console.reports.plots import (
     ANGLES,
     COLORS,
+    DASHED,
     GOOD,
     REFERENCE,
     band,
@@ -52,7 +53,6 @@ class Bench:
     step_force: Array
     used: npt.NDArray[np.bool_]
     fits: Mapping[str, tuple[Array, Array]]
-    range: tuple[float, float]  # counts, usable range
 
 
 def motor_calibration(figure: Any, bench: Bench) -> None:
@@ -124,13 +124,7 @@ def mass_estimation(
     )
     line(axes[0], time, value, color=COLORS[0], label="estimated")
     if true_mass is not None and np.isfinite(true_mass):
-        axes[0].axhline(
-            true_mass,
-            color=REFERENCE,
-            linewidth=0.8,
-            linestyle=(0, (4, 2)),
-            label=f"true {true_mass:.4g} kg",
-        )
+        axes[0].axhline(true_mass, **DASHED, label=f"true {true_mass:.4g} kg")
     finish(axes[0], "(a) mass", "kg")
     triple(axes[1], *position)
     finish(axes[1], "(b) position", "m")

@@ -19,6 +19,8 @@ Array = npt.NDArray[np.floating[Any]]
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#a3528b")
 REFERENCE = "#333333"
 QUIET = "#8c8c8c"
+DASHED: Any = {"color": REFERENCE, "linewidth": 0.8, "linestyle": (0, (4, 2))}
+"""Style of lines for comparison: true values, limits, the estimate next to the truth."""
 GOOD = "#009e73"
 AXES = ("x", "y", "z")
 ANGLES = ("roll", "pitch", "yaw")
@@ -123,8 +125,8 @@ def triple(
 def dashed(axis: Any, time: Array, values: Array, label: str) -> None:
     """Draw the columns of the comparison, dark and dashed, with one entry in the legend."""
     for k in range(values.shape[1]):
-        line(axis, time, values[:, k], color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)))
-    axis.plot([], [], color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)), label=label)
+        line(axis, time, values[:, k], **DASHED)
+    axis.plot([], [], **DASHED, label=label)
 
 
 def band(axis: Any, time: Array, values: Array, label: str) -> None:

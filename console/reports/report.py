@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 
+from console.atomic_file import replacing
 from console.evaluation.explanation.explain import explain
 from console.experiments.client import Result
 from console.reports import html
@@ -78,12 +78,14 @@ def write_report(
     progress(0.5)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        _replace(targets[0], lambda path: _write_text(path, html.render(report)))
+        with replacing(targets[0]) as path, path.open("w", encoding="utf-8") as file:
+            file.writelines(html.render(report))
         progress(0.7 if pdf else 1.0)
         if pdf:
             from console.reports.pdf import write_pdf
 
-            _replace(targets[1], lambda path: write_pdf(report, path))
+            with replacing(targets[1]) as path:
+                write_pdf(report, path)
     except OSError as error:
         why = error.strerror or str(error)
         raise StorageError(
@@ -193,18 +195,3 @@ def _check_ours(path: Path) -> None:
             )
     except OSError as error:
         raise StorageError(f"cannot read {path}: {error.strerror}") from error
-
-
-def _replace(path: Path, write: Callable[[Path], None]) -> None:
-    """Replace the file atomically."""
-    aside = path.with_name(f"{path.name}.new")
-    try:
-        write(aside)
-        os.replace(aside, path)
-    finally:
-        aside.unlink(missing_ok=True)
-
-
-def _write_text(path: Path, pieces: Iterable[str]) -> None:
-    with path.open("w", encoding="utf-8") as file:
-        file.writelines(pieces)

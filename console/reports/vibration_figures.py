@@ -11,11 +11,10 @@ from console.evaluation.vibration import FORCE, LOWEST, RATE, THRUSTS, UNITS, re
 from console.reports.content import Picture
 from console.reports.flight import Flight
 from console.reports.judgement import Judgement
-from console.reports.plots import AXES, COLORS, REFERENCE, finish, grid, line, styled
+from console.reports.plots import AXES, COLORS, DASHED, finish, grid, line, styled
 from console.reports.run_log import RunLog
 from quadrotor.constants import MOTORS
 
-DASHED: Any = {"color": REFERENCE, "linewidth": 0.8, "linestyle": (0, (4, 2))}
 RANGE = 40.0
 """Range of a spectrogram, in dB below its highest value."""
 

@@ -8,12 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from console.catalogue.catalogue import Catalogue, RunEntry, runs_in
-from console.runs.log_marks import keep_marks_of_log
+from console.catalogue.marks import Mark, find_mark, store_mark
 from console.runs.trash import finish_moves, is_deleted, is_in_trash
 from flight_log import is_closed, recover, summarize
 from flight_log.file import is_being_written
+from flight_log.reader import read_topic
 from flight_log.run_folder import STATION, log_of, run_bytes, station_log
 from quadrotor.errors import LogFormatError, StorageError
+from vehicle_link.messages import decode, stamp_of
+from vehicle_link.topics import TOPICS
 
 NO_STATION_LOG = f"{STATION} is missing in its folder; what the vehicle logged is there"
 
@@ -88,7 +91,7 @@ def _enter(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> str:
     """Add a run with its marks to the catalogue; return what is wrong with it."""
     found = described(path, entry)
     catalogue.add(found)
-    keep_marks_of_log(catalogue, path, path.stem)
+    store_marks_of_log(catalogue, path, path.stem)
     return found.problem
 
 
@@ -114,7 +117,7 @@ def described(path: Path, entry: RunEntry | None) -> RunEntry:
     )
 
 
-def enter_again(catalogue: Catalogue, path: Path) -> None:
+def update_entry(catalogue: Catalogue, path: Path) -> None:
     """Update a run's size, count and location in the catalogue; its other facts stay.
 
     Raises LogFormatError or StorageError.
@@ -125,17 +128,45 @@ def enter_again(catalogue: Catalogue, path: Path) -> None:
 
 
 def _unreadable(path: Path, entry: RunEntry | None, problem: str) -> RunEntry:
+    known = entry or RunEntry(path.stem, "", 0, 0.0, path.name)
     return RunEntry(
         id=path.stem,
-        vehicle=entry.vehicle if entry else "",
-        start_ns=entry.start_ns if entry else 0,
+        vehicle=known.vehicle,
+        start_ns=known.start_ns,
         duration=0.0,
         file=path.name,
         bytes=run_bytes(path) if path.exists() else 0,
-        messages=0,
-        operator=entry.operator if entry else "",
-        complete=False,
-        recovered=False,
+        operator=known.operator,
         problem=problem,
-        notes=entry.notes if entry else "",
+        notes=known.notes,
     )
+
+
+def marks_in_log(log: Path, run_id: str) -> list[Mark]:
+    """Return the marks of a closed file, each with its newest text.
+
+    Raises LogFormatError or StorageError.
+    """
+    found: dict[str, Mark] = {}
+    for payload in read_topic(log, "marks"):
+        sent = decode(payload, TOPICS["marks"].type_name)
+        before = found.get(sent.id)
+        mark = Mark(
+            run_id=run_id,
+            id=sent.id,
+            stamp_ns=stamp_of(sent),
+            time=sent.time,
+            text=sent.text,
+            requester=sent.requester,
+        )
+        found[sent.id] = replace(before, text=mark.text) if before else mark
+    return list(found.values())
+
+
+def store_marks_of_log(catalogue: Catalogue, log: Path, run_id: str) -> None:
+    """Store the marks of a run that the catalogue did not have. Raises StorageError or
+    LogFormatError.
+    """
+    for mark in marks_in_log(log, run_id):
+        if find_mark(catalogue, mark.id) is None:
+            store_mark(catalogue, mark)

@@ -24,7 +24,7 @@ def free_bytes(folder: Path) -> int:
         ) from error
 
 
-def make_again(folder: Path) -> None:
+def recreate_folder(folder: Path) -> None:
     """Create a missing folder if its parent exists; otherwise its disk may not be mounted."""
     with suppress(OSError):  # reported at the next access
         folder.mkdir()
@@ -43,7 +43,7 @@ def folder_problem(folder: Path) -> tuple[str, str]:
         found = f"the folder {folder} cannot be reached ({error.strerror})"
         return found, "mount its disk and correct its permissions, or choose another with --data"
     if not is_folder:
-        return f"{folder} is no folder", "move that file away, or choose another with --data"
+        return f"{folder} is not a folder", "move that file away, or choose another with --data"
     if is_read_only:
         advice = "mount it writable (one with errors turns read-only: see dmesg), or choose another"
         return f"the disk of {folder} is read-only", f"{advice} with --data"
@@ -57,7 +57,7 @@ def check_folder(folder: Path, keep_free: int) -> None:
     """Create the folder if needed. Raises StorageError when it is not writable or its disk is too
     full.
     """
-    make_again(folder)
+    recreate_folder(folder)
     found, advice = folder_problem(folder)
     if found:
         raise StorageError(f"{found}; {advice}")

@@ -9,19 +9,19 @@ from collections.abc import Callable
 
 log = logging.getLogger(__name__)
 
-Chore = Callable[[], None]
+Task = Callable[[], None]
 
 
-class DiskChores:
-    """Runs chores in order; an exception of one is logged and ignored.
+class DiskWorker:
+    """Runs tasks in order; an exception of one is logged and ignored.
 
     Args:
-        done: called in the chores' thread after each.
+        done: called in the worker's thread after each.
     """
 
-    def __init__(self, name: str, done: Chore = lambda: None) -> None:
+    def __init__(self, name: str, done: Task = lambda: None) -> None:
         self._done = done
-        self._queue: queue.SimpleQueue[Chore | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._open = 0
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
@@ -31,23 +31,23 @@ class DiskChores:
     def is_idle(self) -> bool:
         return self._open == 0
 
-    def put(self, chore: Chore) -> None:
-        """Queue a chore, from any thread; never waits."""
+    def put(self, task: Task) -> None:
+        """Queue a task, from any thread; never waits."""
         with self._lock:
             self._open += 1
-        self._queue.put(chore)
+        self._queue.put(task)
 
     def close(self, timeout: float) -> None:
-        """Finish all queued chores, within `timeout` s, and end."""
+        """Finish all queued tasks, within `timeout` s, and end."""
         self._queue.put(None)
         self._thread.join(timeout)
 
     def _run(self) -> None:
-        while (chore := self._queue.get()) is not None:
+        while (task := self._queue.get()) is not None:
             try:
-                chore()
+                task()
             except Exception:
-                log.exception("chore of the disk")
+                log.exception("disk task")
             with self._lock:
                 self._open -= 1
             self._done()

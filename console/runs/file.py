@@ -6,7 +6,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from console.runs.run import AGAIN_SPARE, Run, RunEnd
+from console.runs.run import RESTART_RESERVE, Run, RunEnd
 from flight_log import LogWriter
 from quadrotor.errors import StorageError
 from vehicle_link.clock import monotonic
@@ -54,7 +54,7 @@ class RunFile:
             return StorageError(
                 f"only {free // 10**6} MB are free in {folder}, "
                 f"{self.run.keep_free // 10**6} MB are kept; delete or move runs: while armed, "
-                f"the next begins with {(self.run.keep_free + AGAIN_SPARE) // 10**6} MB"
+                f"the next begins with {(self.run.keep_free + RESTART_RESERVE) // 10**6} MB"
             )
         return None
 

@@ -48,7 +48,7 @@ class Housekeeping:
         self._alarm = alarm
         self._purges = purges
         self._purged = -PURGE_PERIOD
-        self._stuck: str | None = None
+        self._purge_problem: str | None = None
 
     def tidy(self) -> None:
         """Tidy once, in the background: a present flight must not wait for old files."""
@@ -58,15 +58,17 @@ class Housekeeping:
         except StorageError as error:
             self._alarm("catalogue", str(error))
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Check disk and trash; called every PERIOD."""
         try:
             self._alarm("disk", self._warning())
-            due = time.monotonic() - self._purged >= (RETRY if self._stuck else PURGE_PERIOD)
+            due = time.monotonic() - self._purged >= (
+                RETRY if self._purge_problem else PURGE_PERIOD
+            )
             if self._purges and due:
                 self._purged = time.monotonic()
-                self._stuck = self._purge()
-            self._alarm("trash", self._stuck)
+                self._purge_problem = self._purge()
+            self._alarm("trash", self._purge_problem)
         except StorageError as error:
             # Without the folder nothing is done here, and the recorder reports that it is missing.
             away = self._catalogue.problem or not self._catalogue.folder.is_dir()

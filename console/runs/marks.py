@@ -10,70 +10,44 @@ import re
 import threading
 import time
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 from console.catalogue.catalogue import Catalogue
-from console.catalogue.marks import LONGEST, OLDEST, Mark, find_mark, keep_mark
-from console.link.outbox import Outbox
+from console.catalogue.marks import LONGEST, OLDEST, Mark, find_mark, store_mark
+from console.context import StationContext
+from console.link.outbox import INFO
 from console.runs.run import RecorderStatus
 from quadrotor.errors import RefusedError
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import encode, header, new
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.idempotent import Idempotent
-from vehicle_link.transport.node import Node
 
-INFO = 20
 ID = re.compile(r"[A-Za-z0-9_-]{8,64}")
 
 
-class Clock(Protocol):
-    def vehicle_ns(self) -> int: ...
-
-
-class Recording(Protocol):
-    def status(self) -> RecorderStatus: ...
-
-    def put(
-        self, topic: str, type_name: str, payload: bytes, log_ns: int, publish_ns: int
-    ) -> None: ...
-
-
 class MarkService:
-    """Serves `/<vehicle>/station/mark` in its own thread.
+    """Serves `/<vehicle>/station/mark` in its own thread."""
 
-    Args:
-        clock: returns the vehicle's present time (the link's).
-    """
-
-    def __init__(
-        self,
-        node: Node,
-        vehicle: str,
-        catalogue: Catalogue,
-        recorder: Recording,
-        outbox: Outbox,
-        clock: Clock,
-    ) -> None:
-        self._vehicle = vehicle
+    def __init__(self, context: StationContext, catalogue: Catalogue) -> None:
+        self._vehicle, self._link = context.vehicle, context.link
+        self._recorder, self._outbox = context.recorder, context.outbox
         self._catalogue = catalogue
-        self._recorder = recorder
-        self._outbox = outbox
-        self._clock = clock
         self._lock = threading.Lock()
-        node.serve("station/mark", SERVICES["mark"], Idempotent(self._answer))
+        context.node.serve("station/mark", SERVICES["mark"], Idempotent(self._answer))
 
     def _answer(self, request: Any) -> Any:
         with self._lock:
-            mark, logged = self._take(request)
+            mark, logged = self._apply(request)
         kind = f"{SERVICES['mark']}_Response"
         return new(kind, accepted=True, run_id=mark.run_id, time=mark.time, logged=logged)
 
-    def _take(self, request: Any) -> tuple[Mark, bool]:
+    def _apply(self, request: Any) -> tuple[Mark, bool]:
         text = " ".join(request.text.split())
         if not ID.fullmatch(request.id):
             raise RefusedError(
-                f"mark: {request.id!r:.80} is no id; allowed are 8 to 64 of A-Za-z0-9_-"
+                f"mark: {request.id!r:.80} is not an id; allowed are 8 to 64 characters of "
+                "A-Za-z0-9_-"
             )
         if len(text) > LONGEST:
             raise RefusedError(f"mark: the text has {len(text)} characters; allowed are {LONGEST}")
@@ -100,9 +74,11 @@ class MarkService:
             kind = TOPICS["marks"].type_name
             self._recorder.put(f"/{self._vehicle}/marks", kind, payload, now_ns, mark.stamp_ns)
         self._outbox.put("marks", payload, mark.stamp_ns)
-        keep_mark(self._catalogue, mark)
-        said = f": {text}" if text else ""
-        self._outbox.say(INFO, f"mark at {mark.time:.1f} s of the run by {request.requester}{said}")
+        store_mark(self._catalogue, mark)
+        quoted = f": {text}" if text else ""
+        self._outbox.say(
+            INFO, f"mark at {mark.time:.1f} s of the run by {request.requester}{quoted}"
+        )
         return mark, is_logged
 
     def _new(self, request: Any, text: str, recorder: RecorderStatus) -> Mark:
@@ -121,7 +97,7 @@ class MarkService:
         return Mark(
             run_id=recorder.run_id,
             id=request.id,
-            stamp_ns=self._clock.vehicle_ns() - round(ago * 1e9),
+            stamp_ns=self._link.vehicle_ns() - round(ago * 1e9),
             time=recorder.duration - ago,
             text=text,
             requester=request.requester,

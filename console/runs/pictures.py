@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
-from console.parameters.station import RecorderParameters
-from console.runs.recorder import Recorder
+from console.context import StationContext
 from vehicle_link.topics import PICTURE, TOPICS
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
@@ -19,11 +17,9 @@ JITTER = 0.9
 class PictureRecording:
     """Records at most `pictures` a second of each camera. Used by one thread."""
 
-    def __init__(
-        self, session: Any, vehicle: str, recorder: Recorder, parameters: RecorderParameters
-    ) -> None:
-        self._session, self._vehicle = session, vehicle
-        self._recorder, self._parameters = recorder, parameters
+    def __init__(self, context: StationContext) -> None:
+        self._session, self._vehicle = context.node.session, context.vehicle
+        self._recorder, self._parameters = context.recorder, context.parameters.recorder
         self._node: Node | None = None
         self._last: dict[str, int] = {}
 

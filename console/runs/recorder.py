@@ -15,10 +15,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from console.runs.disk import check_folder, free_bytes, make_again, try_disk
-from console.runs.disk_worker import DiskChores
+from console.runs.disk import check_folder, free_bytes, recreate_folder, try_disk
+from console.runs.disk_worker import DiskWorker
 from console.runs.file import RunFile
-from console.runs.run import AGAIN_SPARE, RecorderStatus, Run, RunEnd
+from console.runs.run import RESTART_RESERVE, RecorderStatus, Run, RunEnd
 from quadrotor.errors import QuadlabError, StorageError
 from vehicle_link.clock import monotonic
 
@@ -32,7 +32,7 @@ AT_ONCE = 1000
 """Maximum number of messages written together: a chunk may exceed its size by all of them."""
 SYNC_PERIOD = 0.25
 WATCH_PERIOD = 1.0
-AGAIN_PERIOD = 3.0
+RESTART_PERIOD = 3.0
 """Seconds between checks whether a run that the disk ended may have a successor."""
 
 Message = tuple[str, str, bytes, int, int]
@@ -46,7 +46,7 @@ class Recorder:
         folder: where runs are written; watched also while nothing is recorded.
         on_start, on_end: called in a thread next to the recorder's (catalogue), because a commit
             may take a second; StorageError becomes an alarm.
-        on_again: called in that thread some seconds after the disk ended a run, or prevented one,
+        on_restart: called in that thread some seconds after the disk ended a run, or prevented one,
             and repeatedly until one begins; it decides whether to begin one.
         on_watch: called once a second; returns what is wrong with the data folder, or "".
         queue_limit: number of messages that may wait for the disk.
@@ -59,12 +59,12 @@ class Recorder:
         on_start: Callable[[Run], None] = lambda run: None,
         on_end: Callable[[RunEnd], None] = lambda end: None,
         queue_limit: int = QUEUE_LIMIT,
-        on_again: Callable[[], None] = lambda: None,
+        on_restart: Callable[[], None] = lambda: None,
         on_watch: Callable[[], str] = lambda: "",
         period: float = PERIOD,
     ) -> None:
         self._folder = folder
-        self._on_start, self._on_end, self._on_again = on_start, on_end, on_again
+        self._on_start, self._on_end, self._on_restart = on_start, on_end, on_restart
         self._on_watch = on_watch
         self._limit = queue_limit
         self._queue: deque[Message | Run | None] = deque()  # None: stop
@@ -72,17 +72,17 @@ class Recorder:
         self._idle = threading.Event()
         self._idle.set()
         self._closing = False
-        self._wanted: Run | None = None
+        self._current: Run | None = None
         self._open: RunFile | None = None
         self._since = 0.0
         self._bytes = 0
         self._dropped: Counter[str] = Counter()  # by run
         self._free = 0
         self._alarms: dict[str, str] = {}
-        self._is_owed = False  # the disk ended a run, and none has begun since
-        self._asked = 0.0
+        self._needs_restart = False  # the disk ended a run, and none has begun since
+        self._requested_at = 0.0
         self._lock = threading.Lock()
-        self._chores = DiskChores("recorder-chores", self._rest)
+        self._worker = DiskWorker("recorder-disk", self._update_idle)
         self._period = period
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
@@ -90,42 +90,42 @@ class Recorder:
     @property
     def run_id(self) -> str:
         """Return the id of the run being recorded, or ""."""
-        run = self._wanted
+        run = self._current
         return run.run_id if run else ""
 
     def start(self, run: Run, *, again: bool = False) -> None:
         """Begin a recording; messages put from now on belong to the run.
 
         Args:
-            again: whether the disk ended the previous run. Then AGAIN_SPARE more free space and a
-                successful test write are required; until then the alarm of that end stays.
+            again: whether the disk ended the previous run. Then RESTART_RESERVE more free space and
+                a successful test write are required; until then the alarm of that end stays.
 
         Raises StorageError when a run is being recorded, the folder is not writable or the disk is
         too full.
         """
         try:
             # Outside the lock: a disk that does not answer must not delay `stop`.
-            check_folder(self._folder, run.keep_free + again * AGAIN_SPARE)
+            check_folder(self._folder, run.keep_free + again * RESTART_RESERVE)
             if again:
                 try_disk(self._folder)
         except StorageError as error:
             if not again:
                 self._alarms["run"] = str(error)
-                self._is_owed = True
+                self._needs_restart = True
             raise
         with self._lock:
-            if self._wanted is not None:
-                raise StorageError(f"run {self._wanted.run_id} is being recorded; stop it first")
+            if self._current is not None:
+                raise StorageError(f"run {self._current.run_id} is being recorded; stop it first")
             if self._closing or not self._thread.is_alive():
                 raise StorageError("the recorder has stopped; start the station again")
             self._alarms.pop("run", None)
             self._alarms.pop("dropped", None)
-            self._is_owed = False
+            self._needs_restart = False
             self._idle.clear()
             self._bytes = 0
             self._since = monotonic()
             self._queue.append(run)
-            self._wanted = run
+            self._current = run
         self._wake.set()
 
     def put(self, topic: str, type_name: str, payload: bytes, log_ns: int, publish_ns: int) -> None:
@@ -134,7 +134,7 @@ class Recorder:
 
     def put_all(self, messages: Sequence[Message]) -> None:
         """Queue several messages, as `put` does."""
-        if self._wanted is None:
+        if self._current is None:
             return
         if len(self._queue) + len(messages) > self._limit:
             run_id = self.run_id
@@ -149,9 +149,9 @@ class Recorder:
     def stop(self) -> None:
         """End the run after all queued messages; without a run nothing happens."""
         with self._lock:
-            if self._wanted is None:
+            if self._current is None:
                 return
-            self._wanted = None
+            self._current = None
             self._queue.append(None)
         self._wake.set()
 
@@ -165,10 +165,10 @@ class Recorder:
         self.stop()
         self._wake.set()
         self._thread.join(timeout)
-        self._chores.close(timeout)
+        self._worker.close(timeout)
 
     def status(self) -> RecorderStatus:
-        run = self._wanted
+        run = self._current
         return RecorderStatus(
             recording=run is not None,
             run_id=run.run_id if run else "",
@@ -199,7 +199,7 @@ class Recorder:
                 self._wake.clear()
         except BaseException as error:
             self._alarms["run"] = f"recorder: stopped by a defect, see the station's log: {error!r}"
-            self._wanted = None
+            self._current = None
             self._idle.set()
             log.exception("recorder stopped")
             raise
@@ -221,7 +221,7 @@ class Recorder:
         self._write(messages)
         if self._open is not None:
             self._bytes = self._open.writer.size
-        self._rest()
+        self._update_idle()
 
     def _write(self, messages: list[Message]) -> None:
         if self._open is not None:
@@ -236,7 +236,7 @@ class Recorder:
         except Exception as error:
             self._fail(run, error)
         else:
-            self._chores.put(partial(self._tell, self._on_start, run))
+            self._worker.put(partial(self._notify, self._on_start, run))
 
     def _end(self, problem: str) -> None:
         if self._open is None:
@@ -245,40 +245,41 @@ class Recorder:
         try:
             closed = done.close()
         except Exception as error:
-            words = _words(error)
-            problem = problem or words
-            self._alarms["run"] = f"recording stopped: {words}"
+            line = _error_line(error)
+            problem = problem or line
+            self._alarms["run"] = f"recording stopped: {line}"
         self._bytes = done.writer.size
         dropped = self._dropped.pop(done.run.run_id, 0)
         end = done.end(dropped=dropped, closed=closed, problem=problem)
-        self._chores.put(partial(self._tell, self._on_end, end))
+        self._worker.put(partial(self._notify, self._on_end, end))
         self._open = None
 
-    def _tell(self, told: Callable[[Any], None], what: Run | RunEnd) -> None:
+    def _notify(self, callback: Callable[[Any], None], what: Run | RunEnd) -> None:
         """Report to the catalogue; the file matters more than its entry there."""
         try:
-            told(what)
+            callback(what)
             self._alarms.pop("catalogue", None)
         except Exception as error:
-            self._alarms["catalogue"] = _words(error)
+            self._alarms["catalogue"] = _error_line(error)
 
     def _fail(self, run: Run, error: Exception) -> None:
         """End a run that cannot continue: raise the alarm, close its file, and skip its queued
         messages.
         """
-        words = _words(error)
+        line = _error_line(error)
         with self._lock:
-            self._alarms["run"] = f"recording stopped: {words}"
-            if self._wanted is run:
-                self._wanted = None
-                self._is_owed, self._asked = isinstance(error, StorageError), time.monotonic()
-        self._end(words)
-        self._rest()
+            self._alarms["run"] = f"recording stopped: {line}"
+            if self._current is run:
+                self._current = None
+                self._needs_restart = isinstance(error, StorageError)
+                self._requested_at = time.monotonic()
+        self._end(line)
+        self._update_idle()
 
-    def _rest(self) -> None:
+    def _update_idle(self) -> None:
         with self._lock:
-            is_done = self._wanted is None and self._open is None and not self._queue
-            if is_done and self._chores.is_idle:
+            is_done = self._current is None and self._open is None and not self._queue
+            if is_done and self._worker.is_idle:
                 self._idle.set()
 
     def _sync(self) -> None:
@@ -294,14 +295,14 @@ class Recorder:
         except Exception as error:
             self._fail(file.run, error)
             return
-        if self._chores.is_idle:
-            self._chores.put(file.sync)
+        if self._worker.is_idle:
+            self._worker.put(file.sync)
 
     def _watch(self) -> None:
         """Check once a second whether the disk of the folder still exists."""
         problem = self._on_watch()
         if not problem:
-            make_again(self._folder)
+            recreate_folder(self._folder)
         try:
             self._free = free_bytes(self._folder)
         except StorageError as error:
@@ -315,17 +316,18 @@ class Recorder:
             failure = self._open.problem(self._folder, self._free)
             if failure is not None:
                 self._fail(self._open.run, failure)
-        self._ask_again()
+        self._request_restart()
 
-    def _ask_again(self) -> None:
-        """Call `on_again` in another thread: it accesses the disk, which may take long."""
+    def _request_restart(self) -> None:
+        """Call `on_restart` in another thread: it accesses the disk, which may take long."""
         now = time.monotonic()
-        if self._is_owed and now - self._asked >= AGAIN_PERIOD and self._chores.is_idle:
-            self._asked = now
-            self._chores.put(self._on_again)
+        is_due = self._needs_restart and now - self._requested_at >= RESTART_PERIOD
+        if is_due and self._worker.is_idle:
+            self._requested_at = now
+            self._worker.put(self._on_restart)
 
 
-def _words(error: Exception) -> str:
+def _error_line(error: Exception) -> str:
     """Return the error as one line; a defect must end one run, not all that follow."""
     if isinstance(error, QuadlabError):
         return str(error)

@@ -29,7 +29,7 @@ class RecordingPolicy:
         return self._armed
 
     @property
-    def goes_on(self) -> bool:
+    def continues(self) -> bool:
         """Return whether a run is to continue, while armed or for a while afterwards."""
         return self._armed or self._disarmed_at is not None
 

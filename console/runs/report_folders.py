@@ -12,6 +12,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from console.atomic_file import replacing
 from quadrotor.errors import StorageError
 
 RESULT = "result.json"
@@ -54,10 +55,8 @@ def report_file(log: Path, name: str) -> Path:
 
 def write_result(log: Path, content: dict[str, Any]) -> None:
     """Write the result atomically; the folder must exist. Raises OSError."""
-    path = report_folder(log) / RESULT
-    aside = path.with_name(f"{RESULT}.new")
-    aside.write_text(json.dumps(content, indent=1))
-    aside.replace(path)
+    with replacing(report_folder(log) / RESULT) as path:
+        path.write_text(json.dumps(content, indent=1))
 
 
 def write_decision(log: Path, decision: str, requester: str) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-AGAIN_SPARE = 50_000_000
+RESTART_RESERVE = 50_000_000
 """Bytes in addition to those kept free that a run requires after the disk has ended one: minutes of
 recording."""
 

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from console.catalogue.catalogue import Catalogue, RunEntry, run_name
-from console.catalogue.completeness import Completeness, keep_completeness
+from console.catalogue.completeness import Completeness, store_completeness
 from console.parameters.store import StationStore
 from console.parameters.vehicle import VehicleParameters
 from console.runs.recorder import PERIOD, Recorder
@@ -22,11 +22,11 @@ from flight_log.run_folder import STATION
 from quadrotor.errors import StorageError
 from vehicle_link.clock import monotonic, time_ns
 
-ASKED_KEEP = 5.0
+REQUEST_VALID_FOR = 5.0
 """Seconds for which a request to arm names the operator of the run that begins."""
 
 
-class RunKeeper:
+class RunManager:
     """Starts, stops and catalogues runs; thread-safe.
 
     Args:
@@ -54,7 +54,7 @@ class RunKeeper:
         self._asked = (operator, float("-inf"))
         self._latest = operator  # of the newest run
         self._policy = RecordingPolicy()
-        self._held = ""  # run that an experiment continues, motors on or off
+        self._held_run = ""  # run that an experiment continues, motors on or off
         self._lock = threading.Lock()
         # Given by this process; their files are created a little later.
         self._names: set[str] = set()
@@ -64,7 +64,7 @@ class RunKeeper:
             catalogue.folder,
             self._started,
             self._ended,
-            on_again=self._again,
+            on_restart=self._restart,
             on_watch=lambda: catalogue.problem,
             period=period,
         )
@@ -73,7 +73,7 @@ class RunKeeper:
         """Call `on_closed` with the id of each run that ends, in the recorder's thread."""
         self._on_closed = on_closed
 
-    def asked(self, command: str, requester: str) -> None:
+    def note_command(self, command: str, requester: str) -> None:
         """Note the requester of this command; the person who arms is the run's operator."""
         if command == "arm":
             self._asked = (requester, monotonic())
@@ -84,7 +84,7 @@ class RunKeeper:
             decision = self._policy.status(armed, monotonic())
         if decision is Decision.START and not self.recorder.run_id:
             requester, at = self._asked
-            named = requester and monotonic() - at < ASKED_KEEP
+            named = requester and monotonic() - at < REQUEST_VALID_FOR
             with suppress(StorageError):  # reported as an alarm until a run starts
                 self.start(requester if named else self._operator)
 
@@ -93,7 +93,11 @@ class RunKeeper:
         after = self._store.parameters.recorder.after_disarm
         with self._lock:
             decision = self._policy.tick(monotonic(), after)
-            if decision is Decision.STOP and self._held and self._held == self.recorder.run_id:
+            if (
+                decision is Decision.STOP
+                and self._held_run
+                and self._held_run == self.recorder.run_id
+            ):
                 decision = Decision.NOTHING
         if decision is Decision.STOP:
             self.recorder.stop()
@@ -107,7 +111,7 @@ class RunKeeper:
         """
         run_id = self.recorder.run_id or self.start(requester or self._operator)
         with self._lock:
-            self._held = run_id
+            self._held_run = run_id
         return run_id
 
     def release(self) -> None:
@@ -115,8 +119,8 @@ class RunKeeper:
         have stopped like any other run.
         """
         with self._lock:
-            held, self._held = self._held, ""
-            if held and self.recorder.run_id == held and not self._policy.goes_on:
+            held, self._held_run = self._held_run, ""
+            if held and self.recorder.run_id == held and not self._policy.continues:
                 self.recorder.stop()
 
     def by_hand(self, start: bool, requester: str) -> str:
@@ -158,7 +162,7 @@ class RunKeeper:
         """End the run and complete its file."""
         self.recorder.close()
 
-    def _again(self) -> None:
+    def _restart(self) -> None:
         """Record the rest of a flight as soon as possible after the disk ended its run."""
         with self._lock:
             armed = self._policy.armed
@@ -186,7 +190,7 @@ class RunKeeper:
 
     def _started(self, run: Run) -> None:
         self._catalogue.add(self._entry(run))
-        keep_completeness(self._catalogue, run.run_id, Completeness("open"))
+        store_completeness(self._catalogue, run.run_id, Completeness("open"))
 
     def _ended(self, end: RunEnd) -> None:
         problem = end.problem
@@ -210,11 +214,5 @@ class RunKeeper:
             start_ns=run.start_ns,
             duration=0.0,
             file=run.path.parent.name,
-            bytes=0,
-            messages=0,
             operator=run.metadata["operator"],
-            complete=False,
-            recovered=False,
-            problem="",
-            notes="",
         )

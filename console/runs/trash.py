@@ -32,7 +32,7 @@ MADE_AGAIN = (".viser",)
 
 
 @dataclass(frozen=True, slots=True)
-class Deleted:
+class DeletedRun:
     """A run in the trash."""
 
     id: str
@@ -86,13 +86,13 @@ def restore_run(catalogue: Catalogue, run_id: str) -> None:
     _back_in_the_list(catalogue, run_id)
 
 
-def deleted_runs(catalogue: Catalogue) -> list[Deleted]:
+def deleted_runs(catalogue: Catalogue) -> list[DeletedRun]:
     """Return the deleted runs, the newest deletion first."""
     query = select(RunRow, TrashRow).join(TrashRow, TrashRow.run_id == RunRow.id)
     with catalogue.session() as session:
         rows = session.execute(query.order_by(TrashRow.deleted_ns.desc(), RunRow.id.desc()))
         return [
-            Deleted(
+            DeletedRun(
                 run.id,
                 run.vehicle,
                 run.start_ns,

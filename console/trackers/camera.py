@@ -50,7 +50,7 @@ class TagSource(ABC):
                 frame = self._read(grey)
                 yield frame._replace(stamp_ns=late, received_ns=taken_ns)
             finally:  # also for a refused picture, which shows why
-                self._view.take(taken_ns, grey, *self._seen())
+                self._view.add(taken_ns, grey, *self._seen())
 
     @abstractmethod
     def _read(self, grey: Picture) -> Frame:
@@ -107,7 +107,7 @@ class Pictures:
         self._first: tuple[int, int] | None = None
         if isinstance(camera, Path):
             if not camera.is_file():
-                raise StorageError(f"no video {camera}; name a file that there is")
+                raise StorageError(f"no video {camera}; give an existing file")
             self._capture = cv2.VideoCapture(str(camera))
         else:
             self._capture = cv2.VideoCapture(camera)
@@ -116,7 +116,7 @@ class Pictures:
                 self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, lens.height)
         if not self._capture.isOpened():
             raise UnreachableError(
-                f"{camera} is no video that OpenCV reads; convert it to MP4 or AVI"
+                f"OpenCV cannot read the video {camera}; convert it to MP4 or AVI"
                 if isinstance(camera, Path)
                 else f"camera {camera} cannot be opened: plug it in, check whether another program "
                 f"uses /dev/video{camera}, or give another --device"
@@ -124,17 +124,17 @@ class Pictures:
 
     def __iter__(self) -> Iterator[tuple[int | None, int, Picture]]:
         while not self._closed.is_set():
-            came = self._capture.grab()
+            grabbed = self._capture.grab()
             received_ns = monotonic_ns()
-            if not came:
+            if not grabbed:
                 raise self._end()
             stamp_ns = round(MS * self._capture.get(cv2.CAP_PROP_POS_MSEC))
             if isinstance(self._camera, Path):
                 if self._due_ns(stamp_ns, received_ns) < received_ns - LATEST_NS:
                     continue  # a camera's buffer would be overwritten by now
                 received_ns = self._paced(stamp_ns, received_ns)
-            came, picture = self._capture.retrieve()
-            if not came:
+            decoded, picture = self._capture.retrieve()
+            if not decoded:
                 raise self._end()
             grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
             yield stamp_ns or None, received_ns, np.asarray(grey, np.uint8)

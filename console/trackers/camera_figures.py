@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from estimation.tags.exposure import wrong_exposure
+from estimation.tags.detector import wrong_exposure
 
 
 class Figures(NamedTuple):
@@ -26,7 +26,7 @@ class Figures(NamedTuple):
     residual: float = math.nan
 
 
-def camera_words(figures: Figures | Any) -> str:
+def figures_text(figures: Figures | Any) -> str:
     """Return the figures, also those of a TrackerStatus, in one line; "" without a camera."""
     if not figures.is_camera:
         return ""

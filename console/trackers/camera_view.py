@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from console.trackers.camera_figures import Figures
-from estimation.tags.detector import Picture, Tags
-from estimation.tags.marked_picture import marked_picture
+from estimation.tags.detector import Picture, Tags, marked_picture
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.topics import TOPICS
 
@@ -26,7 +25,7 @@ PERIOD_NS = round(0.95e9 / TOPICS["tracker_picture"].rate)
 """Shortest time in ns between two pictures; a little less than the rate's period, for jitter."""
 
 
-class Seen(NamedTuple):
+class CameraPicture(NamedTuple):
     """A picture to be shown."""
 
     taken_ns: int
@@ -44,11 +43,11 @@ class CameraView:
 
     def __init__(self) -> None:
         self.is_watched = False
-        self.newest: Seen | None = None
+        self.newest: CameraPicture | None = None
         self._lock = threading.Lock()
         self._recent: deque[tuple[int, bool, float, float]] = deque()
 
-    def take(
+    def add(
         self, taken_ns: int, grey: Picture, tags: Tags, used: Collection[int], residual: float
     ) -> None:
         """Handle a picture, and what was found in it.
@@ -63,7 +62,7 @@ class CameraView:
             self._forget(taken_ns)
         last = self.newest
         if self.is_watched and (last is None or abs(taken_ns - last.taken_ns) >= PERIOD_NS):
-            self.newest = Seen(taken_ns, marked_picture(grey, tags, used))
+            self.newest = CameraPicture(taken_ns, marked_picture(grey, tags, used))
 
     def figures(self) -> Figures:
         """Return the present figures of the camera."""

@@ -78,7 +78,7 @@ class BodyHealth:
         """Return what is wrong, or was until just now; else ""."""
         return self.withheld or (self._note if now - self._noted < NOTED else "")
 
-    def take(self, body: Body, now: float, others: Mapping[str, Array]) -> bool:
+    def judge(self, body: Body, now: float, others: Mapping[str, Array]) -> bool:
         """Judge a pose and return whether it may be flown on.
 
         Args:
@@ -156,7 +156,7 @@ def _invalid(body: Body) -> str:
     """Return why a pose is unusable by itself; "" when it is usable."""
     place, turn = body.position_w, body.quaternion_wb
     if not np.isfinite(place).all():
-        return f"{body.name} comes with a position that is not finite: {place.tolist()}"
+        return f"{body.name} has a position that is not finite: {place.tolist()}"
     if (far := float(np.linalg.norm(place))) > FARTHEST:
         return (
             f"{body.name} is {far:.0f} m from the origin: the system seems to send millimetres; "
@@ -169,8 +169,8 @@ def _invalid(body: Body) -> str:
         )
     if turn is not None and not abs(float(np.linalg.norm(turn)) - 1.0) < 0.05:
         return (
-            f"{body.name} comes with the quaternion (w, x, y, z) {turn.tolist()}, which has not "
-            "unit length; check the order of the fields"
+            f"{body.name} comes with the quaternion (w, x, y, z) {turn.tolist()}, which is not "
+            "of unit length; check the order of the fields"
         )
     return ""
 

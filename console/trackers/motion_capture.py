@@ -65,20 +65,20 @@ class MotionCaptureSource:
 
     def frames(self) -> Iterator[Frame]:
         """Yield each frame with a body. Raises UnreachableError when none arrives for PATIENCE."""
-        came: list[Any] = []
-        job = Job(_read, *self._order, niceness=0, report=came.append)
-        heard, connected = math.inf, False  # the client has not started yet
+        frames: list[Any] = []
+        job = Job(_read, *self._order, niceness=0, report=frames.append)
+        last_frame_at, connected = math.inf, False  # the client has not started yet
         try:
             while not self._closed:
                 if job.poll(POLL):
                     self._ended(job)
-                if came:
-                    heard, connected = time.monotonic(), came[-1][1] is not None
-                for stamp, bodies in came:
+                if frames:
+                    last_frame_at, connected = time.monotonic(), frames[-1][1] is not None
+                for stamp, bodies in frames:
                     if bodies:
                         yield Frame(None, stamp, tuple(map(_body, bodies)))
-                came.clear()
-                if time.monotonic() - heard > PATIENCE:
+                frames.clear()
+                if time.monotonic() - last_frame_at > PATIENCE:
                     what = "sends nothing" if connected else "does not answer"
                     raise UnreachableError(
                         f"the {self._server} {what} for {PATIENCE:.0f} s; start it and its "
@@ -99,8 +99,8 @@ class MotionCaptureSource:
             raise UnreachableError(f"the {self._server} does not answer: {error}") from None
 
 
-def _body(told: tuple[str, list[float], list[float]]) -> Body:
-    name, place, turn = told
+def _body(reported: tuple[str, list[float], list[float]]) -> Body:
+    name, place, turn = reported
     return Body(name, np.array(place), np.array(turn))
 
 

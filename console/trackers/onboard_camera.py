@@ -15,12 +15,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from bearing_sim import parse_layout
-from console.beacon_layout import OURS
+from console.beacon_layout import STATION_LAYOUT
 from console.trackers.camera import Pictures, TagSource
 from console.trackers.camera_view import CameraView
 from console.trackers.process import Tracker, to_epoch
 from console.trackers.source import Frame
-from console.trackers.tracked_vehicle import Vehicle
+from console.trackers.tracked_vehicle import TopicNames, TrackedVehicle
 from estimation.tags.detector import Picture, Tags
 from estimation.tags.intrinsics import load_intrinsics
 from estimation.tags.tag_bearings import TagBearings, load_beacon_tags
@@ -47,7 +47,7 @@ class Beacons(Protocol):
     def close(self) -> None: ...
 
 
-class StationsBeacons:
+class StationBeacons:
     """The beacons' positions, requested from the station. Raises LinkError when it does
     not answer.
     """
@@ -58,7 +58,7 @@ class StationsBeacons:
             "parameter_changes", TOPICS["parameter_changes"].type_name, self._changed
         )
         asked = ParameterClient(self._node, f"/{vehicle}/station")
-        self._set(str(asked.values()[OURS]))
+        self._set(str(asked.values()[STATION_LAYOUT]))
 
     @property
     def places(self) -> Places:
@@ -69,7 +69,7 @@ class StationsBeacons:
 
     def _changed(self, received: Received) -> None:
         change = decode_change(received.payload)
-        if change.name == OURS:
+        if change.name == STATION_LAYOUT:
             self._set(str(change.new))
 
     def _set(self, text: str) -> None:
@@ -98,10 +98,10 @@ class OnboardCameraSource(TagSource):
         beacons: Beacons,
         view: CameraView | None = None,
     ) -> None:
-        lens, told = load_intrinsics(intrinsics), load_beacon_tags(tags)
-        self._reader, self._beacons = TagBearings(told, lens), beacons
+        lens, layout = load_intrinsics(intrinsics), load_beacon_tags(tags)
+        self._reader, self._beacons = TagBearings(layout, lens), beacons
         self._left = math.nan
-        super().__init__(Pictures(camera, lens), view or CameraView(), round(1e9 * told.delay))
+        super().__init__(Pictures(camera, lens), view or CameraView(), round(1e9 * layout.delay))
 
     def _read(self, grey: Picture) -> Frame:
         self._left = math.nan
@@ -126,10 +126,10 @@ class OnboardCameraSource(TagSource):
 class BearingsTracker(Tracker):
     """Publishes the bearings of a camera on one vehicle, and its status."""
 
-    measured, told_on, shown_on = "camera_bearings", "camera_status", "camera_picture"
+    topics = TopicNames("camera_bearings", "camera_status", "camera_picture")
     unseen_for = 1.0
 
-    def _take_seen(self, frame: Frame, taken_ns: int | None, now: float) -> None:
+    def _handle_frame(self, frame: Frame, taken_ns: int | None, now: float) -> None:
         [one], seen = self._vehicles, frame.beacons
         if frame.doubt:
             self._note, self._noted = frame.doubt, now
@@ -143,7 +143,7 @@ class BearingsTracker(Tracker):
             payload = topics.encode_bearings(
                 stamp_ns, ids, seen.bearings_b, seen.sigma, one.vehicle
             )
-            one.measured.put(payload, stamp_ns)
+            one.measurements.put(payload, stamp_ns)
 
-    def _unseen(self, one: Vehicle) -> str:
-        return f"{self._words} sees no beacon; check the light and where the tags are"
+    def _unseen(self, one: TrackedVehicle) -> str:
+        return f"{self._name} sees no beacon; check the light and where the tags are"

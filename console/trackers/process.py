@@ -12,42 +12,36 @@ import re
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from console.trackers.camera_figures import Figures, camera_words
-from console.trackers.camera_view import CameraView, Seen
+from console.tracker_feed import ENDED
+from console.trackers.camera_figures import Figures, figures_text
+from console.trackers.camera_view import CameraPicture, CameraView
 from console.trackers.health import Unit, Up, to_world
 from console.trackers.source import Body, Frame, Source
 from console.trackers.system_clock import SystemClock
-from console.trackers.tracked_vehicle import Vehicle
-from quadrotor.errors import MeasurementError, QuadlabError, RefusedError, UsageError
+from console.trackers.tracked_vehicle import TopicNames, TrackedVehicle, check_alone
+from quadrotor.errors import MeasurementError, QuadlabError, UsageError
 from quadrotor.plain_rotations import Array
 from quadrotor.records import NO_ATTITUDE, pose_sample
 from vehicle_link import topics
 from vehicle_link.clock import monotonic, monotonic_ns, time_ns
-from vehicle_link.messages import decode, encode, header, new
+from vehicle_link.messages import encode, header, new
 from vehicle_link.termination_signal import Ending
-from vehicle_link.topics import TOPICS
-from vehicle_link.transport.node import Node
-from vehicle_link.transport.publisher import Received
 
-TOLD_EVERY = 0.1
+STATUS_PERIOD = 0.1
 """Seconds between two statuses; a new problem is published at once."""
 GAP = 0.2
 """Seconds without a body, or without frames, until it is reported."""
 RETRY = 1.0
-LISTENING = 0.5
-"""Seconds of listening before the start: another process with the same poses sends five statuses in
-this time."""
 RECENT = 1.0
 """Seconds over which rates are counted."""
 KEPT = 64
 LATENCIES, STEP = 32, 0.001
 """Bars of the histogram of latency, and their width in s."""
-SEEN_MOST = 8
+LISTED_MAX = 8
 """Maximum number of bodies listed in a line."""
 
 
@@ -58,7 +52,7 @@ class Tracker:
     """Publishes the poses of a tracking system's bodies, and its status.
 
     Args:
-        words: the system and its address, for messages.
+        name: the system and its address, for messages.
         open_source: connects; may raise QuadlabError, and is then retried.
         bodies: the system's name of each vehicle's body.
         session: with the station.
@@ -66,12 +60,12 @@ class Tracker:
         view: of a camera, filled by its source; None for another system.
     """
 
-    measured, told_on, shown_on = "tracker_body", "tracker_status", "tracker_picture"
+    topics = TopicNames("tracker_body", "tracker_status", "tracker_picture")
     unseen_for = GAP
 
     def __init__(
         self,
-        words: str,
+        name: str,
         open_source: Callable[[], Source],
         bodies: Mapping[str, str],
         session: Any,
@@ -79,25 +73,24 @@ class Tracker:
         up: Up = "z",
         view: CameraView | None = None,
     ) -> None:
-        self._words, self._open_source, self._unit, self._up = words, open_source, unit, up
+        self._name, self._open_source, self._unit, self._up = name, open_source, unit, up
         self._vehicles = [
-            Vehicle(session, vehicle, body, self.measured, self.told_on, self.shown_on)
-            for vehicle, body in bodies.items()
+            TrackedVehicle(session, vehicle, body, self.topics) for vehicle, body in bodies.items()
         ]
         self._session, self._view = session, view
-        self._shown: Seen | None = None
+        self._shown: CameraPicture | None = None
         if view is not None:
             topics.encode_picture(0, b"", "")  # generates its serialiser now, which takes a second
         self._clock = SystemClock()
-        self._came: queue.Queue[Frame | Exception] = queue.Queue(KEPT)
+        self._items: queue.Queue[Frame | Exception] = queue.Queue(KEPT)
         self._closing = threading.Event()
         self._frames: deque[float] = deque()
         self._seen: deque[tuple[float, str]] = deque()
         self._places: dict[str, Array] = {}
         self._latencies: deque[float] = deque(maxlen=1000)
-        self._trouble = ""  # of the whole system
-        self._heard = monotonic()
-        self._told = 0.0
+        self._source_problem = ""  # of the whole system
+        self._last_frame_at = monotonic()
+        self._status_at = 0.0
         self._note, self._noted = "", 0.0  # a recent event of the system
         self._source: Source | None = None
         self._reader = threading.Thread(target=self._read, name="source", daemon=True)
@@ -107,24 +100,26 @@ class Tracker:
         RefusedError when another process sends a vehicle's poses.
         """
         try:
-            self._refuse_a_second(stopping)
+            check_alone(self._session, self._vehicles, self.topics.status, stopping)
             self._reader.start()
             while not stopping.wait(0.0):
                 try:
-                    item = self._came.get(timeout=TOLD_EVERY / 2)
+                    item = self._items.get(timeout=STATUS_PERIOD / 2)
                 except queue.Empty:
                     pass
                 else:
                     if isinstance(item, Frame):
-                        self._take(item)
+                        self._handle(item)
                     elif isinstance(item, UsageError) or not isinstance(item, QuadlabError):
                         raise item  # another try in this process would not help
                     elif isinstance(item, MeasurementError):
-                        self._note, self._noted = f"{self._words}: {item}", monotonic()
+                        self._note, self._noted = f"{self._name}: {item}", monotonic()
                     else:
-                        self._trouble = str(item)
-                self._tell()
+                        self._source_problem = str(item)
+                self._publish_statuses()
                 self._show()
+            for one in self._vehicles:
+                one.status.put(encode(self._status(one, ENDED)))
         finally:
             self._closing.set()
             if self._source is not None:
@@ -133,27 +128,6 @@ class Tracker:
             for one in self._vehicles:
                 one.close()
 
-    def _refuse_a_second(self, stopping: Ending) -> None:
-        others: list[str] = []
-
-        def heard(vehicle: str, received: Received) -> None:
-            status = decode(received.payload, TOPICS[self.told_on].type_name)
-            others.append(
-                f"a process for {status.system} already sends what is seen of, or from, {vehicle}; "
-                "end it first, or leave this vehicle to it"
-            )
-
-        listener = Node(self._session, "", "tracker_listener")
-        for one in self._vehicles:
-            type_name = TOPICS[self.told_on].type_name
-            listener.subscribe(
-                f"/{one.vehicle}/{self.told_on}", type_name, partial(heard, one.vehicle)
-            )
-        stopping.wait(LISTENING)
-        listener.close()
-        if others:
-            raise RefusedError(others[0])
-
     # ------------------------------------------------------------------ the reader's thread
     def _read(self) -> None:
         while not self._closing.is_set():
@@ -161,7 +135,7 @@ class Tracker:
                 self._source = self._open_source()
                 self._read_on(self._source)
             except Exception as error:
-                self._came.put(error)
+                self._items.put(error)
             if self._source is not None:
                 self._source.close()
             self._closing.wait(RETRY)
@@ -170,26 +144,26 @@ class Tracker:
         while not self._closing.is_set():
             try:
                 for frame in source.frames():
-                    self._came.put(frame)
+                    self._items.put(frame)
                 return
             except MeasurementError as error:  # in one message: the next may be valid
-                self._came.put(error)
+                self._items.put(error)
 
     # ------------------------------------------------------------------ frames
-    def _take(self, frame: Frame) -> None:
+    def _handle(self, frame: Frame) -> None:
         now = monotonic()
-        self._heard, self._trouble = now, ""
+        self._last_frame_at, self._source_problem = now, ""
         self._frames.append(now)
-        self._take_seen(frame, self._taken_ns(frame, now), now)
+        self._handle_frame(frame, self._taken_ns(frame, now), now)
 
-    def _take_seen(self, frame: Frame, taken_ns: int | None, now: float) -> None:
+    def _handle_frame(self, frame: Frame, taken_ns: int | None, now: float) -> None:
         """Publish what may be flown on of a frame; `taken_ns` is from `_taken_ns`."""
         bodies = [to_world(body, self._unit, self._up) for body in frame.bodies]
         self._seen.extend((now, body.name) for body in bodies)
         names = Counter(body.name for body in bodies)
         for one in self._vehicles:
             if names[one.body]:
-                self._take_body(one, bodies, names[one.body], taken_ns, now)
+                self._handle_body(one, bodies, names[one.body], taken_ns, now)
         self._places.update((body.name, body.position_w) for body in bodies)
 
     def _taken_ns(self, frame: Frame, now: float) -> int | None:
@@ -200,13 +174,18 @@ class Tracker:
         taken_ns = self._clock.host_ns(frame.stamp_ns, frame.received_ns)
         if self._clock.jumps != jumps:
             by = 1e-9 * self._clock.jump_ns
-            self._note, self._noted = f"the clock of {self._words} was set by {by:+.3f} s", now
+            self._note, self._noted = f"the clock of {self._name} was set by {by:+.3f} s", now
         if taken_ns is not None:
             self._latencies.append(1e-9 * (frame.received_ns - taken_ns))
         return taken_ns
 
-    def _take_body(
-        self, one: Vehicle, bodies: Iterable[Body], count: int, taken_ns: int | None, now: float
+    def _handle_body(
+        self,
+        one: TrackedVehicle,
+        bodies: Iterable[Body],
+        count: int,
+        taken_ns: int | None,
+        now: float,
     ) -> None:
         one.gaps += one.is_missing
         one.seen, one.is_missing, one.is_doubled = now, False, count > 1
@@ -214,42 +193,42 @@ class Tracker:
             return
         body = next(body for body in bodies if body.name == one.body)
         others = {name: place for name, place in self._places.items() if name != one.body}
-        if not one.health.take(body, 1e-9 * taken_ns, others):
+        if not one.health.judge(body, 1e-9 * taken_ns, others):
             return
         stamp_ns = to_epoch(taken_ns)
         turn = NO_ATTITUDE if body.quaternion_wb is None else body.quaternion_wb
         sample = pose_sample(stamp_ns, body.position_w, turn)
-        one.measured.put(topics.encode_poses(sample)[0], stamp_ns)
+        one.measurements.put(topics.pose_messages(sample).tobytes(), stamp_ns)
 
     # ------------------------------------------------------------------ statuses
-    def _tell(self) -> None:
+    def _publish_statuses(self) -> None:
         now = monotonic()
         while self._frames and now - self._frames[0] > RECENT:
             self._frames.popleft()
         while self._seen and now - self._seen[0][0] > RECENT:
             self._seen.popleft()
-        is_due = now - self._told >= TOLD_EVERY
+        is_due = now - self._status_at >= STATUS_PERIOD
         for one in self._vehicles:
             problem = self._problem(one, now)
-            if _FIGURES.sub("", problem) == _FIGURES.sub("", one.told):
-                problem = one.told  # the same except for figures
-            if problem and problem != one.told:
+            if _FIGURES.sub("", problem) == _FIGURES.sub("", one.shown_problem):
+                problem = one.shown_problem  # the same except for figures
+            if problem and problem != one.shown_problem:
                 print(f"tracker: {one.vehicle}: {problem}", flush=True)
-            self._tell_well(one, problem, now)
-            if is_due or problem != one.told:
-                one.told = problem
+            self._print_figures(one, problem, now)
+            if is_due or problem != one.shown_problem:
+                one.shown_problem = problem
                 one.status.put(encode(self._status(one, problem)))
         if is_due:
-            self._told = now
+            self._status_at = now
 
-    def _tell_well(self, one: Vehicle, problem: str, now: float) -> None:
+    def _print_figures(self, one: TrackedVehicle, problem: str, now: float) -> None:
         """Print how well a camera sees, once it has worked without a problem for a while."""
         if problem:
-            one.troubled, one.is_well_told = now, False
-        elif not one.is_well_told and now - one.troubled > RECENT:
-            one.is_well_told = True
-            if words := camera_words(self._figures):
-                print(f"tracker: {one.vehicle}: {words}", flush=True)
+            one.last_problem_at, one.has_printed_figures = now, False
+        elif not one.has_printed_figures and now - one.last_problem_at > RECENT:
+            one.has_printed_figures = True
+            if text := figures_text(self._figures):
+                print(f"tracker: {one.vehicle}: {text}", flush=True)
 
     @property
     def _figures(self) -> Figures:
@@ -259,42 +238,42 @@ class Tracker:
         """Publish a camera's newest picture if there are subscribers."""
         if self._view is None:
             return
-        watched = [one for one in self._vehicles if one.picture.has_subscribers]
+        watched = [one for one in self._vehicles if one.pictures.has_subscribers]
         self._view.is_watched = bool(watched)
         newest = self._view.newest
         if newest is None or newest is self._shown:
             return
         self._shown, stamp_ns = newest, to_epoch(newest.taken_ns)
         for one in watched:
-            one.picture.put(topics.encode_picture(stamp_ns, newest.jpeg, one.vehicle), stamp_ns)
+            one.pictures.put(topics.encode_picture(stamp_ns, newest.jpeg, one.vehicle), stamp_ns)
 
-    def _problem(self, one: Vehicle, now: float) -> str:
+    def _problem(self, one: TrackedVehicle, now: float) -> str:
         """Return the first cause of a problem of one vehicle; "" when there is none."""
-        if self._trouble:
-            return self._trouble
+        if self._source_problem:
+            return self._source_problem
         note = self._note if now - self._noted < RECENT else ""
-        if now - self._heard > GAP:
-            return note or f"no frames from {self._words}; check the system and its network"
-        one.is_missing = self._heard - one.seen > self.unseen_for
+        if now - self._last_frame_at > GAP:
+            return note or f"no frames from {self._name}; check the system and its network"
+        one.is_missing = self._last_frame_at - one.seen > self.unseen_for
         if one.is_missing:
             return note or self._unseen(one)
         if one.is_doubled:
             return f"two bodies are called {one.body!r}; give each its own name in the system"
         return one.health.problem(now) or note
 
-    def _unseen(self, one: Vehicle) -> str:
+    def _unseen(self, one: TrackedVehicle) -> str:
         seen = sorted({name for _, name in self._seen})
-        listed = ", ".join(seen[:SEEN_MOST]) + (", …" if len(seen) > SEEN_MOST else "")
-        return f"no body {one.body!r} is seen; {self._words} shows {listed or 'none'}"
+        listed = ", ".join(seen[:LISTED_MAX]) + (", …" if len(seen) > LISTED_MAX else "")
+        return f"no body {one.body!r} is seen; {self._name} shows {listed or 'none'}"
 
-    def _status(self, one: Vehicle, problem: str) -> Any:
+    def _status(self, one: TrackedVehicle, problem: str) -> Any:
         rates = Counter(name for _, name in self._seen)
         latencies = np.array(self._latencies or [0.0])
         bars = np.minimum(latencies / STEP, LATENCIES - 1).astype(int)
         return new(
             "quadlab_msgs/TrackerStatus",
             header=header(time_ns()),
-            system=self._words,
+            system=self._name,
             body=one.body,
             seen=list(rates),
             rates=np.array([count / RECENT for count in rates.values()]),

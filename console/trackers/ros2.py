@@ -31,13 +31,13 @@ class Ros2Source:
 
     def __init__(self, session: Any, names: Sequence[str]) -> None:
         self._node = Node(session, "", "quadlab_tracker")
-        self._came: queue.Queue[tuple[str, bytes, int] | None] = queue.Queue(KEPT)
+        self._items: queue.Queue[tuple[str, bytes, int] | None] = queue.Queue(KEPT)
         for name in names:
             self._node.subscribe(name, TYPE, partial(self._put, name))
 
     def frames(self) -> Iterator[Frame]:
         """Yield one frame of one body per message. Raises LinkError, MeasurementError."""
-        while item := self._came.get():
+        while item := self._items.get():
             name, payload, received_ns = item
             sample = topics.decode_pose(payload)[0]
             body = Body(name, sample["position_w"].copy(), sample["quaternion_wb"].copy())
@@ -47,9 +47,9 @@ class Ros2Source:
         self._node.close()
         with suppress(queue.Empty):  # make room for the end marker
             while True:
-                self._came.get_nowait()
-        self._came.put(None)
+                self._items.get_nowait()
+        self._items.put(None)
 
     def _put(self, name: str, received: Received) -> None:
         with suppress(queue.Full):  # a pose that has to wait is worthless
-            self._came.put_nowait((name, received.payload, monotonic_ns()))
+            self._items.put_nowait((name, received.payload, monotonic_ns()))

@@ -2,36 +2,72 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, NamedTuple
 
 from console.trackers.health import BodyHealth
+from quadrotor.errors import RefusedError
 from vehicle_link.clock import monotonic
+from vehicle_link.messages import decode
+from vehicle_link.termination_signal import Ending
 from vehicle_link.topics import TOPICS
 from vehicle_link.transport.node import Node
+from vehicle_link.transport.publisher import Received
+
+LISTENING = 0.5
+"""Seconds of listening before the start: another process with the same poses sends five statuses in
+this time."""
 
 
-class Vehicle:
-    """One vehicle's body: its publishers and its health.
+class TopicNames(NamedTuple):
+    """Topics of a vehicle's measurements, of their process's status, and of a camera's pictures."""
 
-    Args:
-        measured, told, shown: topics of its measurements, of its status, and of a camera's
-            pictures.
-    """
+    measurements: str
+    status: str
+    pictures: str
 
-    def __init__(
-        self, session: Any, vehicle: str, body: str, measured: str, told: str, shown: str
-    ) -> None:
+
+class TrackedVehicle:
+    """One vehicle's body: its publishers and its health."""
+
+    def __init__(self, session: Any, vehicle: str, body: str, topics: TopicNames) -> None:
         self.vehicle, self.body = vehicle, body
         self.health = BodyHealth()
         self.seen = monotonic()
         self.gaps = 0
         self.is_missing = self.is_doubled = False
-        self.told = ""
-        self.troubled, self.is_well_told = self.seen, False
+        self.shown_problem = ""
+        self.last_problem_at, self.has_printed_figures = self.seen, False
         self._node = Node(session, f"/{vehicle}", "tracker")
-        self.measured = self._node.advertise(TOPICS[measured])
-        self.status = self._node.advertise(TOPICS[told])
-        self.picture = self._node.advertise(TOPICS[shown])
+        self.measurements = self._node.advertise(TOPICS[topics.measurements])
+        self.status = self._node.advertise(TOPICS[topics.status])
+        self.pictures = self._node.advertise(TOPICS[topics.pictures])
 
     def close(self) -> None:
         self._node.close()
+
+
+def check_alone(
+    session: Any, vehicles: Sequence[TrackedVehicle], status: str, stopping: Ending
+) -> None:
+    """Check that no other process sends a status on this topic for one of the vehicles. Raises
+    RefusedError.
+    """
+    others: list[str] = []
+
+    def received(vehicle: str, message: Received) -> None:
+        system = decode(message.payload, TOPICS[status].type_name).system
+        others.append(
+            f"a process for {system} already sends the poses or bearings of {vehicle}; stop it "
+            "first, or choose another vehicle"
+        )
+
+    listener = Node(session, "", "tracker_listener")
+    for one in vehicles:
+        topic = f"/{one.vehicle}/{status}"
+        listener.subscribe(topic, TOPICS[status].type_name, partial(received, one.vehicle))
+    stopping.wait(LISTENING)
+    listener.close()
+    if others:
+        raise RefusedError(others[0])

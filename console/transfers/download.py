@@ -18,7 +18,7 @@ from quadrotor.errors import StorageError
 BLOCK = 1 << 20
 SUM_PAUSE = 0.2
 """Seconds between requests for a checksum that is being computed."""
-SUMS = 600
+CHECKSUM_REQUESTS = 600
 """Maximum number of requests for it."""
 
 
@@ -47,7 +47,7 @@ class Download:
         file, _ = self.files.part(self.job.name, 0, 8)
         is_here = self.fetch(file, self.folder, file.name, [self.folder / file.name])
         discard(self.folder, file.name)
-        self.job.end("done", "it was here already" if is_here else "")
+        self.job.end("done", "it had been downloaded before" if is_here else "")
 
     def fetch(self, file: VehicleFile, folder: Path, name: str, copies: Iterable[Path]) -> bool:
         """Fetch a log into a folder, check it, and only then give it its name, with `_2`, `_3`, …
@@ -59,9 +59,9 @@ class Download:
         same_size = [one for one in copies if one.exists() and one.stat().st_size == file.size]
         job.phase = "checking" if same_size else "fetching"
         for copy in same_size:
-            if sum_of(copy, job.check) == self._sum_on_board(file):
+            if sha256_of(copy, job.check) == self._sum_on_board(file):
                 job.bytes = job.total_bytes = file.size
-                if copy.parent == folder or _linked(copy, free_place(folder / name)):
+                if copy.parent == folder or _linked(copy, free_path(folder / name)):
                     return True
         part = PartFile(folder, file)
         try:
@@ -73,10 +73,12 @@ class Download:
             self.room(0)  # the folder may have disappeared since
             job.phase = "checking"
             part.sync()
-            if sum_of(part.path, job.check) != self._sum_on_board(file):
+            if sha256_of(part.path, job.check) != self._sum_on_board(file):
                 discard(folder, file.name)
-                raise ChangedError(f"what came of {file.name} has not the checksum of the vehicle")
-            os.replace(part.path, free_place(folder / name))
+                raise ChangedError(
+                    f"the copy of {file.name} does not have the checksum that the vehicle computed"
+                )
+            os.replace(part.path, free_path(folder / name))
             discard(folder, file.name)
             sync_folder(folder)
         except OSError as error:
@@ -87,15 +89,15 @@ class Download:
 
     def _sum_on_board(self, file: VehicleFile) -> bytes:
         """Return the checksum that the vehicle computes, which takes a while."""
-        for _ in range(SUMS):
+        for _ in range(CHECKSUM_REQUESTS):
             self.job.check()
             now, digest = self.files.sha256(file.name)
             if now.identity != file.identity:
-                raise ChangedError(f"{file.name} is another file on board now")
+                raise ChangedError(f"{file.name} has changed on board")
             if digest:
                 return digest
             self.wait(SUM_PAUSE)
-        raise StorageError(f"the vehicle does not come to the end of the checksum of {file.name}")
+        raise StorageError(f"the vehicle did not finish the checksum of {file.name}")
 
 
 def _linked(copy: Path, place: Path) -> bool:
@@ -107,7 +109,7 @@ def _linked(copy: Path, place: Path) -> bool:
     return True
 
 
-def free_place(place: Path) -> Path:
+def free_path(place: Path) -> Path:
     """Return `place`, or with `_2`, `_3`, … when another log has that name: logs are never
     replaced.
     """
@@ -118,7 +120,7 @@ def free_place(place: Path) -> Path:
     return found
 
 
-def sum_of(path: Path, check: Callable[[], None] = lambda: None) -> bytes:
+def sha256_of(path: Path, check: Callable[[], None] = lambda: None) -> bytes:
     """Return the SHA-256 of a file. Raises StorageError, and what `check` raises between two
     blocks.
     """

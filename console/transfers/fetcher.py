@@ -11,8 +11,8 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from console.transfers.part_file import PartFile
+from console.transfers.request_window import MAX_REQUESTS, RequestWindow
 from console.transfers.vehicle_files import VehicleFile, VehicleFiles
-from console.transfers.window import MOST, Window
 from quadrotor.errors import LinkError, QuadlabError
 
 RATE_WINDOW = 3.0
@@ -23,21 +23,21 @@ class ChangedError(QuadlabError):
     """The received bytes are not, or no longer, those of the file of that name on board."""
 
 
-class Rate:
+class TransferRate:
     """Bytes a second, of what arrived within the last RATE_WINDOW."""
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
-        self._came: deque[tuple[float, int]] = deque([(clock(), 0)])
+    def __init__(self) -> None:
+        self._samples: deque[tuple[float, int]] = deque([(time.monotonic(), 0)])
         self._total = 0
 
-    def came(self, count: int) -> float:
-        now = self._clock()
+    def add(self, count: int) -> float:
+        """Return the rate after this many more bytes."""
+        now = time.monotonic()
         self._total += count
-        self._came.append((now, self._total))
-        while len(self._came) > 2 and now - self._came[0][0] > RATE_WINDOW:
-            self._came.popleft()
-        since, before = self._came[0]
+        self._samples.append((now, self._total))
+        while len(self._samples) > 2 and now - self._samples[0][0] > RATE_WINDOW:
+            self._samples.popleft()
+        since, before = self._samples[0]
         return (self._total - before) / max(now - since, 1e-3)
 
 
@@ -46,14 +46,14 @@ class Fetcher:
 
     Args:
         files: called from several threads.
-        came: called with the number of bytes of each stored piece; may raise to end the fetch.
+        on_piece: called with the number of bytes of each stored piece; may raise to end the fetch.
     """
 
-    def __init__(self, files: VehicleFiles, came: Callable[[int], None]) -> None:
+    def __init__(self, files: VehicleFiles, on_piece: Callable[[int], None]) -> None:
         self._files = files
-        self._came = came
-        self._pool = ThreadPoolExecutor(MOST, thread_name_prefix="fetch")
-        self._window = Window()
+        self._on_piece = on_piece
+        self._pool = ThreadPoolExecutor(MAX_REQUESTS, thread_name_prefix="fetch")
+        self._window = RequestWindow()
 
     def close(self) -> None:
         self._pool.shutdown(wait=False, cancel_futures=True)
@@ -64,27 +64,27 @@ class Fetcher:
         Raises ChangedError, LinkError, RefusedError, StorageError.
         """
         pieces = part.pieces()
-        asked: deque[tuple[int, int, Future[tuple[VehicleFile, bytes]]]] = deque()
+        in_flight: deque[tuple[int, int, Future[tuple[VehicleFile, bytes]]]] = deque()
         try:
             while True:
-                while len(asked) < self._window.size and (piece := next(pieces, None)):
-                    question = self._pool.submit(self._ask, part.file.name, *piece)
-                    asked.append((*piece, question))
-                if not asked:
+                while len(in_flight) < self._window.size and (piece := next(pieces, None)):
+                    request = self._pool.submit(self._ask, part.file.name, *piece)
+                    in_flight.append((*piece, request))
+                if not in_flight:
                     return
-                offset, length, question = asked.popleft()
-                file, data = question.result()
+                offset, length, request = in_flight.popleft()
+                file, data = request.result()
                 if file.identity != part.file.identity:
-                    raise ChangedError(f"{file.name} is another file on board now")
+                    raise ChangedError(f"{file.name} has changed on board")
                 if len(data) != length:
                     raise LinkError(
-                        f"{len(data)} bytes of {file.name} at {offset} came instead of {length}"
+                        f"{len(data)} bytes of {file.name} at {offset} arrived instead of {length}"
                     )
                 part.put(data)
-                self._came(length)
+                self._on_piece(length)
         finally:
-            for _, _, question in asked:
-                question.cancel()
+            for _, _, request in in_flight:
+                request.cancel()
 
     def _ask(self, name: str, offset: int, length: int) -> tuple[VehicleFile, bytes]:
         size, began = self._window.size, time.monotonic()

@@ -77,7 +77,7 @@ def discard(folder: Path, name: str) -> None:
         path.unlink(missing_ok=True)
 
 
-def want(folder: Path, name: str) -> None:
+def request_download(folder: Path, name: str) -> None:
     """Remember a file to be fetched, before anything about it is known. Raises StorageError."""
     _, journal = _places(folder, name)
     if journal.exists():
@@ -89,14 +89,14 @@ def want(folder: Path, name: str) -> None:
         raise _storage_error(journal, error) from error
 
 
-def unwant(folder: Path, name: str) -> None:
+def withdraw_download(folder: Path, name: str) -> None:
     """Forget a file to be fetched of which no byte has arrived yet."""
     data, journal = _places(folder, name)
     if not data.exists():
         journal.unlink(missing_ok=True)
 
 
-def wanted_downloads(folder: Path) -> list[str]:
+def requested_downloads(folder: Path) -> list[str]:
     """Return the names of files whose transfer was interrupted, newest first. Raises OSError."""
     found = [(path.stat().st_mtime_ns, path.name) for path in folder.glob(f"*{ENDING}")]
     return [name.removesuffix(ENDING) for _, name in sorted(found, reverse=True)]

@@ -6,16 +6,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from console.catalogue.completeness import WORTH_TELLING, Completeness, State
+from console.catalogue.completeness import SHORTEST_REPORTED, Completeness, State
 from console.runs.report_folders import report_folder
 from console.transfers.download import Download
 from console.transfers.job import NotYetError
 from console.transfers.vehicle_files import VehicleFile
-from flight_log.comparison import EDGE_NS, Comparison
 from flight_log.file import sync_folder
 from flight_log.merge import LEAD_NS, merge
 from flight_log.run_folder import STATION, VEHICLE, run_bytes, vehicle_logs
-from flight_log.vehicle_messages import vehicle_times
+from flight_log.vehicle_messages import EDGE_NS, Comparison, vehicle_times
 from quadrotor.errors import StorageError
 from vehicle_link.jobs import run
 
@@ -55,14 +54,14 @@ def complete_run(
 
 def completeness(found: Comparison) -> Completeness:
     """Return the catalogue's entry for a comparison."""
-    state: State = "filled" if found.filled >= WORTH_TELLING else "complete"
+    state: State = "filled" if found.filled >= SHORTEST_REPORTED else "complete"
     why = f"{found.ticks} ticks, compared with the vehicle's log"
     if found.missing:
         state, why = "missing", found.why
     elif not found.ticks:
-        state, why = "unknown", "no tick of the vehicle is in it"
+        state, why = "unknown", "it has no ticks of the vehicle"
     elif not found.messages:
-        why = "no hole in it; the vehicle logged nothing meanwhile"
+        why = "no gaps; the vehicle logged nothing in the meantime"
     why = "; ".join([why, *found.problems])
     return Completeness(state, found.filled, found.missing, found.total, why)
 

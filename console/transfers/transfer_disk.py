@@ -6,7 +6,7 @@ from pathlib import Path
 
 from console.catalogue.catalogue import Catalogue
 from console.parameters.station import RecorderParameters
-from console.runs.disk import check_folder, folder_problem, free_bytes, make_again
+from console.runs.disk import check_folder, folder_problem, free_bytes, recreate_folder
 from console.transfers.job import NotYetError
 from console.transfers.part_file import NoRoomError
 from quadrotor.errors import StorageError
@@ -28,7 +28,7 @@ class TransferDisk:
         """
         if problem := self._catalogue.problem:
             raise StorageError(problem)
-        make_again(self._folder.parent)
+        recreate_folder(self._folder.parent)
         check_folder(self._folder, 0)
 
     def check_room(self, count: int) -> None:
@@ -38,7 +38,7 @@ class TransferDisk:
         keep = round(self._parameters.keep_free * 1e6)
         found, advice = folder_problem(self._folder)
         if found:
-            raise NotYetError(f"{found}; {advice}; it continues when it is there")
+            raise NotYetError(f"{found}; {advice}; it continues when the folder is back")
         free = free_bytes(self._folder)
         if free - count < keep:
             raise NoRoomError(

@@ -45,10 +45,6 @@ class VehicleFiles:
             for name in ("onboard_files", "onboard_part")
         }
 
-    def listed(self, request: Any) -> Any:
-        """Return the vehicle's own answer to a request for its files."""
-        return self._clients["onboard_files"].call(request, timeout=TIMEOUT)
-
     def files(self) -> list[VehicleFile]:
         """Return the files, newest first."""
         return [_file(one) for one in self._ask("onboard_files").files]
@@ -57,7 +53,7 @@ class VehicleFiles:
         answer = self._ask("onboard_part", name=name, offset=offset, length=length)
         data = bytes(answer.data)
         if zlib.crc32(data) != int(answer.crc32):
-            raise LinkError(f"{len(data)} bytes of {name} at {offset} came damaged")
+            raise LinkError(f"{len(data)} bytes of {name} at {offset} arrived damaged")
         return _file(answer.file), data
 
     def sha256(self, name: str) -> tuple[VehicleFile, bytes]:
@@ -88,7 +84,7 @@ class VehicleFiles:
 def check_name(name: str) -> str:
     """Return a name from outside after checking that it can be a log's. Raises RefusedError."""
     if not NAME.fullmatch(name):
-        raise RefusedError(f"{name!r:.80} is no name of a log; those on board end in .mcap")
+        raise RefusedError(f"{name!r:.80} is not the name of a log; logs on board end in .mcap")
     return name
 
 

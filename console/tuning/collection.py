@@ -13,7 +13,7 @@ from quadrotor.errors import StorageError
 Floats = npt.NDArray[np.float32]
 Stamps = npt.NDArray[np.int64]
 
-FRUITLESS_MAX = 8
+EMPTY_ANSWERS_MAX = 8
 """Number of answers in a row without anything new after which the collection ends."""
 GAP_PERIODS = 2.5
 """Distance of two ticks, in usual periods, above which there is a gap; a single missing tick hides
@@ -44,7 +44,7 @@ class Collection:
         self._next_ns = start_ns
         self._stamps: list[Stamps] = []
         self._values: list[Floats] = []
-        self._fruitless = 0
+        self._empty_answers = 0
         self.done = False
         self.file = ""
         self.problem = ""
@@ -78,8 +78,8 @@ class Collection:
         )
         if len(values) != len(stamps) * width or not rising:
             raise StorageError(
-                f"{len(stamps)} ticks with {len(values)} numbers are no answer to {width} columns "
-                f"from {self._next_ns} to {self._end_ns} ns"
+                f"{len(stamps)} ticks with {len(values)} numbers do not answer a request for "
+                f"{width} columns from {self._next_ns} to {self._end_ns} ns"
             )
         self.file = str(answer.file) or self.file
         if answer.damaged:
@@ -88,18 +88,18 @@ class Collection:
             self._stamps.append(stamps)
             self._values.append(values.reshape(-1, width))
             self._next_ns = int(stamps[-1]) + 1
-            self._fruitless = 0
+            self._empty_answers = 0
         else:
-            self._fruitless += 1
+            self._empty_answers += 1
         self.done = bool(answer.complete) or self._next_ns > self._end_ns
-        if not self.done and self._fruitless >= FRUITLESS_MAX:
+        if not self.done and self._empty_answers >= EMPTY_ANSWERS_MAX:
             self.done = True
             self.problem = "the vehicle's log was not written to the end of the test"
 
     def failed(self, why: str) -> bool:
         """Note that a request had no answer; return whether to retry."""
-        self._fruitless += 1
-        if self._fruitless < FRUITLESS_MAX:
+        self._empty_answers += 1
+        if self._empty_answers < EMPTY_ANSWERS_MAX:
             return True
         self.done, self.problem = True, why
         return False
@@ -107,7 +107,7 @@ class Collection:
     def result(self) -> Samples:
         """Return all received samples. Raises StorageError when there are none."""
         if not self._stamps:
-            why = self.problem or "it has nothing of that time"
+            why = self.problem or "it has no data from that time"
             raise StorageError(f"the vehicle's log could not be read: {why}")
         stamps, values = np.concatenate(self._stamps), np.concatenate(self._values)
         time = (stamps - stamps[0]) * 1e-9

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import ClassVar, Protocol, Self, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,7 @@ from quadrotor.parameters import (
     ParameterValue,
     coerce,
 )
-from quadrotor.records import Record, new_reference
+from quadrotor.records import Record, new_reference, new_state
 from quadrotor.vehicle_model import VehicleModel
 
 Joy = tuple[int, Sequence[float], bool]
@@ -33,7 +33,7 @@ Point = tuple[float, float, float, float]
 """x, y, z (m), yaw (rad)."""
 
 
-class Outside:
+class ExternalReference:
     """The newest reference that another program requests; written between ticks.
 
     Attributes:
@@ -46,7 +46,7 @@ class Outside:
         self.reference = new_reference()
         self._floats = self.reference.view("f8")
 
-    def take(self, stamp_ns: int, numbers: Sequence[float]) -> None:
+    def store(self, stamp_ns: int, numbers: Sequence[float]) -> None:
         """Store `numbers` (18,), in the order of REFERENCE's fields."""
         self.stamp_ns = stamp_ns
         self._floats[:] = numbers
@@ -63,7 +63,7 @@ class Context:
     trajectories: Mapping[str, Polynomial] = field(default_factory=dict)  # loaded from files
     control: ControlParameters = field(default_factory=ControlParameters)  # gains in use
     state: Record | None = None  # of the vehicle, if known
-    outside: Outside = field(default_factory=Outside)
+    outside: ExternalReference = field(default_factory=ExternalReference)
     stamp_ns: int = 0  # of the last tick in flight, on the vehicle's clock
 
     @property
@@ -72,49 +72,55 @@ class Context:
         return x, y, z, float(self.reference["yaw"][0])
 
 
-class Behavior(Protocol):
-    """One active behavior; created by `start`, see `Startable`."""
+class NoArguments(Parameters):
+    """The arguments of a behavior without any."""
+
+
+@dataclass(slots=True)
+class TickInputs:
+    """What a behavior reads in one tick; one object is reused."""
+
+    stamp_ns: int = 0  # the vehicle's clock, as for the stamps of `joy`
+    dt: float = 0.0  # s since the last tick
+    state: Record = field(default_factory=new_state)  # STATE, shape (1,)
+    joy: Joy | None = None  # the newest sticks
+    thrust: float = 0.0  # N, commanded in the last tick
+
+
+class Behavior:
+    """Base class of behaviors; one at a time is active."""
 
     name: ClassVar[BehaviorName]
+    arguments: ClassVar[type[Parameters]] = NoArguments
+
+    def __init__(self, context: Context, arguments: Any) -> None:
+        """Start from the present reference.
+
+        Raises RefusedError when the arguments lead to a forbidden place.
+        """
+        raise NotImplementedError
+
+    @classmethod
+    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
+        """Start with the given arguments. Raises ParameterError or RefusedError."""
+        return cls(context, read_arguments(cls.name, cls.defaults(context), given))
+
+    @classmethod
+    def defaults(cls, context: Context) -> Parameters:
+        """Return the values of the arguments that are not given."""
+        return cls.arguments()
 
     @property
     def progress(self) -> float:
         """Return the completed share, 0..1; 0 for behaviors without an end."""
-        ...
+        return 0.0
 
-    def step(
-        self,
-        stamp_ns: int,
-        dt: float,
-        state: Record,
-        joy: Joy | None,
-        thrust: float,
-        reference: Record,
-    ) -> bool:
-        """Advance `reference`, which holds the last one, by dt (s).
-
-        Returns whether the behavior has ended.
-        """
-        ...
+    def step(self, tick: TickInputs, reference: Record) -> bool:
+        """Advance `reference`, which holds the last one; return whether the behavior has ended."""
+        raise NotImplementedError
 
 
-class Startable(Protocol):
-    """The class of a behavior that can be requested."""
-
-    name: ClassVar[BehaviorName]
-    arguments: ClassVar[type[Parameters]]
-
-    @classmethod
-    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Behavior:
-        """Start the behavior from the present reference, with the given arguments.
-
-        Raises ParameterError for invalid arguments, RefusedError when they lead to a forbidden
-        place.
-        """
-        ...
-
-
-class TrajectoryBehavior:
+class TrajectoryBehavior(Behavior):
     """Behavior that flies one trajectory and ends with it."""
 
     def __init__(self, trajectory: Trajectory) -> None:
@@ -126,38 +132,10 @@ class TrajectoryBehavior:
     def progress(self) -> float:
         return min(1.0, self._elapsed / self._duration)
 
-    def step(
-        self,
-        stamp_ns: int,
-        dt: float,
-        state: Record,
-        joy: Joy | None,
-        thrust: float,
-        reference: Record,
-    ) -> bool:
-        self._elapsed += dt
+    def step(self, tick: TickInputs, reference: Record) -> bool:
+        self._elapsed += tick.dt
         self._sample(self._elapsed, reference)
         return self._elapsed >= self._duration
-
-
-class NoArguments(Parameters):
-    """The arguments of a behavior without any."""
-
-
-class WithoutArguments:
-    """Base class of behaviors that have no arguments and no end."""
-
-    name: ClassVar[BehaviorName]
-    progress = 0.0
-    arguments: ClassVar[type[Parameters]] = NoArguments
-
-    @classmethod
-    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
-        read_arguments(cls.name, NoArguments(), given)
-        return cls(context)
-
-    def __init__(self, context: Context) -> None:
-        raise NotImplementedError
 
 
 Arguments = TypeVar("Arguments", bound=Parameters)

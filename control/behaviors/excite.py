@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
-from control.behaviors.behavior import (
-    Context,
-    Joy,
-    TrajectoryBehavior,
-    check_inside,
-    read_arguments,
-)
+from control.behaviors.behavior import Context, TickInputs, TrajectoryBehavior, check_inside
 from control.behaviors.table import BehaviorName
 from control.trajectories.limits import with_margin
 from control.trajectories.multistep import AXES, LEAD, POSITION, SHAPES, Multistep
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import Parameters, ParameterValue, parameter
+from quadrotor.parameters import Parameters, parameter
 from quadrotor.records import Record
 from quadrotor.vehicle_model import GRAVITY
 
@@ -56,10 +49,6 @@ class Excite(TrajectoryBehavior):
     name: ClassVar[BehaviorName] = BehaviorName.EXCITE
     arguments: ClassVar[type[Parameters]] = ExciteArguments
 
-    @classmethod
-    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
-        return cls(context, read_arguments(cls.name, ExciteArguments(), given))
-
     def __init__(self, context: Context, arguments: ExciteArguments) -> None:
         a, p = arguments, context.parameters
         _check_amplitude(a, context)
@@ -92,20 +81,12 @@ class Excite(TrajectoryBehavior):
         self._yaw, self._yaw_error = context.point[3], span + p.excite_yaw_max
         self._tilt_cosine = math.cos(math.radians(context.control.limits.tilt_max))
 
-    def step(
-        self,
-        stamp_ns: int,
-        dt: float,
-        state: Record,
-        joy: Joy | None,
-        thrust: float,
-        reference: Record,
-    ) -> bool:
-        self.aborted = self._breach(state)
+    def step(self, tick: TickInputs, reference: Record) -> bool:
+        self.aborted = self._breach(tick.state)
         if self.aborted:
-            _follow(state, reference)
+            _follow(tick.state, reference)
             return True
-        return super().step(stamp_ns, dt, state, joy, thrust, reference)
+        return super().step(tick, reference)
 
     def _breach(self, state: Record) -> str:
         """Return which limit the vehicle has exceeded, and by how much; "" if none."""

@@ -7,11 +7,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from control.behaviors.behavior import Context, Joy, WithoutArguments
+from control.behaviors.behavior import Behavior, Context, NoArguments, TickInputs
 from control.behaviors.follow_trajectory import limits_of
 from control.behaviors.table import BehaviorName
 from control.trajectories.extrapolation import extrapolate
-from control.trajectories.feasibility import survey
+from control.trajectories.feasibility import Survey
 from control.trajectories.limits import QUANTITIES, WALLS
 from control.trajectories.velocity_filter import BANDWIDTH
 from quadrotor.errors import RefusedError
@@ -21,7 +21,7 @@ YAW_STEP_MAX = 0.5
 """Largest step, in rad, of the yaw from the extrapolated last reference."""
 
 
-class External(WithoutArguments):
+class External(Behavior):
     """Behavior that flies the references of another program.
 
     Between two references the last one is extrapolated, at most for behavior.external_timeout. A
@@ -35,15 +35,13 @@ class External(WithoutArguments):
 
     name: ClassVar[BehaviorName] = BehaviorName.EXTERNAL
 
-    def __init__(self, context: Context) -> None:
+    def __init__(self, context: Context, arguments: NoArguments) -> None:
         p = context.parameters
-        self._outside, self._model = context.outside, context.model
+        self._outside = context.outside
         self._timeout, self._step_max = p.external_timeout, p.external_step_max
         self._deceleration = p.brake_deceleration
         self._limits = limits_of(p, context.model)
-        self._allowed = self._limits.as_array()
-        self._values, self._worst = np.empty(len(QUANTITIES)), np.empty(len(QUANTITIES))
-        self._worst_at, self._first = (np.empty(len(QUANTITIES), np.int64) for _ in range(2))
+        self._survey = Survey(context.model, self._limits)
         self._flown, self._flown_ns = new_reference(), -1
         self._now_and_later = np.zeros(2, REFERENCE)
         self.aborted = ""
@@ -54,20 +52,13 @@ class External(WithoutArguments):
         if problem:
             raise RefusedError(f"external refused: {problem}")
 
-    def step(
-        self,
-        stamp_ns: int,
-        dt: float,
-        state: Record,
-        joy: Joy | None,
-        thrust: float,
-        reference: Record,
-    ) -> bool:
+    def step(self, tick: TickInputs, reference: Record) -> bool:
+        stamp_ns = tick.stamp_ns
         self.aborted = self._lateness(stamp_ns)
         outside = self._outside
         if not self.aborted and outside.stamp_ns != self._flown_ns:
             wanted = _led_on(outside.reference, self._since(stamp_ns))
-            self.aborted = self._breach(wanted, _led_on(reference, dt))
+            self.aborted = self._breach(wanted, _led_on(reference, tick.dt))
             if not self.aborted:
                 self._flown[:], self._flown_ns = outside.reference, outside.stamp_ns or 0
         if self.aborted:
@@ -114,26 +105,18 @@ class External(WithoutArguments):
         later = self._now_and_later[1:]
         self._now_and_later[:1] = wanted
         extrapolate(wanted, self._timeout, later)
-        survey(
-            self._now_and_later,
-            self._model,
-            self._allowed,
-            self._values,
-            self._worst,
-            self._worst_at,
-            self._first,
-            False,
-        )
+        found = self._survey
+        found.run(self._now_and_later)
         for q in range(WALLS, len(QUANTITIES)):
-            if self._first[q] >= 0:
+            if found.first[q] >= 0:
                 quantity = QUANTITIES[q]
                 asked, most = (
                     quantity.sign * quantity.scale * float(one[q])
-                    for one in (self._worst, self._allowed)
+                    for one in (found.worst, found.limits)
                 )
                 return (
                     f"the reference asks for {quantity.name} = {asked:.2f} {quantity.unit}; "
-                    f"allowed {most:.2f} ({self._limits.source[q]})"
+                    f"allowed {most:.2f} ({quantity.source})"
                 )
         for axis, stop, low, high in zip(
             "xyz", self._stops(later), self._limits.low_w, self._limits.high_w, strict=True

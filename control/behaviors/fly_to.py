@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
 from control.behaviors.arguments import FlyToArguments
-from control.behaviors.behavior import (
-    Context,
-    Point,
-    TrajectoryBehavior,
-    check_inside,
-    read_arguments,
-)
+from control.behaviors.behavior import Context, Point, TrajectoryBehavior, check_inside
 from control.behaviors.table import BehaviorName
 from control.trajectories.line import Line
 from control.trajectories.polynomial import motion_of
 from control.trajectories.retarget import Retarget
 from control.trajectories.trajectory import Trajectory, sample_many
-from quadrotor.parameters import Parameters, ParameterValue
+from quadrotor.parameters import Parameters
 
 
 class FlyTo(TrajectoryBehavior):
@@ -30,12 +23,11 @@ class FlyTo(TrajectoryBehavior):
     arguments: ClassVar[type[Parameters]] = FlyToArguments
 
     @classmethod
-    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
+    def defaults(cls, context: Context) -> Parameters:
         # Not validated: the present reference may be anywhere.
         x, y, z, yaw = context.point
         speed = context.parameters.fly_to_speed
-        defaults = FlyToArguments.model_construct(x=x, y=y, z=z, yaw=yaw, speed=speed)
-        return cls(context, read_arguments(cls.name, defaults, given))
+        return FlyToArguments.model_construct(x=x, y=y, z=z, yaw=yaw, speed=speed)
 
     def __init__(self, context: Context, arguments: FlyToArguments) -> None:
         a = arguments

@@ -23,22 +23,6 @@ from quadrotor.errors import RefusedError, UnknownParameterError
 from quadrotor.parameters import Parameters, ParameterValue, coerce
 from quadrotor.records import Record
 
-_NAMES = {
-    **dict.fromkeys((0, 1), "behavior.volume_x_min, behavior.volume_x_max"),
-    **dict.fromkeys((2, 3), "behavior.volume_y_min, behavior.volume_y_max"),
-    **dict.fromkeys((4, 5), "behavior.volume_z_min, behavior.volume_z_max"),
-    6: "behavior.trajectory_speed_max",
-    7: "behavior.trajectory_acceleration_max",
-    8: "behavior.yaw_rate_max",
-    9: "behavior.yaw_acceleration_max",
-    10: "behavior.trajectory_tilt_max",
-    11: "the motors' least and behavior.trajectory_thrust_margin",
-    12: "the motors' most and behavior.trajectory_thrust_margin",
-    13: "behavior.trajectory_body_rate_max",
-    14: "behavior.trajectory_yaw_torque_max",
-}
-"""The parameters that set each limit, by index into limits.QUANTITIES."""
-
 _SLOWEST = 8.0
 """Largest factor by which a slower pace is proposed."""
 
@@ -118,7 +102,6 @@ def limits_of(p: BehaviorParameters, model: Record) -> Limits:
         thrust_high=high,
         body_rate=p.trajectory_body_rate_max,
         yaw_torque=p.trajectory_yaw_torque_max,
-        source=_NAMES,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from control.behaviors.behavior import Joy
+from control.behaviors.behavior import Behavior, TickInputs
 from control.behaviors.table import BehaviorName
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
@@ -12,7 +12,7 @@ from quadrotor.rotations import yaw_of
 
 
 @compiled
-def stand(state: Record, reference: Record) -> None:
+def rest_reference(state: Record, reference: Record) -> None:
     """Set reference[0] at rest at the position and yaw of state[0]; both shape (1,)."""
     r = reference[0]
     for i in range(3):
@@ -26,20 +26,14 @@ def stand(state: Record, reference: Record) -> None:
     r.yaw_acceleration = 0.0
 
 
-class Ground:
+class Ground(Behavior):
     """Behavior on the ground, with motors off or idle."""
 
     name: ClassVar[BehaviorName] = BehaviorName.GROUND
-    progress = 0.0
 
-    def step(
-        self,
-        stamp_ns: int,
-        dt: float,
-        state: Record,
-        joy: Joy | None,
-        thrust: float,
-        reference: Record,
-    ) -> bool:
-        stand(state, reference)
+    def __init__(self) -> None:
+        """Need no context: nothing is flown."""
+
+    def step(self, tick: TickInputs, reference: Record) -> bool:
+        rest_reference(tick.state, reference)
         return False

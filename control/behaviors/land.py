@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
 from control.behaviors.arguments import LandArguments
-from control.behaviors.behavior import Context, Joy, read_arguments
+from control.behaviors.behavior import Behavior, Context, TickInputs
 from control.behaviors.table import BehaviorName
 from control.trajectories.velocity_filter import advance, new_velocity_filter
 from quadrotor.compiled import compiled
-from quadrotor.parameters import Parameters, ParameterValue
+from quadrotor.parameters import Parameters
 from quadrotor.records import Record
 
 TOUCH_DOWN = np.dtype(
@@ -55,7 +54,7 @@ def touched_down(detector: Record, dt: float, thrust: float, state: Record) -> b
     return bool(d.time >= d.dwell)
 
 
-class Land:
+class Land(Behavior):
     """Behavior whose reference stops sideways and descends without end, also below the ground.
 
     On the ground the growing error reduces the thrust to its minimum of 0.3 m g
@@ -63,13 +62,11 @@ class Land:
     """
 
     name: ClassVar[BehaviorName] = BehaviorName.LAND
-    progress = 0.0
     arguments: ClassVar[type[Parameters]] = LandArguments
 
     @classmethod
-    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
-        defaults = LandArguments(speed=context.parameters.landing_speed)
-        return cls(context, read_arguments(cls.name, defaults, given))
+    def defaults(cls, context: Context) -> Parameters:
+        return LandArguments(speed=context.parameters.landing_speed)
 
     def __init__(self, context: Context, arguments: LandArguments) -> None:
         p = context.parameters
@@ -82,14 +79,6 @@ class Land:
         self._detector["velocity_change_max"] = p.landing_velocity_change
         self._detector["dwell"] = p.landing_dwell
 
-    def step(
-        self,
-        stamp_ns: int,
-        dt: float,
-        state: Record,
-        joy: Joy | None,
-        thrust: float,
-        reference: Record,
-    ) -> bool:
-        advance(self._filter, dt, reference)
-        return bool(touched_down(self._detector, dt, thrust, state))
+    def step(self, tick: TickInputs, reference: Record) -> bool:
+        advance(self._filter, tick.dt, reference)
+        return bool(touched_down(self._detector, tick.dt, tick.thrust, tick.state))

@@ -10,25 +10,24 @@ import numpy as np
 from control.behaviors.behavior import (
     Behavior,
     Context,
+    ExternalReference,
     Joy,
     NoArguments,
-    Outside,
-    Startable,
+    TickInputs,
     argument_descriptions,
 )
-from control.behaviors.brake import Brake
 from control.behaviors.excite import Excite
 from control.behaviors.external import External
 from control.behaviors.fly_to import FlyTo
 from control.behaviors.follow_trajectory import FollowTrajectory
-from control.behaviors.ground import Ground, stand
+from control.behaviors.ground import Ground, rest_reference
 from control.behaviors.hover import Hover
 from control.behaviors.land import Land
 from control.behaviors.near_hovering import EmergencyLanding, Level, NearHovering
 from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName, behavior_of, check_transition
 from control.behaviors.take_off import TakeOff
-from control.behaviors.velocity import Velocity
+from control.behaviors.velocity import Brake, Velocity
 from control.parameters import ControlParameters
 from control.trajectories.extrapolation import extrapolate
 from control.trajectories.feasibility import examine
@@ -41,7 +40,7 @@ from quadrotor.parameters import ParameterDescription, ParameterValue
 from quadrotor.records import REFERENCE, Record, new_reference, new_state
 from quadrotor.vehicle_model import GRAVITY, VehicleModel
 
-BEHAVIORS: dict[BehaviorName, type[Startable]] = {
+BEHAVIORS: dict[BehaviorName, type[Behavior]] = {
     BehaviorName.TAKE_OFF: TakeOff,
     BehaviorName.HOVER: Hover,
     BehaviorName.FLY_TO: FlyTo,
@@ -95,8 +94,8 @@ class BehaviorMachine:
         self.control = ControlParameters()
         self.landed = False
         self.aborted = ""
-        self.outside = Outside()
-        self._stamp_ns = 0
+        self.outside = ExternalReference()
+        self._inputs = TickInputs()
         self._behavior: Behavior = Ground()
         self._reference = new_reference()
         self._floats = self._reference.view("f8")
@@ -172,7 +171,7 @@ class BehaviorMachine:
                     f"{name} refused: the vehicle does not know where it is; "
                     "check the tracker and wait for a pose"
                 )
-            stand(state, self._reference)
+            rest_reference(state, self._reference)
         context = self._context(state)
         if wanted is BehaviorName.HOVER and self._moving():
             wanted = BehaviorName.BRAKE
@@ -185,7 +184,6 @@ class BehaviorMachine:
         dt: float,
         state: Record,
         joy: Joy | None,
-        airborne: bool,
         thrust: float,
         reference: Record,
     ) -> None:
@@ -197,8 +195,9 @@ class BehaviorMachine:
             joy: the newest sticks, or None.
             thrust: N, commanded in the last tick.
         """
-        self._stamp_ns = stamp_ns
-        if self._behavior.step(stamp_ns, dt, state, joy, thrust, self._reference):
+        tick = self._inputs
+        tick.stamp_ns, tick.dt, tick.state, tick.joy, tick.thrust = stamp_ns, dt, state, joy, thrust
+        if self._behavior.step(tick, self._reference):
             self._finish()
         # As floats, through a view made once: copying a structured record takes 2.5 µs.
         if reference is not self._target:
@@ -226,7 +225,7 @@ class BehaviorMachine:
             self.control,
             state,
             self.outside,
-            self._stamp_ns,
+            self._inputs.stamp_ns,
         )
 
     def _moving(self) -> bool:
@@ -247,10 +246,10 @@ def _floats(reference: Record) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
 def _compile(parameters: BehaviorParameters) -> None:
     """Call every compiled function once; the first call in flight would be seconds late."""
     reference, state = new_reference(), new_state()
-    stand(state, reference)
+    rest_reference(state, reference)
     context = Context(reference.copy(), parameters, 1.0)
     for behavior in (Brake.start(context, {}), Land.start(context, {}), Hover.start(context, {})):
-        behavior.step(0, 0.0, state, None, 0.0, reference)
+        behavior.step(TickInputs(state=state), reference)
     examine(FigureEight((0.0, 0.0, 0.0)), VehicleModel().record(), Limits())
     stop(reference, 1.0)[0].sample(0.0, reference)
     extrapolate(context.reference, 0.0, reference)

@@ -6,19 +6,18 @@ No pose is needed. The reference follows the vehicle, so that the next behavior 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import ClassVar, Self
+from typing import ClassVar
 
 from control.behaviors.arguments import NearHoveringArguments
-from control.behaviors.behavior import Context, Joy, NoArguments, read_arguments
-from control.behaviors.ground import stand
+from control.behaviors.behavior import Behavior, Context, NoArguments, TickInputs
+from control.behaviors.ground import rest_reference
 from control.behaviors.table import BehaviorName
 from control.behaviors.velocity import stick_axis
-from quadrotor.parameters import Parameters, ParameterValue
+from quadrotor.parameters import Parameters
 from quadrotor.records import Record
 
 
-class Level:
+class Level(Behavior):
     """Level flight without yaw rate, at a climb rate: the base of both behaviors below.
 
     Attributes:
@@ -28,24 +27,14 @@ class Level:
         thrust_share: share of the hover thrust.
     """
 
-    progress = 0.0
-
     def __init__(self) -> None:
         self.roll = self.pitch = self.yaw_rate = 0.0
         self.climb: float | None = 0.0
         self.thrust_share = 1.0
 
-    def step(
-        self,
-        stamp_ns: int,
-        dt: float,
-        state: Record,
-        joy: Joy | None,
-        thrust: float,
-        reference: Record,
-    ) -> bool:
-        stand(state, reference)
-        reference["velocity_w"] = state["velocity_w"]
+    def step(self, tick: TickInputs, reference: Record) -> bool:
+        rest_reference(tick.state, reference)
+        reference["velocity_w"] = tick.state["velocity_w"]
         return False
 
 
@@ -55,10 +44,6 @@ class NearHovering(Level):
     name: ClassVar[BehaviorName] = BehaviorName.NEAR_HOVERING
     arguments: ClassVar[type[Parameters]] = NearHoveringArguments
 
-    @classmethod
-    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
-        return cls(context, read_arguments(cls.name, NearHoveringArguments(), given))
-
     def __init__(self, context: Context, arguments: NearHoveringArguments) -> None:
         super().__init__()
         p = context.parameters
@@ -67,37 +52,23 @@ class NearHovering(Level):
         self._holds = arguments.hold_altitude
         self._timeout_ns = int(p.joy_timeout * 1e9)
 
-    def step(
-        self,
-        stamp_ns: int,
-        dt: float,
-        state: Record,
-        joy: Joy | None,
-        thrust: float,
-        reference: Record,
-    ) -> bool:
-        forward = left = up = turn = 0.0
+    def step(self, tick: TickInputs, reference: Record) -> bool:
+        joy, forward, left, up, turn = tick.joy, 0.0, 0.0, 0.0, 0.0
         # A stamp in the future is as wrong as an old one.
-        if joy is not None and joy[2] and abs(stamp_ns - joy[0]) <= self._timeout_ns:
+        if joy is not None and joy[2] and abs(tick.stamp_ns - joy[0]) <= self._timeout_ns:
             forward, left, up, turn = (stick_axis(value) for value in joy[1])
         self.pitch, self.roll = self._angle * forward, -self._angle * left
         self.yaw_rate = self._yaw_rate * turn
         self.climb = self._climb * up if self._holds else None
         self.thrust_share = 1.0 + self._thrust * up
-        return super().step(stamp_ns, dt, state, joy, thrust, reference)
+        return super().step(tick, reference)
 
 
 class EmergencyLanding(Level):
     """Behavior that descends level by the barometer, until ground contact is detected."""
 
     name: ClassVar[BehaviorName] = BehaviorName.EMERGENCY_LANDING
-    arguments: ClassVar[type[Parameters]] = NoArguments
 
-    @classmethod
-    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
-        read_arguments(cls.name, NoArguments(), given)
-        return cls(context.parameters.emergency_landing_speed)
-
-    def __init__(self, speed: float) -> None:
+    def __init__(self, context: Context, arguments: NoArguments) -> None:
         super().__init__()
-        self.climb = -speed
+        self.climb = -context.parameters.emergency_landing_speed

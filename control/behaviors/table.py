@@ -25,20 +25,7 @@ class BehaviorName(IntEnum):
     EXTERNAL = 11  # references of another program
 
 
-(
-    _GROUND,
-    _TAKE_OFF,
-    _HOVER,
-    _FLY_TO,
-    _FOLLOW,
-    _VELOCITY,
-    _LAND,
-    _BRAKE,
-    _EXCITE,
-    _NEAR,
-    _EMERGENCY,
-    _EXTERNAL,
-) = BehaviorName
+B = BehaviorName
 
 _ON_GROUND = "the vehicle is on the ground: request take_off first"
 _STANDING = "the vehicle is on the ground already"
@@ -52,76 +39,36 @@ _NEVER_BACK = "the emergency landing is under way: request brake first to stop i
 _DESCENDING = "the vehicle is landing: request hover first to abort the landing"
 
 _IN_MOTION = {
-    _GROUND: _REACHED_BY_LANDING,
-    _TAKE_OFF: _FLYING,
-    _FOLLOW: _MOVING,
-    _EXCITE: _NOT_AT_REST,
+    B.GROUND: _REACHED_BY_LANDING,
+    B.TAKE_OFF: _FLYING,
+    B.FOLLOW_TRAJECTORY: _MOVING,
+    B.EXCITE: _NOT_AT_REST,
 }
+_TO_THE_AIR = (B.HOVER, B.FLY_TO, B.FOLLOW_TRAJECTORY, B.VELOCITY, B.BRAKE, B.EXCITE)
+_PLANNED = (B.FLY_TO, B.FOLLOW_TRAJECTORY, B.EXCITE, B.EXTERNAL)
+_IN_PLACE = (B.FLY_TO, B.FOLLOW_TRAJECTORY, B.VELOCITY, B.EXCITE, B.NEAR_HOVERING, B.EXTERNAL)
 
 REFUSALS: dict[BehaviorName, dict[BehaviorName, str]] = {
-    _GROUND: {
-        _GROUND: _STANDING,
-        _HOVER: _ON_GROUND,
-        _FLY_TO: _ON_GROUND,
-        _FOLLOW: _ON_GROUND,
-        _VELOCITY: _ON_GROUND,
-        _LAND: _STANDING,
-        _BRAKE: _ON_GROUND,
-        _EXCITE: _ON_GROUND,
-        _NEAR: _ON_GROUND,
-        _EMERGENCY: _STANDING,
-        _EXTERNAL: _ON_GROUND,
-    },
-    _TAKE_OFF: {
-        _GROUND: _REACHED_BY_LANDING,
-        _TAKE_OFF: "take_off is under way already",
-        _FLY_TO: _CLIMBING,
-        _FOLLOW: _CLIMBING,
-        _VELOCITY: _CLIMBING,
-        _EXCITE: _CLIMBING,
-        _NEAR: _CLIMBING,
-        _EXTERNAL: _CLIMBING,
-    },
-    _HOVER: {_GROUND: _REACHED_BY_LANDING, _TAKE_OFF: _FLYING},
-    _FLY_TO: dict(_IN_MOTION),
-    _FOLLOW: dict(_IN_MOTION),
-    _VELOCITY: dict(_IN_MOTION),
-    _LAND: {
-        _GROUND: "land is under way already",
-        _TAKE_OFF: _DESCENDING,
-        _FLY_TO: _DESCENDING,
-        _FOLLOW: _DESCENDING,
-        _VELOCITY: _DESCENDING,
-        _EXCITE: _DESCENDING,
-        _NEAR: _DESCENDING,
-        _EXTERNAL: _DESCENDING,
-    },
-    _BRAKE: dict(_IN_MOTION),
-    _EXCITE: _IN_MOTION | {_EXCITE: "excite is under way already"},
-    _NEAR: {
-        _GROUND: _REACHED_BY_LANDING,
-        _TAKE_OFF: _FLYING,
-        _FLY_TO: _NOT_STEERED,
-        _FOLLOW: _NOT_STEERED,
-        _EXCITE: _NOT_STEERED,
-        _EXTERNAL: _NOT_STEERED,
-    },
-    _EMERGENCY: {
-        _GROUND: "emergency_landing is under way already",
-        _TAKE_OFF: _NEVER_BACK,
-        _FLY_TO: _NEVER_BACK,
-        _FOLLOW: _NEVER_BACK,
-        _EXCITE: _NEVER_BACK,
-        _EXTERNAL: _NEVER_BACK,
-    },
-    _EXTERNAL: dict(_IN_MOTION),
+    B.GROUND: dict.fromkeys((*_TO_THE_AIR, B.NEAR_HOVERING, B.EXTERNAL), _ON_GROUND)
+    | dict.fromkeys((B.GROUND, B.LAND, B.EMERGENCY_LANDING), _STANDING),
+    B.TAKE_OFF: dict.fromkeys(_IN_PLACE, _CLIMBING)
+    | {B.GROUND: _REACHED_BY_LANDING, B.TAKE_OFF: "take_off is under way already"},
+    B.HOVER: {B.GROUND: _REACHED_BY_LANDING, B.TAKE_OFF: _FLYING},
+    **dict.fromkeys((B.FLY_TO, B.FOLLOW_TRAJECTORY, B.VELOCITY, B.BRAKE, B.EXTERNAL), _IN_MOTION),
+    B.LAND: dict.fromkeys((B.TAKE_OFF, *_IN_PLACE), _DESCENDING)
+    | {B.GROUND: "land is under way already"},
+    B.EXCITE: _IN_MOTION | {B.EXCITE: "excite is under way already"},
+    B.NEAR_HOVERING: dict.fromkeys(_PLANNED, _NOT_STEERED)
+    | {B.GROUND: _REACHED_BY_LANDING, B.TAKE_OFF: _FLYING},
+    B.EMERGENCY_LANDING: dict.fromkeys((B.TAKE_OFF, *_PLANNED), _NEVER_BACK)
+    | {B.GROUND: "emergency_landing is under way already"},
 }
 """REFUSALS[present][wanted] is the reason of a refusal; every other transition is allowed.
 
 Landing again with another speed, and braking or hovering twice, are allowed, because a repeated
 command must not fail."""
 
-NEEDS_LIFT = frozenset({_HOVER, _BRAKE})
+NEEDS_LIFT = frozenset({B.HOVER, B.BRAKE})
 """Behaviors refused before lift-off and after touch-down: they would hold the reference there."""
 
 
@@ -130,7 +77,7 @@ def behavior_of(name: str) -> BehaviorName:
     for behavior in BehaviorName:
         if behavior.name.lower() == name:
             return behavior
-    names = [behavior.name.lower() for behavior in BehaviorName if behavior is not _GROUND]
+    names = [behavior.name.lower() for behavior in BehaviorName if behavior is not B.GROUND]
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {near[0]}? " if near else ""
     raise RefusedError(f"unknown behavior {name!r}: {hint}there are {', '.join(names)}")
@@ -146,7 +93,7 @@ def check_transition(
     reason = REFUSALS[present].get(wanted)
     if reason is not None:
         raise RefusedError(f"{name} refused: {reason}")
-    needs_lift = wanted is _EXCITE or (present in (_TAKE_OFF, _LAND) and wanted in NEEDS_LIFT)
+    needs_lift = wanted is B.EXCITE or (present in (B.TAKE_OFF, B.LAND) and wanted in NEEDS_LIFT)
     if needs_lift and not airborne:
         raise RefusedError(
             f"{name} refused: the vehicle has not left the ground; request land to stop"

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
 from control.behaviors.arguments import TakeOffArguments
-from control.behaviors.behavior import Context, TrajectoryBehavior, check_inside, read_arguments
+from control.behaviors.behavior import Context, TrajectoryBehavior, check_inside
 from control.behaviors.table import BehaviorName
 from control.trajectories.line import Line
-from quadrotor.parameters import Parameters, ParameterValue
+from quadrotor.parameters import Parameters
 
 
 class TakeOff(TrajectoryBehavior):
@@ -21,9 +20,8 @@ class TakeOff(TrajectoryBehavior):
     arguments: ClassVar[type[Parameters]] = TakeOffArguments
 
     @classmethod
-    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
-        defaults = TakeOffArguments(speed=context.parameters.take_off_speed)
-        return cls(context, read_arguments(cls.name, defaults, given))
+    def defaults(cls, context: Context) -> Parameters:
+        return TakeOffArguments(speed=context.parameters.take_off_speed)
 
     def __init__(self, context: Context, arguments: TakeOffArguments) -> None:
         x, y, z, yaw = context.point

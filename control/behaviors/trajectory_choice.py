@@ -22,7 +22,6 @@ from control.behaviors.trajectory_arguments import (
 from control.behaviors.way_points import read_waypoints
 from control.trajectories.circle import Circle
 from control.trajectories.figure_eight import FigureEight
-from control.trajectories.helix import Helix
 from control.trajectories.line import Line
 from control.trajectories.minimum_snap import within
 from control.trajectories.trajectory import Trajectory
@@ -93,11 +92,6 @@ def _circle(context: Context, a: CircleArguments) -> Trajectory:
     return Circle(context.point, **_shape(a))
 
 
-def _helix(context: Context, a: HelixArguments) -> Trajectory:
-    _check_ramp(a)
-    return Helix(context.point, **_shape(a))
-
-
 def _line(context: Context, a: LineArguments) -> Trajectory:
     p = context.parameters
     return Line(
@@ -154,7 +148,7 @@ CHOICES: dict[str, Choice] = {
     "figure_eight": Choice(FigureEightArguments, _figure_eight, _period),
     "figure_eight_lap": Choice(FigureEightLapArguments, _figure_eight_lap, _period),
     "circle": Choice(CircleArguments, _circle, _period),
-    "helix": Choice(HelixArguments, _helix, _period),
+    "helix": Choice(HelixArguments, _circle, _period),
     "line": Choice(LineArguments, _line, _pace, _here),
     "waypoints": Choice(WaypointArguments, _waypoints, _pace, _bounds),
     "file": Choice(FileArguments, _file, _time_factor),

@@ -1,17 +1,32 @@
-"""Fly with the sticks: velocity and yaw rate in the yaw frame of the reference."""
+"""Follow a velocity: that of the sticks, in the yaw frame of the reference, or zero to brake."""
 
 from __future__ import annotations
 
 import math
 from typing import ClassVar
 
-from control.behaviors.behavior import Context, Joy, WithoutArguments
+from control.behaviors.behavior import Behavior, Context, Joy, NoArguments, TickInputs
 from control.behaviors.table import BehaviorName
 from control.trajectories.velocity_filter import advance, new_velocity_filter
 from quadrotor.records import Record
 
 
-class Velocity(WithoutArguments):
+class Brake(Behavior):
+    """Behavior that slows the reference down to rest, after which the vehicle hovers."""
+
+    name: ClassVar[BehaviorName] = BehaviorName.BRAKE
+
+    def __init__(self, context: Context, arguments: NoArguments) -> None:
+        p = context.parameters
+        self._filter = new_velocity_filter(
+            context.reference, p.brake_deceleration, p.yaw_acceleration_max
+        )
+
+    def step(self, tick: TickInputs, reference: Record) -> bool:
+        return bool(advance(self._filter, tick.dt, reference))
+
+
+class Velocity(Behavior):
     """Behavior flown by sticks.
 
     Released, stale or missing sticks stop the vehicle, and the flight volume's walls slow it down.
@@ -19,7 +34,7 @@ class Velocity(WithoutArguments):
 
     name: ClassVar[BehaviorName] = BehaviorName.VELOCITY
 
-    def __init__(self, context: Context) -> None:
+    def __init__(self, context: Context, arguments: NoArguments) -> None:
         p = context.parameters
         self._filter = new_velocity_filter(
             context.reference, p.joy_acceleration, p.yaw_acceleration_max
@@ -31,23 +46,16 @@ class Velocity(WithoutArguments):
         self._timeout_ns = int(p.joy_timeout * 1e9)
         self._obeyed: Joy | None = None
 
-    def step(
-        self,
-        stamp_ns: int,
-        dt: float,
-        state: Record,
-        joy: Joy | None,
-        thrust: float,
-        reference: Record,
-    ) -> bool:
+    def step(self, tick: TickInputs, reference: Record) -> bool:
+        joy = tick.joy
         # A stamp in the future is as wrong as an old one.
-        if joy is not None and (not joy[2] or abs(stamp_ns - joy[0]) > self._timeout_ns):
+        if joy is not None and (not joy[2] or abs(tick.stamp_ns - joy[0]) > self._timeout_ns):
             joy = None
         if joy is not self._obeyed:
             self._obeyed = joy
             for i in range(4):
                 self._command[i] = 0.0 if joy is None else self._speeds[i] * stick_axis(joy[1][i])
-        advance(self._filter, dt, reference)
+        advance(self._filter, tick.dt, reference)
         return False
 
 

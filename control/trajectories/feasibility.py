@@ -17,7 +17,6 @@ from control.trajectories.flatness import wrench_of_reference
 from control.trajectories.limits import QUANTITIES, WALLS, Limits
 from control.trajectories.trajectory import Trajectory, grid_sampler, stretches_of
 from quadrotor.compiled import compiled
-from quadrotor.errors import RefusedError
 from quadrotor.records import REFERENCE, Record
 from quadrotor.vectors import length, vector
 from quadrotor.vehicle_model import thrusts_of_wrench
@@ -137,34 +136,37 @@ def survey(
             return
 
 
-class _Look:
-    """The buffers of one examination."""
+class Survey:
+    """Surveys of references, with their buffers.
+
+    Attributes:
+        limits, worst, worst_at, first: (15,), of the last survey; see `survey`.
+    """
+
+    def __init__(self, model: Record, limits: Limits) -> None:
+        self._model, self.limits, count = model, limits.as_array(), len(QUANTITIES)
+        self._values, self.worst = np.empty(count), np.empty(count)
+        self.worst_at, self.first = np.empty(count, np.int64), np.empty(count, np.int64)
+
+    def run(self, references: Record, stop: bool = False) -> None:
+        """Survey REFERENCE records (N,)."""
+        found = self._values, self.worst, self.worst_at, self.first
+        survey(references, self._model, self.limits, *found, stop)
+
+
+class _TrajectorySurvey(Survey):
+    """Surveys of parts of one trajectory."""
 
     def __init__(self, trajectory: Trajectory, model: Record, limits: Limits) -> None:
-        self.trajectory, self.model, self.limits = trajectory, model, limits.as_array()
-        self.sample = grid_sampler(trajectory)
-        count = len(QUANTITIES)
-        self.values, self.worst = np.empty(count), np.empty(count)
-        self.worst_at, self.first = np.empty(count, np.int64), np.empty(count, np.int64)
+        super().__init__(model, limits)
+        self.trajectory, self.sample = trajectory, grid_sampler(trajectory)
         self.fine = np.empty(FINER, REFERENCE)
-
-    def survey(self, references: Record, stop: bool = False) -> None:
-        survey(
-            references,
-            self.model,
-            self.limits,
-            self.values,
-            self.worst,
-            self.worst_at,
-            self.first,
-            stop,
-        )
 
     def between(self, low: float, high: float) -> float:
         """Survey FINER samples of low..high; return their step (s)."""
         step = (high - low) / (FINER - 1)
         self.sample(low, step, self.fine)
-        self.survey(self.fine)
+        self.run(self.fine)
         return step
 
     def grid(self) -> tuple[Record, Array]:
@@ -192,10 +194,10 @@ class _Look:
 
 def examine(trajectory: Trajectory, model: Record, limits: Limits) -> Feasibility:
     """Return the extremes of a finite trajectory, flown by the vehicle of `model` (MODEL, (1,))."""
-    look = _Look(trajectory, model, limits)
-    references, times = look.grid()
-    look.survey(references)
-    worst, worst_at, first = look.worst.copy(), look.worst_at.copy(), look.first.copy()
+    parts = _TrajectorySurvey(trajectory, model, limits)
+    references, times = parts.grid()
+    parts.run(references)
+    worst, worst_at, first = parts.worst.copy(), parts.worst_at.copy(), parts.first.copy()
     at = times[worst_at]
     broken: dict[int, tuple[float, float]] = {
         q: (float(times[max(k - 1, 0)]), float(times[k]))
@@ -206,15 +208,15 @@ def examine(trajectory: Trajectory, model: Record, limits: Limits) -> Feasibilit
     for k in sorted(set(worst_at.tolist())):
         low, high = float(times[max(k - 1, 0)]), float(times[min(k + 1, last)])
         # The gap between two stretches repeats what is sampled elsewhere.
-        step = look.between(low, high)
+        step = parts.between(low, high)
         for q in np.flatnonzero(worst_at == k).tolist():
-            if look.worst[q] > worst[q]:
-                worst[q] = look.worst[q]
-                at[q] = low + step * int(look.worst_at[q])
-            f = int(look.first[q])
+            if parts.worst[q] > worst[q]:
+                worst[q] = parts.worst[q]
+                at[q] = low + step * int(parts.worst_at[q])
+            f = int(parts.first[q])
             if f >= 0 and q not in broken:
                 broken[q] = (low + step * max(f - 1, 0), low + step * f)
-    found = {q: look.breach(q, low, high) for q, (low, high) in broken.items()}
+    found = {q: parts.breach(q, low, high) for q, (low, high) in broken.items()}
     bounds = limits.as_array()
     extremes = []
     for q, quantity in enumerate(QUANTITIES):
@@ -228,47 +230,30 @@ def examine(trajectory: Trajectory, model: Record, limits: Limits) -> Feasibilit
 
 def fits(trajectory: Trajectory, model: Record, limits: Limits) -> bool:
     """Return whether all samples keep to the limits; faster than `examine`, for searches."""
-    look = _Look(trajectory, model, limits)
-    look.survey(look.grid()[0], stop=True)
-    return bool((look.first < 0).all())
-
-
-def check(
-    trajectory: Trajectory, model: Record, limits: Limits, *, what: str, advice: str = ""
-) -> Feasibility:
-    """Return the report of `examine`.
-
-    Raises RefusedError for a breach, with numbers, time and advice.
-    """
-    report = examine(trajectory, model, limits)
-    if report.breach is not None:
-        raise RefusedError(refusal(report, report.breach, what, advice))
-    return report
+    parts = _TrajectorySurvey(trajectory, model, limits)
+    parts.run(parts.grid()[0], stop=True)
+    return bool((parts.first < 0).all())
 
 
 def refusal(report: Feasibility, breach: Extreme, what: str, advice: str = "") -> str:
     """Return one line: what is demanded, from when, what is allowed and by which parameter."""
     q, since = breach.index, f"from {breach.first:.2f} s on"
-    names = report.limits.source.get(q, "")
+    quantity = QUANTITIES[q]
     if q < WALLS:
-        other = report.extremes[q + 1 if QUANTITIES[q].sign < 0.0 else q - 1]
+        other = report.extremes[q + 1 if quantity.sign < 0.0 else q - 1]
         low, high = sorted((breach.limit, other.limit))
         beyond = abs(breach.value - breach.limit)
-        towards = "+" if QUANTITIES[q].sign < 0.0 else "-"
+        towards = "+" if quantity.sign < 0.0 else "-"
         return (
             f"{what} refused: the path's {breach.name} = {breach.value:.2f} m is outside the "
-            f"flight volume {since}; allowed {low:g} to {high:g} m{_by(names)}; "
+            f"flight volume {since}; allowed {low:g} to {high:g} m ({quantity.source}); "
             f"make it smaller or start {beyond:.2f} m further towards {towards}{breach.name}"
         )
-    least = QUANTITIES[q].sign < 0.0
+    least = quantity.sign < 0.0
     allowed = "at least" if least else "up to"
     unit = breach.unit
     return (
         f"{what} refused: its {breach.name} reaches {breach.value:.3g} {unit} (beyond the limit "
-        f"{since}); allowed {allowed} {breach.limit:.3g} {unit}{_by(names)}"
+        f"{since}); allowed {allowed} {breach.limit:.3g} {unit} ({quantity.source})"
         f"{'; ' + advice if advice else ''}"
     )
-
-
-def _by(names: str) -> str:
-    return f" ({names})" if names else ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -13,30 +13,32 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A quantity of `feasibility.survey`, with name, unit and scale for display."""
+    """A quantity of `feasibility.survey`: name, unit and scale for display, and its limit."""
 
     name: str
     unit: str
+    source: str  # the parameters that set the limit
     sign: float = 1.0  # -1: its least value counts
     scale: float = 1.0  # shown = sign * scale * demanded
 
 
 QUANTITIES = (
-    Quantity("x", "m", -1.0),
-    Quantity("x", "m"),
-    Quantity("y", "m", -1.0),
-    Quantity("y", "m"),
-    Quantity("z", "m", -1.0),
-    Quantity("z", "m"),
-    Quantity("speed", "m/s"),
-    Quantity("acceleration", "m/s²"),
-    Quantity("yaw rate", "rad/s"),
-    Quantity("yaw acceleration", "rad/s²"),
-    Quantity("tilt", "deg", scale=math.degrees(1.0)),
-    Quantity("least motor thrust", "N", -1.0),
-    Quantity("largest motor thrust", "N"),
-    Quantity("body rate", "rad/s"),
-    Quantity("yaw torque", "N m"),
+    *(
+        Quantity(axis, "m", f"behavior.volume_{axis}_min, behavior.volume_{axis}_max", sign)
+        for axis in "xyz"
+        for sign in (-1.0, 1.0)
+    ),
+    Quantity("speed", "m/s", "behavior.trajectory_speed_max"),
+    Quantity("acceleration", "m/s²", "behavior.trajectory_acceleration_max"),
+    Quantity("yaw rate", "rad/s", "behavior.yaw_rate_max"),
+    Quantity("yaw acceleration", "rad/s²", "behavior.yaw_acceleration_max"),
+    Quantity("tilt", "deg", "behavior.trajectory_tilt_max", scale=math.degrees(1.0)),
+    Quantity(
+        "least motor thrust", "N", "the motors' least and behavior.trajectory_thrust_margin", -1.0
+    ),
+    Quantity("largest motor thrust", "N", "the motors' most and behavior.trajectory_thrust_margin"),
+    Quantity("body rate", "rad/s", "behavior.trajectory_body_rate_max"),
+    Quantity("yaw torque", "N m", "behavior.trajectory_yaw_torque_max"),
 )
 """Quantities in the order of `feasibility.survey`, in which breaches are reported."""
 
@@ -52,7 +54,6 @@ class Limits:
         thrust_low, thrust_high: N per motor; leave a margin to the motors' own limits for the
             feedback, see `with_margin`.
         tilt: rad.
-        source: quantity index -> the name of the parameter that sets it, for messages.
     """
 
     low_w: tuple[float, float, float] = (-math.inf, -math.inf, -math.inf)  # m
@@ -66,7 +67,6 @@ class Limits:
     thrust_high: float = math.inf
     body_rate: float = math.inf
     yaw_torque: float = math.inf
-    source: dict[int, str] = field(default_factory=dict)
 
     def as_array(self) -> Array:
         """Return (15,) in the order and with the signs of `feasibility.survey`."""

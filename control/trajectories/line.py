@@ -1,4 +1,4 @@
-"""A straight line from rest to rest, within bounds of velocity, acceleration and jerk."""
+"""A line from rest to rest within bounds of velocity, acceleration and jerk, and a fixed point."""
 
 from __future__ import annotations
 
@@ -67,3 +67,23 @@ class Line:
         """Return both ramps: between them only the position changes."""
         end = self.duration
         return (0.0, self._ramp, 100), (end - self._ramp, end, 100)
+
+
+class Hover:
+    """A fixed point and yaw without end: a line of zero length.
+
+    Args:
+        position_w: (x, y, z) m.
+        yaw: rad.
+    """
+
+    def __init__(self, position_w: tuple[float, float, float], yaw: float) -> None:
+        self._line = np.zeros(1, PHASE_CURVE)
+        self._line["center"] = (*position_w, yaw)
+        self._line["rate"] = 1.0
+        self._line["ramp"] = 1.0
+        self._line["total"] = 1.0
+        self.duration = float("inf")
+
+    def sample(self, t: float, reference: Record) -> None:
+        sample_phase_curve(self._line, t, reference, 0.0)

@@ -116,17 +116,6 @@ def _block_tridiagonal(here: Array, onward: Array, right: Array) -> Array:
     return out
 
 
-def snap_cost(path: Polynomial) -> float:
-    """Return the integral of the squared snap (m^2/s^7)."""
-    power = np.arange(ORDER + 1)
-    falling = np.array([math.perm(n, 4) for n in power], dtype=float)
-    exponent = np.maximum(power[:, None] + power[None, :] - 7, 1)
-    weights = np.outer(falling, falling) / exponent
-    c = path.coefficients[:, :3]
-    each = np.einsum("sim,mn,sin->s", c, weights, c)
-    return float((each * np.diff(path.times) ** -7.0).sum())
-
-
 def within(
     waypoints: Array, *, speed: float, acceleration: float, yaw_rate: float, yaw_acceleration: float
 ) -> Polynomial:

@@ -14,7 +14,6 @@ import numpy.typing as npt
 from control.trajectories.trajectory import SAMPLES_MAX, UNKNOWN_RATE, Stretch, around
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
-from quadrotor.rotations import wrap_angle
 
 Array = npt.NDArray[np.float64]
 
@@ -159,41 +158,3 @@ class Polynomial:
             count = min(SAMPLES_MAX, max(1000, round(self.duration * UNKNOWN_RATE)))
             return ((0.0, self.duration, count),)
         return around(self.extremes, self.duration)
-
-
-def to_rest(start: Record, end: tuple[float, float, float, float], duration: float) -> Polynomial:
-    """Return a polynomial from the reference `start`, moving or not, to rest at (x, y, z, yaw).
-
-    It takes `duration` s and turns the short way.
-    """
-    motion = motion_of(start)
-    goal = np.zeros((4, 5))
-    goal[:, 0] = end
-    goal[3, 0] = motion[3, 0] + wrap_angle(end[3] - motion[3, 0])
-    return Polynomial(np.array([0.0, duration]), hermite(motion, goal, duration)[None])
-
-
-def through(waypoints: Array, times: Array) -> Polynomial:
-    """Return a polynomial from rest through the way-points to rest.
-
-    Velocities in between are those of a Catmull-Rom spline; higher derivatives are zero there.
-
-    Args:
-        waypoints: (S + 1, 4) x, y, z (m), yaw (rad, not wrapped).
-        times: (S + 1,) s, from 0, increasing.
-
-    Raises ValueError when the shapes do not fit or the times do not increase from 0.
-    """
-    points, at = np.asarray(waypoints, dtype=float), np.asarray(times, dtype=float)
-    if points.ndim != 2 or points.shape != (len(at), 4) or len(at) < 2:
-        raise ValueError(
-            f"way-points of shape {points.shape} with {len(at)} times: "
-            "give (S + 1, 4) points and S + 1 times, S at least 1"
-        )
-    if at[0] != 0.0 or not np.all(np.diff(at) > 0.0):
-        raise ValueError(f"times {at.tolist()} must start at 0 and grow")
-    motion = np.zeros((len(at), 4, 5))
-    motion[:, :, 0] = points
-    motion[1:-1, :, 1] = (points[2:] - points[:-2]) / (at[2:] - at[:-2])[:, None]
-    pieces = [hermite(motion[k], motion[k + 1], at[k + 1] - at[k]) for k in range(len(at) - 1)]
-    return Polynomial(at, np.stack(pieces))

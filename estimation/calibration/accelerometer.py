@@ -16,13 +16,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.calibration.still_poses import StillPose
 from quadrotor.constants import GRAVITY
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 POSES_MIN = 4
 CONDITION_MAX = 120.0
@@ -74,10 +72,10 @@ class Coverage:
     next_face: str
 
 
-def coverage(measured: Array, condition_max: float = CONDITION_MAX) -> Coverage:
+def coverage(measured: Array) -> Coverage:
     """Return the coverage of the poses (N, 3) in m/s^2; N may be 0."""
     rank, condition = _condition(measured)
-    missing = len(measured) < POSES_MIN or rank < 4 or condition > condition_max
+    missing = len(measured) < POSES_MIN or rank < 4 or condition > CONDITION_MAX
     return Coverage(rank, condition, _best_face(measured) if missing else "")
 
 
@@ -99,10 +97,7 @@ def face_of(measured: Array) -> str:
 
 
 def identify_accelerometer(
-    poses: Sequence[StillPose],
-    *,
-    attitude_error: float = math.radians(0.2),
-    condition_max: float = CONDITION_MAX,
+    poses: Sequence[StillPose], *, attitude_error: float = math.radians(0.2)
 ) -> AccelerometerCalibration:
     """Identify T and b; a pose without an attitude from a tracker uses that of its face.
 
@@ -113,7 +108,7 @@ def identify_accelerometer(
     that do not determine the result; both name the missing pose.
     """
     measured = np.array([pose.measured for pose in poses]).reshape(-1, 3)
-    state = coverage(measured, condition_max)
+    state = coverage(measured)
     if len(poses) < POSES_MIN:
         raise MeasurementError(
             f"{len(poses)} poses, needed are {POSES_MIN} or more in different directions; "
@@ -124,10 +119,10 @@ def identify_accelerometer(
             f"the {len(poses)} poses have rank {state.rank} of 4: turned about one axis only, they "
             f"leave T undetermined; next: {state.next_face}"
         )
-    if state.condition_number > condition_max:
+    if state.condition_number > CONDITION_MAX:
         raise DegenerateGeometryError(
             f"the {len(poses)} poses have the condition number {state.condition_number:.0f}, "
-            f"allowed {condition_max:.0f}: too near to each other; next: {state.next_face}"
+            f"allowed {CONDITION_MAX:.0f}: too near to each other; next: {state.next_face}"
         )
     ups = np.array([_up_of(pose) for pose in poses])
     matrix, product = _solve(measured, ups, GRAVITY * attitude_error)

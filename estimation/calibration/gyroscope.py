@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from quadrotor.errors import MeasurementError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 SAMPLES_MIN = 50
 """Least number of samples to distinguish a turn from noise."""

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 STEP = 0.01
 """Step of the grid, s."""

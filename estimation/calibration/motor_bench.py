@@ -13,8 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.errors import MeasurementError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 SETTLING = 1.0
 """Seconds at the start of a hold that do not count: many time constants."""

@@ -11,12 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.calibration.motor_bench import BenchSteps
 from quadrotor.errors import MeasurementError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 USABLE = (30.0, 180.0)
 """Usable range of references, in counts, as in the paper."""
@@ -65,11 +63,11 @@ class MotorCalibration:
     thrust_max: float
 
 
-def identify_motor(steps: BenchSteps, usable: tuple[float, float] = USABLE) -> MotorCalibration:
+def identify_motor(steps: BenchSteps) -> MotorCalibration:
     """Fit the motor law to the steps. Raises MeasurementError when there are too few steps or their
     forces do not rise.
     """
-    inside = (steps.reference >= usable[0]) & (steps.reference <= usable[1])
+    inside = (steps.reference >= USABLE[0]) & (steps.reference <= USABLE[1])
     used = BenchSteps(
         steps.reference[inside],
         steps.force[inside],
@@ -79,7 +77,7 @@ def identify_motor(steps: BenchSteps, usable: tuple[float, float] = USABLE) -> M
     )
     if len(used.reference) < STEPS_MIN:
         raise MeasurementError(
-            f"{len(used.reference)} steps between {usable[0]:.0f} and {usable[1]:.0f} counts, "
+            f"{len(used.reference)} steps between {USABLE[0]:.0f} and {USABLE[1]:.0f} counts, "
             f"needed are {STEPS_MIN}; run the bench over more references"
         )
     order = np.argsort(used.reference)
@@ -97,7 +95,7 @@ def identify_motor(steps: BenchSteps, usable: tuple[float, float] = USABLE) -> M
     alpha, beta = root.coefficients
     slope, offset = 1.0 / beta, -alpha
     ratio = float(used.force @ used.torque / (used.force @ used.force))
-    ends = [(slope * (reference + offset)) ** 2 for reference in usable]
+    ends = [(slope * (reference + offset)) ** 2 for reference in USABLE]
     return MotorCalibration(
         slope,
         offset,

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 ROBUST = 3.0
 """Multiple of the median residual beyond which a pose has less weight."""

@@ -10,9 +10,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
+
+FORCE_DEVIATION_MAX = 0.15
+"""Largest standard deviation on any axis within the window, m/s^2."""
+TURN_MAX = math.radians(3.0)
+"""Largest angular velocity, rad/s."""
+APART = math.radians(10.0)
+"""Angle, in rad, by which a pose must differ from the last one."""
+SATURATION = 19.4
+"""Specific force, in m/s^2, at or beyond which on any axis the sensor is saturated."""
 
 
 @dataclass(frozen=True)
@@ -43,31 +51,14 @@ class StillPoses:
     Args:
         rate: Hz, of the samples.
         duration: s, of the window.
-        force_deviation_max: m/s^2, largest standard deviation on any axis within the window.
-        turn_max: rad/s, largest angular velocity.
-        apart: rad, by how much a pose must differ from the last one.
-        saturation: m/s^2; at or beyond it on any axis, the sensor is saturated.
     """
 
-    def __init__(
-        self,
-        rate: float,
-        *,
-        duration: float = 1.0,
-        force_deviation_max: float = 0.15,
-        turn_max: float = math.radians(3.0),
-        apart: float = math.radians(10.0),
-        saturation: float = 19.4,
-    ) -> None:
+    def __init__(self, rate: float, *, duration: float = 1.0) -> None:
         self.poses: list[StillPose] = []
         self._window = np.empty((max(2, round(rate * duration)), 3))
         self._ups = np.empty_like(self._window)
         self._with_up = 0
         self._count = 0
-        self._force_deviation_max = force_deviation_max
-        self._turn_max = turn_max
-        self._apart = math.cos(apart)
-        self._saturation = saturation
         self._taken: Array | None = None
 
     def add(
@@ -89,12 +80,12 @@ class StillPoses:
         if self._count < len(self._window):
             return Stillness(self._count / len(self._window), "")
         mean, deviation = self._window.mean(axis=0), float(self._window.std(axis=0).max())
-        if deviation > self._force_deviation_max:
+        if deviation > FORCE_DEVIATION_MAX:
             self._restart()
-            limit = self._force_deviation_max
+            limit = FORCE_DEVIATION_MAX
             return Stillness(0.0, f"it shakes by {deviation:.2f} m/s², allowed {limit:.2f}")
         direction = mean / np.linalg.norm(mean)
-        if self._taken is None or direction @ self._taken < self._apart:
+        if self._taken is None or direction @ self._taken < math.cos(APART):
             self._taken = direction
             self.poses.append(StillPose(mean, self._up(), deviation))
         self._restart()
@@ -104,13 +95,12 @@ class StillPoses:
         turn = float(np.linalg.norm(angular_velocity_b))
         if not (np.isfinite(measured).all() and math.isfinite(turn)):
             return "the samples are not finite"
-        if turn > self._turn_max:
+        if turn > TURN_MAX:
             return (
-                f"it turns at {math.degrees(turn):.1f} deg/s, "
-                f"allowed {math.degrees(self._turn_max):.1f}"
+                f"it turns at {math.degrees(turn):.1f} deg/s, allowed {math.degrees(TURN_MAX):.1f}"
             )
         largest = float(np.abs(measured).max())
-        if largest >= self._saturation:
+        if largest >= SATURATION:
             return f"the accelerometer is saturated at {largest:.1f} m/s²"
         return ""
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.calibration.motion import (
     STEP,
@@ -30,9 +29,8 @@ from estimation.calibration.motion import (
 from estimation.calibration.segmented_fit import SegmentedFit, solve_segments
 from quadrotor.errors import MeasurementError
 from quadrotor.plain_rotations import matrices_of
+from quadrotor.records import Array
 from quadrotor.vehicle_model import GRAVITY
-
-Array = npt.NDArray[np.float64]
 
 SEGMENT = 1.0
 """Length of a segment, s."""

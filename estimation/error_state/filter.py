@@ -31,10 +31,9 @@ from estimation.error_state.update import LOST_REFUSALS
 from estimation.outcome import NORM_TOLERANCE, Agreement, Outcome
 from estimation.rate_filter import filter_rate
 from quadrotor.compiled import compiled
-from quadrotor.records import MAX_BEACONS, MAX_SENSORS, Record
+from quadrotor.records import MAX_BEACONS, MAX_SENSORS, Array, Record
 from quadrotor.vectors import add, axes_of, scale, to_body, vector
 
-Array = npt.NDArray[np.float64]
 _MASK = SAMPLES - 1
 _APPLIED, _TOO_OLD, _NOT_NEWER, _AHEAD, _INVALID, _OUTLIER = (int(o) for o in Outcome)
 _USED, _REFUSED, _JUMPED, _DRIFTED, _MOVED = (int(a) for a in Agreement)

@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.error_state.gate import RUN_DEVIATIONS, RUN_GAP, RUN_LEAST, RUN_RATE, RUN_SPEED
+from estimation.error_state.start import DETERMINED, pose_of_bearings
+from estimation.outcome import Outcome
 from estimation.poses.planar_pose import PlanarPose
+from quadrotor.errors import DegenerateGeometryError, MeasurementError
+from quadrotor.records import Array
 from quadrotor.rotations import norm, quaternion_conjugate, quaternion_log, quaternion_multiply
-
-Array = npt.NDArray[np.float64]
 
 
 class FrameRun:
@@ -38,6 +40,18 @@ class FrameRun:
         if self._poses and not _agree(*self._poses[-1], stamp_ns, pose):
             self._poses.clear()
         self._poses.append((stamp_ns, pose))
+
+    def compare(self, frame: Any, outcome: int, *, all_used: bool) -> None:
+        """Compare a BEARINGS_SAMPLE item with the run, unless all its bearings were used."""
+        if outcome == Outcome.APPLIED and all_used:
+            self.clear()
+        elif outcome in (Outcome.APPLIED, Outcome.OUTLIER) and frame["count"] >= DETERMINED:
+            try:
+                pose = pose_of_bearings(frame)
+            except (DegenerateGeometryError, MeasurementError):
+                self.clear()  # it contradicts itself
+            else:
+                self.add(int(frame["stamp_ns"]), pose)
 
     def velocity(self) -> tuple[Array, Array]:
         """Return the mean velocity (3,) along a run that is long enough, m/s, world axes, and its

@@ -11,13 +11,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from estimation.error_state.memory import ERRORS, POSE_ERRORS
 from quadrotor.compiled import compiled
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 FAR, FAR_BEARINGS = 2.0, 1.0
 """Multiples of the gate, in deviations, beyond which a pose or a bearing is refused. A frame of

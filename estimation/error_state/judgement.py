@@ -8,12 +8,58 @@ from typing import Any
 import numpy as np
 
 from estimation.convergence import Convergence, Deviations
+from estimation.error_state.gate import RUN_LEAST
 from estimation.error_state.update import FIT_CONSISTENCY, FIT_UPDATES, LOST_REFUSALS
+from quadrotor.records import Array
 
 FIT = Deviations(position=0.15, velocity=0.2, attitude=math.radians(3.0))
 """Largest deviations with which the estimate may be flown on."""
 REFUSED_MAX = 0.5
 """Largest share of refused measurements, lately, of a consistent filter."""
+
+
+NOT_YET_CONSISTENT = 2.0 * FIT_CONSISTENCY
+"""Mean consistency with which a filter restarts: measurements have to reduce it."""
+JUMP_WAIT_NS, DRIFT_WAIT_NS = 500_000_000, 200_000_000
+"""Times in ns for which LOST_REFUSALS measurements in a row must be refused until the filter counts
+as wrong: when they suddenly jumped away from it, and when none had been used for a while before. A
+start that fewer than FIT_UPDATES have confirmed is wrong as soon as RUN_LEAST contradict it
+together."""
+SHORTEST_RUN = 0.1
+"""Shortest time, in s, over which the motion of such poses is computed."""
+
+
+def is_lost(m: Any, *, confirmed: bool, agree: bool) -> bool:
+    """Return whether the refused measurements show that an ERROR_STATE_MEMORY item is wrong.
+
+    Args:
+        confirmed: whether enough measurements have confirmed its start.
+        agree: whether those refused agree with each other.
+    """
+    waited = m["stamp_ns"] - m["refused_ns"] > (JUMP_WAIT_NS if m["at_once"] else DRIFT_WAIT_NS)
+    return (not confirmed and agree) or bool(m["refused"] >= LOST_REFUSALS and waited)
+
+
+def missed_velocity(m: Any) -> Array:
+    """Return the velocity (3,) at which the run of refused poses left their prediction, m/s."""
+    lasted = max(1e-9 * float(m["run_ns"] - m["run_start_ns"]), SHORTEST_RUN)
+    missed_w: Array = (m["run_last"] - m["run_first"])[:3] / lasted
+    return missed_w
+
+
+def restart_line(m: Any, before: Array, count: int, lost_ns: int, *, confirmed: bool) -> str:
+    """Return a line about the restart of a lost filter.
+
+    Args:
+        before: its state before, (16,).
+        count: number of measurements refused in `lost_ns`.
+    """
+    apart = float(np.linalg.norm(m["now"][:3] - before[:3]))
+    many = f"{count} measurements in {1e-9 * lost_ns:.1f} s"
+    return (
+        f"error_state restarted, {apart:.2f} m from where it was: "
+        f"{many if confirmed else f'the first {RUN_LEAST} measurements'} did not agree with it"
+    )
 
 
 def deviations_of(m: Any) -> Deviations:

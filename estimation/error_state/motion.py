@@ -14,11 +14,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from estimation.error_state.memory import ERRORS, FORCE, RATE, SAMPLES
 from quadrotor.compiled import compiled
+from quadrotor.records import Array
 from quadrotor.vectors import (
     Vector,
     add,
@@ -33,7 +31,6 @@ from quadrotor.vectors import (
 )
 from quadrotor.vehicle_model import GRAVITY
 
-Array = npt.NDArray[np.float64]
 _MASK = SAMPLES - 1
 
 

@@ -18,9 +18,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from estimation.error_state.memory import (
     ATTITUDE,
     BEARING,
@@ -33,6 +30,7 @@ from estimation.error_state.memory import (
 )
 from estimation.sweep_angles import swept
 from quadrotor.compiled import compiled
+from quadrotor.records import Array
 from quadrotor.vectors import (
     add,
     axes_of,
@@ -46,7 +44,6 @@ from quadrotor.vectors import (
     vector,
 )
 
-Array = npt.NDArray[np.float64]
 NEAREST = 0.05
 """Distance in m below which the direction to a beacon is not used."""
 

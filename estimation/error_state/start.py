@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from estimation.error_state.memory import ERRORS
+from estimation.error_state.memory import ERRORS, SAMPLES
 from estimation.outcome import Outcome
 from estimation.poses.planar_pose import PlanarPose, planar_pose
 from estimation.poses.sweep_pose import SweepPose, sweep_pose
 from quadrotor.errors import DegenerateGeometryError, UndeterminedStartError
-from quadrotor.records import Record
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import POSE_SAMPLE, Array, Record
+from quadrotor.rotations import quaternion_from_euler, rotate
 
 START = np.repeat([0.05, math.radians(3.0), 0.5, 0.01, 0.1], 3)
 """Deviations at a start: m, rad, m/s (assumed at rest), rad/s, m/s^2."""
 assert len(START) == ERRORS
 DETERMINED = 4
 """Number of bearings to beacons in one plane that determine a unique pose."""
+ONE_PLACE_NS = 60_000_000
+"""Time in ns; sweeps of the planes within it met the vehicle at nearly one place, for a start."""
+HEADING_SIGMA = math.radians(10.0)
+"""Assumed deviation of the heading, in rad, of a vehicle on a marker alone."""
+CALIBRATED = 0.001
+"""Deviation, in rad/s, of the bias of a calibrated gyroscope: without measured attitudes, START's
+would leave the heading open within seconds."""
 HOW_TO_START = (
     "bring a fourth beacon in their plane into view, "
     "or run it as the shadow of an estimator on poses"
@@ -55,16 +60,55 @@ def start_by_bearings(frame: Any) -> PlanarPose:
         ) from error
 
 
-def start_by_sweeps(frames: Sequence[Any]) -> SweepPose:
-    """Return the start pose from SWEEPS_SAMPLE items of several planes. Raises
+def start_by_sweeps(newest: Iterable[Any], stamp_ns: int) -> SweepPose:
+    """Return the start pose at this time from each plane's newest SWEEPS_SAMPLE item. Raises
     UndeterminedStartError.
     """
+    frames = [one for one in newest if one["stamp_ns"] > stamp_ns - ONE_PLACE_NS]
     try:
         return sweep_pose(frames)
     except DegenerateGeometryError as error:
         raise UndeterminedStartError(
             f"error_state cannot start on these sweeps: {error}"
         ) from error
+
+
+def start_at(frame: Any, pose: Any, sigma: Array = START[6:9]) -> tuple[Record, Array]:
+    """Return the POSE_SAMPLE (1,) and the deviations (15,) of a start at the pose of a frame.
+
+    Args:
+        sigma: m/s, deviations of the velocity.
+    """
+    sample = np.zeros(1, POSE_SAMPLE)
+    sample[0] = frame["stamp_ns"], pose.position_w, pose.quaternion_wb
+    deviations = START.copy()
+    deviations[:6] = np.maximum(np.sqrt(np.diag(pose.covariance)), deviations[:6])
+    deviations[6:9] = np.maximum(sigma, deviations[6:9])
+    return sample, deviations
+
+
+def start_on_marker(
+    m: Record, marker_w: Array, noise: Record, deviations: Array, *, initialized: bool
+) -> tuple[Array, Array, Array]:
+    """Return position, quaternion and deviations of a start from a marker's position alone.
+
+    The attitude is that of the initialized filter, else level by the newest specific force.
+
+    Args:
+        m: ERROR_STATE_MEMORY item.
+        noise: its parameters, with the marker's place and the heading at the first start.
+    """
+    sigma = 0.0
+    if initialized:
+        quaternion, sigma = m["now"][6:10].copy(), math.sqrt(m["covariance"][5, 5])
+    else:
+        x, y, z = m["sample"][int(m["sample_next"] - 1) % SAMPLES, 3:]
+        level = (math.atan2(y, z), math.atan2(-x, math.hypot(y, z)))
+        quaternion = quaternion_from_euler(*level, float(noise["heading"]))
+    deviations = deviations.copy()
+    deviations[5], deviations[9:12] = max(sigma, HEADING_SIGMA), CALIBRATED
+    marker_b = np.array([noise[f"marker_{axis}"] for axis in "xyz"])
+    return marker_w - rotate(quaternion, marker_b), quaternion, deviations
 
 
 def begin(

@@ -11,17 +11,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from estimation.error_state.adaptation import learn_from_bearings, learn_from_pose
 from estimation.error_state.gate import along, gate, project, run
 from estimation.error_state.memory import ERRORS, MARKER, NOMINAL, NOTHING, POSE, POSE_ERRORS
 from estimation.error_state.rows import linearize
 from quadrotor.compiled import compiled
+from quadrotor.records import Array
 from quadrotor.vectors import Vector, add, cross, dot, multiply, normalized, scale, turned, vector
 
-Array = npt.NDArray[np.float64]
 MAX_STEPS = 6
 STRAIGHT = 0.02
 """Angle in rad; bearings moved by less need no new linearisation."""

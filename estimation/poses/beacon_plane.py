@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 Four = tuple[int, int, int, int]
 
 FLATNESS = 1e-3

@@ -15,13 +15,9 @@ It is one array instead of ten, because passing an array takes as long as half a
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
-
 from quadrotor.compiled import compiled
+from quadrotor.records import Array
 from quadrotor.vectors import Vector
-
-Array = npt.NDArray[np.float64]
 
 POSITION, ATTITUDE, CENTER, PLANE, SIGHTS = 6, 7, 8, 9, 13
 

@@ -16,12 +16,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
 from estimation.poses.bearing_frame import SIGHTS, right, store_right
 from estimation.poses.position_at_attitude import symmetric_inverse
 from quadrotor.compiled import compiled
+from quadrotor.records import Array
 from quadrotor.vectors import (
     Quaternion,
     Vector,
@@ -40,7 +38,6 @@ from quadrotor.vectors import (
     vector,
 )
 
-Array = npt.NDArray[np.float64]
 Rows = tuple[Vector, Vector, Vector]
 
 MAX_MOVE = 0.5

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
 from estimation.poses.bearing_frame import ATTITUDE, CENTER, POSITION, SIGHTS, store_right
 from estimation.poses.bearing_refinement import refine
 from estimation.poses.homography import homography_pose
 from quadrotor.compiled import compiled
+from quadrotor.records import Array
 from quadrotor.vectors import add, length, normalized, quaternion, scale, store, subtract, vector
-
-Array = npt.NDArray[np.float64]
 
 FALSE_REFUSAL = 1e-7
 """Probability that noise of the stated size makes the fit of a true pose look wrong."""

@@ -22,11 +22,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
 from estimation.poses.bearing_frame import CENTER, PLANE, SIGHTS, right
 from quadrotor.compiled import compiled
+from quadrotor.records import Array
 from quadrotor.vectors import (
     Quaternion,
     Vector,
@@ -39,8 +37,6 @@ from quadrotor.vectors import (
     to_world,
     vector,
 )
-
-Array = npt.NDArray[np.float64]
 
 EDGE_ON = 1e-9
 """Volume (of unit bearings) or sine below which the homography is not determined."""

@@ -13,11 +13,9 @@ inverted here as if it were a rotation, (R^T, -R^T t), so that its error can be 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from quadrotor.errors import DegenerateGeometryError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 
 def literal_pose(

@@ -16,8 +16,7 @@ import numpy.typing as npt
 
 from estimation.poses.beacon_plane import BeaconPlane
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 BEHIND = 0.01
 """Cosine to the camera's axis below which a bearing has no image point."""

@@ -35,8 +35,8 @@ from estimation.poses.frame_solution import (
     solve_frame,
 )
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 _preparing = threading.Lock()
 
 

@@ -12,10 +12,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
 from quadrotor.compiled import compiled
+from quadrotor.records import Array
 from quadrotor.vectors import (
     Vector,
     add,
@@ -31,8 +29,6 @@ from quadrotor.vectors import (
     to_world,
     vector,
 )
-
-Array = npt.NDArray[np.float64]
 
 MAX_STEPS = 10
 """Most Gauss-Newton steps; two or three suffice from a filter's position."""

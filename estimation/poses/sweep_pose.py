@@ -11,15 +11,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.sweep_angles import plane_numbers, swept
 from quadrotor.errors import DegenerateGeometryError
 from quadrotor.plain_rotations import matrices_of
-from quadrotor.records import Record
+from quadrotor.records import Array, Record
 from quadrotor.vectors import multiply, normalized, turned
-
-Array = npt.NDArray[np.float64]
 
 STEPS = 40
 WORST = 5.0

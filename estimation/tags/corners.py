@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from estimation.tags.intrinsics import Intrinsics
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
 
 PLACES = 4

@@ -8,17 +8,26 @@ al., "Automatic generation and detection of highly reliable fiducial markers und
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from estimation.tags.corners import refine_corners
-from estimation.tags.exposure import wrong_exposure
 from estimation.tags.intrinsics import Intrinsics
 from quadrotor.errors import MeasurementError
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
+DARK, BRIGHT = 12.0, 243.0
+"""Mean grey levels beyond which the exposure is wrong."""
+
+
+def wrong_exposure(level: float) -> str:
+    """Return "black" or "white" for a mean grey level (0 to 255) that is unusable, else ""."""
+    return "black" if level <= DARK else "white" if level >= BRIGHT else ""
+
+
 Picture = npt.NDArray[np.uint8]
 
 Tags = dict[int, Array]
@@ -132,3 +141,43 @@ def dictionary_of(family: str) -> Any:
         there = sorted({n[5:] for n in dir(cv2.aruco) if n.startswith("DICT_") and "H" not in n})
         raise MeasurementError(f"no tag family {family!r:.40}; there are {', '.join(there)}")
     return cv2.aruco.getPredefinedDictionary(number)
+
+
+WIDEST = 640
+"""Width in pixels above which a picture is reduced."""
+QUALITY = 75
+"""JPEG quality in percent: a rendered picture of 640 x 480 pixels has 14 kB."""
+USED, UNUSED, SHADE = (120, 220, 60), (40, 170, 255), (20, 20, 20)  # blue, green, red
+
+
+def marked_picture(grey: Picture, tags: Tags, used: Collection[int]) -> bytes:
+    """Return a JPEG of the picture with outline, first corner and number of each tag: green if the
+    tag is one of `used`, amber if it is unknown.
+
+    The marks are drawn into the picture instead of being sent next to it, so that the page, the
+    log, Foxglove and the replay all show the same, and the marks always belong to their picture.
+
+    Raises MeasurementError when OpenCV cannot encode it.
+    """
+    import cv2
+
+    scale = min(1.0, WIDEST / grey.shape[1])
+    if scale < 1.0:
+        grey = np.asarray(
+            cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8
+        )
+    picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+    for number, corners in sorted(tags.items()):
+        colour = USED if number in used else UNUSED
+        outline = np.round((corners + 0.5) * scale - 0.5).astype(np.int32)
+        cv2.polylines(picture, [outline], True, colour, 2, cv2.LINE_AA)
+        cv2.circle(picture, outline[0].tolist(), 4, colour, -1, cv2.LINE_AA)
+        right, middle = outline[:, 0].max(), outline[:, 1].mean()
+        place = (int(right) + 5, int(middle) + 5)
+        for shade, width in ((SHADE, 5), (colour, 2)):
+            font = cv2.FONT_HERSHEY_SIMPLEX
+            cv2.putText(picture, str(number), place, font, 0.8, shade, width, cv2.LINE_AA)
+    done, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+    if not done:
+        raise MeasurementError(f"a picture of {picture.shape} cannot be made a JPEG")
+    return bytes(data.tobytes())

@@ -11,11 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from quadrotor.errors import MeasurementError, StorageError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 MODEL = "plumb_bob"
 """ROS's name of the model."""

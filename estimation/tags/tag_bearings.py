@@ -12,18 +12,14 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
 from estimation.tags.detector import DEFAULT_FAMILY, Picture, TagDetector, Tags
 from estimation.tags.intrinsics import Intrinsics
-from estimation.tags.tag_fit import RESIDUAL_MAX, fitting
 from estimation.tags.tag_layout import Size, Strict, TagPlace, Triple, read_tags
-from estimation.tags.tag_pose import NOISE, TagPose, poses_of
-from quadrotor.records import MAX_BEACONS
+from estimation.tags.tag_pose import NOISE, RESIDUAL_MAX, TagPose, fitting, poses_of
+from quadrotor.records import MAX_BEACONS, Array
 from quadrotor.rotations import quaternion_from_euler, quaternion_to_matrix
-
-Array = npt.NDArray[np.float64]
 
 DOWN = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """R_bc of a camera that looks along the body's -z, with the top of its picture forward."""

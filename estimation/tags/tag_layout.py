@@ -21,14 +21,13 @@ from pathlib import Path
 from typing import Annotated, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
 from estimation.tags.detector import DEFAULT_FAMILY
 from quadrotor.errors import MeasurementError, StorageError
+from quadrotor.records import Array
 from quadrotor.rotations import quaternion_from_euler, quaternion_to_matrix
 
-Array = npt.NDArray[np.float64]
 Size = Annotated[float, Field(gt=0.0, le=10.0)]
 """Side of the black square, m."""
 Triple = tuple[FiniteFloat, FiniteFloat, FiniteFloat]

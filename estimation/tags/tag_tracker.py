@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.tags.detector import Picture, TagDetector, Tags
 from estimation.tags.intrinsics import Intrinsics
-from estimation.tags.tag_fit import RESIDUAL_MAX, STILL_RESIDUAL_MAX, fitting
 from estimation.tags.tag_layout import TagLayout, TagPlace
-from estimation.tags.tag_pose import TagPose, likeliest
+from estimation.tags.tag_pose import RESIDUAL_MAX, STILL_RESIDUAL_MAX, TagPose, fitting, likeliest
 from quadrotor.errors import MeasurementError
+from quadrotor.records import Array
 from quadrotor.rotations import quaternion_from_matrix
 
-Array = npt.NDArray[np.float64]
 PLACED_OVER = 30
 """Number of pictures over which the tags of the world are averaged to locate the camera."""
 MOVED = 2.0

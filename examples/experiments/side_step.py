@@ -32,7 +32,7 @@ class Options(Parameters):
 
 
 class SideStep:
-    """Takes off, steps to the left and lands; it is judged on the overshoot."""
+    """CommandKind off, steps to the left and lands; it is judged on the overshoot."""
 
     name = "side_step"
     planned = 25.0  # s

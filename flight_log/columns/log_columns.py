@@ -93,7 +93,7 @@ class _Folder:
     def _make(self, place: Path) -> None:
         """Make the columns in `place`, or where there is room for them."""
         if self._progress is None:
-            raise StorageError(f"the columns of {self.log.name} are not there, or damaged")
+            raise StorageError(f"the columns of {self.log.name} are missing or damaged")
         try:
             self._write(place, self._progress)
             make_room(place.parent, place.name)
@@ -136,7 +136,9 @@ class _Folder:
         try:
             return self._mapped(topic)
         except (OSError, _DamagedError) as error:
-            raise StorageError(f"the columns of {self.log.name} cannot be kept: {error}") from error
+            raise StorageError(
+                f"the columns of {self.log.name} cannot be stored: {error}"
+            ) from error
 
     def _mapped(self, topic: str) -> tuple[Any, mmap.mmap]:
         import pyarrow as pa

@@ -14,11 +14,11 @@ from mcap.records import Schema
 from flight_log.columns.writer import HEADER, PAYLOAD, RECEIVED, STAMP
 from flight_log.payload_layout import HEADER_STAMP
 from flight_log.reader import decodable_name
+from quadrotor.records import Stamps
 
 NOTHING: dict[str, Any] = {"type": "", "count": 0, "numbers": [], "constants": {}, "texts": {}}
 
 Floats = npt.NDArray[np.floating[Any]]
-Stamps = npt.NDArray[np.int64]
 
 
 class Topic:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.calibration.motion import Turn, angular_velocity, best_turn, interpolated, on_grid
 from flight_log.imports.frames import axes, bodies
@@ -15,8 +14,7 @@ from flight_log.imports.mapping import ORDERS
 from flight_log.imports.raw import RawTrack, ordered
 from quadrotor.errors import LogFormatError
 from quadrotor.plain_rotations import matrices_of
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 WAYS = ("body to world", "world to body")
 FITS = 0.6

@@ -9,7 +9,6 @@ acceleration of their positions must agree with the specific force, rotated by t
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from flight_log.imports.flight import ImportedFlight, Imu
 from flight_log.imports.frames import axes, bodies
@@ -18,8 +17,7 @@ from flight_log.imports.raw import RawFlight, RawImu, RawTrack
 from flight_log.imports.tracks import Checked
 from flight_log.imports.trajectory import align
 from quadrotor.errors import LogFormatError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 GRAVITY = 9.80665
 LIKELY_FORCE = (0.7, 1.6)
@@ -135,7 +133,7 @@ def _body(imu: RawImu, force: Array, notes: list[str]) -> Array:
     stated = imu.rows.body
     finding = f"[imu] the mean specific force is ({', '.join(f'{one:.2f}' for one in mean)}) m/s^2"
     if length < 0.5 * GRAVITY:
-        raise LogFormatError(f"{finding}, too small for gravity: is gravity taken out already?")
+        raise LogFormatError(f"{finding}, too small for gravity: has gravity been removed already?")
     fits = [one for one in bodies() if (axes(one, "") @ mean)[2] > POINTS_UP * length]
     if stated is None:
         if fits[:1] not in (["FLU"], ["FRD"]):

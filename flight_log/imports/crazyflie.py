@@ -14,12 +14,10 @@ from pathlib import Path
 from zlib import crc32
 
 import numpy as np
-import numpy.typing as npt
 
 from flight_log.imports.tables import FileTables
 from quadrotor.errors import LogFormatError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 MAGIC = b"\xbc"
 LETTERS = {**{one: f"<{one}" for one in "bBhHiIqQfd"}, "l": "<i", "L": "<I"}

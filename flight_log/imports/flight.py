@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-import numpy.typing as npt
-
-from quadrotor.records import Record
-
-Array = npt.NDArray[np.float64]
-Stamps = npt.NDArray[np.int64]
+from quadrotor.records import Array, Record, Stamps
 
 
 @dataclass
@@ -24,17 +18,14 @@ class Imu:
 
 @dataclass
 class Track:
-    """Poses of a body FLU in a world with z up; values that a log does not have are NaN.
-
-    Attributes:
-        velocity_known: whether the log has it; otherwise it is derived from the positions.
+    """Poses of a body FLU in a world with z up; values that a log does not have are NaN, except
+    velocities, which are then derived from the positions.
     """
 
     name: str  # section of the mapping
     stamps_ns: Stamps  # (N,), rising
     states: Record  # (N,) STATE
     attitude_known: bool
-    velocity_known: bool
 
 
 @dataclass

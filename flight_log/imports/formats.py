@@ -40,8 +40,8 @@ def format_of(path: Path) -> str:
     found = next((name for magic, name in MAGIC.items() if head.startswith(magic)), None)
     if found is None and b"\0" in head:
         raise LogFormatError(
-            f"{path.name} is of no format known here; "
-            f"there are {', '.join(dict.fromkeys([*MAGIC.values(), TEXT]))}"
+            f"{path.name} has an unknown format; "
+            f"known are {', '.join(dict.fromkeys([*MAGIC.values(), TEXT]))}"
         )
     return found or TEXT
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from itertools import permutations, product
 
 import numpy as np
-import numpy.typing as npt
 
 from quadrotor.errors import UsageError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 LETTERS = {
     **dict.fromkeys("FE", (1.0, 0.0, 0.0)),

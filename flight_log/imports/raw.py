@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from flight_log.imports.formats import open_source
 from flight_log.imports.frames import continuous
@@ -24,9 +23,7 @@ from flight_log.imports.mapping import (
 from flight_log.imports.sweeps import read_sweeps
 from flight_log.imports.tables import Source
 from quadrotor.errors import LogFormatError, StorageError
-from quadrotor.records import Record
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array, Record
 
 FEWEST = 50
 """Least number of rows of IMU or truth for an import."""
@@ -140,7 +137,7 @@ class _Files:
             return
         if not self._torn:
             raise LogFormatError(
-                f"{source.path.name} is incomplete: {source.torn}; --torn imports what is before"
+                f"{source.path.name} is incomplete: {source.torn}; --torn imports the part before"
             )
         note = f"{source.path.name} is incomplete: {source.torn}; imported up to there"
         if note not in self.notes:

@@ -8,12 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from flight_log.imports.tables import FileTables
 from quadrotor.errors import LogFormatError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 LOGGED = "logged"
 """The column with the time at which a message was written, s; `stamp` is its header's."""

@@ -11,10 +11,8 @@ import numpy.typing as npt
 from flight_log.imports.flight import ImportedFlight, Track
 from flight_log.provenance import provenance
 from flight_log.writer import Batch, LogWriter
-from quadrotor.records import POSE_SAMPLE, TICK
+from quadrotor.records import POSE_SAMPLE, TICK, Stamps
 from vehicle_link import topics
-
-Stamps = npt.NDArray[np.int64]
 
 SLICE_NS = 10_000_000_000
 """Duration, in ns, of flight that is encoded at once."""

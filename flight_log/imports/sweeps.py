@@ -14,14 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from flight_log.imports.frames import quaternion_of
 from flight_log.imports.tables import Source
 from quadrotor.errors import LogFormatError
-from quadrotor.records import MAX_SENSORS, SWEEP_PLANE, SWEEPS_SAMPLE, Record
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import MAX_SENSORS, SWEEP_PLANE, SWEEPS_SAMPLE, Array, Record
 
 ANGLES, PULSES = "lhAngle", "lhUartFrame"
 GEOMETRY = "system-config.yaml"

@@ -7,11 +7,9 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from quadrotor.errors import LogFormatError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 HEAD_LINES = 2000
 """Number of lines of a text file in which its first row of numbers is searched."""

@@ -6,13 +6,10 @@ import math
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.calibration import motion
 from estimation.calibration.motion import (
-    STEP,
     angular_velocity,
-    best_lag,
     best_turn,
     common_grid,
     interpolated,
@@ -26,19 +23,14 @@ from flight_log.imports.flight import Track
 from flight_log.imports.frames import axes, quaternion_of
 from flight_log.imports.mapping import LENGTH_UNITS
 from flight_log.imports.raw import RawTrack, ordered
+from flight_log.imports.track_clock import TrackClock
 from flight_log.imports.trajectory import derivative
 from quadrotor.errors import LogFormatError
 from quadrotor.plain_rotations import matrices_of
-from quadrotor.records import STATE
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import STATE, Array
 
 CALM = 0.15
 """m/s² rms below which acceleration is too small to judge by."""
-NEAR = 5.0
-"""Largest offset, in s, between stamps of the same clock."""
-TOLD_OFFSET = 5e-4
-"""Smallest offset, in s, that is corrected."""
 SLIGHT = (math.radians(0.2), math.radians(5.0))
 """Range of the angle, in rad, between the truth's and the IMU's body axes that is corrected: how
 marker frames are mounted."""
@@ -77,8 +69,7 @@ class Checked:
         self.rate_scale: float | None = None
         self._seconds, self._force, self._turning = seconds, force, turning
         self._notes = notes
-        offset = raw.rows.time_offset
-        self._offset = offset if isinstance(offset, float) else 0.0
+        self._clock = TrackClock(seconds, raw, notes)
         self._body = axes(raw.rows.body or "FLU", "body")
         self._world = axes(raw.rows.world or "ENU", "world")
         self._unit = self._stated_unit() or 1.0
@@ -101,7 +92,6 @@ class Checked:
         raw = self.raw
         states = np.zeros(len(raw.seconds), STATE)
         states["position_w"] = self._unit * raw.position @ self._world.T
-        known = raw.velocity is not None
         if raw.velocity is not None:
             states["velocity_w"] = self._unit * raw.velocity @ self._world.T
         else:
@@ -113,20 +103,20 @@ class Checked:
             turned = product_of(turned, quaternion_of(self._body.T))
             states["quaternion_wb"] = turned
             states["angular_velocity_b"] = angular_velocity(raw.seconds, turned)
-        stamps = np.round((raw.seconds + self._offset) * 1e9).astype(np.int64) + base_ns
-        return Track(raw.name, stamps, states, raw.quaternion is not None, known)
+        stamps = np.round(self._clock.at * 1e9).astype(np.int64) + base_ns
+        return Track(raw.name, stamps, states, raw.quaternion is not None)
 
     def _fit_attitude(self) -> None:
         """Determine order, clock and body from the rotation."""
         raw, rows = self.raw, self.raw.rows
-        mine, theirs = self._grids()
+        mine, theirs = self._clock.grids()
         imu = (self._seconds, self._force, self._turning)
         fit, tells = fit_order(
             raw,
             (mine, theirs),
             imu,
-            lambda one, other: self._lag(one, other, mine, theirs),
-            self._offset,
+            lambda one, other: self._clock.lag(one, other, mine, theirs, same_axes=False),
+            self._clock.offset,
         )
         self._order = fit.order, fit.way
         if not tells:
@@ -138,7 +128,7 @@ class Checked:
         self._settle_body(fit.turn)
         gyro = on_grid(mine, self._seconds, self._turning)
         turned = fit.rate @ fit.turn.matrix.T * fit.turn.scale
-        self._settle_clock(gyro, turned, mine, theirs)
+        self._clock.settle(gyro, turned, mine, theirs)
 
     def _settle_body(self, turn: motion.Turn) -> None:
         raw = self.raw
@@ -160,50 +150,11 @@ class Checked:
         elif rest > 1.0:
             self._notes.append(finding)
 
-    def _settle_clock(self, one: Array, other: Array, mine: Array, theirs: Array) -> None:
-        """Find the offset of the stamps; both signals are already in the same axes."""
-        lag = self._lag(one, other, mine, theirs)
-        name, stated = self.raw.name, self.raw.rows.time_offset
-        share = best_lag(one, other, 0)[1] if mine is theirs else 1.0
-        apart = mine[0] > theirs[-1] or theirs[0] > mine[-1]
-        if apart and stated is None:
-            raise LogFormatError(
-                f"[{name}] has stamps of another clock than [imu]: {theirs[0]:.1f} to "
-                f"{theirs[-1]:.1f} s after the IMU's first sample, which ends at {mine[-1]:.1f} s; "
-                f"the motion of both fits with time_offset = {lag:.3f} in [{name}]"
-            )
-        if isinstance(stated, float):
-            if abs(lag) > 2 * STEP and share < 0.98:
-                self._notes.append(
-                    f"[{name}] time_offset = {stated:g} is kept; "
-                    f"the motion suggests {stated + lag:.4f}"
-                )
-            return
-        if abs(lag) >= TOLD_OFFSET:
-            self._offset = lag
-            self._notes.append(
-                f"[{name}] its stamps are {-lag * 1e3:.1f} ms late against the IMU's, by the "
-                "motion of both: corrected"
-            )
-        else:
-            self._notes.append(f"[{name}] its clock is the IMU's, within {TOLD_OFFSET * 1e3:g} ms")
-        half = len(one) // 2
-        if mine is theirs and half * STEP > 10.0:
-            parts = [
-                best_lag(one[s], other[s], 20)[0] * STEP for s in (slice(half), slice(half, None))
-            ]
-            drift = (parts[0] - parts[1]) / (half * STEP)
-            if abs(drift) * 2 * half * STEP > 0.02:
-                self._notes.append(
-                    f"[{name}] its clock drifts by {drift * 1e6:.0f} ppm against the IMU's; "
-                    f"time_scale = {self.raw.rows.time_scale * (1.0 + drift):.7f} corrects it"
-                )
-
     def _fit_position(self) -> None:
         """Determine world and unit of the positions from accelerations in the attitudes' world."""
         raw, rows = self.raw, self.raw.rows
         assert raw.quaternion is not None
-        at = raw.seconds + self._offset
+        at = self._clock.at
         grid = common_grid(self._seconds, at)
         turned = ordered(raw.quaternion, *self._order)
         turned = interpolated(grid, at, turned)
@@ -253,10 +204,10 @@ class Checked:
 
     def _fit_speed(self, estimate: RawTrack) -> None:
         """Determine the clock from the speed of the vehicle's estimate. Raises LogFormatError."""
-        mine, theirs = self._grids()
+        mine, theirs = self._clock.grids()
         one = speed(on_grid(mine, estimate.seconds, estimate.position))
-        own = speed(on_grid(theirs, self.raw.seconds + self._offset, self.raw.position))
-        lag = self._lag(one, own, mine, theirs)
+        own = speed(on_grid(theirs, self._clock.at, self.raw.position))
+        lag = self._clock.lag(one, own, mine, theirs)
         mine_too, theirs_too = joined(mine, one, theirs + lag, own)
         share = float(np.corrcoef(mine_too[:, 0], theirs_too[:, 0])[0, 1])
         if share < FITS:
@@ -264,7 +215,7 @@ class Checked:
                 f"[{self.raw.name}] moves as the [estimate] by {share:.2f} only (1: wholly): "
                 "are both of the same flight?"
             )
-        self._settle_clock(one, own, mine, theirs)
+        self._clock.settle(one, own, mine, theirs)
         self._notes.append(
             f"[{self.raw.name}] has no attitude: its clock is found by the speed of the [estimate]"
         )
@@ -272,9 +223,9 @@ class Checked:
     def _fit_position_alone(self) -> None:
         """Determine clock, unit and vertical of positions from the length of the specific force."""
         raw, rows = self.raw, self.raw.rows
-        mine, theirs = self._grids()
+        mine, theirs = self._clock.grids()
         force = np.linalg.norm(on_grid(mine, self._seconds, self._force), axis=1, keepdims=True)
-        flown = motion.accelerations(on_grid(theirs, raw.seconds + self._offset, raw.position))
+        flown = motion.accelerations(on_grid(theirs, self._clock.at, raw.position))
         worlds = [rows.world] if rows.world else list(WORLDS)
         units = [self._stated_unit()] if rows.position_unit else [1.0, 1e-3]
         fits = []
@@ -282,7 +233,7 @@ class Checked:
             assert unit is not None
             wanted = unit * flown @ axes(world, "").T + np.array([0.0, 0.0, GRAVITY])
             own = np.linalg.norm(wanted, axis=1, keepdims=True)
-            lag = self._lag(force, own, mine, theirs)
+            lag = self._clock.lag(force, own, mine, theirs)
             one, other = joined(mine, force, theirs + lag, own)
             share = float(np.corrcoef(one[:, 0], other[:, 0])[0, 1])
             fits.append((share, world, unit, own, float(np.std(own)), lag))
@@ -296,7 +247,7 @@ class Checked:
             return
         if len(fits) > 1:
             self._notes.append(f"[{raw.name}] its world is {world}, its unit {self._unit:g} m")
-        self._settle_clock(force, own, mine, theirs)
+        self._clock.settle(force, own, mine, theirs)
 
     def _stated_unit(self) -> float | None:
         stated = self.raw.rows.position_unit
@@ -318,20 +269,3 @@ class Checked:
             hint = f'write "{found}"' if found else "are these the right columns?"
             raise LogFormatError(f"{finding}, not in {self.raw.rows.position_unit}: {hint}")
         self._unit = stated
-
-    def _grids(self) -> tuple[Array, Array]:
-        """Return the grids of the IMU and of the track: the same one if their clocks overlap."""
-        at = self.raw.seconds + self._offset
-        motion_alone = self.raw.rows.time_offset == "motion"
-        if not motion_alone and min(self._seconds[-1], at[-1]) - max(self._seconds[0], at[0]) > 5.0:
-            grid = common_grid(self._seconds, at)
-            return grid, grid
-        return np.arange(self._seconds[0], self._seconds[-1], STEP), np.arange(at[0], at[-1], STEP)
-
-    def _lag(self, one: Array, other: Array, mine: Array, theirs: Array) -> float:
-        """Return the shift for the track's stamps, s; from lengths if its axes are unknown."""
-        if other.shape[1] > 1 and self.rate_scale is None:
-            one, other = (np.linalg.norm(x, axis=1, keepdims=True) for x in (one, other))
-        most = round(NEAR / STEP) if mine is theirs else max(len(one), len(other))
-        shift, _ = best_lag(one, other, min(most, len(one) // 2) if mine is theirs else most)
-        return float(mine[0] - theirs[0] - shift * STEP)

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from estimation.calibration.motion import best_turn, interpolated, product_of
 from flight_log.imports.flight import Track
 from flight_log.imports.frames import quaternion_of
 from flight_log.imports.raw import FEWEST
-from quadrotor.records import Record
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array, Record
 
 GAP_NS = 100_000_000
 """Longest gap of the truth, in ns, across which it is compared."""

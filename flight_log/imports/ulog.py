@@ -12,8 +12,7 @@ import numpy.typing as npt
 
 from flight_log.imports.tables import FileTables
 from quadrotor.errors import LogFormatError, StorageError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 DATED = "vehicle_gps_position"
 """The topic whose `time_utc_usec` gives the date."""

@@ -123,8 +123,8 @@ class Dialogue:
             self._status = self._client.statuses.get(timeout=SILENT)
         except queue.Empty:
             raise LinkError(
-                f"the station has been silent for {SILENT:g} s; what became of the calibration "
-                "shows on the page when it is back"
+                f"the station has been silent for {SILENT:g} s; the page will show the outcome "
+                "of the calibration once it is back"
             ) from None
         return self._status
 
@@ -135,8 +135,8 @@ class Dialogue:
         elif not self._screen.is_terminal:
             self._stop()
             raise UsageError(
-                f"it asks: {question!r}; there is no terminal to answer at: give --yes when it "
-                "is so"
+                f"it asks: {question!r}; there is no terminal to answer on: give --yes to "
+                "confirm it"
             )
         else:
             typed = self._screen.ask(f"{question} [y/N]", lambda: self._is_asked(question))

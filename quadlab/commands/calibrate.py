@@ -21,15 +21,15 @@ class Calibrate:
 
     calibration: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = None
     """gyroscope, accelerometer, motor_bench, mass, inertia, drag, vibration, tracker_delay,
-    tracker_body, or one of a file of your own"""
+    tracker_body, or one from your own file"""
     set: Settings = ()
     """an option of the calibration"""
     yes: Flag = False
-    """say yes to every question: propellers are off, the vehicle is fixed, …"""
+    """answer yes to every question: propellers are off, the vehicle is fixed, …"""
     accept: Flag = False
-    """have the vehicle take over a result within its limits, without asking"""
+    """accept a result within its limits without asking"""
     reject: Flag = False
-    """change nothing on the vehicle, without asking"""
+    """reject the result without asking; nothing on the vehicle changes"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback; --link-port of `quadlab up`"""
     name: str = "quad1"
@@ -44,12 +44,12 @@ class Calibrate:
         if self.accept and self.reject:
             raise UsageError("--accept and --reject: give one of them")
         if self.calibration is None and (self.set or self.yes or self.accept or self.reject):
-            raise UsageError("calibrate needs a name for that: quadlab calibrate NAME …")
+            raise UsageError("these options need a calibration: quadlab calibrate NAME …")
         screen = Screen()
         if self.calibration and not screen.is_terminal and not (self.accept or self.reject):
             raise UsageError(
-                "there is no terminal to decide at: give --accept or --reject, and --yes when it "
-                "asks for a confirmation"
+                "there is no terminal to answer on: give --accept or --reject, and --yes to "
+                "confirm its questions"
             )
         with station(self.loopback_port, self.name) as client:
             reply = client.ask("experiment", action="describe")
@@ -71,7 +71,7 @@ class Calibrate:
             if known.get(name):
                 raise UsageError(f"{name} cannot run: {known[name]}")
             there = [n for n, record in zip(reply.names, reply.calibrations, strict=True) if record]
-            raise UsageError(f"no calibration {name!r:.60}; there are {', '.join(there)}")
+            raise UsageError(f"no calibration {name!r:.60}; known are {', '.join(there)}")
         options = {one.name: one for one in map(from_descriptor, reply.descriptors)}
         values = {}
         for word in self.set:

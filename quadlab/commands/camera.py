@@ -5,9 +5,9 @@ from __future__ import annotations
 import contextlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from quadlab.commands.option_types import optional
+from quadlab.commands.option_types import File
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
@@ -31,8 +31,8 @@ class Camera:
     """squares across and down"""
     device: int = 0
     """number of the camera, as in /dev/video0"""
-    video: Annotated[Path | None, optional()] = None
-    """a file in its place"""
+    video: File = None
+    """read this video file instead of a camera"""
 
     def run(self) -> int:
         from estimation.tags.camera_calibration import Board, calibrate_camera
@@ -41,7 +41,7 @@ class Camera:
         if not (columns.isdecimal() and times and rows.isdecimal()):
             raise UsageError(f"--board {self.board}: write it as 7x5, squares across and down")
         if self.out.exists():
-            raise UsageError(f"{self.out} is there already; give --out a new file")
+            raise UsageError(f"{self.out} exists already; give --out a new file")
         board = Board(int(columns), int(rows), self.square, self.marker)
         found = calibrate_camera(self._pictures(), board)
         found.intrinsics.save(self.out)

@@ -62,6 +62,10 @@ EXAMPLES: dict[str, dict[str, str]] = {
     },
     "simulator": {"quadlab simulator --folder quad": "simulate a vehicle behind quad/mcu0"},
     "station": {"quadlab station --vehicle quad1": "run the station of one vehicle"},
+    "mavlink": {
+        "quadlab mavlink": "fly with QGroundControl or MAVSDK on this computer",
+        "quadlab mavlink udpin:127.0.0.1:14550 --viewers": "listen, and send telemetry only",
+    },
     "tracker": {
         "quadlab tracker natnet --host 192.168.1.5 --body quad1=cf7": "track with OptiTrack",
         "quadlab tracker camera --device 0 --intrinsics camera.yaml --tags tags.toml": (

@@ -21,16 +21,16 @@ class Export:
     model: Annotated[Literal["plant", "law"], tyro.conf.Positional]
     """plant: rotors, rigid body, air, ground; law: the paper's controller"""
     out: Annotated[Path, tyro.conf.arg(metavar="FILE.fmu")]
-    """the file to write; one that is there is replaced"""
+    """the file to write; an existing one is replaced"""
     set: Settings = ()
-    """a start value other than the default, as mass=1.5 or control.position.kp_xy=6"""
+    """a start value other than the default, like mass=1.5 or control.position.kp_xy=6"""
 
     def run(self) -> int:
         if self.out.suffix != ".fmu":
             raise UsageError(f"--out {self.out}: the file must end in .fmu")
         if not self.out.parent.is_dir():
             raise StorageError(f"--out {self.out}: there is no folder {self.out.parent}; make it")
-        from quadlab.fmu_export.archive import export_fmu
+        from quadlab.fmu_export.description import export_fmu
 
         export_fmu(self.model, self.set, self.out)
         print(self.out)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from quadlab.commands.option_types import File, Flag, Folder, Settings
-from quadlab.simulated.beacon_file import beacon_words
+from quadlab.settings import beacon_words
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class Fly:
     out: Folder = None
     """folder for the log (default: flights in the data folder)"""
     seed: int = 1
-    """of all noise; the same seed gives the same messages"""
+    """seed of all simulated noise; the same seed gives the same messages"""
     board: str = "mikrokopter"
     """the vehicle's board: mikrokopter; betaflight, whose real firmware flies (scripts/betaflight
     builds it)"""
@@ -43,7 +43,7 @@ class Fly:
     """beacons of a CSV file with the header id,x,y,z (m); layouts by name with
     --set bearings.layout=NAME"""
     plugins: Folder = None
-    """folder of control laws of your own (default: plugins in the data folder)"""
+    """folder of your own control laws and estimators (default: plugins in the data folder)"""
     true_state: Flag = False
     """let the controller see the true state instead of the estimate"""
     report: Flag = False
@@ -87,7 +87,7 @@ class Fly:
         print(f"  log {path}")
         store = flight.stack.store
         if proposal is not None and not self.json:
-            from quadlab.calibration.proposal_lines import proposal_lines
+            from quadlab.calibration.lines import proposal_lines
 
             print("\n".join(f"  {line}" for line in proposal_lines(proposal, store)))
         files = write_report(experiment, path, result, proposal) if self.report else []
@@ -109,7 +109,7 @@ class Fly:
                 },
             }
             if proposal is not None:
-                from quadlab.calibration.proposal_lines import proposal_json
+                from quadlab.calibration.lines import proposal_json
 
                 report["proposal"] = proposal_json(proposal, store)
             print(json.dumps(report))

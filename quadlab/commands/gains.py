@@ -13,7 +13,7 @@ class Gains:
     """Print the phase margins of the named gain sets, and of one made with --set."""
 
     set: Settings = ()
-    """a gain or model parameter, as control.position.kp_xy=9, or control.preset=stiff"""
+    """a gain or model parameter, like control.position.kp_xy=9, or control.preset=stiff"""
 
     def run(self) -> int:
         from control.margins import LOW_MARGIN, margins, smallest

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import tyro
 
-from quadlab.link_commands.enrol import Enrol
+from quadlab.link_commands.enrol import Enrol, Observer, Pilot
 from quadlab.link_commands.known import Forget, List
-from quadlab.link_commands.stations import Observer, Pilot
 from quadlab.link_commands.test import Test
 
 Action = (

@@ -10,8 +10,7 @@ import tyro
 from quadlab.log_commands.export import Export
 from quadlab.log_commands.fetch import Fetch
 from quadlab.log_commands.import_ import Import
-from quadlab.log_commands.info_and_check import Check, Info
-from quadlab.log_commands.recover import Recover
+from quadlab.log_commands.info_and_check import Check, Info, Recover
 from quadlab.log_commands.report import Report
 
 Action = (

@@ -8,9 +8,9 @@ from typing import Annotated, Any
 import tyro
 
 
-def optional(metavar: str | None = None) -> Any:
+def optional(metavar: str | None = None, name: str | None = None) -> Any:
     """Return the settings of an option whose default is not shown."""
-    return tyro.conf.arg(metavar=metavar, help_behavior_hint="")
+    return tyro.conf.arg(metavar=metavar, name=name, help_behavior_hint="")
 
 
 Flag = Annotated[bool, optional()]

@@ -21,7 +21,7 @@ from quadlab.up.supervise import Child
 from quadlab.vehicle_names import THE_VEHICLE, check_name, parse_names, parse_vehicles
 from quadrotor.errors import QuadlabError, UsageError
 from vehicle.boards.kind import MIKROKOPTER
-from vehicle_link.serial.identity import THE_ONE, Identity
+from vehicle_link.serial.ids import THE_ONE, Identity
 
 WATCH_PERIOD = 0.2
 SIGN_IN_TOKEN = "QUADLAB_SIGN_IN_TOKEN"
@@ -35,28 +35,28 @@ class Vehicle:
     """Run the vehicle's flight stack on board: flight and comms process."""
 
     serial: Annotated[tuple[str, ...], tyro.conf.arg(metavar="PORT[,PORT]")] = ()
-    """the microcontroller's serial ports, one or two; auto looks for them behind all devices"""
+    """the microcontroller's serial ports, one or two; auto searches all serial devices"""
     check: Flag = False
-    """only test the connection and print what was found"""
+    """test the connection, print the result and exit"""
     board: str = MIKROKOPTER
-    """the board that turns the motors: mikrokopter, betaflight, or of a package (docs/boards)"""
+    """the flight board: mikrokopter, betaflight, or one of an installed package (docs/boards)"""
     find: Flag = False
-    """only look at all serial devices and print what is there"""
+    """list all serial devices, print what answers on each, and exit"""
     robot_id: Annotated[int, tyro.conf.arg(metavar="ID")] = THE_ONE.robot_id
-    """the number the microcontroller calls itself by; motors start with no other"""
+    """robot id that the microcontroller must report; motors do not start with another one"""
     firmware: Annotated[int, tyro.conf.arg(metavar="REVISION")] = THE_ONE.firmware
-    """revision of its firmware; motors start with no other"""
+    """firmware revision that it must report; motors do not start with another one"""
     data: Folder = None
     """data folder"""
     rate: Annotated[int | None, optional("HZ")] = None
-    """IMU samples and ticks a second, 60 to 1000; one port carries 338, two carry 677 (default:
+    """IMU samples and ticks per second, 60 to 1000; one port carries 338, two carry 677 (default:
     500, with one port 300)"""
     in_process: Flag = False
     """instead of --serial: fly a simulated vehicle inside the flight process, at any rate"""
     link_port: int = 7447
     """UDP port of the radio link to listen on"""
     telemetry: Annotated[int, tyro.conf.arg(metavar="HZ")] = 100
-    """packets of telemetry a second, 12 to 100, each with the ticks since the one before"""
+    """telemetry packets a second, 12 to 100; each holds the ticks since the previous one"""
     name: str = THE_VEHICLE
     """namespace of the vehicle's topics"""
     set: Settings = ()
@@ -135,16 +135,16 @@ class Simulator:
     loopback_port: int = 7447
     """TCP port of the station's session on loopback"""
     name: Names = ()
-    """namespace of the vehicle's topics (default: quad1); of several, once for each"""
+    """namespace of the vehicle's topics (default: quad1); repeat it for several vehicles"""
     serve: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SYSTEM[=PORT]")] = ()
-    """serve poses as these tracking systems do, on loopback: vrpn, natnet, qtm"""
+    """serve poses like these tracking systems, on loopback: vrpn, natnet, qtm"""
     firmware: Literal["python", "c"] = "python"
-    """what the simulated microcontroller runs; gcc and make build the C one (firmware/) first"""
+    """firmware of the simulated microcontroller; c (firmware/) is first built with gcc and make"""
     board: str = MIKROKOPTER
     """the simulated board: mikrokopter; betaflight, its real firmware (scripts/betaflight builds
     it)"""
     set: Settings = ()
-    """start with this parameter value; tracker.NAME=VALUE sets how served poses are measured,
+    """start with this parameter value; tracker.NAME=VALUE changes the noise of the served poses,
     board.NAME=VALUE is an option of the board"""
 
     def run(self) -> int:
@@ -186,16 +186,16 @@ class Station:
         tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="[NAME=]HOST:PORT")
     ] = ()
     """address of a vehicle's radio link (default: 127.0.0.1:7447), or the name of an enrolled one;
-    several as NAME=HOST:PORT, the option once for each"""
+    repeat it as NAME=HOST:PORT for several"""
     loopback_port: int = 7447
     """TCP port to listen on, on loopback"""
     name: str = THE_VEHICLE
-    """namespace of the vehicle's topics, where --vehicle names none"""
+    """namespace of the vehicle's topics, if --vehicle names none"""
     set: Settings = ()
-    """start with this parameter value of the station, tracker.rate=50 for instance"""
+    """start with this parameter value of the station, like tracker.rate=50"""
     tracker: Annotated[str, tyro.conf.arg(metavar="WORDS")] = ""
-    """start `quadlab tracker` with these words too, like "vrpn --host mocap --body cf7", and again
-    when it dies; the simulated tracker is off"""
+    """also run `quadlab tracker` with these arguments, like "vrpn --host mocap --body cf7", and
+    restart it when it dies; turns the simulated tracker off"""
 
     def run(self) -> int:
         from console.link.known_vehicles import KnownVehicles
@@ -253,14 +253,14 @@ class Web(PageOptions):
     loopback_port: int = 7447
     """TCP port of the station's session on loopback"""
     name: Names = ()
-    """namespace of the vehicle's topics; of several, once for each (default: as the station was
-    started last with this data folder)"""
+    """namespace of the vehicle's topics; repeat it for several vehicles (default: those of the
+    station's last start with this data folder)"""
 
     def run(self) -> int:
-        from console.link.dialled_vehicles import dialled
+        from console.link.known_vehicles import station_vehicles
 
         data = open_data_folder(self.data)
-        names = parse_names(self.name or dialled(data))
+        names = parse_names(self.name or station_vehicles(data))
         tls = self.check_page(data)
         if tls is not None:
             say_authority(tls)

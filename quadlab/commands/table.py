@@ -13,6 +13,7 @@ from quadlab.commands.fly import Fly
 from quadlab.commands.gains import Gains
 from quadlab.commands.link import LinkCommand
 from quadlab.commands.log import LogCommand
+from quadlab.commands.mavlink import Mavlink
 from quadlab.commands.new import New
 from quadlab.commands.processes import Simulator, Station, Vehicle, Web
 from quadlab.commands.tracker import Tracker
@@ -45,6 +46,7 @@ GROUPS: dict[str, dict[str, type[Command]]] = {
         "station": Station,
         "tracker": Tracker,
         "web": Web,
+        "mavlink": Mavlink,
     },
 }
 COMMANDS: dict[str, type[Command]] = {

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from quadlab.commands.option_types import optional
+from quadlab.commands.option_types import File, optional
 from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import LinkError, UsageError
 
@@ -24,35 +23,35 @@ ANYWHERE, HERE = "0.0.0.0", "127.0.0.1"
 
 @dataclass
 class Tracker:
-    """Bring the poses of a laboratory's tracking system to the station."""
+    """Connect a laboratory's tracking system to the station."""
 
     system: Annotated[
         Literal["vicon", "natnet", "qtm", "vrpn", "ros2", "udp", "camera", "onboard_camera"],
         tyro.conf.Positional,
     ]
-    """what to connect to; udp takes lines stamp,name,x,y,z,qw,qx,qy,qz; onboard_camera brings
-    bearings to tags that are beacons, in place of the emulated ones"""
+    """the tracking system; udp receives lines stamp,name,x,y,z,qw,qx,qy,qz; onboard_camera measures
+    bearings to tags that serve as beacons, which replace the emulated ones"""
     body: Annotated[
         tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="[VEHICLE=]NAME")
     ] = ()
-    """the system's name of the vehicle's body, of ROS 2 its topic (default: the vehicle's name);
-    of several vehicles the option once for each; of onboard_camera the vehicle that it is on"""
+    """the body's name in the system, with ros2 its topic (default: the vehicle's name); repeat it
+    for several vehicles; with onboard_camera, the vehicle that carries the camera"""
     host: str = ""
-    """of the system; of udp the address to listen on"""
+    """address of the system; with udp, the address to listen on"""
     port: Annotated[int | None, optional("PORT")] = None
-    """where it is not the system's usual one (udp: 5005)"""
+    """port, if it is not the system's usual one (udp: 5005)"""
     unit: Literal["m", "mm"] = "m"
-    """of the positions that the system sends"""
+    """unit of the positions that the system sends"""
     up: Literal["z", "y"] = "z"
-    """the system's axis that points up"""
+    """axis of the system that points up"""
     device: int = 0
-    """of a camera: its number, as in /dev/video0"""
-    video: Annotated[Path | None, optional()] = None
-    """of a camera: a file in its place"""
-    intrinsics: Annotated[Path | None, optional()] = None
-    """of a camera: the file that `quadlab camera` wrote"""
-    tags: Annotated[Path | None, optional()] = None
-    """of a camera: the TOML file that says which tags are where"""
+    """camera and onboard_camera: number of the camera, as in /dev/video0"""
+    video: File = None
+    """camera and onboard_camera: read this video file instead of a camera"""
+    intrinsics: File = None
+    """camera and onboard_camera: file that `quadlab camera` wrote"""
+    tags: File = None
+    """camera and onboard_camera: TOML file with the tags and their places"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback"""
 
@@ -68,7 +67,7 @@ class Tracker:
             raise UsageError(f"--port {self.port} is out of range (1 to 65535)")
         if self.system == "ros2" and not all(name.startswith("/") for name in bodies.values()):
             raise UsageError(
-                "of ros2, --body is a topic with its leading slash, like --body /vrpn/cf7/pose"
+                "with ros2, --body is a topic with its leading slash, like --body /vrpn/cf7/pose"
             )
         if self.system in CAMERAS and None in (self.intrinsics, self.tags):
             raise UsageError(
@@ -77,8 +76,8 @@ class Tracker:
         if self.of_bearings:
             if len(self.body) > 1 or any("=" in word for word in self.body):
                 raise UsageError(
-                    "onboard_camera is on one vehicle: name it, like --body quad1, and start the "
-                    "command once for each camera"
+                    "onboard_camera is on one vehicle: name it, like --body quad1, and start one "
+                    "command for each camera"
                 )
             bodies = {name: name for name in self.body or (THE_VEHICLE,)}
             check_name(next(iter(bodies)))
@@ -108,14 +107,14 @@ class Tracker:
             where = ""
         elif self.system in CAMERAS:
             where = f" {self.device if self.video is None else self.video}"
-        session, has_told = None, False
+        session, is_reported = None, False
         while session is None:
             try:
                 session = loopback_session(self.loopback_port)
             except LinkError as error:
-                if not has_told:
+                if not is_reported:
                     print(f"tracker: {error}; trying again", flush=True)
-                has_told = True
+                is_reported = True
                 if stopping.wait(1.0):
                     return 0
         if clock.page() is None:
@@ -151,12 +150,12 @@ class Tracker:
             assert self.intrinsics is not None
             assert self.tags is not None
             from console.trackers.camera import CameraSource
-            from console.trackers.onboard_camera import OnboardCameraSource, StationsBeacons
+            from console.trackers.onboard_camera import OnboardCameraSource, StationBeacons
 
             camera = self.device if self.video is None else self.video
             if not self.of_bearings:
                 return CameraSource(camera, self.intrinsics, self.tags, view)
-            beacons = StationsBeacons(session, bodies[0])
+            beacons = StationBeacons(session, bodies[0])
             return OnboardCameraSource(camera, self.intrinsics, self.tags, beacons, view)
         from console.trackers.motion_capture import MotionCaptureSource
 

@@ -21,11 +21,9 @@ from quadlab.commands.processes import OPEN_BROWSER, SIGN_IN_TOKEN, WATCH_PERIOD
 from quadlab.data_folder import data_folder, open_data_folder, owned
 from quadlab.settings import check_laws, offer_estimators, parse_board_options, parse_settings
 from quadlab.simulated.fleet import SimulatedFleet
-from quadlab.up.free_port import require_free
 from quadlab.up.landing import land_before_stopping
 from quadlab.up.page_options import PageOptions
-from quadlab.up.progress import Progress
-from quadlab.up.stop_request import StopRequest
+from quadlab.up.progress import Progress, require_free
 from quadlab.up.supervise import Child
 from quadlab.vehicle_names import THE_VEHICLE, check_name
 from quadrotor.errors import UsageError
@@ -33,6 +31,7 @@ from vehicle.boards.kind import BETAFLIGHT, MIKROKOPTER, find_kind
 from vehicle_link import clock
 from vehicle_link.lockstep import Page
 from vehicle_link.serial.capacity import check_rate
+from vehicle_link.termination_signal import EndSignal
 
 if TYPE_CHECKING:
     from quadrotor.parameters import ParameterValue
@@ -56,19 +55,19 @@ class Up(PageOptions):
     vehicles: Annotated[int, tyro.conf.arg(metavar="N")] = 1
     """simulated vehicles, 1 to 8: quad1, quad2, …; several fly at reduced rates"""
     rate: Annotated[int | None, optional("HZ")] = None
-    """ticks of each vehicle a second, 60 to 677: what two serial ports carry (default: 500; of
-    two or three 100, of more 60)"""
+    """ticks per second of each vehicle, 60 to 677, the limit of two serial ports (default: 500;
+    with two or three vehicles 100, with more 60)"""
     name: str = THE_VEHICLE
     """namespace of the vehicle's topics"""
     real_time: Flag = False
-    """for timing tests: let the simulation go on by the computer's time, even when flight stack or
-    station are late (default: it waits for them, and slows on a busy machine)"""
+    """for timing tests: run the simulation in real time, even when flight stack or station are
+    late (default: it waits for them, and slows down on a busy computer)"""
     tracker: Annotated[str, tyro.conf.arg(metavar="WORDS")] = ""
-    """fly on the poses of `quadlab tracker` with these words, in real time: vrpn, natnet and qtm
-    without --host are served by the simulator, udp is what you send (default: on the simulated
-    tracker's, without such a process)"""
+    """fly on the poses of `quadlab tracker` with these arguments, in real time: vrpn, natnet and
+    qtm without --host come from the simulator, udp from your own program (default: the station's
+    simulated tracker)"""
     firmware: Literal["python", "c"] = "python"
-    """what the simulated microcontroller runs; gcc and make build the C one (firmware/) first"""
+    """firmware of the simulated microcontroller; c (firmware/) is first built with gcc and make"""
     board: str = MIKROKOPTER
     """the simulated vehicles' board: mikrokopter; betaflight, its real firmware
     (scripts/betaflight builds it)"""
@@ -241,22 +240,20 @@ class Up(PageOptions):
 
     def _watch(self, groups: Sequence[Sequence[Child]], fleet: SimulatedFleet) -> int:
         children = [child for group in groups for child in group]
-        stop = StopRequest()
-        with stop.installed():
-            try:
+        stop = EndSignal()
+        try:
+            for child in children:
+                child.start()
+            while not stop.wait(WATCH_PERIOD):
                 for child in children:
-                    child.start()
-                while not stop.wait(WATCH_PERIOD):
-                    for child in children:
-                        said = child.watch()
-                        if said:
-                            print(f"quadlab: {said}", flush=True)
-                land_before_stopping(self.link_port, fleet.names, stop)
-            finally:
-                if (words := clock.page()) is not None:
-                    words[clock.STOPPING] = 1
-                for group in reversed(groups):
-                    _stop(group)
+                    if event := child.watch():
+                        print(f"quadlab: {event}", flush=True)
+            land_before_stopping(self.link_port, fleet.names, stop)
+        finally:
+            if (words := clock.page()) is not None:
+                words[clock.STOPPING] = 1
+            for group in reversed(groups):
+                _stop(group)
         print("quadlab: stopped", flush=True)
         return 0
 

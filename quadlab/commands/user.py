@@ -35,11 +35,11 @@ class User:
     action: Annotated[Action, tyro.conf.Positional]
     """what to do"""
     name: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = None
-    """whose account; all but list need one"""
+    """name of the account; needed for all but list"""
     new_role: Annotated[
         RoleName | None, tyro.conf.Positional, tyro.conf.arg(name="new-role", metavar="ROLE")
     ] = None
-    """for role: the new one"""
+    """for role: the new role"""
     role: Annotated[RoleName | None, optional()] = None
     """for add: viewer watches, operator commands, admin also manages users (default: operator;
     the first account is an admin)"""

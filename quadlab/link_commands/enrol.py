@@ -1,19 +1,61 @@
-"""`quadlab link enrol NAME ADDRESS`."""
+"""`quadlab link enrol NAME ADDRESS`, `quadlab link observer NAME` and `quadlab link pilot NAME`:
+certificates for vehicles and further stations.
+"""
 
 from __future__ import annotations
 
+import re
+import tarfile
+import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from quadlab.commands.option_types import Folder, optional
 from quadlab.data_folder import open_data_folder
-from quadlab.link_commands.certificate_bundle import REMOTE_FOLDER, how_to_copy, write_bundle
 from quadlab.vehicle_names import check_name
-from quadrotor.errors import UsageError
+from quadrotor.errors import StorageError, UsageError
+from vehicle_link.security.authority import TlsFiles
+
+if TYPE_CHECKING:
+    from vehicle_link.security.access import Access
+
+REMOTE_FOLDER = ".local/share/quadlab/certificates"
+"""Default folder of the certificates on another machine, below its home folder."""
+
+
+def write_bundle(out: Path, issue: Callable[[Path], TlsFiles]) -> Path:
+    """Issue files for another machine; return where they are: a folder, or a file ending in .tar.
+
+    Raises StorageError or LinkError.
+    """
+    out = out.expanduser().absolute()
+    if out.suffix != ".tar":
+        return issue(out).folder
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory() as folder:
+            files = issue(Path(folder))
+            out.touch(mode=0o600)
+            out.chmod(0o600)  # if the file existed already
+            with tarfile.open(out, "w") as tar:
+                for path in sorted(files.folder.iterdir()):
+                    tar.add(path, path.name)
+    except OSError as error:
+        raise StorageError(f"cannot write {out}: {error.strerror or error}") from error
+    return out
+
+
+def how_to_copy(made: Path, host: str) -> list[str]:
+    """Return lines with commands that copy the files to the machine `host` by ssh."""
+    begin = f"ssh {host} 'mkdir -p -m 700 {REMOTE_FOLDER}"
+    if made.suffix == ".tar":
+        return [f"{begin} && tar -x -C {REMOTE_FOLDER}' < {made}"]
+    return [f"{begin}'", f"scp -p {made}/* {host}:{REMOTE_FOLDER}/"]
 
 
 @dataclass
@@ -21,13 +63,13 @@ class Enrol:
     """Register a vehicle here, and issue the certificate with which it accepts our stations."""
 
     name: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME")]
-    """of the vehicle, like quad2"""
+    """name of the vehicle, like quad2"""
     address: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="ADDRESS")]
-    """host name or address under which it is dialled, with :port unless it is 7447"""
+    """host name or address at which it is reached, with :port unless it is 7447"""
     also: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="HOST")] = ()
-    """a further name or address of it"""
+    """another host name or address of it"""
     out: Annotated[Path | None, optional("DIR")] = None
-    """folder, or file ending in .tar, for what the vehicle needs"""
+    """folder, or file ending in .tar, for the vehicle's files"""
     data: Folder = None
     """data folder"""
 
@@ -66,3 +108,56 @@ class Enrol:
         print(f"                   quadlab station --vehicle {self.name}")
         print(f"vehicle.key is a secret: delete {made} once it is copied")
         return 0
+
+
+MAY = {
+    "observer": "receives and reads everything, and can command nothing",
+    "pilot": "may do everything that this base may",
+}
+
+
+@dataclass
+class _Station:
+    name: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME")]
+    """name of the person or machine, like ben"""
+    out: Annotated[Path | None, optional("DIR")] = None
+    """folder, or file ending in .tar, for the station's files"""
+    data: Folder = None
+    """data folder"""
+
+    def issue(self, access: Access) -> int:
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,31}", self.name):
+            raise UsageError(
+                f"{self.name!r} is no name for a station; allowed are up to 32 letters, digits and "
+                ". _ -, a letter or digit first, like ben"
+            )
+        from vehicle_link.security.enrolment import issue_station
+
+        data = open_data_folder(self.data)
+        out = self.out or data / "issued" / f"{access}_{self.name}"
+        base = data / "certificates"
+        made = write_bundle(out, partial(issue_station, base, name=self.name, access=access))
+        print(f"{self.name}'s station {MAY[access]}; its files are in {made}")
+        print(
+            f"1. copy ca.pem, station.pem and station.key into {REMOTE_FOLDER} there (mode 0700), "
+            "or into\n   the folder certificates of another data folder"
+        )
+        print("2. there: quadlab station --vehicle NAME=ADDRESS")
+        print(f"station.key is a secret: delete {made} once it is copied")
+        return 0
+
+
+@dataclass
+class Observer(_Station):
+    """Issue files for a station that may watch, but not command."""
+
+    def run(self) -> int:
+        return self.issue("observer")
+
+
+@dataclass
+class Pilot(_Station):
+    """Issue files for a further station that may do everything."""
+
+    def run(self) -> int:
+        return self.issue("pilot")

@@ -14,13 +14,13 @@ STATES = {
     "answers": "answers",
     "closed": "no quadlab vehicle on this port",
     "silent": "silent",
-    "nameless": "its name leads nowhere",
+    "nameless": "its host name is unknown",
 }
 
 
 @dataclass
 class List:
-    """The vehicles known here and whether they answer."""
+    """List the vehicles known here and whether they answer."""
 
     seek: Flag = False
     """also probe every address of this machine's networks"""
@@ -29,8 +29,7 @@ class List:
 
     def run(self) -> int:
         from console.link.known_vehicles import KnownVehicles
-        from vehicle_link.transport.local_networks import own_networks
-        from vehicle_link.transport.quic_probe import ProbeResult, probe_all
+        from vehicle_link.transport.quic_probe import ProbeResult, own_networks, probe_all
         from vehicle_link.transport.session import VEHICLE_PORT, parse_endpoint
 
         known = KnownVehicles(open_data_folder(self.data)).all()
@@ -41,7 +40,7 @@ class List:
                     state = STATES[result]
                     print(f"{name:12} {one.address:24} {state:32} enrolled {one.enrolled}")
         if not known:
-            print("no vehicle is known here; make one known with `quadlab link enrol NAME ADDRESS`")
+            print("no vehicle is known here; add one with `quadlab link enrol NAME ADDRESS`")
         if not self.seek:
             return 0
         networks = own_networks()
@@ -54,7 +53,7 @@ class List:
         for host in found:
             print(f"{'?':12} {host:24} answers, not enrolled here")
         print(
-            f"knocked at {len(hosts)} addresses of {', '.join(map(str, networks)) or 'no network'} "
+            f"probed {len(hosts)} addresses of {', '.join(map(str, networks)) or 'no network'} "
             f"on UDP port {VEHICLE_PORT}: {len(found)} further vehicles"
         )
         return 0
@@ -65,7 +64,7 @@ class Forget:
     """Remove a vehicle from the known ones. Its certificate stays valid until it expires."""
 
     name: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME")]
-    """of the vehicle"""
+    """name of the vehicle"""
     data: Folder = None
     """data folder"""
 

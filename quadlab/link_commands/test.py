@@ -28,11 +28,11 @@ class Test:
     """Connect to a vehicle, measure the link for some seconds, and judge it."""
 
     vehicle: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="[VEHICLE]")] = ""
-    """a known vehicle's name, or host:port (default: the only one known, else this machine)"""
+    """name of a known vehicle, or host:port (default: the only known one, else this machine)"""
     name: str = ""
-    """namespace of the vehicle's topics (default: what it calls itself)"""
+    """namespace of the vehicle's topics (default: the name that it announces)"""
     seconds: float = 8.0
-    """how long to measure"""
+    """duration of the measurement, s"""
     json: Flag = False
     """print the figures as JSON"""
     data: Folder = None
@@ -76,7 +76,7 @@ def _place(data: Path, word: str) -> tuple[str, str]:
     known = KnownVehicles(data).all()
     if not word:
         if len(known) > 1:
-            raise UsageError(f"say which vehicle to test: {', '.join(known)}, or an address")
+            raise UsageError(f"give the vehicle to test: {', '.join(known)}, or an address")
         return next(((one.address, one.name) for one in known.values()), ("127.0.0.1", ""))
     if word in known:
         return known[word].address, word

@@ -10,8 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from quadlab.commands.option_types import Folder
-from quadlab.log_commands.log_file import LogFile, check_log_file
-from quadlab.log_commands.progress import progress_of
+from quadlab.log_commands.log_file import LogFile, check_log_file, progress_of
 from quadrotor.errors import UsageError
 
 

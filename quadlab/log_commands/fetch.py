@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from quadlab.commands.option_types import Flag
-from quadlab.log_commands.progress import progress_of
+from quadlab.log_commands.log_file import progress_of
 from quadlab.vehicle_names import check_name
 from quadrotor.errors import LinkError, StorageError, UsageError
 
@@ -26,12 +26,12 @@ ENDED = ("done", "incomplete", "failed", "cancelled")
 
 @dataclass
 class Fetch:
-    """List the vehicle's own logs, or fetch one; it goes on where it was cut off before."""
+    """List the vehicle's own logs, or fetch one; an interrupted transfer is resumed."""
 
     log: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = None
-    """name of a log on board, or newest; without one they are listed"""
+    """name of a log on board, or newest (default: list them)"""
     cancel: Flag = False
-    """stop fetching it, and delete what has arrived"""
+    """stop fetching it, and delete the part that has arrived"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback; --link-port of `quadlab up`"""
     name: str = "quad1"
@@ -46,7 +46,7 @@ class Fetch:
         with station(self.loopback_port, self.name) as client:
             if self.cancel:
                 client.ask("transfer", action="cancel", name=self.log)
-                print(f"{self.log} is not fetched any more")
+                print(f"{self.log} is no longer being fetched")
                 return 0
             answer = client.ask("onboard_files")
             if self.log is None:
@@ -80,7 +80,7 @@ def _list(vehicle: str, answer: Any) -> int:
         if not one.start_ns:
             start, lasted = " " * 19, " " * 10
         open_ = "being written" if one.start_ns else "torn, not repaired yet"
-        state = "mended" if one.recovered else "closed" if one.closed else open_
+        state = "repaired" if one.recovered else "closed" if one.closed else open_
         print(f"{one.name:{width}}  {start} {lasted} {one.size / 1e6:8.1f} MB  {state}")
     print(f"{answer.free_bytes / 1e9:.1f} GB are free on board; quadlab log fetch NAME fetches one")
     return 0
@@ -107,7 +107,7 @@ def _fetch(client: StationClient, name: str) -> int:
         raise StorageError(f"{name} was not fetched, {transfer.phase}: {transfer.problem}")
     took = time.monotonic() - began
     how = transfer.problem or f"{size / 1e6:.1f} MB in {took:.1f} s"
-    print(f"{name} lies in the folder onboard/ of the station's data: {how}")
+    print(f"{name} is in the folder onboard/ of the station's data folder: {how}")
     return 0
 
 
@@ -123,5 +123,6 @@ def _report(messages: queue.SimpleQueue[Any], number: int, name: str) -> Any:
             if one.id == number:
                 return one
     raise LinkError(
-        f"the station has not reported on {name} for {SILENT:g} s; it continues, ask again"
+        f"the station has not reported on {name} for {SILENT:g} s; the transfer continues: run "
+        "the command again to follow it"
     )

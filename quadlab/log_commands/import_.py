@@ -15,21 +15,21 @@ from quadlab.vehicle_names import check_name
 
 @dataclass
 class Import:
-    """Make a run of a flight that another system recorded, after a check of units, frames and
+    """Import a flight that another system recorded, as a run, after a check of units, frames and
     clocks against gravity and motion (docs/importing.md)."""
 
     file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")]
     """the recorded flight: ULog, a ROS bag, µSD of a Crazyflie, CSV, HDF5, NumPy"""
     mapping: Annotated[str | None, optional("NAME_OR_FILE")] = None
-    """which columns are what: one that comes with quadlab, or a TOML file of your own"""
+    """meaning of the columns: the name of a mapping that comes with quadlab, or a TOML file"""
     truth: File = None
-    """file of the mapping's [truth], in place of the one it names"""
+    """file of the mapping's [truth], instead of the one that it names"""
     name: Annotated[str | None, optional()] = None
     """name of the vehicle (default: the mapping's)"""
     torn: Flag = False
-    """import a file that is cut off, up to there"""
+    """import a truncated file up to where it ends"""
     data: Folder = None
-    """data folder whose runs it joins"""
+    """data folder to which the run is added"""
 
     def run(self) -> int:
         if self.name is not None:

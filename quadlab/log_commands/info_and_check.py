@@ -1,4 +1,4 @@
-"""`quadlab log info LOG` and `quadlab log check LOG`."""
+"""`quadlab log info LOG`, `quadlab log check LOG` and `quadlab log recover LOG`."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from quadlab.commands.option_types import Flag
-from quadlab.log_commands.log_file import LogFile, check_log_file
-from quadlab.log_commands.progress import progress_of
+from quadlab.log_commands.log_file import LogFile, check_log_file, progress_of
+from quadrotor.errors import LogFormatError
 
 if TYPE_CHECKING:
     from console.evaluation.explanation.finding import Finding
@@ -24,9 +24,9 @@ class Info:
     file: LogFile
     """the MCAP file"""
     json: Flag = False
-    """print it as one line of JSON"""
+    """print one line of JSON"""
     explain: Flag = False
-    """also what happened in the flight, the heaviest first"""
+    """also print what happened in the flight, the most important first"""
 
     def run(self) -> int:
         from flight_log.summary import summarize
@@ -140,3 +140,46 @@ class Check:
         if not found.problems:
             print(f"sound: {found.count} messages of {len(found.topics)} topics, read to the end")
         return 1 if found.problems else 0
+
+
+@dataclass
+class Recover:
+    """Repair, in place, the log of a writer that was killed; a complete one is left alone. Damage
+    that cannot be repaired is reported, with exit status 1."""
+
+    file: LogFile
+    """the MCAP file"""
+
+    def run(self) -> int:
+        from flight_log.recovery import recover
+
+        check_log_file(self.file)
+        found = recover(self.file)
+        if not found.torn:
+            return self._left_alone()
+        print(
+            f"{self.file} was torn ({found.reason}) and was repaired in place: "
+            f"{found.messages} messages kept, {found.lost_bytes} bytes after the tear "
+            f"and {found.damaged_chunks} damaged chunks lost"
+        )
+        if found.kept is not None:
+            print(f"the original is kept as {found.kept}, as more data follow the tear")
+        return 0
+
+    def _left_alone(self) -> int:
+        from flight_log.check import damage
+
+        try:
+            lines = damage(self.file)
+        except LogFormatError:  # its compression is not supported; its index is sound
+            lines = []
+        for line in lines:
+            print(f"damaged, and cannot be repaired: {line}")
+        if lines:
+            print(
+                f"{self.file} has its index, and nothing was changed; the rest of it can be read, "
+                "checked and exported as it is"
+            )
+            return 1
+        print(f"{self.file} is complete; nothing was changed")
+        return 0

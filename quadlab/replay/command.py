@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from quadlab.commands.option_types import File, Flag, Names, Settings
+from quadlab.commands.option_types import File, Flag, Names, Settings, optional
 from quadlab.data_folder import data_folder
 from quadlab.log_commands.log_file import check_log_file
-from quadlab.simulated.beacon_file import beacon_words
+from quadlab.settings import beacon_words
 from quadrotor.errors import LogFormatError, StorageError, UsageError
 
 if TYPE_CHECKING:
@@ -40,33 +40,32 @@ class Replay:
     """
 
     file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
-    """log of `quadlab fly`, or one of the vehicle's folder onboard/"""
+    """log of `quadlab fly`, or one from the vehicle's folder onboard/"""
     estimator: Names = ()
-    """a run of this estimator with the --set words; may be repeated"""
+    """run this estimator with the --set words"""
     run_words: Annotated[Runs, tyro.conf.arg(name="run")] = ()
-    """a run with settings of its own, in one pair of quotes; --set words apply before them; may
-    be repeated"""
+    """a run with its own settings, in one pair of quotes; they apply after the --set words"""
     set: Settings = ()
-    """set estimation.NAME, bearings.NAME or tracker.NAME in all runs; the flight's are the
-    defaults; estimation.preset=NAME sets the gains of a named set"""
+    """set estimation.NAME, bearings.NAME or tracker.NAME in all runs (default: the flight's);
+    estimation.preset=NAME sets the gains of a named set"""
     on: On = "auto"
-    """what the estimators are given: bearings made again from the truth, those recorded, the
-    tracker's poses (made again where a tracker.NAME is set), poses and bearings, or the sweeps of
-    Lighthouse base stations that an imported flight has; auto: the
-    bearings recorded if there are any and no bearings.NAME is set, else made again, but what was
-    flown on without --estimator and --run; estimation.source=… in a run has precedence"""
+    """measurements for the estimators: bearings emulated again from the truth, the recorded ones,
+    the tracker's poses (emulated again if a tracker.NAME is set), poses and bearings, or the sweeps
+    of Lighthouse base stations in an imported flight; auto: without --estimator and --run those of
+    the flight, else the recorded bearings, or emulated ones if there are none or a bearings.NAME is
+    set; estimation.source=… in a run takes precedence"""
     beacons: File = None
     """beacons of a CSV file with the header id,x,y,z (m); layouts by name with
     --set bearings.layout=NAME"""
     survey: Flag = False
-    """first find where the beacons (or, of sweeps, the base stations) are from the flight itself,
-    and give that to all runs; with --on both the tracker's poses say where, with bearings alone
-    the IMU does"""
+    """first estimate the positions of the beacons (with sweeps: of the base stations) from the
+    flight, and use them in all runs; with --on both they follow from the tracker's poses, with
+    bearings alone from the IMU"""
     truth: Literal["recorded", "tracker"] = "recorded"
-    """compare with, and make bearings from, the simulator's truth or the tracker's poses"""
-    start: Annotated[float | None, tyro.conf.arg(name="from", metavar="S")] = None
+    """compare with, and emulate bearings from, the simulator's truth or the tracker's poses"""
+    start: Annotated[float | None, optional("S", "from")] = None
     """compare from this time after the log's first sample (default: while airborne)"""
-    end: Annotated[float | None, tyro.conf.arg(name="to", metavar="S")] = None
+    end: Annotated[float | None, optional("S", "to")] = None
     """compare up to this time"""
     plot: File = None
     """draw the position errors over time"""
@@ -77,12 +76,17 @@ class Replay:
 
     def run(self) -> int:
         self._check_words()
-        from quadlab.replay.flown import flown_choices
-        from quadlab.replay.lines import plan_runs
+        from quadlab.replay.lines import flown_choices, plan_runs
         from quadlab.replay.log import read_recording
         from quadlab.replay.measurements import MeasurementStore
-        from quadlab.replay.plot import draw
-        from quadlab.replay.report import as_json, print_table, recorded_row, run_row, write_csv
+        from quadlab.replay.report import (
+            as_json,
+            draw,
+            print_table,
+            recorded_row,
+            run_row,
+            write_csv,
+        )
         from quadlab.replay.run import replay
         from quadlab.replay.window import find_window
         from vehicle.estimators.estimators import Estimators
@@ -144,7 +148,7 @@ class Replay:
             if path is not None and path.resolve() == self.file.resolve():
                 raise UsageError(f"{word} {path} is the log itself; name another file")
         if self.plot is not None:
-            from quadlab.replay.plot import check_plot
+            from quadlab.replay.report import check_plot
 
             check_plot(self.plot)
 
@@ -180,7 +184,7 @@ class Replay:
             return tracked_truth(recording)
         if len(recording.truth) < 2:
             hint = (
-                "--truth tracker takes the tracker's poses for it"
+                "--truth tracker uses the tracker's poses instead"
                 if with_attitude(recording)
                 else "and no tracker poses either, so nothing can be compared"
             )

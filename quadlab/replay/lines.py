@@ -1,18 +1,79 @@
-"""The runs that the options of `quadlab replay` ask for."""
+"""The runs that the options of `quadlab replay` ask for, and those that were flown."""
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from itertools import groupby
+from typing import Literal, NamedTuple
 
 from estimation import registry
-from quadlab.replay.flown import CHOICES, ESTIMATOR, SHADOWS, SOURCE, flown_choices
 from quadlab.replay.log import Recording
 from quadlab.settings import parse_settings
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LogFormatError, ParameterError, UsageError
+
+ESTIMATOR, SOURCE = "estimation.estimator", "estimation.source"
+SHADOWS = SHADOW, SHADOW_SOURCE = "estimation.shadow", "estimation.shadow_source"
+CHOICES = (ESTIMATOR, SOURCE, *SHADOWS)
+
+EstimatorAndSource = tuple[str, str]  # estimator, source
+
+
+class Choice(NamedTuple):
+    """An estimator with its source, and how long it was flown on while airborne."""
+
+    estimator: str
+    source: str
+    seconds: float
+    begin_ns: int | None  # stamp after which it ran, as a shadow at first; None: from the start
+
+
+def flown_choices(recording: Recording) -> list[Choice]:
+    """Return the choices with which the flight was flown, the longest first."""
+    p = recording.parameters.estimation
+    chosen = {
+        ESTIMATOR: p.estimator,
+        SOURCE: p.source,
+        SHADOW: p.shadow,
+        SHADOW_SOURCE: p.shadow_source,
+    }
+    flying = [stamp_ns for stamp_ns, airborne in recording.airborne if airborne]
+    begin_ns = flying[0] if flying else recording.start_ns
+    end_ns = flying[-1] if flying else int(recording.imu["stamp_ns"][-1])
+
+    running: dict[EstimatorAndSource, int | None] = dict.fromkeys(_pairs(chosen))
+    spans: dict[EstimatorAndSource, int] = {}
+    begins: dict[EstimatorAndSource, int | None] = {}
+
+    def fly_until(stamp_ns: int) -> None:
+        nonlocal begin_ns
+        until_ns = min(max(stamp_ns, begin_ns), end_ns)
+        flown = _pairs(chosen)[0]
+        spans[flown] = spans.get(flown, 0) + until_ns - begin_ns
+        begins.setdefault(flown, running[flown])
+        begin_ns = until_ns
+
+    changes = (change for change in recording.changes if change.name in CHOICES)
+    for (stamp_ns, _), group in groupby(changes, key=lambda one: one[:2]):
+        fly_until(stamp_ns)
+        chosen |= {change.name: str(change.value) for change in group}
+        running = {pair: running.get(pair, stamp_ns) for pair in _pairs(chosen)}
+    fly_until(end_ns)
+    longest = sorted(spans.items(), key=lambda item: -item[1])
+    found = [Choice(*pair, 1e-9 * span, begins[pair]) for pair, span in longest]
+    return [one for one in found if one.seconds > 0.0] or found[:1]
+
+
+def _pairs(chosen: dict[str, str]) -> list[EstimatorAndSource]:
+    """Return the running estimators: the one flown on, then its shadow if there is one."""
+    flown = (chosen[ESTIMATOR], chosen[SOURCE])
+    if chosen[SHADOW] == "none":
+        return [flown]
+    source = chosen[SHADOW_SOURCE]
+    return [flown, (chosen[SHADOW], chosen[SOURCE] if source == "same" else source)]
+
 
 On = Literal["bearings", "recorded-bearings", "poses", "both", "sweeps"]
 SWEEPS = "sweeps"
@@ -109,7 +170,7 @@ def _run(
     if LAYOUT in fixed and BELIEVED_LAYOUT not in fixed:
         parameters.beacons.layout = parameters.bearings.layout
     if source == SWEEPS and name != "error_state":
-        raise UsageError(f"{name} takes no sweeps of base stations; error_state does")
+        raise UsageError(f"{name} cannot use sweeps of base stations; error_state can")
     parameters.estimation.estimator = name
     if source != SWEEPS:
         parameters.estimation.source = source
@@ -162,8 +223,8 @@ def _emulated(recording: Recording, fixed: set[str], source: str, on: On | None)
     changed = {name for name in fixed if name.startswith("bearings.")}
     if on == "recorded-bearings" and changed:
         raise UsageError(
-            f"--on recorded-bearings with {min(changed)} changed: what was recorded cannot be; "
-            "use --on bearings, or leave it out"
+            f"--on recorded-bearings with {min(changed)} changed: recorded bearings cannot be "
+            "changed; use --on bearings, or leave --on out"
         )
     computed = set()
     if changed or on == "bearings" or (not recording.bearings and on != "recorded-bearings"):
@@ -192,5 +253,5 @@ def _any(names: set[str], prefix: str) -> bool:
 def _unused(word: str, kind: str) -> UsageError:
     source = "poses" if kind == "bearings" else "bearings"
     return UsageError(
-        f"{word} changes {kind}, but only {source} are used; say {SOURCE}={kind} or both"
+        f"{word} changes {kind}, but only {source} are used; set {SOURCE}={kind} or both"
     )

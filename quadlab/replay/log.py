@@ -22,13 +22,12 @@ from quadlab.simulated.parameters import FlightParameters
 from quadrotor.errors import LogFormatError, MeasurementError, ParameterError
 from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.plain_rotations import rotate
-from quadrotor.records import IMU_SAMPLE, STATE, Record
+from quadrotor.records import IMU_SAMPLE, STATE, Record, Stamps
 from vehicle.estimators.choice import ESTIMATOR, NONE, SHADOW
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics import decode_bearings, decode_pose, decode_position, decode_sweeps
 from vehicle_link.topics.ticks import FROM_ROS, SECOND_NS, WORLD, layout
 
-Stamps = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 
 IMU = tuple(f"{of}.{axis}" for of in ("linear_acceleration", "angular_velocity") for axis in "xyz")
@@ -107,7 +106,7 @@ def read_recording(path: Path) -> Recording:
     if space is None:
         raise LogFormatError(
             f"{path} has no IMU samples (topic /…/imu); "
-            "replay a log of `quadlab fly`, or one of the vehicle's folder onboard/"
+            "replay a log of `quadlab fly`, or one from the vehicle's folder onboard/"
         )
     topics = {name: found.get(f"{space}/{name}") or Topic() for name in (*COLUMNS, *EVENTS)}
     for name in ("imu", "state", "truth"):
@@ -157,7 +156,7 @@ def _check_whole(path: Path, log: LogColumns) -> None:
     if log.tear or not is_closed(path):
         raise LogFormatError(
             f"{path} is torn: it {log.tear or NO_END}; "
-            f"`quadlab log recover {path}` mends it, then replay it again"
+            f"`quadlab log recover {path}` repairs it, then replay it again"
         )
     if log.damaged_chunks or log.damaged_records:
         raise LogFormatError(
@@ -175,7 +174,7 @@ def _parameters(path: Path, attachments: Mapping[str, bytes]) -> FlightParameter
     try:
         values = json_value(attached)
         if not isinstance(values, dict):
-            raise ValueError("they are no names with values")
+            raise ValueError("they are not names with values")
         chosen = {str(values[name]) for name in (ESTIMATOR, SHADOW) if name in values}
         registry.offer(sorted(chosen - {*registry.names(), NONE}))  # plugins of that vehicle
         store = ParameterStore(parameters)

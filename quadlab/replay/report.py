@@ -1,4 +1,4 @@
-"""The rows of a replay, for the terminal, CSV and JSON."""
+"""The rows of a replay, for the terminal, CSV and JSON, and a plot of the position errors."""
 
 from __future__ import annotations
 
@@ -10,15 +10,33 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from quadlab.replay.consistency import Consistency, of_errors
-from quadlab.replay.errors import Array, Errors, Stamps, Truth, errors
+from quadlab.replay.errors import Consistency, Errors, Truth, errors, of_errors
 from quadlab.replay.lines import Run
 from quadlab.replay.log import Recording
 from quadlab.replay.run import Replayed
 from quadlab.replay.window import Window
-from quadrotor.errors import StorageError
+from quadrotor.errors import StorageError, UsageError
+from quadrotor.records import Array, Stamps
 
 RECORDED = "recorded state"
+
+COLUMNS = (
+    ("position mm", "position_rms_m", 1e3, ".1f"),
+    ("max", "position_max_m", 1e3, ".1f"),
+    ("velocity mm/s", "velocity_rms_m_s", 1e3, ".1f"),
+    ("max", "velocity_max_m_s", 1e3, ".1f"),
+    ("attitude deg", "attitude_rms_deg", 1.0, ".2f"),
+    ("max", "attitude_max_deg", 1.0, ".2f"),
+    ("measured", "measurements", 1.0, ".0f"),
+    ("rejected", "rejected_share", 1.0, ".1%"),
+    ("NIS", "nis", 1.0, ".2f"),
+    ("expected", "nis_low nis_high", 1.0, ".2f"),
+    ("NEES", "nees", 1.0, ".2f"),
+    ("expected", "nees_low nees_high", 1.0, ".2f"),
+    ("inside", "nees_inside_share", 1.0, ".0%"),
+    ("ms per s", "processor_s_per_s", 1e3, ".0f"),
+)
+"""Columns of the table: heading, values, factor to the heading's unit, format."""
 
 Value = float | int | str | None
 
@@ -84,26 +102,11 @@ def run_row(
 
 def print_table(rows: list[Row]) -> None:
     """Print the rows aligned; lengths in mm, angles in degrees."""
-    head = (
-        "run",
-        "on",
-        "position mm",
-        "max",
-        "velocity mm/s",
-        "max",
-        "attitude deg",
-        "max",
-        "measured",
-        "rejected",
-        "NIS",
-        "expected",
-        "NEES",
-        "expected",
-        "inside",
-        "ms per s",
-    )
-    lines = [head, *(_cells(row) for row in rows)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
+    lines: list[tuple[str, ...]] = [
+        ("run", "on", *(column[0] for column in COLUMNS)),
+        *map(_cells, rows),
+    ]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for line in lines:
         texts = [f"{text:<{width}}" for text, width in zip(line[:2], widths[:2], strict=True)]
         numbers = [f"{text:>{width}}" for text, width in zip(line[2:], widths[2:], strict=True)]
@@ -149,25 +152,12 @@ def _inside(stamps_ns: Stamps, window: Window) -> npt.NDArray[np.bool_]:
 
 
 def _cells(row: Row) -> tuple[str, ...]:
-    v = row.values
-    return (
-        row.label,
-        row.measurements or "-",
-        _text(v["position_rms_m"], 1e3, 1),
-        _text(v["position_max_m"], 1e3, 1),
-        _text(v["velocity_rms_m_s"], 1e3, 1),
-        _text(v["velocity_max_m_s"], 1e3, 1),
-        _text(v["attitude_rms_deg"], 1.0, 2),
-        _text(v["attitude_max_deg"], 1.0, 2),
-        _text(v["measurements"], 1.0, 0),
-        "-" if v["rejected_share"] is None else f"{float(v['rejected_share']):.1%}",
-        _text(v["nis"], 1.0, 2),
-        _range(v["nis_low"], v["nis_high"]),
-        _text(v["nees"], 1.0, 2),
-        _range(v["nees_low"], v["nees_high"]),
-        "-" if v["nees_inside_share"] is None else f"{float(v['nees_inside_share']):.0%}",
-        _text(v["processor_s_per_s"], 1e3, 0),
-    )
+    cells = [row.label, row.measurements or "-"]
+    for _, names, factor, style in COLUMNS:
+        values = [row.values[name] for name in names.split()]
+        known = [f"{factor * float(value):{style}}" for value in values if value is not None]
+        cells.append("–".join(known) if len(known) == len(values) else "-")
+    return tuple(cells)
 
 
 def _consistency(name: str, found: Consistency | None) -> dict[str, Value]:
@@ -181,9 +171,74 @@ def _consistency(name: str, found: Consistency | None) -> dict[str, Value]:
     return values
 
 
-def _range(low: Value, high: Value) -> str:
-    return "-" if low is None or high is None else f"{float(low):.2f}–{float(high):.2f}"
+# Okabe and Ito's colours, which colour-blind people can distinguish too.
+COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+STYLES = ("-", "-.", ":")
+SPREAD = 10.0
+"""Ratio of the largest to the smallest rms above which the axis is logarithmic."""
 
 
-def _text(value: Value, unit: float, digits: int) -> str:
-    return "-" if value is None else f"{unit * float(value):.{digits}f}"
+def check_plot(path: Path) -> None:
+    """Check the plot's file before the replay begins. Raises UsageError."""
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        raise UsageError(
+            "--plot needs matplotlib, which is not installed: pip install matplotlib"
+        ) from None
+    from matplotlib.backend_bases import FigureCanvasBase
+
+    ending = path.suffix.lstrip(".").lower()
+    if ending not in FigureCanvasBase.filetypes:
+        raise UsageError(f"--plot {path}: no picture ends in {path.suffix!r}; try .png, .svg, .pdf")
+
+
+def draw(path: Path, recording: Recording, window: Window, rows: list[Row]) -> None:
+    """Draw errors as solid lines, three standard deviations stated by the estimator as dashed ones.
+    Raises StorageError.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(10.0, 6.0), layout="constrained")
+    replays = [row for row in rows if row.label != RECORDED]
+    for row in rows:
+        time, error = recording.seconds(row.errors.stamps_ns), 1e3 * row.errors.position
+        if row.label == RECORDED:
+            axes.plot(time, error, color="#999999", linewidth=1.0, label=f"{RECORDED}{_rms(row)}")
+            continue
+        k = next(k for k, one in enumerate(replays) if one is row)
+        color, style = COLORS[k % len(COLORS)], STYLES[k // len(COLORS) % len(STYLES)]
+        label = f"{row.label}, {row.measurements}{_rms(row)}"
+        axes.plot(time, error, style, color=color, linewidth=1.0, label=label)
+        inside = (row.deviation_ns >= window.start_ns) & (row.deviation_ns <= window.end_ns)
+        if inside.any():
+            time, bound = recording.seconds(row.deviation_ns[inside]), 3e3 * row.deviation[inside]
+            axes.step(time, bound, "--", where="post", color=color, linewidth=1.2, alpha=0.7)
+    if any(len(row.deviation) for row in replays):
+        axes.plot([], [], "--", color="#666666", label="3σ by the estimator's own covariance")
+    sizes = [1e3 * float(rms) for row in rows if (rms := row.values["position_rms_m"])]
+    if sizes and max(sizes) > SPREAD * min(sizes):
+        axes.set_yscale("log")
+        axes.set_ylim(bottom=0.1 * min(sizes))
+    else:
+        axes.set_ylim(bottom=0.0)
+    axes.set_xlim(recording.seconds(window.start_ns), recording.seconds(window.end_ns))
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel("position error (mm)")
+    axes.set_title(recording.path.name, fontsize=10)
+    axes.grid(True, alpha=0.3)
+    figure.legend(frameon=False, fontsize=8, loc="outside lower center")
+    try:
+        figure.savefig(path, dpi=120)
+    except OSError as error:
+        raise StorageError(f"cannot write {path}: {error.strerror}") from error
+    finally:
+        pyplot.close(figure)
+
+
+def _rms(row: Row) -> str:
+    rms = row.values["position_rms_m"]
+    return ", no estimate" if rms is None else f", {1e3 * float(rms):.1f} mm rms"

@@ -8,13 +8,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import parse_layout
-from bearing_sim.known_beacons import KnownBeacons
 from estimation import registry
 from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.estimator import Estimator, TakesHeading
-from quadlab.replay.consistency import ALL, Consistency, Posterior, of_innovations
-from quadlab.replay.errors import Array, Stamps
+from quadlab.replay.errors import ALL, Consistency, Posterior, of_innovations
 from quadlab.replay.lines import BELIEVED_LAYOUT, Run
 from quadlab.replay.log import Arrival, Change, Recording
 from quadrotor.errors import MeasurementError, ParameterError, UndeterminedStartError
@@ -24,7 +23,9 @@ from quadrotor.records import (
     POSE_SAMPLE,
     STATE,
     SWEEPS_SAMPLE,
+    Array,
     Record,
+    Stamps,
     new_state,
     pose_sample,
 )

@@ -19,15 +19,14 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import Beacons, parse_layout
-from bearing_sim.known_beacons import KnownBeacons
 from estimation.error_state.estimator import ErrorStateEstimator
-from quadlab.replay.errors import Array
 from quadlab.replay.lines import Run
 from quadlab.replay.log import Arrival, Recording
 from quadlab.replay.run import Vehicle
 from quadrotor.errors import MeasurementError
-from quadrotor.records import MAX_BEACONS, POSE_SAMPLE, SWEEPS_SAMPLE, Record
+from quadrotor.records import MAX_BEACONS, POSE_SAMPLE, SWEEPS_SAMPLE, Array, Record
 
 XYZW, WXYZ = (1, 2, 3, 0), (3, 0, 1, 2)
 SPREAD = (0.1, 0.1, 0.1, 0.05, 0.05, 0.05)
@@ -194,7 +193,7 @@ def _fit(
     if len(first.innovations) < LEAST or np.isnan(first.path_w).all():
         raise MeasurementError(
             f"{len(first.innovations)} sweeps or frames of bearings in {run.label!r} are too few "
-            f"for a survey; it takes {LEAST} and a filter that starts: replay a longer flight"
+            f"for a survey, which needs {LEAST} and a filter that starts: replay a longer flight"
         )
 
     @lru_cache(maxsize=1)
@@ -229,7 +228,7 @@ def _fit(
             f"the survey of {run.label!r} finds no layout near the one it began with that fits "
             f"better: {1e3 * rms[1]:.2f} instead of {1e3 * rms[0]:.2f} mrad not predicted, moved "
             f"by up to {np.abs(moved[:, :3]).max():.2f} m; is the layout right to about 0.1 m, and "
-            "the flight a lively one of 20 s or more?"
+            "does the flight have 20 s or more of strong motion?"
         )
     turned = np.zeros_like(deviations) if each == 3 else moved[:, 3:]
     places = map(Place, numbers, moved[:, :3], turned, deviations)

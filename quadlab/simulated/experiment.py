@@ -64,7 +64,7 @@ def fly(
     Raises QuadlabError; after the start, its message includes the path of the log.
     """
     from console.experiments import watched
-    from console.experiments.user_file import mistakes_told
+    from console.experiments.user_file import errors_with_line
     from quadlab.simulated.flight import SimulatedFlight, TrueState
     from quadlab.simulated.flight_log import FlightLog
     from quadlab.simulated.parameters import FlightParameters
@@ -91,7 +91,7 @@ def fly(
     values = parse_settings(parameters, words)
     if "beacons.layout" not in values:  # the vehicle gets the true layout
         parameters.beacons.layout = parameters.bearings.layout
-    with mistakes_told(experiment):
+    with errors_with_line(experiment):
         experiment.check()
     folder = out or open_data_folder(None) / "flights"
     path = _new_log(open_data_folder(folder, "--out"), f"{experiment.name}_seed{seed}")
@@ -139,8 +139,8 @@ def chosen(name: str) -> Experiment:
         return load(Path(name))
     if name not in EXPERIMENTS:
         raise UsageError(
-            f"unknown experiment {name!r}; there are {', '.join(EXPERIMENTS)}, and files of your "
-            "own: quadlab fly FILE.py"
+            f"unknown experiment {name!r}; known are {', '.join(EXPERIMENTS)}, and your own files: "
+            "quadlab fly FILE.py"
         )
     return find(name)
 
@@ -154,10 +154,10 @@ def judged(
     """
     from console.evaluation.verdict import evaluated
     from console.experiments.client import Calibrating, Result
-    from console.experiments.user_file import mistakes_told
+    from console.experiments.user_file import errors_with_line
 
     try:
-        with mistakes_told(experiment):
+        with errors_with_line(experiment):
             result = evaluated(experiment, log)
             if aborted:
                 return Result("failed", result.metrics, result.limits), None

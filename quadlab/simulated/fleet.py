@@ -49,7 +49,7 @@ class SimulatedFleet:
             )
         if self.count > 1 and self.name != THE_VEHICLE:
             raise UsageError(
-                "several vehicles are called quad1, quad2, …; leave --name or --vehicles away"
+                "several vehicles are called quad1, quad2, …; leave out --name or --vehicles"
             )
 
     @property

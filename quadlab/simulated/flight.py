@@ -11,9 +11,9 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import parse_layout
 from bearing_sim.emulator import BearingEmulator
-from bearing_sim.known_beacons import KnownBeacons
 from bearing_sim.tracker import SimulatedTracker
 from console.experiments.client import VehicleView
 from estimation.convergence import Convergence
@@ -29,13 +29,13 @@ from quadrotor.records import Record, bearings_sample, has_attitude, pose_sample
 from vehicle.boards.kind import Kind
 from vehicle.boards.mikrokopter.microcontroller import KIND
 from vehicle.comms.bearing_pose import bearing_pose
-from vehicle.estimators.navigation import COMPLAIN_NS
-from vehicle.flight.microcontroller_commands import Orders
+from vehicle.estimators.measurement_reports import WARN_NS
+from vehicle.flight.microcontroller_commands import CommandSender
 from vehicle.flight.modes import MOTORS_ON
 from vehicle.flight.stack import FlightStack
 from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle_link.topics import TOPICS, encode_joy
+from vehicle_link.topics import encode_joy
 
 HEARTBEAT_NS = 50_000_000
 TRUTH_NS = 10_000_000
@@ -79,8 +79,8 @@ class SimulatedFlight(SimulatedGuide):
         if parameters.camera.enabled:
             self._bearings = OnboardCamera(parameters.bearings, parameters.camera)
         self._beacons = KnownBeacons(parse_layout(parameters.beacons.layout))
-        self._orders = Orders(self.stack.modes, self._board)
-        self._complained_ns = -COMPLAIN_NS
+        self._sender = CommandSender(self.stack.modes, self._board)
+        self._complained_ns = -WARN_NS
         self._next_heartbeat_ns = self._next_station_ns = self._next_truth_ns = 0
         # Views made once; they show the plant's current state.
         self._true_position_w = simulated.truth["position_w"][0]
@@ -101,7 +101,7 @@ class SimulatedFlight(SimulatedGuide):
             mode=stack.mode.name.lower(),
             behavior=stack.behaviors.name.name.lower(),
             armed=stack.mode in MOTORS_ON,
-            airborne=stack.airborne,
+            airborne=stack.ground.airborne,
             position_w=stack.state["position_w"][0].copy(),
             mass=float(stack.estimate["mass"][0]),
             mass_deviation=math.sqrt(float(stack.estimate["mass_variance"][0])),
@@ -128,8 +128,7 @@ class SimulatedFlight(SimulatedGuide):
         forward, left, up, yaw = (float(axis) for axis in axes)
         stamp_ns, held = self.stack.stamp_ns, (forward, left, up, yaw)
         self.stack.measure(mailbox.Joy(stamp_ns, held, True))
-        payload = encode_joy(stamp_ns, held, True)
-        self._log.message("joy", TOPICS["joy"].type_name, payload, stamp_ns, stamp_ns)
+        self._log.put("joy", encode_joy(stamp_ns, held, True), stamp_ns, stamp_ns)
 
     def wait_until(
         self, condition: Callable[[VehicleView], bool], *, what: str, timeout: float
@@ -158,12 +157,12 @@ class SimulatedFlight(SimulatedGuide):
         self._after_step()
         lap("simulated robot")
         samples = board.receive()
-        self._orders.keep(self._simulated.stamp_ns * 1e-9)
+        self._sender.service(self._simulated.stamp_ns * 1e-9)
         lap("serial")
         for sample in samples:
             command = stack.tick(sample)
             lap("tick")
-            self._orders.send(command)
+            self._sender.send(command)
             lap("serial")
             log.tick(stack.record)
             self._after_tick(stack.record)
@@ -207,11 +206,11 @@ class SimulatedFlight(SimulatedGuide):
         try:
             payload = bearing_pose(seen, self._beacons, self.stack.state)
         except MeasurementError as error:
-            if now_ns - self._complained_ns > COMPLAIN_NS:  # may occur 30 times a second
+            if now_ns - self._complained_ns > WARN_NS:  # may occur 30 times a second
                 self._complained_ns = now_ns
                 self.stack.say(f"bearings: {error}", mailbox.WARN)
             return
-        self._log.bearing_pose(int(seen["stamp_ns"][0]), payload, now_ns)
+        self._log.put("bearing_pose", payload, int(seen["stamp_ns"][0]), now_ns)
 
     def _drain_outbox(self) -> None:
         for message in self.stack.outbox:

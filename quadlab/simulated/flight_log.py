@@ -6,23 +6,28 @@ import json
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from bearing_sim.emulator import BearingMeasurement
 from flight_log import LogWriter
 from flight_log.provenance import provenance
 from flight_log.writer import Batch
 from quadrotor.parameters import ParameterStore
-from quadrotor.records import POSE_SAMPLE, STATE, TICK, Record, has_attitude, pose_sample
+from quadrotor.records import (
+    POSE_SAMPLE,
+    STATE,
+    TICK,
+    Array,
+    Record,
+    Stamps,
+    has_attitude,
+    pose_sample,
+)
 from vehicle.comms.publish import FLOWN_ON, Publisher
 from vehicle.processes import mailbox
 from vehicle_link import topics
 from vehicle_link.messages.cdr_layout import Records
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.transport.rmw_keys import full_name
-
-Array = npt.NDArray[np.float64]
-Stamps = npt.NDArray[np.int64]
 
 GROUP = 5
 """Number of ticks passed at once to the publisher of the slow topics, as in the comms process."""
@@ -108,7 +113,8 @@ class FlightLog:
         """Log a tracker pose, or the position of a marker, that arrived at `log_ns`."""
         if not has_attitude(quaternion_wb):
             sample = pose_sample(stamp_ns, position_w, quaternion_wb)
-            self._put("tracker_position", topics.encode_positions(sample)[0], stamp_ns, log_ns)
+            payload = topics.position_messages(sample).tobytes()
+            self.put("tracker_position", payload, stamp_ns, log_ns)
             return
         self._poses.append((stamp_ns, position_w, quaternion_wb))
         self._pose_arrivals.append(log_ns)
@@ -118,28 +124,21 @@ class FlightLog:
         payload = topics.encode_bearings(
             frame.stamp_ns, frame.beacon_ids.tolist(), frame.bearings_b, frame.sigma, self._vehicle
         )
-        self._put("bearings", payload, frame.stamp_ns, log_ns)
+        self.put("bearings", payload, frame.stamp_ns, log_ns)
 
     def picture(self, stamp_ns: int, jpeg: bytes, log_ns: int) -> None:
         """Log a picture of the camera on board that was read at `log_ns`."""
         payload = topics.encode_picture(stamp_ns, jpeg, self._vehicle)
-        self._put("camera_picture", payload, stamp_ns, log_ns)
+        self.put("camera_picture", payload, stamp_ns, log_ns)
 
-    def bearing_pose(self, stamp_ns: int, payload: bytes, log_ns: int) -> None:
-        """Log the one-frame pose solved from a frame of bearings, encoded."""
-        self._put("bearing_pose", payload, stamp_ns, log_ns)
-
-    def measurement(self, topic: str, payload: bytes, stamp_ns: int) -> None:
-        """Log a measurement of any other sensor at once."""
-        self._put(topic, payload, stamp_ns, stamp_ns)
+    def put(self, topic: str, payload: bytes, stamp_ns: int, log_ns: int) -> None:
+        """Log an encoded message of a topic of the table."""
+        self.message(topic, topics.TOPICS[topic].type_name, payload, stamp_ns, log_ns)
 
     def close(self) -> None:
         """Write the remaining messages and close the file. Raises StorageError."""
         self._flush()
         self._writer.close()
-
-    def _put(self, topic: str, payload: bytes, stamp_ns: int, log_ns: int) -> None:
-        self.message(topic, topics.TOPICS[topic].type_name, payload, stamp_ns, log_ns)
 
     def _newest_ns(self) -> int:
         """Return the time of the newest tick."""
@@ -154,7 +153,7 @@ class FlightLog:
             ticks = np.frombuffer(b"".join(self._ticks), TICK)
             self._publish(ticks)
             for topic, payload, stamp in self._scene.of(ticks):
-                self._put(topic, payload, stamp, stamp)
+                self.put(topic, payload, stamp, stamp)
             stamps = ticks["imu"]["stamp_ns"]
             batches += [
                 self._batch("state", topics.state_messages(ticks, self._vehicle), stamps),

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 import numpy as np
 
 from bearing_sim.tracker import PoseMeasurement
 from console.experiments.readings import BenchReadings, ImuReadings, Progress, TrackedAttitude
 from quadlab.simulated.flight_log import FlightLog
+from quadlab.simulated.parameters import FlightParameters
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
@@ -25,7 +25,6 @@ from vehicle.flight.modes import Mode
 from vehicle.flight.stack import FlightStack
 from vehicle.processes import mailbox
 from vehicle.simulator.force_sensor import ForceReading
-from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.topics import encode_bench_reading
@@ -40,12 +39,6 @@ PATIENCE = 30.0
 """Seconds to wait for the gyroscope's calibration, and for setting the vehicle down."""
 
 
-class HasSimulator(Protocol):
-    """The parameters of a simulated flight that a guided procedure needs."""
-
-    simulator: SimulatorParameters
-
-
 class SimulatedGuide:
     """A simulated person, tracker and force/torque sensor.
 
@@ -58,7 +51,7 @@ class SimulatedGuide:
     stack: FlightStack
 
     def __init__(
-        self, parameters: HasSimulator, simulated: SimulatedVehicle, log: FlightLog
+        self, parameters: FlightParameters, simulated: SimulatedVehicle, log: FlightLog
     ) -> None:
         self.progress: Progress | None = None
         self.on_progress: Callable[[Progress], None] = lambda _: None
@@ -161,7 +154,7 @@ class SimulatedGuide:
             payload = encode_bench_reading(
                 reading.stamp_ns, reading.force, reading.torque, reading.speed
             )
-            self._log.measurement("bench_reading", payload, reading.stamp_ns)
+            self._log.put("bench_reading", payload, reading.stamp_ns, reading.stamp_ns)
         if self._bench is not None and self.stack.stamp_ns >= self._bench_due_ns:
             if self.stack.mode is not Mode.BENCH:
                 self._bench = None

@@ -8,22 +8,19 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from bearing_sim import Beacons, BearingMeasurement, BearingParameters, parse_layout
 from bearing_sim.bearing_parameters import parse_lost
 from bearing_sim.pose_track import PoseTrack
 from bearing_sim.rendered_camera import Pattern, RenderedCamera
 from bearing_sim.sampling import SECOND_NS, DelayLine, InstantGrid
-from estimation.tags.detector import Picture, TagDetector
+from estimation.tags.detector import Picture, TagDetector, marked_picture
 from estimation.tags.intrinsics import Intrinsics
-from estimation.tags.marked_picture import marked_picture
 from estimation.tags.tag_bearings import BeaconTags, Mount, TagBearings
 from quadlab.simulated.parameters import CameraParameters
 from quadrotor.errors import MeasurementError
+from quadrotor.records import Array
 from quadrotor.rotations import quaternion_to_matrix, rotation_log
-
-Array = npt.NDArray[np.float64]
 
 WIDTH, HEIGHT = 640, 480
 IN_TIME = 0.9

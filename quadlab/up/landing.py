@@ -7,9 +7,9 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from quadlab.up.stop_request import StopRequest
 from quadrotor.errors import LinkError
 from vehicle_link import clock
+from vehicle_link.termination_signal import EndSignal
 
 LANDING_PATIENCE = 40.0
 HEARING = 1.5
@@ -68,7 +68,7 @@ class _Landing:
         print(f"quadlab: {self._shown}{line}", flush=True)
 
 
-def land_before_stopping(loopback_port: int, names: Sequence[str], stop: StopRequest) -> None:
+def land_before_stopping(loopback_port: int, names: Sequence[str], stop: EndSignal) -> None:
     """Land all through the station and wait for motors off; give up when asked twice or late."""
     from vehicle_link.transport.session import loopback_session
 
@@ -91,7 +91,7 @@ def land_before_stopping(loopback_port: int, names: Sequence[str], stop: StopReq
             thread.start()
         until = clock.monotonic() + LANDING_PATIENCE
         while clock.monotonic() < until:
-            if stop.at_once or all(landing.on_ground.is_set() for landing in due):
+            if stop.count > 1 or all(landing.on_ground.is_set() for landing in due):
                 return
             time.sleep(0.1)
         for landing in due:

@@ -34,7 +34,7 @@ class PageOptions:
 
     def check_page(self, data: Path) -> Tls | None:
         """Return the page's certificate, if any. Raises UsageError, StorageError or LinkError."""
-        from web.access.reach import check_reach, is_loopback
+        from web.access.listen_address import check_listen_address, is_loopback
 
         if (self.tls_certificate is None) != (self.tls_key is None):
             raise UsageError("--tls-certificate and --tls-key go together; give both or neither")
@@ -43,7 +43,7 @@ class PageOptions:
             from web.access.database import count_accounts
 
             accounts = count_accounts(data / "web")
-        check_reach(self.host, has_tls=self.has_tls, accounts=accounts)
+        check_listen_address(self.host, has_tls=self.has_tls, accounts=accounts)
         return self._certificate(data) if self.has_tls else None
 
     def words(self) -> list[str]:

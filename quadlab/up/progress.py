@@ -1,10 +1,12 @@
-"""The lines that `quadlab up` prints until the page answers."""
+"""The start of `quadlab up`: ports that must be free, and lines until the page answers."""
 
 from __future__ import annotations
 
 import socket
 import threading
 import time
+
+from quadrotor.errors import UsageError
 
 PROGRESS_PERIOD = 1.5
 """Seconds between two lines while the processes start."""
@@ -42,3 +44,20 @@ class Progress:
             except OSError:
                 self._ended.wait(PROGRESS_PERIOD)
             print(f"quadlab: starting, {time.monotonic() - began:.0f} s", flush=True)
+
+
+def require_free(
+    what: str, port: int, kind: socket.SocketKind, option: str, host: str = "127.0.0.1"
+) -> None:
+    """Check that `port` of `what` is free. Raises UsageError, which names `option`."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, kind) as probe:
+        if kind == socket.SOCK_STREAM:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            raise UsageError(
+                f"port {port} of the {what} cannot be used ({error.strerror}); "
+                f"stop what uses it or choose another with {option}"
+            ) from None

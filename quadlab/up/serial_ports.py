@@ -11,7 +11,7 @@ from quadrotor.parameters import ParameterValue
 from vehicle.boards.kind import find_kind
 from vehicle.processes.terminal import say
 from vehicle_link.serial.capacity import DEFAULT_RATE, check_rate, default_rate, samples_a_second
-from vehicle_link.serial.identity import THE_ONE, Identity
+from vehicle_link.serial.ids import THE_ONE, Identity
 from vehicle_link.serial.port import NO_DEVICE
 
 AUTO = "auto"

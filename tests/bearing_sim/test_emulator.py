@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from bearing_sim import PAPER_BEACONS, BearingEmulator, BearingMeasurement, BearingParameters
@@ -15,8 +14,8 @@ from bearing_sim.bearing_parameters import parse_lost
 from quadrotor.errors import OutOfBoundsError, ParameterError
 from quadrotor.parameters import ParameterStore
 from quadrotor.plain_rotations import matrix_of, turned
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 Motion = Callable[[float], tuple[Array, Array]]
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 MS, SECOND = 1_000_000, 1_000_000_000

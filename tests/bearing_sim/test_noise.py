@@ -6,14 +6,13 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from bearing_sim import PAPER_BEACONS, BearingEmulator, BearingMeasurement, BearingParameters
-from bearing_sim.chance import Draws, hidden, pair
 from bearing_sim.emulator import perturbed
+from bearing_sim.sampling import Draws, hidden, pair
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 HERE = np.array([0.1, 0.2, 1.0])
 SECOND = 1_000_000_000

@@ -7,7 +7,6 @@ import zlib
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -17,8 +16,8 @@ from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.emulator import BearingEmulator
 from bearing_sim.observability import LARGEST_MAP, FieldOfView, bound_map, frame_bound
 from quadrotor.plain_rotations import matrix_of
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 SIGMA = math.radians(1.5)
 
 

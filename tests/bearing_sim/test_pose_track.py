@@ -6,7 +6,6 @@ import itertools
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,8 +13,8 @@ from hypothesis import strategies as st
 from bearing_sim.pose_track import GAP_NS, PoseTrack, slerp
 from bearing_sim.sampling import SECOND_NS, InstantGrid
 from quadrotor.plain_rotations import turned
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 MS = 1_000_000
 

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from console.base_station import BaseStation
-from console.beacon_layout import THEIRS
+from console.beacon_layout import VEHICLE_LAYOUT
 from console.catalogue.catalogue import Catalogue
 from quadrotor.parameters import ParameterValue
 from tests.waiting import free_port, until
@@ -25,7 +25,7 @@ from vehicle.flight.loop import FlightLoop
 from vehicle.flight.pacing import PortPacer
 from vehicle.flight.stack import FlightStack
 from vehicle.parameters import new_parameters
-from vehicle.processes.config import CommsConfig, create_rings, open_rings
+from vehicle.processes.config import VehicleConfig, create_rings, open_rings
 from vehicle_link.messages import new
 from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.process_instance import new_instance
@@ -121,8 +121,12 @@ class Vehicle:
         self._session = vehicle_session(
             port, ensure_certificates(data / "certificates"), "127.0.0.1"
         )
-        config = CommsConfig(
-            os.getpid(), descriptors, "quad1", str(data / "vehicle"), port, instance=new_instance()
+        config = VehicleConfig(
+            parent=os.getpid(),
+            rings=descriptors,
+            data=str(data / "vehicle"),
+            link_port=port,
+            instance=new_instance(),
         )
         self._node = Node(self._session, "/quad1", "vehicle")
         self._comms = Comms(config, rings, self._node)
@@ -179,7 +183,7 @@ class LinkedBench:
         self.vehicle = Vehicle(self._data, port)
         assert until(lambda: self.station.link.state() is LinkState.GOOD)
         known = self.station._vehicle_parameters.known
-        assert until(lambda: known(THEIRS) == self.layout), "they did not come to agree"
+        assert until(lambda: known(VEHICLE_LAYOUT) == self.layout), "they did not come to agree"
         return self.vehicle
 
     def disconnect(self) -> None:

@@ -101,7 +101,7 @@ class Laboratory:
                 self.catalogue,
                 name,
                 settings=settings,
-                keeps_house=name == NAMES[0],
+                housekeeping=name == NAMES[0],
                 vehicles=2,
                 instance=instance,
             )
@@ -207,7 +207,7 @@ def test_a_vehicle_that_goes_leaves_the_other_linked(laboratory: Laboratory) -> 
 
 def test_estimators_are_compared_only_while_somebody_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     reads_on = (sys.executable, "-c", "import sys; sys.stdin.buffer.read()")
-    for name, value in (("COMMAND", reads_on), ("LOOK", 0.0), ("LINGER", 0.01)):
+    for name, value in (("COMMAND", reads_on), ("CHECK_PERIOD", 0.0), ("LINGER", 0.01)):
         monkeypatch.setattr(feed, name, value)
     looking = threading.Event()
     comparison = feed.ComparisonFeed(
@@ -241,9 +241,9 @@ def test_of_many_each_beats_half_as_often_and_every_other_time_over_the_link(
         listener.subscribe(
             topic.name, topic.type_name, lambda received: beats.append(received.sequence)
         )
-        station = BaseStation(session, catalogue, name, vehicles=count, keeps_house=False)
+        station = BaseStation(session, catalogue, name, vehicles=count, housekeeping=False)
         try:
-            station._outbox.beats.also_send = lambda received: True  # as by a lane that is up
+            station._outbox.heartbeats.also_send = lambda received: True  # as by a lane that is up
             enough = len(beats) + 12
             until(lambda: len(beats) >= enough)
         finally:

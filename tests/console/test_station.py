@@ -30,6 +30,7 @@ from tests.waiting import free_port, until
 from vehicle_link import topics
 from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import decode, encode, header, new
+from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.parameters.messages import from_parameters, from_value, to_parameters
 from vehicle_link.parameters.service import ParameterClient, serve_parameters
 from vehicle_link.telemetry import pack
@@ -201,7 +202,7 @@ class Bench(LinkedStation):
     def send_truth(self, position: tuple[float, float, float], stamp_ns: int) -> None:
         state = np.zeros(1, TICK)["state"]
         state["position_w"], state["quaternion_wb"] = position, (1, 0, 0, 0)
-        [payload] = topics.encode_odometries(np.array([stamp_ns]), state)
+        [payload] = payloads_of(topics.odometry_messages(np.array([stamp_ns]), state))
         self.truth.put(payload, stamp_ns)
 
 
@@ -350,7 +351,7 @@ def test_control_goes_from_hand_to_hand_and_everybody_hears_of_it(bench: Bench) 
     assert not bench.call("disarm", requester="grace").accepted
     assert bench.call("disarm").accepted
     wrong = bench.call("control", action="steal")
-    assert "no action; there are ask, give, keep, release and take" in wrong.reason
+    assert "; allowed are ask, give, keep, release and take" in wrong.reason
 
 
 def test_sticks_of_one_without_control_do_not_reach_the_vehicle(bench: Bench) -> None:
@@ -524,7 +525,7 @@ def test_station_parameters_change_here_and_are_told_to_everybody(bench: Bench) 
     change = bench.inbox.decoded("parameter_changes")[-1]
     assert (change.name, change.requester) == ("station.bearings.sigma", "ada")
     assert [from_value(v) for v in (change.old_value, change.new_value)] == [1.5, 2.5]
-    assert change.instance == bench.station.link.standing.instance != 0
+    assert change.instance == bench.station.link.permission.instance != 0
 
 
 def test_vehicle_parameters_go_to_the_vehicle_and_both_kinds_at_once_work(bench: Bench) -> None:

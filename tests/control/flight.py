@@ -10,9 +10,9 @@ import numpy as np
 from control.controller import GeometricController
 from control.parameters import ControlParameters
 from quadrotor.records import ACTUATORS, Record, new_reference, new_state
-from quadrotor.rigid_body import motor_step, rk4_step, rotor_wrench
 from quadrotor.rotations import wrap_angle, yaw_of
 from quadrotor.vehicle_model import VehicleModel
+from tests.support.dynamics import motor_step, rk4_step, rotor_wrench
 
 SUBSTEP = 0.001
 

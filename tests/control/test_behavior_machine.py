@@ -54,7 +54,7 @@ class Bench:
         out = []
         for _ in range(round(seconds / dt)):
             self.stamp_ns += round(dt * 1e9)
-            self.machine.step(self.stamp_ns, dt, self.state, self.joy, True, WEIGHT, self.reference)
+            self.machine.step(self.stamp_ns, dt, self.state, self.joy, WEIGHT, self.reference)
             self.state["position_w"] = self.reference["position_w"]
             self.state["velocity_w"] = self.reference["velocity_w"]
             out.append(self.reference.copy())
@@ -369,7 +369,7 @@ def test_the_reference_may_live_inside_a_tick_record() -> None:
     assert tick["reference"]["position_w"][0, 2] == pytest.approx(1.0)
     wrong = np.zeros(3, tick["reference"].dtype)
     with pytest.raises(ValueError, match=r"shape \(1,\)"):
-        bench.machine.step(0, DT, bench.state, None, True, 0.0, wrong)
+        bench.machine.step(0, DT, bench.state, None, 0.0, wrong)
 
 
 def test_reset_returns_to_the_ground_at_once(hovering: Bench) -> None:

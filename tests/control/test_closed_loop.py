@@ -7,7 +7,7 @@ import pytest
 
 from control.parameters import ControlParameters
 from control.trajectories.figure_eight import FigureEight
-from control.trajectories.hover import Hover
+from control.trajectories.line import Hover
 from quadrotor.rotations import quaternion_from_euler
 from quadrotor.vehicle_model import VehicleModel
 from tests.control.flight import Flight

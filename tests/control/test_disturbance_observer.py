@@ -15,7 +15,7 @@ from control.near_hovering import NearHoveringController
 from control.parameters import ControlParameters, DisturbanceParameters
 from control.presets import preset
 from control.trajectories.figure_eight import FigureEight
-from control.trajectories.hover import Hover
+from control.trajectories.line import Hover
 from quadrotor.records import ACTUATORS, Record, new_reference, new_state
 from quadrotor.vehicle_model import GRAVITY, VehicleModel, reference_of_thrust
 from tests.control.flight import Flight
@@ -31,7 +31,7 @@ def settings(**changes: float) -> DisturbanceParameters:
     return DisturbanceParameters(force=True, torque=True, **changes)
 
 
-class Standing:
+class CommandPermission:
     """Level vehicle with the commanded thrust; the test sets velocity and angular velocity."""
 
     def __init__(self, parameters: DisturbanceParameters, law_mass: float = MODEL.mass) -> None:
@@ -51,7 +51,7 @@ class Standing:
         turn: npt.ArrayLike = (0, 0, 0),
         flying: bool = True,
         carried: bool = False,
-    ) -> Standing:
+    ) -> CommandPermission:
         for _ in range(round(seconds / DT)):
             self.state["velocity_w"] += DT * np.array(acceleration)
             self.state["angular_velocity_b"] += DT * np.array(turn)
@@ -70,7 +70,7 @@ class Standing:
 
 
 def test_what_it_finds_is_the_disturbance_behind_its_low_pass() -> None:
-    one = Standing(settings(force_bandwidth=4.0, torque_bandwidth=2.0, fade=0.1))
+    one = CommandPermission(settings(force_bandwidth=4.0, torque_bandwidth=2.0, fade=0.1))
     one.step(2.0)  # faded in, nothing found
     assert one.force == pytest.approx([0, 0, 0], abs=1e-9)
     push, turn = np.array([0.6, -0.4, 0.3]), np.array([0.5, -0.3, 0.2])
@@ -86,7 +86,7 @@ def test_what_it_finds_is_the_disturbance_behind_its_low_pass() -> None:
 
 
 def test_the_force_has_its_rate_while_it_grows() -> None:
-    one = Standing(settings(force_bandwidth=10.0, fade=0.1)).step(0.5)
+    one = CommandPermission(settings(force_bandwidth=10.0, fade=0.1)).step(0.5)
     grown = []
     for k in range(600):
         one.step(DT, (0.001 * k, 0.0, 0.0))
@@ -96,7 +96,9 @@ def test_the_force_has_its_rate_while_it_grows() -> None:
 
 
 def test_bounds_hold_and_a_bounded_force_has_no_rate() -> None:
-    one = Standing(settings(force_max=0.5, torque_max=0.01, torque_bandwidth=5.0, fade=0.1))
+    one = CommandPermission(
+        settings(force_max=0.5, torque_max=0.01, torque_bandwidth=5.0, fade=0.1)
+    )
     one.step(1.0, (3.0, 0.0, -3.0), (5.0, 0.0, 0.0))
     assert one.force == pytest.approx([0.5, 0.0, -0.5])
     assert one.torque[0] == pytest.approx(0.01)
@@ -104,7 +106,7 @@ def test_bounds_hold_and_a_bounded_force_has_no_rate() -> None:
 
 
 def test_nothing_jumps_when_it_takes_off_is_switched_off_and_on_again() -> None:
-    one = Standing(settings(fade=1.0))
+    one = CommandPermission(settings(fade=1.0))
     one.step(1.0, flying=False)
     found = []
 
@@ -126,7 +128,7 @@ def test_nothing_jumps_when_it_takes_off_is_switched_off_and_on_again() -> None:
 
 
 def test_on_the_ground_it_forgets_and_where_the_ground_carries_it_holds() -> None:
-    one = Standing(settings(fade=0.1)).step(1.0, (0.5, 0.0, 0.0))
+    one = CommandPermission(settings(fade=0.1)).step(1.0, (0.5, 0.0, 0.0))
     before = one.force
     one.step(1.0, (0.0, 0.0, 4.0), carried=True)
     assert one.force == pytest.approx(before, abs=1e-9)
@@ -138,7 +140,7 @@ def test_on_the_ground_it_forgets_and_where_the_ground_carries_it_holds() -> Non
 
 
 def test_a_state_that_is_no_number_leaves_what_was_found() -> None:
-    one = Standing(settings(fade=0.1)).step(1.0, (0.5, 0.0, 0.0))
+    one = CommandPermission(settings(fade=0.1)).step(1.0, (0.5, 0.0, 0.0))
     before = one.force
     one.state["velocity_w"][0, 0] = np.nan
     one.step(0.1)
@@ -146,7 +148,7 @@ def test_a_state_that_is_no_number_leaves_what_was_found() -> None:
 
 
 def test_drag_that_the_model_has_is_no_disturbance() -> None:
-    one = Standing(settings(fade=0.1))
+    one = CommandPermission(settings(fade=0.1))
     one.model["drag"] = 0.3
     one.state["velocity_w"] = (2.0, 0.0, 0.0)
     for _ in range(1000):
@@ -156,10 +158,10 @@ def test_drag_that_the_model_has_is_no_disturbance() -> None:
 
 
 def test_the_mass_that_is_flown_on_leaves_the_rest_to_it() -> None:
-    heavy = Standing(settings(), law_mass=1.2 * MODEL.mass).step(3.0)
+    heavy = CommandPermission(settings(), law_mass=1.2 * MODEL.mass).step(3.0)
     # Hovering on less thrust than that mass needs: something must be lifting.
     assert heavy.force[2] == pytest.approx(0.2 * HOVER, rel=1e-3)
-    assert Standing(settings()).step(3.0).force[2] == pytest.approx(0.0, abs=1e-6)
+    assert CommandPermission(settings()).step(3.0).force[2] == pytest.approx(0.0, abs=1e-6)
 
 
 # ---------------------------------------------------------------- in the loop

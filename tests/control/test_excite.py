@@ -50,7 +50,7 @@ class Bench:
         """Return the references of this time, (N,)."""
         out = []
         for _ in range(round(seconds / DT)):
-            self.machine.step(0, DT, self.state, None, True, WEIGHT, self.reference)
+            self.machine.step(0, DT, self.state, None, WEIGHT, self.reference)
             out.append(self.reference.copy())
         return np.concatenate(out)
 

@@ -60,7 +60,7 @@ class Bench:
 
     def send(self, reference: Record, age: float = 0.0) -> None:
         stamp_ns = self.stamp_ns - round(age * 1e9)
-        self.machine.outside.take(stamp_ns, reference.view("f8").tolist())
+        self.machine.outside.store(stamp_ns, reference.view("f8").tolist())
 
     def flies(self, name: BehaviorName) -> bool:
         return self.machine.name is name
@@ -76,7 +76,7 @@ class Bench:
             self.ticks += 1
             if program is not None and self.ticks % self._every == 0:
                 self.send(program(self.time))
-            self.machine.step(self.stamp_ns, DT, self.state, None, True, WEIGHT, self.reference)
+            self.machine.step(self.stamp_ns, DT, self.state, None, WEIGHT, self.reference)
             self.state["position_w"] = self.reference["position_w"]
             out.append(self.reference.copy())
         return np.concatenate(out)

@@ -9,20 +9,18 @@ import numpy as np
 import pytest
 
 from control.trajectories.circle import Circle
-from control.trajectories.feasibility import Extreme, check, examine, fits
+from control.trajectories.feasibility import Extreme, examine, fits, refusal
 from control.trajectories.figure_eight import FigureEight
 from control.trajectories.flatness import wrench_of_reference
-from control.trajectories.hover import Hover
 from control.trajectories.limits import QUANTITIES, Limits, with_margin
-from control.trajectories.line import Line
+from control.trajectories.line import Hover, Line
 from control.trajectories.minimum_snap import minimum_snap
 from control.trajectories.trajectory import Trajectory, sample_many
-from quadrotor.errors import RefusedError
 from quadrotor.records import Record, new_reference
-from quadrotor.rigid_body import derivative
 from quadrotor.rotations import quaternion_from_matrix
 from quadrotor.vehicle_model import GRAVITY, VehicleModel, mixing_matrix
 from tests.support.arrays import Array
+from tests.support.dynamics import derivative
 
 MODEL = VehicleModel().record()
 J = MODEL["inertia_b"][0]
@@ -190,9 +188,7 @@ def test_each_breach_is_refused_with_its_number_and_the_time_it_begins(
     assert report.breach.name == name
     assert report.breach.first == pytest.approx(t[broken], abs=6e-3)
     assert report.breach.limit == pytest.approx(limit, rel=1e-6)
-    with pytest.raises(RefusedError) as refused:
-        check(PATHS[path], MODEL, limits, what="the flight", advice="wait")
-    text = str(refused.value)
+    text = refusal(report, report.breach, "the flight", "wait")
     assert text.startswith("the flight refused: ")
     assert f"from {report.breach.first:.2f} s on" in text
     assert "\n" not in text
@@ -202,7 +198,7 @@ def test_each_breach_is_refused_with_its_number_and_the_time_it_begins(
     assert report.breach.value == pytest.approx(worst, abs=5e-3 * np.abs(values).max())
     # With one per cent more room it may fly.
     roomy = worst + sign * 0.01 * np.abs(values).max()
-    check(PATHS[path], MODEL, LIMITED[name](roomy), what="the flight")
+    assert examine(PATHS[path], MODEL, LIMITED[name](roomy)).feasible
 
 
 def test_breaches_are_reported_volume_first_and_causes_before_consequences() -> None:
@@ -227,14 +223,14 @@ def test_a_breach_in_laps_that_are_skipped_is_found_where_it_begins() -> None:
 
 
 def test_a_wall_is_named_with_the_way_out() -> None:
-    limits = Limits((-1, -1, 0.5), (1, 1, 2), source={1: "behavior.x_max"})
-    with pytest.raises(RefusedError) as refused:
-        check(Line((0, 0, 1, 0), (1.5, 0, 1, 0), speed=1, acceleration=1), MODEL, limits, what="it")
-    assert "x = 1.50 m is outside the flight volume" in str(refused.value)
-    assert "allowed -1 to 1 m (behavior.x_max)" in str(refused.value)
-    assert "0.50 m further towards -x" in str(refused.value)
+    limits = Limits((-1, -1, 0.5), (1, 1, 2))
+    path = Line((0, 0, 1, 0), (1.5, 0, 1, 0), speed=1, acceleration=1)
+    text = refusal(examine(path, MODEL, limits), breach_of(path, limits), "it")
+    assert "x = 1.50 m is outside the flight volume" in text
+    assert "allowed -1 to 1 m (behavior.volume_x_min, behavior.volume_x_max)" in text
+    assert "0.50 m further towards -x" in text
     on_the_wall = Line((0, 0, 1, 0), (1, 0, 1, 0), speed=1, acceleration=1)
-    assert check(on_the_wall, MODEL, limits, what="it").feasible
+    assert examine(on_the_wall, MODEL, limits).feasible
 
 
 def test_free_fall_and_what_is_not_a_number_are_refused() -> None:

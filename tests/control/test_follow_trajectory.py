@@ -257,7 +257,7 @@ def test_the_machine_checks_by_its_model_and_flies_its_files() -> None:
 
     def run(seconds: float) -> None:
         for _ in range(round(seconds / 0.002)):
-            machine.step(0, 0.002, state, None, True, 12.8, reference)
+            machine.step(0, 0.002, state, None, 12.8, reference)
 
     run(6.0)
     wanted = {"trajectory": "file", "file": "loop"}

@@ -34,7 +34,7 @@ class Sortie:
             if self.machine.name is BehaviorName.LAND and self.machine.landed:
                 break
             thrust = float(f.actuators["wrench"][0, 0])
-            self.machine.step(self.time_ns, DT, f.state, None, self.airborne, thrust, f.reference)
+            self.machine.step(self.time_ns, DT, f.state, None, thrust, f.reference)
             idle = self.machine.name is BehaviorName.GROUND
             self.airborne = not idle and (self.airborne or f.x[2] > 0.03)
             f.advance(DT, self.airborne, idle)

@@ -11,7 +11,7 @@ from scipy.interpolate import pade
 from control.margins import LOW_MARGIN, Margin, margins, smallest
 from control.parameters import ControlParameters
 from control.presets import PRESETS, preset
-from control.trajectories.hover import Hover
+from control.trajectories.line import Hover
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.parameters import ParameterStore
 from tests.control.flight import Flight

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from control.trajectories.minimum_snap import minimum_snap, snap_cost, within
-from control.trajectories.polynomial import Polynomial, hermite, motion_of, through
+from benchmarks.onboard.trajectories import snap_cost, through
+from control.trajectories.minimum_snap import minimum_snap, within
+from control.trajectories.polynomial import Polynomial, hermite, motion_of
 from control.trajectories.trajectory import sample_many
 from tests.support.arrays import Array
 

@@ -15,7 +15,7 @@ from control.near_hovering import (
 )
 from control.parameters import ControlParameters, control_record
 from control.trajectories.figure_eight import FigureEight
-from control.trajectories.hover import Hover
+from control.trajectories.line import Hover
 from quadrotor.records import ACTUATORS, new_reference, new_state
 from quadrotor.rotations import quaternion_from_euler, quaternion_to_matrix
 from quadrotor.vehicle_model import VehicleModel

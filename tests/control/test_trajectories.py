@@ -12,11 +12,9 @@ from hypothesis import strategies as st
 
 from control.trajectories.circle import Circle, Nose, Side
 from control.trajectories.figure_eight import FigureEight, sample_figure_eight
-from control.trajectories.helix import Helix
-from control.trajectories.hover import Hover
-from control.trajectories.line import Line
+from control.trajectories.line import Hover, Line
 from control.trajectories.minimum_snap import minimum_snap, within
-from control.trajectories.polynomial import Polynomial, motion_of, through, to_rest
+from control.trajectories.polynomial import Polynomial, motion_of
 from control.trajectories.ramped_phase import ramped_phase
 from control.trajectories.retarget import Retarget
 from control.trajectories.trajectory import Trajectory, grid_sampler, sample_many, stretches_of
@@ -53,12 +51,10 @@ def trajectories() -> dict[str, Trajectory]:
         "circle": Circle((1.0, 2.0, 1.5, 0.4), laps=1),
         "tangent circle": Circle((1.0, 2.0, 1.5, 0.4), laps=1, nose="tangent", side="right"),
         "inward circle": Circle((1.0, 2.0, 1.5, 0.4), laps=1, nose="center"),
-        "helix": Helix((1.0, 2.0, 1.5, 0.4), laps=1, nose="tangent", rise=-0.4),
+        "helix": Circle((1.0, 2.0, 1.5, 0.4), laps=1, nose="tangent", rise=-0.4),
         "least snap": minimum_snap(points, np.array([0.0, 2.0, 3.5, 6.0])),
         "least snap within": within(points, **limits, **yaw_limits),
-        "to rest": to_rest(moving(), (1.0, 1.0, 1.5, -3.0), 3.0),
         "retarget": Retarget(moving(), (-1.0, 1.0, 1.5, -3.0), **limits, **yaw_limits),
-        "through": through(points, np.array([0.0, 2.0, 3.5, 6.0])),
     }
 
 
@@ -211,7 +207,7 @@ def test_a_helix_stays_on_its_cylinder_with_the_nose_where_it_was_told(
     yaw: float, radius: float, nose: Nose, side: Side, rise: float, laps: int
 ) -> None:
     start = (1.0, -2.0, 1.5, yaw)
-    helix = Helix(start, radius=radius, nose=nose, side=side, rise=rise, laps=laps)
+    helix = Circle(start, radius=radius, nose=nose, side=side, rise=rise, laps=laps)
     s = np.zeros(1000, REFERENCE)
     grid_sampler(helix)(0.0, helix.duration / 999, s)
     turn = 1.0 if side == "left" else -1.0
@@ -326,16 +322,6 @@ def test_the_phase_has_no_end_when_its_total_is_infinite() -> None:
     assert ramped_phase(1e6, 2.0, 1.0, np.inf) == (2.0 * (1e6 - 0.5), 2.0, 0.0, 0.0, 0.0)
 
 
-def test_a_polynomial_meets_both_ends_and_turns_the_short_way() -> None:
-    path = to_rest(moving(), (1.0, 1.0, 1.5, -3.0), 3.0)
-    ends = sample_many(path, np.array([0.0, 3.0, 4.0]))
-    np.testing.assert_allclose(motion_of(ends[:1]), motion_of(moving()), atol=1e-9)
-    for k in (1, 2):
-        np.testing.assert_allclose(ends["position_w"][k], [1.0, 1.0, 1.5], atol=1e-9)
-        assert ends["yaw"][k] == pytest.approx(2 * np.pi - 3.0)
-        np.testing.assert_allclose(ends["snap_w"][k], 0.0, atol=1e-7)
-
-
 def test_a_retarget_meets_the_motion_and_the_goal_within_its_limits(
     rng: np.random.Generator,
 ) -> None:
@@ -360,7 +346,7 @@ def test_a_retarget_meets_the_motion_and_the_goal_within_its_limits(
 def test_way_points_are_passed_at_their_times() -> None:
     points = np.array([[0, 0, 1, 0], [1, 0, 1.2, 0.5], [1, 1, 1, 1.0]])
     times = np.array([0.0, 2.0, 5.0])
-    s = sample_many(through(points, times), times)
+    s = sample_many(minimum_snap(points, times), times)
     np.testing.assert_allclose(s["position_w"], points[:, :3], atol=1e-9)
     np.testing.assert_allclose(s["yaw"], points[:, 3], atol=1e-9)
 
@@ -379,4 +365,4 @@ def test_way_points_that_make_no_path_are_refused(
     points: Array, times: list[float], message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):
-        through(points, np.array(times, dtype=float))
+        minimum_snap(points, np.array(times, dtype=float))

@@ -17,9 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from estimation.complementary import ComplementaryEstimator
 from estimation.parameters import EstimationParameters
-from quadrotor.records import ESTIMATE, IMU_SAMPLE, POSE_SAMPLE, Record, new_state
+from quadrotor.records import ESTIMATE, IMU_SAMPLE, POSE_SAMPLE, Array, Record, new_state
 
-Array = npt.NDArray[np.float64]
 G = 9.81
 UP = np.array([0.0, 0.0, G])
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
 from estimation.attitude_filter import attitude_gains, attitude_innovation, to_world, turn_pose
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 
 def pose_of(rotation: Rotation) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -11,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from estimation.poses.beacon_plane import BeaconPlane, require_distinct
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 SQUARE = np.array([[1, 1, 0.1], [1, -1, 0.1], [-1, -1, 0.1], [-1, 1, 0.1]])
 
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
 from estimation.poses.bearing_frame import SIGHTS
 from estimation.poses.bearing_refinement import normal_equations, refine, tilted
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 SQUARE = np.array([[1, 1, 0.1], [1, -1, 0.1], [-1, -1, 0.1], [-1, 1, 0.1]])
 
 

@@ -6,7 +6,6 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -16,8 +15,8 @@ from estimation.error_state.parameters import ErrorStateParameters
 from estimation.error_state.rows import linearize
 from estimation.error_state.update import displace, reset
 from estimation.parameters import EstimationParameters, noise_record
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 UP = np.array([0.0, 0.0, 9.81])
 NOISE = noise_record(
     EstimationParameters(

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -29,11 +28,11 @@ from quadrotor.records import (
     MAX_BEACONS,
     POSE_SAMPLE,
     STATE,
+    Array,
     Record,
     new_state,
 )
 
-Array = npt.NDArray[np.float64]
 BEACONS = np.array([[1.0, 1.0, 0.1], [-1.0, 1.0, 0.1], [-1.0, -1.0, 0.1], [1.0, -1.0, 0.1]])
 SIGMA = math.radians(1.5)
 FORCE, RATE = 0.05, math.radians(0.3)  # noise of one sample at 500 Hz

@@ -8,16 +8,22 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
 from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.error_state.memory import ATTITUDE, FORCE, POSITION, RATE
 from quadrotor.errors import MeasurementError
-from quadrotor.records import BEARINGS_SAMPLE, ESTIMATE, IMU_SAMPLE, POSE_SAMPLE, Record, new_state
+from quadrotor.records import (
+    BEARINGS_SAMPLE,
+    ESTIMATE,
+    IMU_SAMPLE,
+    POSE_SAMPLE,
+    Array,
+    Record,
+    new_state,
+)
 
-Array = npt.NDArray[np.float64]
 Spoil = Callable[[float, Record], bool]
 """Function of the time (s) and a pose, which it changes in place; False if the pose is missing."""
 HARMONICS = np.array([83.0, 91.0, 166.0, 182.0])

@@ -8,15 +8,21 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.outcome import LATEST_NS, Agreement, Outcome
 from estimation.parameters import EstimationParameters
-from quadrotor.records import BEARINGS_SAMPLE, ESTIMATE, IMU_SAMPLE, POSE_SAMPLE, Record, new_state
+from quadrotor.records import (
+    BEARINGS_SAMPLE,
+    ESTIMATE,
+    IMU_SAMPLE,
+    POSE_SAMPLE,
+    Array,
+    Record,
+    new_state,
+)
 
-Array = npt.NDArray[np.float64]
 MS = 1_000_000
 BEACONS = np.array([[1.0, 1.0, 0.1], [-1.0, 1.0, 0.1], [-1.0, -1.0, 0.1], [1.0, -1.0, 0.1]])
 SIGMA = math.radians(1.5)

@@ -7,8 +7,8 @@ import pytest
 
 from estimation.identification.inertia_estimator import InertiaEstimator
 from quadrotor.records import ACTUATORS, new_state
-from quadrotor.rigid_body import rk4_step
 from quadrotor.vehicle_model import mixing_matrix
+from tests.support.dynamics import rk4_step
 
 ARM, RATIO, LAG, MASS, DT = 0.25, 0.0174, 0.047, 1.308, 0.002
 INERTIA = np.array([0.0154, 0.0150, 0.0250])

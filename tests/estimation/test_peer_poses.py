@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
 from estimation.poses.literal_pose import literal_pose
 from estimation.poses.opencv_pose import OpenCVPose
 from quadrotor.errors import DegenerateGeometryError
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 SQUARE = np.array([[1, 1, 0.1], [1, -1, 0.1], [-1, -1, 0.1], [-1, 1, 0.1]])
 UP = np.array([0.0, 0.0, 1.0])
 

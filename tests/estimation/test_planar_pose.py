@@ -8,15 +8,14 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
 from estimation.poses import planar_pose as module
 from estimation.poses.planar_pose import PlanarPoseSolver, planar_pose
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 SQUARE = np.array([[1, 1, 0.1], [1, -1, 0.1], [-1, -1, 0.1], [-1, 1, 0.1]])
 SIGMA = math.radians(1.5)
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
 from estimation.poses.frame_solution import FALSE_REFUSAL, chi_square
 from estimation.poses.planar_pose import PlanarPose, PlanarPoseSolver
 from quadrotor.errors import MeasurementError
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 SIGMA = math.radians(1.5)
 SQUARE = np.array([[1, 1, 0.1], [1, -1, 0.1], [-1, -1, 0.1], [-1, 1, 0.1]])
 

@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from estimation.outcome import Agreement
 from estimation.parameters import EstimationParameters
 from estimation.pose_gate import DRIFT_WAIT, JUMP_WAIT, rotation_vector
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 OFF = np.array([1.0, 0.0, 0.0])
 PARAMETERS = EstimationParameters()
 WHEN = 10.0

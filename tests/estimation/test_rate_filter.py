@@ -6,14 +6,13 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from estimation.memory import new_memory
 from estimation.parameters import EstimationParameters, estimation_record
 from estimation.rate_filter import filter_rate
+from quadrotor.records import Array
 
-Array = npt.NDArray[np.float64]
 NO_BIAS = np.zeros(3)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from estimation.error_state.estimator import ErrorStateEstimator
@@ -14,10 +13,8 @@ from estimation.poses.sweep_pose import sweep_pose
 from estimation.sweep_angles import plane_numbers, swept
 from quadrotor.errors import DegenerateGeometryError, MeasurementError, UndeterminedStartError
 from quadrotor.plain_rotations import matrices_of
-from quadrotor.records import ESTIMATE, IMU_SAMPLE, new_state
+from quadrotor.records import ESTIMATE, IMU_SAMPLE, Array, new_state
 from tests.support.sweeps import sweeps_of
-
-Array = npt.NDArray[np.float64]
 
 
 def fly(estimator: ErrorStateEstimator, seconds: float, *, moved: Array | None = None) -> Array:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from flight_log import LogWriter
 from quadrotor.records import TICK, Record
 from vehicle_link import topics
+from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.telemetry import SAMPLES_A_PACKET, pack, unpack
 from vehicle_link.topics import TOPICS
 
@@ -105,10 +106,10 @@ class Flight:
 
 def encoded(ticks: Record) -> dict[str, list[bytes]]:
     return {
-        "state": topics.encode_states(ticks, VEHICLE),
-        "reference": topics.encode_references(ticks),
-        "imu": topics.encode_imus(ticks, VEHICLE),
-        "actuators": topics.encode_actuators(ticks, VEHICLE),
+        "state": payloads_of(topics.state_messages(ticks, VEHICLE)),
+        "reference": payloads_of(topics.reference_messages(ticks)),
+        "imu": payloads_of(topics.imu_messages(ticks, VEHICLE)),
+        "actuators": payloads_of(topics.actuator_messages(ticks, VEHICLE)),
     }
 
 

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 UP = np.array([0.0, 0.0, 9.80665])
 EPOCH = 1_700_000_000.0

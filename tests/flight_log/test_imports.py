@@ -26,13 +26,12 @@ from quadlab.replay.lines import plan_runs
 from quadlab.replay.log import read_recording
 from quadlab.replay.run import replay
 from quadrotor.errors import LogFormatError, QuadlabError, StorageError, UsageError
-from quadrotor.records import SWEEPS_SAMPLE
+from quadrotor.records import SWEEPS_SAMPLE, Array
 from tests.flight_log.bag_writer import write_bag
 from tests.flight_log.crazyflie_writer import Event, write_crazyflie, write_events
 from tests.flight_log.foreign_flight import (
     FRD,
     NED,
-    Array,
     ForeignFlight,
     columns_of,
     make_flight,

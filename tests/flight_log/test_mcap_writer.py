@@ -19,7 +19,7 @@ from mcap.writer import CompressionType, Writer
 
 from flight_log import LogWriter, read_log, recover
 from flight_log.file import PIECE, LogFile
-from flight_log.mcap_writer import McapWriter, MessageBatch, OneMessage
+from flight_log.mcap_writer import McapWriter, MessageBatch
 from quadrotor.errors import StorageError
 
 LZ4 = CompressionType.LZ4
@@ -88,7 +88,7 @@ def made(path: Path, channels: int, chunk_bytes: int, write: Callable[[McapWrite
 def test_many_at_once_make_the_file_of_them_one_by_one(tmp_path: Path) -> None:
     random = np.random.default_rng(7)
     rows = [
-        OneMessage(1 + k % 3, random.bytes(int(random.integers(0, 90))), 1000 + 7 * k % 40, k)
+        (1 + k % 3, random.bytes(int(random.integers(0, 90))), 1000 + 7 * k % 40, k)
         for k in range(50)
     ]
 

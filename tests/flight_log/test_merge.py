@@ -13,12 +13,12 @@ from rosbags.highlevel import AnyReader
 
 from flight_log import LogMessage, read_attachments, read_log, read_metadata, summarize
 from flight_log.check import check_log
-from flight_log.comparison import Comparison
 from flight_log.file import LogFile
 from flight_log.merge import merge
 from flight_log.run import read_run
 from flight_log.run_folder import MERGED, STATION, VEHICLE, log_of, run_bytes
 from flight_log.tick_columns import TICK_TOPICS
+from flight_log.vehicle_messages import Comparison
 from flight_log.writer import FILLED_METADATA, LogWriter
 from tests.flight_log.drop_outs import OFFSET_NS, START_NS, Flight, flown, with_holes
 from vehicle_link import topics

@@ -12,8 +12,8 @@ const READY = { ready: true, checks: [{ name: "link", state: "ok", found: "good"
 const UNREADY = { ready: false, checks: [...READY.checks, { name: "battery", state: "fail", found: "13.2 V" }, { name: "pose", state: "fail", found: "none" }] };
 
 const PILLS = [
-  [{ status: null, isHeard: false }, "NO DATA YET", "off"],
-  [{ status: FLYING, isHeard: false }, "NO CONTACT", "warn"],
+  [{ status: null, hasContact: false }, "NO DATA YET", "off"],
+  [{ status: FLYING, hasContact: false }, "NO CONTACT", "warn"],
   [{ status: GROUND, preflight: READY }, "READY", "ready"],
   [{ status: GROUND, preflight: UNREADY }, "NOT READY", "warn"],
   [{ status: GROUND }, "MOTORS OFF", "idle"],
@@ -31,7 +31,7 @@ const PILLS = [
 
 for (const [seen, word, tone] of PILLS) {
   test(`the pill says ${word}: ${JSON.stringify(seen).slice(0, 90)}`, () => {
-    assert.deepEqual(pillOf({ isHeard: true, ...seen }), { word, tone });
+    assert.deepEqual(pillOf({ hasContact: true, ...seen }), { word, tone });
   });
 }
 
@@ -53,11 +53,11 @@ const LINES = [
   [{ status: ARMED, preflight: UNREADY }, "On the ground, motors on, all well"],
   [{ status: ALONE }, "Emergency landing: the microcontroller lands alone; only Cut is obeyed"],
   [{ status: { ...GROUND, mode: "cut" } }, "Motors cut. Hold Disarm to acknowledge it"],
-  [{ status: FLYING, isHeard: false }, ""],
+  [{ status: FLYING, hasContact: false }, ""],
 ];
 
 for (const [seen, line] of LINES) {
-  test(`the line says ${line || "nothing"}`, () => { assert.equal(lineOf({ isHeard: true, ...seen }), line); });
+  test(`the line says ${line || "nothing"}`, () => { assert.equal(lineOf({ hasContact: true, ...seen }), line); });
 }
 
 const STEPS = [
@@ -73,7 +73,7 @@ for (const [status, step, stops] of STEPS) {
 }
 
 test("what is flown on is said only where a place is held", () => {
-  assert.equal(flownOn({ status: FLYING, isHeard: true, source: "both" }), "on poses and bearings");
-  assert.equal(flownOn({ status: ALONE, isHeard: true, source: "poses" }), "");
-  assert.equal(flownOn({ status: null, isHeard: false }), "");
+  assert.equal(flownOn({ status: FLYING, hasContact: true, source: "both" }), "on poses and bearings");
+  assert.equal(flownOn({ status: ALONE, hasContact: true, source: "poses" }), "");
+  assert.equal(flownOn({ status: null, hasContact: false }), "");
 });

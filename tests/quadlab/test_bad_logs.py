@@ -204,7 +204,7 @@ def test_a_torn_log_is_shown_exported_with_a_note_and_mended_to_be_sound(
     )
     status, _, complaint = run("replay", log)
     assert (status, complaint.count("\n")) == (1, 1)
-    assert "mends it" in complaint
+    assert "repairs it" in complaint
     assert run("recover", log)[0] == 0
     assert run("check", log)[0] == 0
     assert log.stat().st_size < 2 * len(whole)
@@ -231,7 +231,7 @@ def test_check_and_recover_agree_on_a_damaged_chunk(
     [which, rest] = out.splitlines()
     assert (status, complaint) == (1, "")
     assert which == (
-        f"damaged, and cannot be brought back: a chunk of {chunk.chunk_length} bytes at byte "
+        f"damaged, and cannot be repaired: a chunk of {chunk.chunk_length} bytes at byte "
         f"{chunk.chunk_start_offset}, with the messages from {first:.3f} to {last:.3f} s"
     )
     assert "nothing was changed" in rest

@@ -280,11 +280,11 @@ def test_a_station_that_started_anew_ends_it(
 @pytest.mark.parametrize(
     ("words", "status", "said"),
     [
-        (["motor_bench"], 2, "there is no terminal to decide at: give --accept or --reject"),
+        (["motor_bench"], 2, "there is no terminal to answer on: give --accept or --reject"),
         (["motor_bench", "--accept", "--reject"], 2, "give one of them"),
         (["--accept"], 2, "needs a name"),
         (["--set", "hold=2"], 2, "needs a name"),
-        (["motor", "--accept"], 2, "no calibration 'motor'; there are motor_bench, gyroscope"),
+        (["motor", "--accept"], 2, "no calibration 'motor'; known are motor_bench, gyroscope"),
         (["hover", "--accept"], 2, "no calibration 'hover'"),
         (["mine.py", "--accept"], 2, "mine.py cannot run: mine.py line 3: SyntaxError"),
         (["motor_bench", "--accept", "--set", "hold"], 2, "write it as NAME=VALUE"),

@@ -26,15 +26,14 @@ from vehicle_link import topics
 from vehicle_link.security.authority import TlsFiles, check_certificate, ensure_certificates
 from vehicle_link.security.certificates import load_certificate
 from vehicle_link.security.whoami import serve_whoami
-from vehicle_link.serial.identity import THE_ONE
+from vehicle_link.serial.ids import THE_ONE
 from vehicle_link.telemetry import pack
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import TOPICS
 from vehicle_link.transport import quic_probe
 from vehicle_link.transport.link_measurement import Figures, measure
-from vehicle_link.transport.local_networks import own_networks
 from vehicle_link.transport.node import Node
-from vehicle_link.transport.quic_probe import ProbeResult, probe, probe_all
+from vehicle_link.transport.quic_probe import ProbeResult, own_networks, probe, probe_all
 from vehicle_link.transport.session import vehicle_session
 
 

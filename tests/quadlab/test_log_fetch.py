@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from console.catalogue.catalogue import Catalogue
-from console.catalogue.completeness import Completeness, keep_completeness
+from console.catalogue.completeness import Completeness, store_completeness
 from flight_log.writer import FILLED_METADATA, LogWriter
 from quadlab.__main__ import main
 from tests.flight_log.drop_outs import Flight, flown
@@ -66,13 +66,13 @@ def test_a_log_is_listed_and_fetched(
     assert main([*words, "nothing"]) == 1
     assert f"the newest is {NAME}.mcap" in capsys.readouterr().err
     assert main([*words, NAME]) == 0
-    assert "lies in the folder onboard/" in capsys.readouterr().out
+    assert "is in the folder onboard/" in capsys.readouterr().out
     there = tmp_path / "data" / "onboard" / "quad1" / f"{NAME}.mcap"
     assert there.read_bytes() == (tmp_path / "board" / f"{NAME}.mcap").read_bytes()
     assert main([*words, "newest"]) == 0
-    assert "it was here already" in capsys.readouterr().out
+    assert "it had been downloaded before" in capsys.readouterr().out
     assert main([*words, NAME, "--cancel"]) == 1
-    assert "nothing of" in capsys.readouterr().err
+    assert "no transfer of" in capsys.readouterr().err
 
 
 def test_without_a_name_there_is_nothing_to_cancel(capsys: pytest.CaptureFixture[str]) -> None:
@@ -92,7 +92,7 @@ def test_info_tells_what_was_filled_and_what_is_missing(
     said = capsys.readouterr().out
     assert "3.2 s were restored from the vehicle's log; 0.8 s missing" in said
     catalogue = Catalogue(tmp_path / "data")
-    keep_completeness(catalogue, "r1", Completeness("complete", 0.0, 0.0, 9.0, "4500 ticks"))
+    store_completeness(catalogue, "r1", Completeness("complete", 0.0, 0.0, 9.0, "4500 ticks"))
     catalogue.close()
     assert main(["log", "info", str(runs / "r1.mcap")]) == 0
     assert "ticks: complete: 4500 ticks" in capsys.readouterr().out

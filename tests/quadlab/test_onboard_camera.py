@@ -9,7 +9,7 @@ from bearing_sim import BearingParameters
 from quadlab.simulated.onboard_camera import OnboardCamera
 from quadlab.simulated.parameters import CameraParameters
 from quadrotor.rotations import quaternion_from_matrix, rotation_exp
-from vehicle_link.topics.pictures import JPEG
+from vehicle_link.topics.measurements import JPEG
 
 VELOCITY, TURNING = np.array([0.8, 0.5, -0.3]), np.array([0.3, -0.4, 0.5])
 START, TICK_NS = np.array([0.0, 0.0, 1.0]), 10_000_000

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from console.link.dialled_vehicles import dialled, remember_dialled
+from console.link.known_vehicles import station_vehicles, write_station_vehicles
 from quadlab.simulated.fleet import MAX_VEHICLES, SimulatedFleet
 from quadlab.vehicle_names import parse_names, parse_vehicles
 from quadrotor.errors import LinkError, UsageError
@@ -56,7 +56,7 @@ def test_several_vehicles_have_their_own_names_and_ports() -> None:
     assert SimulatedFleet(1, "lab", 7447).ports == {"lab": 7447}
     several = SimulatedFleet(3, "quad1", 7447)
     assert several.ports == {"quad1": 7447, "quad2": 7449, "quad3": 7451}
-    with pytest.raises(UsageError, match="leave --name or --vehicles away"):
+    with pytest.raises(UsageError, match="leave out --name or --vehicles"):
         SimulatedFleet(3, "lab", 7447).check()
 
 
@@ -88,8 +88,8 @@ def test_one_vehicle_alone_keeps_the_data_folder(tmp_path: Path) -> None:
 
 
 def test_the_page_knows_whom_the_station_dialled_last(tmp_path: Path) -> None:
-    assert dialled(tmp_path) == ()
-    remember_dialled(tmp_path, ["a", "b"])
-    assert dialled(tmp_path) == ("a", "b")
+    assert station_vehicles(tmp_path) == ()
+    write_station_vehicles(tmp_path, ["a", "b"])
+    assert station_vehicles(tmp_path) == ("a", "b")
     (tmp_path / "station.json").write_text("torn {")
-    assert dialled(tmp_path) == ()
+    assert station_vehicles(tmp_path) == ()

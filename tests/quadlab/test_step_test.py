@@ -10,7 +10,7 @@ import pytest
 
 from console.tuning.collection import Gap, Samples
 from console.tuning.evaluation import COLUMNS, Plan, drawn, evaluate
-from console.tuning.kept_runs import KeptRun, KeptRuns
+from console.tuning.step_test_store import StepTest, StepTestStore
 from flight_log.tick_columns import layouts_of, parse_column
 from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.parameters import FlightParameters
@@ -224,7 +224,7 @@ def test_gains_that_do_not_hold_the_path_end_the_test_by_braking() -> None:
     assert found.figures["rise"] is None
 
 
-def kept(runs: KeptRuns, samples: Samples, **changes: Any) -> KeptRun:
+def kept(runs: StepTestStore, samples: Samples, **changes: Any) -> StepTest:
     fields = {
         "id": runs.new_id("quad1"),
         "started": "2026-01-01T00:00:00+00:00",
@@ -238,16 +238,16 @@ def kept(runs: KeptRuns, samples: Samples, **changes: Any) -> KeptRun:
         "edges": [],
         "problems": [],
     }
-    run = KeptRun(**{**fields, **changes})
+    run = StepTest(**{**fields, **changes})
     runs.keep(run, samples)
     return run
 
 
 def test_the_last_ones_are_kept_and_found_again(tmp_path: Any, step: Any) -> None:
     _, samples = step
-    runs = KeptRuns(tmp_path, kept=3)
+    runs = StepTestStore(tmp_path, kept=3)
     made = [kept(runs, samples, gains={KP: float(i)}) for i in range(5)]
-    again = KeptRuns(tmp_path, kept=3)
+    again = StepTestStore(tmp_path, kept=3)
     assert again.runs() == made[:1:-1]
     assert len(list((tmp_path / "tuning").glob("*.npz"))) == 3
     read = again.samples(made[-1].id)
@@ -259,7 +259,7 @@ def test_the_last_ones_are_kept_and_found_again(tmp_path: Any, step: Any) -> Non
 
 
 def test_a_deleted_one_comes_back(tmp_path: Any, step: Any) -> None:
-    runs = KeptRuns(tmp_path)
+    runs = StepTestStore(tmp_path)
     first, second = (kept(runs, step[1]) for _ in range(2))
     runs.delete(first.id)
     assert runs.runs() == [second]
@@ -272,14 +272,14 @@ def test_a_deleted_one_comes_back(tmp_path: Any, step: Any) -> None:
 
 @pytest.mark.parametrize("name", ["../web/door", "x", "", "20260101T000000000Z_../x"])
 def test_a_name_from_outside_is_never_a_path(tmp_path: Any, name: str) -> None:
-    runs = KeptRuns(tmp_path)
+    runs = StepTestStore(tmp_path)
     for act in (runs.run, runs.samples, runs.delete, runs.restore):
         with pytest.raises(StorageError, match="there is no step test"):
             act(name)
 
 
 def test_an_unreadable_one_is_left_out(tmp_path: Any, step: Any) -> None:
-    runs = KeptRuns(tmp_path)
+    runs = StepTestStore(tmp_path)
     whole, torn = (kept(runs, step[1]) for _ in range(2))
     (tmp_path / "tuning" / f"{torn.id}.json").write_text("{")
     assert runs.runs() == [whole]

@@ -79,7 +79,7 @@ def test_role_password_and_removal(user: Any, tmp_path: Path) -> None:
         ([], "", 2, "add"),
         (["ad", "bob"], "", 2, "add"),
         (["add"], "", 2, "quadlab user add NAME"),
-        (["add", "Bob"], WORDS, 2, "is no name for a user"),
+        (["add", "Bob"], WORDS, 2, "is not a valid user name"),
         (["add", "bob", "--role", "boss"], WORDS, 2, "operator"),
         (["add", "bob", "viewer"], WORDS, 2, "give the role with --role"),
         (["add", "bob"], "short", 1, "it has 5, at least 10 characters are needed"),

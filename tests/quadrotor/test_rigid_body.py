@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from quadrotor.rigid_body import derivative, motor_step, rk4_step, rotor_wrench
 from quadrotor.rotations import quaternion_exp, quaternion_to_matrix, rotate
 from quadrotor.vehicle_model import VehicleModel
 from tests.support.arrays import Array
+from tests.support.dynamics import derivative, motor_step, rk4_step, rotor_wrench
 
 MASS, G = 1.308, 9.81
 J = np.array([0.0154, 0.0160, 0.0250])

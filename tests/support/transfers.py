@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from types import SimpleNamespace
 
 from console.catalogue.catalogue import Catalogue
 from console.parameters.station import RecorderParameters
@@ -16,12 +17,11 @@ def new_transfers(station: Node, catalogue: Catalogue) -> Transfers:
 
     The disk may be nearly full.
     """
-    return Transfers(
-        station,
-        catalogue,
-        "quad1",
-        RecorderParameters(keep_free=10.0),
-        lambda: LinkState.GOOD,
-        lambda level, line: None,
-        time.time_ns,
+    context = SimpleNamespace(
+        node=station,
+        vehicle="quad1",
+        link=SimpleNamespace(state=lambda: LinkState.GOOD, vehicle_ns=time.time_ns),
+        parameters=SimpleNamespace(recorder=RecorderParameters(keep_free=10.0)),
+        outbox=SimpleNamespace(say=lambda level, line: None),
     )
+    return Transfers(context, catalogue)  # type: ignore[arg-type]

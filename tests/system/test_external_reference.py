@@ -15,7 +15,7 @@ import pytest
 
 from flight_log import is_closed, read_log
 from vehicle_link.messages import decode, encode, header, new
-from vehicle_link.topics import TOPICS, decode_reference
+from vehicle_link.topics import TOPICS, decode_external_reference
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.session import loopback_session
@@ -41,7 +41,7 @@ class Program:
         self._thread.start()
 
     def _heard(self, received: Received) -> None:
-        stamp_ns, reference = decode_reference(received.payload)
+        stamp_ns, reference = decode_external_reference(received.payload)
         self._newest = stamp_ns, time.monotonic_ns(), reference
 
     @property

@@ -32,8 +32,8 @@ from tests.waiting import wait_for
 from vehicle_link.messages import encode, header, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters
 from vehicle_link.transport.publisher import Received
-from web.access.attempts import Attempts
 from web.access.passwords import Passwords
+from web.access.sign_in_limiter import SignInLimiter
 from web.access.tls import Tls
 from web.assembly import assemble
 from web.live.sockets import listen
@@ -459,7 +459,7 @@ class serving:  # noqa: N801 - used as `with serving(...)`
 
         now = [0.0]  # s, of the sign-in limits; a test moves it
         app = assemble(
-            attempts=Attempts(lambda: now[0]),
+            limiter=SignInLimiter(lambda: now[0]),
             passwords=Passwords(1, 8),
             data=data,
             base_url=base,

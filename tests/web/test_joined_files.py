@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from web.joined_files import JoinError, join_modules, join_styles
-from web.static_files import STATIC, KeptFiles
+from web.static_files import STATIC, CachedFiles
 
 ENTRIES = sorted(str(path.relative_to(STATIC)) for path in STATIC.glob("*/*.html"))
 DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
@@ -155,7 +155,7 @@ def test_a_changed_file_is_joined_anew(tmp_path: Path) -> None:
     )
     for name in ("a.css", "b.css", "a.js"):
         (tmp_path / name).write_text(f"/* {name} */")
-    files = KeptFiles(tmp_path)
+    files = CachedFiles(tmp_path)
     first = bytes(files.document("page.html").body).decode()
     assert re.findall(r'"/static/v-[0-9a-f]{16}/([^"]+)"', first) == [
         "joined/page.css",

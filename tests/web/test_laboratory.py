@@ -12,7 +12,8 @@ import pytest
 
 import quadlab
 from benchmarks.logs.recorded_run import MadeRun, write_run
-from quadlab.laboratory import Laboratory
+from quadlab import laboratory
+from quadlab.laboratory import REACH, Laboratory
 from quadrotor.errors import LinkError, RefusedError, UnreachableError, UsageError
 from tests.waiting import free_port
 from vehicle_link.messages import new
@@ -42,7 +43,7 @@ def test_it_is_signed_in_by_a_link_and_is_present_as_a_page_is(
 
 
 def test_what_is_no_laboratory_says_so(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="is no certificate"):
+    with pytest.raises(UsageError, match="cannot be read as a certificate"):
         quadlab.connect("https://127.0.0.1:1", authority=tmp_path / "missing.pem")
     with pytest.raises(UsageError, match="give http://HOST:PORT"):
         quadlab.connect("localhost:8080")
@@ -139,4 +140,24 @@ def test_the_verdict_of_an_earlier_experiment_is_not_taken_for_a_new_one(
     status = new("quadlab_msgs/ExperimentStatus", **fields, verdict="passed")
     station.put("experiment_status", status)
     with pytest.raises(LinkError, match="hover has no verdict"):
+        lab.fly("hover")
+
+
+@pytest.mark.parametrize("age", [None, REACH + 1.0])
+def test_a_station_that_falls_silent_during_an_experiment_is_an_error(
+    age: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flying = {"name": "hover", "requester": "anna", "phase": "flying", "run_id": RUN}
+    ages = iter([None, 0.1, age])  # before the start, in flight, silent
+
+    def answer(method: str, path: str, **more: Any) -> dict[str, Any]:
+        if path != "/api/summary":
+            return {}
+        return {"experiment": flying, "age": {"experiment_status": next(ages)}}
+
+    monkeypatch.setattr(laboratory, "RETRY", 0.0)
+    monkeypatch.setattr(Laboratory, "_json", staticmethod(answer))
+    lab = Laboratory.__new__(Laboratory)  # not signed in anywhere
+    lab.label = "anna"
+    with pytest.raises(LinkError, match="the station is silent, so hover is not followed"):
         lab.fly("hover")

@@ -15,7 +15,7 @@ from starlette.requests import HTTPConnection
 from starlette.routing import Mount
 
 from web import static_files, theme
-from web.static_files import KeptFiles
+from web.static_files import CachedFiles
 
 
 @pytest.fixture
@@ -28,8 +28,8 @@ def script(tmp_path: Path) -> Path:
 
 
 class Asker:
-    def __init__(self, folder: Path, files: KeptFiles | None = None) -> None:
-        app = Starlette(routes=[Mount("/static", files or KeptFiles(folder))])
+    def __init__(self, folder: Path, files: CachedFiles | None = None) -> None:
+        app = Starlette(routes=[Mount("/static", files or CachedFiles(folder))])
         self._transport = httpx.ASGITransport(app)
 
     def __call__(self, path: str, method: str = "GET", **headers: str) -> httpx.Response:
@@ -81,7 +81,7 @@ def test_a_part_is_a_part_and_nothing_is_written(ask: Asker, script: Path) -> No
 
 
 def test_a_document_names_its_files_by_version_and_those_are_fetched_once(script: Path) -> None:
-    files = KeptFiles(script.parent)
+    files = CachedFiles(script.parent)
     (script.parent / "page.html").write_text('<script src="/static/a.js"></script>/static/a.js')
     ask = Asker(script.parent, files)
 

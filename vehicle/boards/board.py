@@ -19,7 +19,7 @@ from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.ids import MotorState
 
 
-class Takes(Enum):
+class CommandKind(Enum):
     """The kind of command that a board accepts."""
 
     MOTORS = "motor references"
@@ -37,7 +37,7 @@ class BodyRates(msgspec.Struct, frozen=True):
 MotorReferences = tuple[int, int, int, int]
 """Counts, 0…255, motors front, left, rear, right."""
 Command = MotorReferences | BodyRates | AttitudeCommand
-"""Command at one of the levels of `Takes`."""
+"""Command at one of the levels of `CommandKind`."""
 
 
 class RawSample(msgspec.Struct, frozen=True, order=True):
@@ -55,16 +55,16 @@ class Traits(msgspec.Struct, frozen=True):
     """The facts about a kind of board that the flight stack needs."""
 
     name: str
-    takes: tuple[Takes, ...]
+    takes: tuple[CommandKind, ...]
     parameters: dict[str, ParameterValue] = {}  # values that replace the defaults
-    tells_pressure: bool = True  # otherwise only the board itself can descend by a barometer
+    reports_pressure: bool = True  # otherwise only the board itself can descend by a barometer
 
     @property
-    def direct(self) -> Takes:
+    def direct(self) -> CommandKind:
         """Return the level at which the control law ends."""
-        return Takes.MOTORS if Takes.MOTORS in self.takes else Takes.RATES
+        return CommandKind.MOTORS if CommandKind.MOTORS in self.takes else CommandKind.RATES
 
-    def missing(self, needed: Takes) -> str:
+    def missing(self, needed: CommandKind) -> str:
         """Return why the board cannot be commanded at this level, "" when it can."""
         if needed in self.takes:
             return ""

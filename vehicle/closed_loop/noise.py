@@ -13,7 +13,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from bearing_sim.chance import ALL, STEP, splitmix64
+from bearing_sim.sampling import ALL, STEP, splitmix64
 from quadrotor.compiled import compiled
 
 Array = npt.NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""One onboard step as one compiled function: the same item-level laws as the vehicle's tick.
+"""The laws of one onboard step as one compiled function: the item-level ones of the vehicle's tick.
 
 estimate (Sec. 6.1) -> reference (the 8 to its fourth derivative) -> eqs. 4 and 5 with feed-forward
 -> allocation. `vehicle.flight.stack` composes them in Python, with plugins, behaviors and safety.
@@ -15,7 +15,6 @@ from control.disturbance_observer import OBSERVER, OBSERVER_MEMORY, observe_one,
 from control.geometric_law import CONTROL_MEMORY, new_control_memory, step_one
 from control.parameters import CONTROL, ControlParameters, control_record
 from control.trajectories.figure_eight import FIGURE_EIGHT, FigureEight, figure_eight_at
-from estimation.complementary_filter import predict_one
 from estimation.memory import ESTIMATOR_MEMORY, new_memory
 from estimation.parameters import ESTIMATION_GAINS, EstimationParameters, estimation_record
 from quadrotor.compiled import compiled
@@ -89,30 +88,3 @@ def steer(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
         )
     figure_eight_at(s.eight, t, v.reference)
     step_one(v.controller, v.state, v.reference, s.control, s.model, airborne, dt, v.actuators)
-
-
-@compiled(inner=True)
-def onboard_one(v: Item, s: Item, imu: Item, t: float, airborne: bool, dt: float) -> None:
-    """Step the ONBOARD record v by SETTINGS s, with an IMU_SAMPLE dt (s) after the last."""
-    predict_one(v.estimator, imu, s.estimation, dt, v.state)
-    steer(v, s, t, airborne, dt)
-
-
-@compiled
-def onboard_step(
-    onboard: Record, settings: Record, imu: Record, t: float, airborne: bool, dt: float
-) -> None:
-    """Run `onboard_one` for Python: records of shape (1,)."""
-    onboard_one(onboard[0], settings[0], imu[0], t, airborne, dt)
-
-
-@compiled
-def onboard_steps(
-    onboard: Record, settings: Record, imu: Record, thrusts: Array, airborne: bool, dt: float
-) -> None:
-    """Step through the samples `imu` (N,); writes the thrusts (N, 4) in N of each step."""
-    v, s = onboard[0], settings[0]
-    for k in range(imu.shape[0]):
-        onboard_one(v, s, imu[k], k * dt, airborne, dt)
-        for i in range(4):
-            thrusts[k, i] = v.actuators.thrusts[i]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bearing_sim.known_beacons import KnownBeacons
+from bearing_sim.beacon_set import KnownBeacons
 from estimation.poses.beacon_plane import require_distinct
 from estimation.poses.planar_pose import planar_pose
 from quadrotor.errors import MeasurementError

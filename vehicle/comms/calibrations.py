@@ -68,7 +68,7 @@ class Calibrations:
         elif action == "in_force":
             records = self._in_force()
         elif action == "store":
-            records = [self._take_over(str(request.record), str(request.requester))]
+            records = [self._accept(str(request.record), str(request.requester))]
         elif action == "gyroscope":
             records = [self._gyroscope(str(request.requester))]
         else:
@@ -106,7 +106,7 @@ class Calibrations:
             and (record.name != GYROSCOPE or record.stamp_ns >= self._since_ns)
         ]
 
-    def _take_over(self, text: str, requester: str) -> CalibrationRecord:
+    def _accept(self, text: str, requester: str) -> CalibrationRecord:
         proposed = parse_stored(text.encode())
         if proposed.name == GYROSCOPE:
             self._check_drift(proposed)
@@ -119,8 +119,8 @@ class Calibrations:
             try:
                 record = self._stored(proposed, requester, reply)
             except QuadlabError as error:
-                raise self._put_back(reply, error) from None
-        self._tell(record)
+                raise self._restore(reply, error) from None
+        self._report(record)
         return record
 
     def _check_drift(self, proposed: CalibrationRecord) -> None:
@@ -147,7 +147,7 @@ class Calibrations:
         self._store.append(record)
         return record
 
-    def _put_back(self, reply: mailbox.Reply, error: QuadlabError) -> QuadlabError:
+    def _restore(self, reply: mailbox.Reply, error: QuadlabError) -> QuadlabError:
         """Restore the previous calibration and return the error to answer with."""
         if not reply.previous:
             return error
@@ -188,7 +188,7 @@ class Calibrations:
         except StorageError as error:
             self._say(mailbox.WARN, str(error))
 
-    def _tell(self, record: CalibrationRecord) -> None:
+    def _report(self, record: CalibrationRecord) -> None:
         values = ", ".join(f"{name} = {_short(value)}" for name, value in record.values.items())
         run = f" from {record.run_id}" if record.run_id else ""
         text = f"calibration stored: {described(record)}{run}{': ' if values else ''}{values}"

@@ -15,45 +15,69 @@ import math
 import threading
 from collections.abc import Callable
 from functools import partial
+from typing import Generic, TypeVar
 
+from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import PAPER_BEACONS, parse_layout
-from bearing_sim.known_beacons import KnownBeacons
 from estimation.outcome import LATEST_NS
 from estimation.poses.planar_pose import PlanarPoseSolver
 from quadrotor.errors import LinkError, MeasurementError
 from quadrotor.records import Record
 from vehicle.comms.bearing_pose import bearing_pose
 from vehicle.comms.commands import FlightMailbox
-from vehicle.comms.preferred_source import FirstHeard
 from vehicle.comms.vehicle_clock import VehicleClock
 from vehicle.processes import mailbox
 from vehicle_link import topics
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.process_instance import short_id
 
+Key = TypeVar("Key")
+SILENT_NS = 1_000_000_000
+
+
+class PreferredSource(Generic[Key]):
+    """Selector of the first source received; times in ns of any steady clock. Not thread-safe."""
+
+    def __init__(self, silent_ns: int = SILENT_NS) -> None:
+        self._silent_ns = silent_ns
+        self._key: Key | None = None
+        self._received_ns = 0
+
+    def accepts(self, key: Key, now_ns: int) -> bool:
+        """Return whether to accept this source; it is selected when there is no other."""
+        if self.current(now_ns) not in (None, key):
+            return False
+        self._key, self._received_ns = key, now_ns
+        return True
+
+    def current(self, now_ns: int) -> Key | None:
+        """Return the selected source; None when it has been silent for too long."""
+        return self._key if now_ns - self._received_ns < self._silent_ns else None
+
+
 OLDEST_NS = 200_000_000
-SAID_EVERY_NS = 5_000_000_000
+WARN_EVERY_NS = 5_000_000_000
 
 Say = Callable[[int, str], None]
 
 
-class SaidSometimes:
+class RateLimitedWarnings:
     """Rate limiter of warnings: one per five seconds and subject, with a count of the others."""
 
     def __init__(self, say: Say, clock: VehicleClock) -> None:
         self._say = say
         self._clock = clock
         self._lock = threading.Lock()
-        self._said_ns: dict[str, int] = {}
+        self._warned_ns: dict[str, int] = {}
         self._held_back: dict[str, int] = {}
 
     def __call__(self, subject: str, text: str) -> None:
         now_ns = self._clock.now_ns()
         with self._lock:
-            if 0 <= now_ns - self._said_ns.get(subject, -SAID_EVERY_NS) < SAID_EVERY_NS:
+            if 0 <= now_ns - self._warned_ns.get(subject, -WARN_EVERY_NS) < WARN_EVERY_NS:
                 self._held_back[subject] = self._held_back.get(subject, 0) + 1
                 return
-            self._said_ns[subject] = now_ns
+            self._warned_ns[subject] = now_ns
             more = self._held_back.pop(subject, 0)
         self._say(mailbox.WARN, f"{subject}: {text}" + (f" (and {more} more)" if more else ""))
 
@@ -80,17 +104,17 @@ class Inbound:
     ) -> None:
         self._flight = flight
         self._clock = clock
-        self._complain = SaidSometimes(say, clock)
+        self._warn = RateLimitedWarnings(say, clock)
         self._bearing_pose = bearing_pose
         self._log = log
         self._solves = False
         self._layout, self._beacons = "paper", KnownBeacons(PAPER_BEACONS)
         self._preparing: threading.Thread | None = None
-        self._heard_ns: int | None = None
+        self._received_ns: int | None = None
         self._say = say
-        self._station = FirstHeard[int]()
+        self._station = PreferredSource[int]()
         self._sources = {
-            name: FirstHeard[bytes]() for name, row in topics.TOPICS.items() if row.one_source
+            name: PreferredSource[bytes]() for name, row in topics.TOPICS.items() if row.one_source
         }
         self.newest_state: Record | None = None
         self.handlers: dict[str, Callable[[bytes], None]] = {
@@ -117,7 +141,7 @@ class Inbound:
         PlanarPoseSolver(PAPER_BEACONS.positions_w)
         self._solves = True
 
-    def lay_out(self, text: str) -> None:
+    def set_layout(self, text: str) -> None:
         """Set the beacons' positions from the text of the parameter beacons.layout.
 
         Raises MeasurementError.
@@ -128,30 +152,30 @@ class Inbound:
     @property
     def station_silence(self) -> float:
         """Return the seconds since the station's last heartbeat; inf before the first."""
-        heard_ns = self._heard_ns
-        return math.inf if heard_ns is None else (monotonic_ns() - heard_ns) * 1e-9
+        received_ns = self._received_ns
+        return math.inf if received_ns is None else (monotonic_ns() - received_ns) * 1e-9
 
     @property
     def holder(self) -> int:
         """Return the instance of the station that holds the vehicle; 0 when none is connected."""
         return self._station.current(monotonic_ns()) or 0
 
-    def take(self, topic: str, payload: bytes, source: bytes = b"") -> None:
+    def handle(self, topic: str, payload: bytes, source: bytes = b"") -> None:
         """Handle one message of a topic of `handlers`; unusable ones are reported.
 
         Args:
             source: the publisher's GID; empty when it is known to be the holder's.
         """
         source_of = self._sources.get(topic)
-        if source and source_of and not source_of.heard(source, monotonic_ns()):
-            self._complain(
+        if source and source_of and not source_of.accepts(source, monotonic_ns()):
+            self._warn(
                 topic, "a second sender is ignored; stop one of the two (station, ROS 2 node)"
             )
             return
         try:
             self.handlers[topic](payload)
         except (LinkError, MeasurementError) as error:
-            self._complain(topic, str(error))
+            self._warn(topic, str(error))
 
     def _tracked(self, topic: str, decode: Callable[[bytes], Record], payload: bytes) -> None:
         sample = decode(payload)
@@ -177,16 +201,16 @@ class Inbound:
         instance = topics.decode_heartbeat(payload).instance
         now_ns = monotonic_ns()
         before = self._station.current(now_ns)
-        if not self._station.heard(instance, now_ns):
-            self._complain(
+        if not self._station.accepts(instance, now_ns):
+            self._warn(
                 "station_heartbeat",
-                f"station {short_id(instance)} is not listened to: station {short_id(before or 0)} "
-                "has the vehicle",
+                f"station {short_id(instance)} is ignored: station {short_id(before or 0)} "
+                "controls this vehicle; stop one of the two",
             )
             return
         if before is None:
-            self._say(mailbox.INFO, f"station {short_id(instance)} has the vehicle")
-        self._heard_ns = now_ns
+            self._say(mailbox.INFO, f"station {short_id(instance)} controls this vehicle")
+        self._received_ns = now_ns
         # The station's own stamp may precede its time synchronisation, so the time of arrival
         # counts.
         self._send(mailbox.Heartbeat(self._clock.now_ns()))
@@ -207,7 +231,7 @@ class Inbound:
         if abs(age_ns) <= allowed_ns:
             return True
         when = f"{age_ns / 1e6:.0f} ms old" if age_ns > 0 else f"{-age_ns / 1e6:.0f} ms ahead"
-        self._complain(
+        self._warn(
             topic,
             f"ignored, its stamp is {when} of the vehicle's clock; "
             f"allowed {allowed_ns / 1e6:.0f} ms",
@@ -218,4 +242,4 @@ class Inbound:
         if not self._clock.started:
             return  # flight is still starting: its inbox is not read yet
         if not self._flight.send(message):
-            self._complain("flight inbox", "full; measurements are lost")
+            self._warn("flight inbox", "full; measurements are lost")

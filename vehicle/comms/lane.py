@@ -17,7 +17,7 @@ from functools import partial
 from quadrotor.errors import LinkError
 from vehicle_link.clock import monotonic
 from vehicle_link.lane.datagram import HELLO, TO_STATION, TO_VEHICLE
-from vehicle_link.lane.newest_only import NewestOnly
+from vehicle_link.lane.replay_window import NewestOnly
 from vehicle_link.lane.vehicle_lane import VehicleLane
 from vehicle_link.messages import Message
 from vehicle_link.security.access import LANE, PILOT_LANE
@@ -31,7 +31,7 @@ ONE_WAY = ("tracker_pose", "tracker_position", "bearings")
 """Topics that are subscribed to over Zenoh only while the lane is silent."""
 SILENT_AFTER = 0.3
 """Seconds without a heartbeat by the lane, after which several are missing."""
-LOOK = 0.05  # s
+CHECK_EVERY = 0.05  # s
 
 
 class CommsLane:
@@ -39,27 +39,29 @@ class CommsLane:
 
     Args:
         port: UDP port; another one if it is in use.
-        came: called with each message of the lane, after it and those that its sender sent before
-            it have been handled.
+        on_message: called with each message of the lane, after it and those that its sender sent
+            before it have been handled.
     """
 
     def __init__(
         self,
         node: Node,
         port: int,
-        came: Callable[[str, Received], None] = lambda topic, received: None,
+        on_message: Callable[[str, Received], None] = lambda topic, received: None,
     ) -> None:
         self._node = node
         self._newest = NewestOnly()
-        self._take: dict[str, tuple[threading.Lock, Callable[[Received], None]]] = {}
-        self._came = came
-        self._heard = -math.inf
+        self._callbacks: dict[str, tuple[threading.Lock, Callable[[Received], None]]] = {}
+        self._on_message = on_message
+        self._received = -math.inf
         self._over_zenoh: Node | None = None
         self._closing = threading.Event()
-        self._looking = threading.Thread(target=self._look, name="lane keeper", daemon=True)
+        self._thread = threading.Thread(
+            target=self._keep_subscriptions, name="lane keeper", daemon=True
+        )
         self._lane = VehicleLane(port, self._by_lane)
-        for door, topics in ((PILOT_LANE, TO_VEHICLE), (LANE, (HELLO,))):
-            node.serve(door, SERVICES[LANE], self._granting(topics))
+        for service, topics in ((PILOT_LANE, TO_VEHICLE), (LANE, (HELLO,))):
+            node.serve(service, SERVICES[LANE], self._granting(topics))
 
     def send(self, publishers: Mapping[str, Publisher], beats_every: int = 1) -> None:
         """Send the publications of these publishers by the lane too, if their topics belong to it.
@@ -72,42 +74,42 @@ class CommsLane:
             publishers[name].also_send = partial(self._lane.send, name)
         publishers["vehicle_heartbeat"].send_one_in = beats_every
 
-    def take(self, topic: str, callback: Callable[[Received], None]) -> None:
+    def subscribe(self, topic: str, callback: Callable[[Received], None]) -> None:
         """Deliver each message of a topic once and in order, by whichever way it arrives first."""
-        self._take[topic] = threading.Lock(), callback
+        self._callbacks[topic] = threading.Lock(), callback
         if topic not in ONE_WAY:
             self._subscribe(self._node, topic)
 
     def start(self) -> None:
-        """Subscribe to the other topics, after `take` was called for all of them."""
-        self.look()
-        self._looking.start()
+        """Subscribe to the other topics, after `subscribe` was called for all of them."""
+        self.update_subscriptions()
+        self._thread.start()
 
-    def heard(self) -> None:
+    def note_received(self) -> None:
         """Note that the station that holds the vehicle was received by the lane."""
-        self._heard = monotonic()
+        self._received = monotonic()
 
     def _subscribe(self, node: Node, topic: str) -> None:
         node.subscribe(topic, TOPICS[topic].type_name, partial(self._deliver, topic))
 
-    def _look(self) -> None:
-        while not self._closing.wait(LOOK):
+    def _keep_subscriptions(self) -> None:
+        while not self._closing.wait(CHECK_EVERY):
             try:
-                self.look()
+                self.update_subscriptions()
             except LinkError as error:  # the session is closing
                 log.info("lane: %s", error)
 
-    def look(self) -> None:
+    def update_subscriptions(self) -> None:
         """Subscribe over Zenoh to the topics that the lane does not deliver, and to no others."""
-        is_heard = monotonic() - self._heard < SILENT_AFTER
-        if is_heard and self._over_zenoh is not None:
+        is_received = monotonic() - self._received < SILENT_AFTER
+        if is_received and self._over_zenoh is not None:
             self._over_zenoh.close()
             self._over_zenoh = None
-        elif not is_heard and self._over_zenoh is None:
+        elif not is_received and self._over_zenoh is None:
             # A separate node, because a node can only be closed as a whole.
             name = f"{self._node.name}_measurements"
             node = Node(self._node.session, self._node.namespace, name)
-            for topic in filter(self._take.__contains__, ONE_WAY):
+            for topic in filter(self._callbacks.__contains__, ONE_WAY):
                 self._subscribe(node, topic)
             self._over_zenoh = node
 
@@ -117,21 +119,21 @@ class CommsLane:
 
     def close(self) -> None:
         self._closing.set()
-        if self._looking.ident is not None:
-            self._looking.join(1.0)
+        if self._thread.ident is not None:
+            self._thread.join(1.0)
         if self._over_zenoh is not None:
             self._over_zenoh.close()
         self._lane.close()
 
     def _by_lane(self, topic: str, received: Received) -> None:
         self._deliver(topic, received)
-        self._came(topic, received)
+        self._on_message(topic, received)
 
     def _deliver(self, topic: str, received: Received) -> None:
-        taken = self._take.get(topic)
-        if taken is None:
+        found = self._callbacks.get(topic)
+        if found is None:
             return
-        one_at_a_time, callback = taken
+        one_at_a_time, callback = found
         with one_at_a_time:  # a message from the other way has been handled, not only received
             if self._newest.is_newer(topic, received):
                 callback(received)

@@ -21,22 +21,21 @@ from quadrotor.errors import QuadlabError
 from vehicle.calibration.store import CalibrationStore
 from vehicle.comms.calibrations import Calibrations
 from vehicle.comms.commands import FlightMailbox, FlightParameters
-from vehicle.comms.deferred_events import Unheard
+from vehicle.comms.deferred_events import DeferredEvents
 from vehicle.comms.inbound import Inbound
 from vehicle.comms.lane import CommsLane
-from vehicle.comms.publish import FLOWN_ON, Publisher
-from vehicle.comms.publishers import LinkRadio
+from vehicle.comms.publish import FLOWN_ON, LinkRadio, Publisher
 from vehicle.comms.self_checks import SelfChecks
 from vehicle.comms.services import serve
 from vehicle.comms.vehicle_clock import VehicleClock
 from vehicle.estimators.estimators import Estimators
 from vehicle.onboard_log.files import OnboardFiles
-from vehicle.onboard_log.onboard_log import OnboardLog, microcontroller_facts
+from vehicle.onboard_log.onboard_log import OnboardLog
 from vehicle.onboard_log.parameters import log_parameters
 from vehicle.onboard_log.reader import OnboardReader
 from vehicle.onboard_log.ring import Fetched
 from vehicle.processes import mailbox
-from vehicle.processes.config import TICK_SLOTS, CommsConfig, Rings, open_rings
+from vehicle.processes.config import TICK_SLOTS, Rings, VehicleConfig, open_rings
 from vehicle.processes.parent import GIVEN_UP, PLUGINS
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link import topics
@@ -62,7 +61,7 @@ TICKS_KEPT = TICK_SLOTS // 2
 class Comms:
     """The comms process with all its parts."""
 
-    def __init__(self, config: CommsConfig, rings: Rings, node: Node) -> None:
+    def __init__(self, config: VehicleConfig, rings: Rings, node: Node) -> None:
         self._rings = rings
         self._clock = VehicleClock()
         self._flight = FlightMailbox(rings)
@@ -71,7 +70,7 @@ class Comms:
         self._events: deque[mailbox.Event] = deque()
         self._bearing_poses: deque[tuple[bytes, int]] = deque()
         self._notices = list(config.notices)
-        self._unheard = Unheard()
+        self._deferred = DeferredEvents()
         self._radio = LinkRadio(node)
         self._calibrations = Calibrations(
             self._flight,
@@ -82,7 +81,7 @@ class Comms:
             config.refused_calibrations,
             config.started_ns,
         )
-        fetched = Fetched()
+        fetched, identity = Fetched(), config.identity  # motors start with no other
         self._log = OnboardLog(
             Path(config.data),
             config.name,
@@ -91,7 +90,7 @@ class Comms:
                 "calibrations.json": self._calibrations.in_force_json,
             },
             self._say,
-            facts=microcontroller_facts(config.identity),
+            facts={"robot_id": str(identity.robot_id), "firmware_revision": str(identity.firmware)},
             limits=lambda: log_parameters(self._parameters.replica.values()),
             fetched=fetched,
             written=rings.ticks.free,
@@ -116,19 +115,19 @@ class Comms:
         self._dropped = 0
         self._fetch_due_ns = 0
         serve(node, self._flight, self._parameters, self._calibrations, self._clock)
-        serve_whoami(node, config.name, config.instance, config.identity)
-        self._checks = SelfChecks(Path(config.data), identity=config.identity, log=self._log)
+        serve_whoami(node, config.name, config.instance, identity)
+        self._checks = SelfChecks(Path(config.data), identity=identity, log=self._log)
         node.serve("checks", topics.SERVICES["checks"], self._checks.answer)
         reader = OnboardReader(self._log, config.name)
         node.serve("onboard_log", topics.SERVICES["onboard_log"], reader.answer)
         OnboardFiles(
-            self._log.folder, self._log.files, fetched, mending=lambda: self._log.mending
+            self._log.folder, self._log.files, fetched, repair=lambda: self._log.repair.state
         ).serve(node)
-        self._lane = CommsLane(node, config.link_port + 1, self._came_by_lane)
+        self._lane = CommsLane(node, config.link_port + 1, self._received_by_lane)
         beats_every = LINK_HEARTBEAT_EVERY if config.packets < HEARTBEAT_RATE else 1
         self._lane.send(self._radio.publishers, beats_every)
         for topic in self._inbound.handlers:
-            self._lane.take(topic, self._receiver(topic))
+            self._lane.subscribe(topic, self._receiver(topic))
         self._lane.start()
 
     def run(self, stopping: Ending) -> None:
@@ -152,7 +151,7 @@ class Comms:
                 self._parameters.fetch()
             self._inbound.newest_state = ticks["state"][-1:]
             self._inbound.prepare()
-            self._checks.heard(bool(ticks["status"]["armed"][-1]))
+            self._checks.note_armed(bool(ticks["status"]["armed"][-1]))
             self._clock.observe(int(ticks["imu"]["stamp_ns"][-1]), read_ns)
             self._log.ticks(ticks, self._clock.at_ns(read_ns))
             self._publisher.ticks(ticks)
@@ -162,8 +161,8 @@ class Comms:
             for level, text in self._notices:  # not earlier, as no one could read them
                 self._events.append(mailbox.Event(self._clock.now_ns(), level, text))
             self._notices.clear()
-        if told := self._unheard.due(read_ns * 1e-9, self._inbound.station_silence):
-            self._events.append(mailbox.Event(self._clock.now_ns(), *told))
+        if report := self._deferred.due(read_ns * 1e-9, self._inbound.station_silence):
+            self._events.append(mailbox.Event(self._clock.now_ns(), *report))
         while self._bearing_poses:
             self._publisher.bearing_pose(*self._bearing_poses.popleft())
         while self._events:
@@ -186,10 +185,10 @@ class Comms:
             if self._parameters.complete:
                 self._log.start()  # not earlier: its files begin with the parameters
                 values = self._parameters.values()
-                self._inbound.lay_out(str(values["beacons.layout"]))
+                self._inbound.set_layout(str(values["beacons.layout"]))
                 self._publisher.estimator = str(values[FLOWN_ON])
         elif isinstance(message, mailbox.Event):
-            if self._unheard.said(message, self._inbound.station_silence):
+            if self._deferred.defer(message, self._inbound.station_silence):
                 say(message.text)
             self._publisher.event(message)
         elif isinstance(message, mailbox.GyroscopeFound):
@@ -197,7 +196,7 @@ class Comms:
         else:
             self._parameters.changed(message)
             if message.name == "beacons.layout":
-                self._inbound.lay_out(str(message.new))
+                self._inbound.set_layout(str(message.new))
             self._publisher.parameter_change(message)
 
     def _watch_drops(self) -> None:
@@ -210,16 +209,16 @@ class Comms:
             self._dropped = dropped
 
     def _receiver(self, topic: str) -> Callable[[Received], None]:
-        return lambda received: self._inbound.take(topic, received.payload, received.gid)
+        return lambda received: self._inbound.handle(topic, received.payload, received.gid)
 
-    def _came_by_lane(self, topic: str, received: Received) -> None:
+    def _received_by_lane(self, topic: str, received: Received) -> None:
         """Note a heartbeat of the station that holds the vehicle: its earlier poses have reached
         flight, and need not be sent over Zenoh.
         """
         if topic == "station_heartbeat":
             beat = topics.decode_heartbeat(received.payload)
             if beat.instance == self._inbound.holder:
-                self._lane.heard()
+                self._lane.note_received()
                 self._progress.station_received(beat.stamp_ns)
 
     def _log_received(self, topic: str, payload: bytes, stamp_ns: int) -> None:
@@ -242,7 +241,7 @@ class Comms:
 
 def main(argument: str) -> int:
     """Run the process; return 0 after a signal, GIVEN_UP when it cannot start."""
-    config = msgspec.json.decode(argument, type=CommsConfig)
+    config = msgspec.json.decode(argument, type=VehicleConfig)
     speak_for(config.name)
     die_with_parent(config.parent)
     stopping = EndSignal()

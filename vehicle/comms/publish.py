@@ -6,10 +6,12 @@ each topic sends at most five messages a second by radio, as a probe; the log st
 
 from __future__ import annotations
 
+import queue
 import struct
+import threading
 import time
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 import numpy as np
@@ -21,6 +23,10 @@ from vehicle.processes import mailbox
 from vehicle.processes.config import PACKETS_A_SECOND
 from vehicle_link import telemetry, topics
 from vehicle_link.parameters.change import ParameterChange
+from vehicle_link.topics import TOPICS
+
+if TYPE_CHECKING:
+    from vehicle_link.transport.node import Node
 
 NOMINAL_RATE = 500.0  # Hz, until the loop has measured its own
 PROBE_NS = 200_000_000
@@ -237,3 +243,43 @@ def _status_key(ticks: Record) -> tuple[int, ...]:
 
 def _too_old(first: Record, ticks: Record) -> bool:
     return bool(ticks["imu"]["stamp_ns"][0] - first["imu"]["stamp_ns"][0] > STALE_NS)
+
+
+WAITING_MAX = 1000
+
+
+class LinkRadio:
+    """Publishers of every topic of the table that the vehicle sends."""
+
+    def __init__(self, node: Node) -> None:
+        self.lost = 0  # number of reliable messages lost, as the link was stalled
+        rows = [topic for topic in TOPICS.values() if topic.sender == "vehicle"]
+        self.publishers = {row.name: node.advertise(row) for row in rows}
+        """Publishers by topic."""
+        self._patient = {row.name for row in rows if not row.drop}
+        self._queue: queue.Queue[tuple[str, bytes, int] | None] = queue.Queue(WAITING_MAX)
+        self._thread = threading.Thread(target=self._run, name="reliable", daemon=True)
+        self._thread.start()
+
+    def put(self, topic: str, payload: bytes, source_ns: int) -> None:
+        """Send now, or as soon as the link has capacity."""
+        if topic not in self._patient:
+            self.publishers[topic].put(payload, source_ns)
+            return
+        try:
+            self._queue.put_nowait((topic, payload, source_ns))
+        except queue.Full:
+            self.lost += 1
+
+    def close(self, timeout_s: float = 0.5) -> None:
+        """Send the queued messages, as far as the time allows."""
+        try:
+            self._queue.put_nowait(None)
+        except queue.Full:
+            return
+        self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        while (item := self._queue.get()) is not None:
+            topic, payload, source_ns = item
+            self.publishers[topic].put(payload, source_ns)

@@ -15,7 +15,7 @@ from flight_log.provenance import provenance
 from quadrotor.errors import RefusedError
 from vehicle.flight.realtime import PRIORITY
 from vehicle.onboard_log.parameters import OnboardLogParameters
-from vehicle.onboard_log.recovery import FOLDER
+from vehicle.onboard_log.repair import FOLDER
 from vehicle_link.checks import Check, Place, to_messages
 from vehicle_link.machine_checks import (
     clock_check,
@@ -26,7 +26,7 @@ from vehicle_link.machine_checks import (
 )
 from vehicle_link.messages import Message, new
 from vehicle_link.security.certificate_checks import certificate_check
-from vehicle_link.serial.identity import THE_ONE, Identity
+from vehicle_link.serial.ids import THE_ONE, Identity
 from vehicle_link.topics import SERVICES
 
 PLACE: Place = "vehicle"
@@ -36,7 +36,7 @@ VERSION = "version"
 
 STOP_BYTES = OnboardLogParameters().stop_bytes
 
-HEARD = 0.5
+ARMED_VALID = 0.5
 """Seconds after which the flight loop's last report of whether it is armed is out of date."""
 
 
@@ -112,17 +112,17 @@ class SelfChecks:
         log: Log | None = None,
     ) -> None:
         self._data, self._clock, self._identity, self._log = data, clock, identity, log
-        self._told: tuple[float, bool] | None = None
+        self._newest: tuple[float, bool] | None = None
 
-    def heard(self, armed: bool) -> None:
+    def note_armed(self, armed: bool) -> None:
         """Store whether the flight loop's newest tick is armed."""
-        self._told = (self._clock(), armed)
+        self._newest = (self._clock(), armed)
 
     @property
     def armed(self) -> bool | None:
         """Return whether the vehicle is armed; None while it is not known."""
-        told = self._told
-        return None if told is None or self._clock() - told[0] > HEARD else told[1]
+        newest = self._newest
+        return None if newest is None or self._clock() - newest[0] > ARMED_VALID else newest[1]
 
     def answer(self, request: Message) -> Message:
         """Run the checks on each request; the station stores the results."""

@@ -36,7 +36,7 @@ class AgreementWatch:
 
     def __init__(self, say: Callable[[str, int], None]) -> None:
         self._say = say
-        self._said_ns = -(1 << 62)
+        self._reported_ns = -(1 << 62)
         self.begin()
 
     def begin(self) -> None:
@@ -52,7 +52,7 @@ class AgreementWatch:
         if now_ns >= self._end_ns:
             self.flags = 0
 
-    def look(self, estimate: Record, now_ns: int) -> None:
+    def check(self, estimate: Record, now_ns: int) -> None:
         """Check the ESTIMATE (1,) that the estimator reported after a measurement."""
         refused = int(estimate["measurements_refused"][0])
         now, before = Agreement(int(estimate["agreement"][0])), self._agreement
@@ -75,10 +75,10 @@ class AgreementWatch:
             self.flags = flags | (self.flags if now_ns < self._end_ns else 0)
             self._end_ns = now_ns + HOLD_NS
         if now is not before:
-            self._tell(now, before, _size(far, turn), refused, now_ns)
+            self._report_change(now, before, _size(far, turn), refused, now_ns)
 
     # ------------------------------------------------------------------ lines
-    def _tell(
+    def _report_change(
         self, now: Agreement, before: Agreement, size: str, refused: int, now_ns: int
     ) -> None:
         if now is Agreement.JUMPED:
@@ -93,12 +93,12 @@ class AgreementWatch:
         elif now is Agreement.USED and before is Agreement.JUMPED:
             self._warn(f"poses agree with the estimate again{self._count(refused)}")
         elif now is Agreement.USED and self._is_news(refused, now_ns):
-            self._said_ns = now_ns
+            self._reported_ns = now_ns
             farthest = _size(self._farthest, self._largest)
             self._warn(f"measurements up to {farthest} from their prediction{self._count(refused)}")
 
     def _is_news(self, refused: int, now_ns: int) -> bool:
-        return refused > self._reported and now_ns - self._said_ns > QUIET_NS
+        return refused > self._reported and now_ns - self._reported_ns > QUIET_NS
 
     def _count(self, refused: int) -> str:
         count = refused - self._reported

@@ -22,14 +22,14 @@ class BarometricHeight:
     while it lasts.
 
     Attributes:
-        height: m above the place where `stand` was called last. climb: m/s.
+        height: m above the place where `set_ground` was called last. climb: m/s.
     """
 
     def __init__(self) -> None:
         self.height = self.climb = self._bias = 0.0
         self._ground: float | None = None  # Pa
 
-    def stand(self, pressure: float, dt: float) -> None:
+    def set_ground(self, pressure: float, dt: float) -> None:
         """Set the zero of the height, on the ground with motors off."""
         if self._ground is None:
             self._ground = pressure

@@ -9,7 +9,6 @@ changes to bearings only on request.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.parameters import BehaviorParameters
@@ -17,7 +16,7 @@ from control.behaviors.table import BehaviorName
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
-from vehicle.estimators.choice import SOURCE, hands_over
+from vehicle.estimators.choice import SOURCE, Change, hands_over
 from vehicle.estimators.estimator_runner import BEARINGS, POSES
 from vehicle.estimators.navigation import Navigation
 from vehicle.flight.modes import Flag
@@ -28,21 +27,6 @@ from vehicle.safety.ground_contact import GroundContact
 LAYOUT = "beacons.layout"
 STEADY = (BehaviorName.HOVER, BehaviorName.VELOCITY, BehaviorName.BRAKE)
 """Behaviors in which a hand-over to bearings is allowed: they stay within the new limits."""
-
-
-@dataclass(frozen=True, slots=True)
-class WayBack:
-    """The way a flight on bearings ends.
-
-    Attributes:
-        why: the reason, for the log. level: the level of that line.
-        values: parameters to apply for flight on the tracker; empty when there is no tracker, then
-        the vehicle lands.
-    """
-
-    why: str
-    level: int
-    values: Mapping[str, ParameterValue]
 
 
 class BearingsGuard:
@@ -144,7 +128,7 @@ class BearingsGuard:
         return walls.model_copy(update=updates)
 
     # ------------------------------------------------------------------ the way back
-    def step(self, armed: bool) -> WayBack | None:
+    def step(self, armed: bool) -> Change | None:
         """Check one tick while bearings are used; return the way back if one is due.
 
         Args:
@@ -155,19 +139,19 @@ class BearingsGuard:
         if not self._ground.airborne:
             return None
         if verdict is not None:
-            if navigation.seats.reserve_ready:
+            if navigation.running.reserve_ready:
                 self.flags |= int(Flag.FELL_BACK)
                 return self._back(f"fell back to the tracker: {verdict}", mailbox.ERROR)
             if self._alone and armed:
                 navigation.refuse_bearings()
-                return WayBack(f"no tracker to fall back to: {verdict}", mailbox.ERROR, {})
+                return Change(f"no tracker to fall back to: {verdict}", mailbox.ERROR, {})
         elif (
             self._alone
             and self._behaviors.name is BehaviorName.LAND
-            and navigation.seats.reserve_ready
+            and navigation.running.reserve_ready
         ):
             return self._back("back to the tracker for landing", mailbox.INFO)
         return None
 
-    def _back(self, why: str, level: int) -> WayBack:
-        return WayBack(why, level, self._navigation.seats.fallen_back())
+    def _back(self, why: str, level: int) -> Change:
+        return Change(why, level, self._navigation.running.fallen_back())

@@ -48,8 +48,23 @@ class Choice:
         return cls(name, source, shadow, source if shadow_source == SAME else shadow_source)
 
 
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A change of the estimator or its source that the vehicle makes by itself.
+
+    Attributes:
+        why: the reason, for the log. level: the level of that line.
+        values: parameters to apply; empty when there is no tracker to go back to: the vehicle
+        lands.
+    """
+
+    why: str
+    level: int
+    values: Mapping[str, ParameterValue]
+
+
 @dataclass(slots=True)
-class Seats:
+class EstimatorSet:
     """The running estimators: `active` is in use, `shadow` runs in parallel, `reserve` runs on
     poses as a fallback.
     """
@@ -79,21 +94,21 @@ class Seats:
             SHADOW_SOURCE: self.active.source,
         }
 
-    def seated(self, choice: Choice, make: Callable[[str, str], Runner]) -> Seats:
-        """Return the seats by a choice; an estimator without a seat is dropped.
+    def rearranged(self, choice: Choice, make: Callable[[str, str], Runner]) -> EstimatorSet:
+        """Return the estimators of a choice; those without a place in it are dropped.
 
         Args:
             make: makes an estimator of this name on this source.
         """
         there, active = list(self.in_parallel()), self.active
-        beneath = active.beneath
-        if beneath is not None and beneath.is_(choice.name, choice.source):
-            active = beneath
+        built_in = active.built_in
+        if built_in is not None and built_in.is_(choice.name, choice.source):
+            active = built_in
         elif not active.is_(choice.name, choice.source):
-            taker = next((one for one in there if one.is_(choice.name, choice.source)), None)
-            if taker is not None:
+            successor = next((one for one in there if one.is_(choice.name, choice.source)), None)
+            if successor is not None:
                 there.append(active)
-                active = taker
+                active = successor
             elif active.name == choice.name:
                 active.feed(choice.source)
             else:
@@ -106,13 +121,13 @@ class Seats:
             shadow = shadow or make(name, source)
         if choice.source != POSES:
             poses = [one for one in there if one.source == POSES and one is not shadow]
-            reserve = poses[-1] if poses else make((active.beneath or active).name, POSES)
-            reserve = reserve.beneath or reserve
-        return Seats(active, shadow, reserve)
+            reserve = poses[-1] if poses else make((active.built_in or active).name, POSES)
+            reserve = reserve.built_in or reserve
+        return EstimatorSet(active, shadow, reserve)
 
 
 def check(
-    seats: Seats,
+    estimators: EstimatorSet,
     parameters: EstimationParameters,
     values: Mapping[str, ParameterValue],
     state: Record,
@@ -138,22 +153,22 @@ def check(
         return {}
     wanted = {name: str(values.get(name, present[name])) for name in present}
     extra: dict[str, ParameterValue] = {}
-    active = seats.active
-    for one in seats.all():
-        if one.beneath is not None and one.beneath.name != wanted[BUILT_IN]:
+    active = estimators.active
+    for one in estimators.all():
+        if one.built_in is not None and one.built_in.name != wanted[BUILT_IN]:
             raise RefusedError(
-                f"{BUILT_IN} stays {one.beneath.name} while {one.name} runs on it; "
+                f"{BUILT_IN} stays {one.built_in.name} while {one.name} runs on it; "
                 "choose another estimator first"
             )
     back = wanted[SOURCE] == POSES != active.source
-    if armed and back and seats.reserve is not None and ESTIMATOR not in values:
-        extra[ESTIMATOR] = wanted[ESTIMATOR] = seats.reserve.name
+    if armed and back and estimators.reserve is not None and ESTIMATOR not in values:
+        extra[ESTIMATOR] = wanted[ESTIMATOR] = estimators.reserve.name
     moves = not active.is_(wanted[ESTIMATOR], wanted[SOURCE])
     in_place = active.name == wanted[ESTIMATOR] and wanted[SOURCE] == BOTH
     if armed and moves and not in_place:
-        taker = _taker(seats, wanted)
-        _check_taker(taker, active, state)
-        if SHADOW not in values and taker is not active.beneath:
+        successor = _successor(estimators, wanted)
+        _check_successor(successor, active, state)
+        if SHADOW not in values and successor is not active.built_in:
             # The previous one stays as the shadow; on poses it is the reserve anyway.
             extra[SHADOW] = wanted[SHADOW] = _left(active, wanted)
             if wanted[SHADOW] != NONE and wanted[SOURCE] != active.source:
@@ -166,7 +181,7 @@ def check(
                 f"choose another, or {NONE}"
             )
         extra[SHADOW] = wanted[SHADOW] = NONE
-    _compile(seats, _choice(wanted), wanted[BUILT_IN], armed)
+    _compile(estimators, _choice(wanted), wanted[BUILT_IN], armed)
     return extra
 
 
@@ -184,39 +199,43 @@ def _left(active: Runner, wanted: Mapping[str, str]) -> str:
     return NONE if active.source == POSES else active.name
 
 
-def _taker(seats: Seats, wanted: Mapping[str, str]) -> Runner:
+def _successor(estimators: EstimatorSet, wanted: Mapping[str, str]) -> Runner:
     """Return the estimator that takes over in flight. Raises RefusedError when no running one
     can.
     """
     name, source = wanted[ESTIMATOR], wanted[SOURCE]
-    for one in (seats.active.beneath, *seats.in_parallel()):
+    for one in (estimators.active.built_in, *estimators.in_parallel()):
         if one is not None and one.is_(name, source):
             return one
-    running = ", ".join(str(one) for one in seats.in_parallel()) or NONE
+    running = ", ".join(str(one) for one in estimators.in_parallel()) or NONE
     raise RefusedError(
         f"{name} on {source} does not run yet (running: {running}): press Run in parallel first "
         f"({SHADOW} = {name}, {SHADOW_SOURCE} = {source})"
     )
 
 
-def _check_taker(taker: Runner, active: Runner, state: Record) -> None:
-    convergence = taker.estimator.convergence
+def _check_successor(successor: Runner, active: Runner, state: Record) -> None:
+    convergence = successor.estimator.convergence
     if not convergence.reached:
         late = "; late ones need a longer estimation.measurement_timeout"
-        hint = late if taker.estimator.initialized and taker.estimator.stale else ""
-        raise RefusedError(f"estimator {taker} has not converged: {convergence.reason}{hint}")
-    if taker.source == POSES != active.source:
+        hint = late if successor.estimator.initialized and successor.estimator.stale else ""
+        raise RefusedError(f"estimator {successor} has not converged: {convergence.reason}{hint}")
+    if successor.source == POSES != active.source:
         return  # a change back to the tracker is never refused for a difference
-    apart = difference(taker.state, state)
+    apart = difference(successor.state, state)
     if not apart.within(AGREEMENT):
-        raise RefusedError(f"estimator {taker} is {apart} away from {active}; allowed {AGREEMENT}")
+        raise RefusedError(
+            f"estimator {successor} is {apart} away from {active}; allowed {AGREEMENT}"
+        )
 
 
-def _compile(seats: Seats, choice: Choice, built_in: str, armed: bool) -> None:
-    running = {(one.name, one.source != POSES) for one in seats.all()}
-    running |= {(one.beneath.name, one.source != POSES) for one in seats.all() if one.beneath}
+def _compile(estimators: EstimatorSet, choice: Choice, built_in: str, armed: bool) -> None:
+    running = {(one.name, one.source != POSES) for one in estimators.all()}
+    running |= {
+        (one.built_in.name, one.source != POSES) for one in estimators.all() if one.built_in
+    }
     asked = [(choice.name, choice.source != POSES)]
-    if seats.active.plugged and choice.name == seats.active.name:
+    if estimators.active.plugged and choice.name == estimators.active.name:
         asked.clear()  # of unknown make: nothing to compile
     if choice.shadow != NONE:
         asked.append((choice.shadow, choice.shadow_source != POSES))

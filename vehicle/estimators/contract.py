@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
 
 from quadrotor.constants import GRAVITY
 from quadrotor.records import MAX_BEACONS, Record
 from vehicle.plugins import host
-from vehicle.plugins.contract import Array, Contract, Field, as_attributes, layout
+from vehicle.plugins.contract import (
+    Array,
+    Contract,
+    Field,
+    Quaternion,
+    Vector,
+    as_attributes,
+    fields_of,
+    layout,
+)
 
 __all__ = [
     "ESTIMATOR",
@@ -25,80 +34,58 @@ __all__ = [
     "load",
 ]
 
-INPUT = (
-    Field("time", 1, "s", "since the estimator was chosen, of this IMU sample"),
-    Field("dt", 1, "s", "since the last IMU sample"),
-    Field("reset", 1, "", "1 when it is to begin at the start state"),
-    Field("start_position_w", 3, "m", "of the built-in estimator, with `reset`; world axes, z up"),
-    Field("start_velocity_w", 3, "m/s", "the same"),
-    Field("start_quaternion_wb", 4, "", "the same; body to world, w x y z, unit"),
-    Field("specific_force_b", 3, "m/s²", "body axes: x forward, y left, z up; +g on z at rest"),
-    Field("angular_velocity_b", 3, "rad/s", "body axes, as measured"),
-    Field("pose_count", 1, "", "1 when a pose came, else 0"),
-    Field("pose_time", 1, "s", "when it was true: earlier than `time`"),
-    Field("pose_position_w", 3, "m", ""),
-    Field("pose_quaternion_wb", 4, "", "zeros: the position of a single marker"),
-    Field("pose_position_deviation", 1, "m", "standard deviation on each axis"),
-    Field("pose_attitude_deviation", 1, "rad", "standard deviation about each axis"),
-    Field("bearing_count", 1, "", "rows of the frame of bearings that came, else 0"),
-    Field("bearing_time", 1, "s", "when they were true"),
-    Field("bearing_deviation", 1, "rad", "standard deviation on each of two tangent axes"),
-    Field("beacon_w", 3 * MAX_BEACONS, "m", "places of the beacons, a row each", (MAX_BEACONS, 3)),
-    Field("bearing_b", 3 * MAX_BEACONS, "", "unit, towards the beacon", (MAX_BEACONS, 3)),
-)
-OUTPUT = (
-    Field("time", 1, "s", "of the input that this answers"),
-    Field("position_w", 3, "m", ""),
-    Field("velocity_w", 3, "m/s", ""),
-    Field("quaternion_wb", 4, "", "body to world, w x y z, unit"),
-    Field("gyroscope_bias_b", 3, "rad/s", "zeros when it has none"),
-    Field("accelerometer_bias_b", 3, "m/s²", "zeros when it has none"),
-    Field("position_variance_w", 3, "m²", "NaN when it has none; for log and charts"),
-    Field("velocity_variance_w", 3, "m²/s²", "the same"),
-    Field("attitude_variance_w", 3, "rad²", "the same"),
-)
-INPUT_TYPE, OUTPUT_TYPE = layout(INPUT), layout(OUTPUT)
+Rows = Annotated[Array, (MAX_BEACONS, 3)]
 ZEROS, UNKNOWN = np.zeros(3), np.full(3, math.nan)
 for _constant in (ZEROS, UNKNOWN):
     _constant.flags.writeable = False
 
 
 class Input(Protocol):
-    """The argument of `Estimator.step`: numbers and arrays, as `INPUT` names them."""
+    """The argument of `Estimator.step`."""
 
-    time: float
-    dt: float
-    reset: float
-    start_position_w: Array
-    start_velocity_w: Array
-    start_quaternion_wb: Array
-    specific_force_b: Array
-    angular_velocity_b: Array
-    pose_count: float
-    pose_time: float
-    pose_position_w: Array
-    pose_quaternion_wb: Array
-    pose_position_deviation: float
-    pose_attitude_deviation: float
-    bearing_count: float
-    bearing_time: float
-    bearing_deviation: float
-    beacon_w: Array
-    bearing_b: Array
+    time: Annotated[float, "s", "since the estimator was chosen, of this IMU sample"]
+    dt: Annotated[float, "s", "since the last IMU sample"]
+    reset: Annotated[float, "", "1 when it is to begin at the start state"]
+    start_position_w: Annotated[
+        Vector, "m", "of the built-in estimator, with `reset`; world axes, z up"
+    ]
+    start_velocity_w: Annotated[Vector, "m/s", "the same"]
+    start_quaternion_wb: Annotated[Quaternion, "", "the same; body to world, w x y z, unit"]
+    specific_force_b: Annotated[
+        Vector, "m/s²", "body axes: x forward, y left, z up; +g on z at rest"
+    ]
+    angular_velocity_b: Annotated[Vector, "rad/s", "body axes, as measured"]
+    pose_count: Annotated[float, "", "1 when a pose came, else 0"]
+    pose_time: Annotated[float, "s", "when it was true: earlier than `time`"]
+    pose_position_w: Annotated[Vector, "m", ""]
+    pose_quaternion_wb: Annotated[Quaternion, "", "zeros: the position of a single marker"]
+    pose_position_deviation: Annotated[float, "m", "standard deviation on each axis"]
+    pose_attitude_deviation: Annotated[float, "rad", "standard deviation about each axis"]
+    bearing_count: Annotated[float, "", "rows of the frame of bearings that came, else 0"]
+    bearing_time: Annotated[float, "s", "when they were true"]
+    bearing_deviation: Annotated[float, "rad", "standard deviation on each of two tangent axes"]
+    beacon_w: Annotated[Rows, "m", "places of the beacons, a row each"]
+    bearing_b: Annotated[Rows, "", "unit, towards the beacon"]
 
 
 class Answer(NamedTuple):
-    """The result of `Estimator.step`, as `OUTPUT` names it; a plain tuple of the first three, or
-    of more, will do."""
+    """The result of `Estimator.step`; a plain tuple of the first three, or of more, will do."""
 
-    position_w: Array
-    velocity_w: Array
-    quaternion_wb: Array
-    gyroscope_bias_b: Array = ZEROS
-    accelerometer_bias_b: Array = ZEROS
-    position_variance_w: Array = UNKNOWN
-    velocity_variance_w: Array = UNKNOWN
-    attitude_variance_w: Array = UNKNOWN
+    position_w: Annotated[Vector, "m", ""]
+    velocity_w: Annotated[Vector, "m/s", ""]
+    quaternion_wb: Annotated[Quaternion, "", "body to world, w x y z, unit"]
+    gyroscope_bias_b: Annotated[Vector, "rad/s", "zeros when it has none"] = ZEROS
+    accelerometer_bias_b: Annotated[Vector, "m/s²", "zeros when it has none"] = ZEROS
+    position_variance_w: Annotated[Vector, "m²", "NaN when it has none; for log and charts"] = (
+        UNKNOWN
+    )
+    velocity_variance_w: Annotated[Vector, "m²/s²", "the same"] = UNKNOWN
+    attitude_variance_w: Annotated[Vector, "rad²", "the same"] = UNKNOWN
+
+
+INPUT = fields_of(Input)
+OUTPUT = (Field("time", 1, "s", "of the input that this answers"), *fields_of(Answer))
+INPUT_TYPE, OUTPUT_TYPE = layout(INPUT), layout(OUTPUT)
 
 
 class Estimator(Protocol):

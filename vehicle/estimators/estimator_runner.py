@@ -6,7 +6,7 @@ import numpy as np
 
 from estimation.estimator import Estimator
 from quadrotor.records import ESTIMATE, POSE_SAMPLE, Record, new_state, pose_sample
-from vehicle.estimators.unused_measurements import UnusedMeasurements
+from vehicle.estimators.measurement_reports import UnusedMeasurements
 
 POSES, BEARINGS, BOTH = "poses", "bearings", "both"
 NEWS_NS = 1_000_000_000
@@ -36,9 +36,9 @@ class Runner:
         return f"{self.name} on {self.source}"
 
     @property
-    def beneath(self) -> Runner | None:
+    def built_in(self) -> Runner | None:
         """Return the built-in one beneath a plugin."""
-        found: Runner | None = getattr(self.estimator, "beneath", None)
+        found: Runner | None = getattr(self.estimator, "built_in", None)
         return found
 
     def is_(self, name: str, source: str) -> bool:
@@ -47,8 +47,8 @@ class Runner:
     def feed(self, source: str) -> None:
         """Use measurements of another source from now on."""
         self.source = source
-        if self.beneath is not None:
-            self.beneath.source = source
+        if self.built_in is not None:
+            self.built_in.source = source
 
     def wants(self, measurement: Record, now_ns: int, timeout_ns: int) -> bool:
         """Return whether the estimator takes this POSE_SAMPLE or BEARINGS_SAMPLE.
@@ -79,7 +79,7 @@ class Runner:
 
     def unused(self, now_ns: int) -> str | None:
         """Return a line about measurements not used because of their time, when that is new."""
-        return self._unused.look(str(self), self.estimator, now_ns)
+        return self._unused.check(str(self), self.estimator, now_ns)
 
     def restarts(self, now_ns: int) -> str | None:
         """Report that the estimator diverged and restarted, for one that is not in

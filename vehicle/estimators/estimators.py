@@ -58,7 +58,7 @@ class Estimators:
         self, name: str, parameters: EstimationParameters, source: str = ""
     ) -> ExternalEstimator:
         plugins, source = self._plugins, source or parameters.source
-        beneath = self.start(parameters.plugin.built_in, source, parameters)
-        own = ExternalEstimator(name, plugins.start(name), beneath, plugins.waits)
+        built_in = self.start(parameters.plugin.built_in, source, parameters)
+        own = ExternalEstimator(name, plugins.start(name), built_in, plugins.waits)
         own.configure(parameters)
         return own

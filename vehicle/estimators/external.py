@@ -40,18 +40,18 @@ class ExternalEstimator(External):
     from which `vehicle.estimators.rescue` changes to the built-in one.
 
     Args:
-        beneath: the built-in estimator.
+        built_in: the built-in estimator.
     """
 
-    def __init__(self, name: str, link: Link, beneath: Runner, waits: bool) -> None:
+    def __init__(self, name: str, link: Link, built_in: Runner, waits: bool) -> None:
         super().__init__(ESTIMATOR, name, link, waits)
-        self.beneath, self._base = beneath, beneath.estimator
+        self.built_in, self._base = built_in, built_in.estimator
         self._poses: deque[Record] = deque(maxlen=WAITING)
         self._frames: deque[Record] = deque(maxlen=WAITING)
         self._begin()
-        self._was_flying = self._told_ready = False
+        self._was_flying = self._reported_ready = False
         # Compiled here and not in the first tick, which would be seconds late.
-        self._carried(self._state, np.zeros(3), np.zeros(3), 0.0)
+        self._propagated(self._state, np.zeros(3), np.zeros(3), 0.0)
 
     def __getattr__(self, name: str) -> Any:
         """Return what only some estimators have, like `ignored`, of the built-in one."""
@@ -116,7 +116,7 @@ class ExternalEstimator(External):
         """Write the state of this sample. Raises RefusedError with the reason when the plugin has
         failed and is not the one that is flown.
         """
-        base = self.beneath.state
+        base = self.built_in.state
         self._base.predict(imu, dt, base)
         state[...] = base
         self._out["time"] += dt
@@ -156,12 +156,12 @@ class ExternalEstimator(External):
     def news(self, flying: bool) -> list[str]:
         """Return lines about what has just happened: it was loaded, it landed."""
         self.becomes_ready()
-        lines = [f"estimator {self.name} is ready"] if self.is_ready > self._told_ready else []
-        self._told_ready = self.is_ready
+        lines = [f"estimator {self.name} is ready"] if self.is_ready > self._reported_ready else []
+        self._reported_ready = self.is_ready
         if flying != self._was_flying:
             self._was_flying = flying
             apart = f"its position was {self.difference:.4f} m (rms) from that of"
-            line = f"{self.summary()}; {apart} {self.beneath.name}"
+            line = f"{self.summary()}; {apart} {self.built_in.name}"
             lines += [] if flying else [line]
         return lines
 
@@ -184,13 +184,13 @@ class ExternalEstimator(External):
             return
         answer, before = self._answer(), self._state
         if answer is not None:
-            before = self._taken(answer)
+            before = self._accepted(answer)
         if answer is not None or self._answers:
-            state = self._carried(
+            state = self._propagated(
                 before, imu["specific_force_b"][0], imu["angular_velocity_b"][0], dt
             )
             if answer is not None:
-                away = state["position_w"][0] - self.beneath.state["position_w"][0]
+                away = state["position_w"][0] - self.built_in.state["position_w"][0]
                 self._squares += float(away @ away)
             if self.flown:
                 self._check(state)
@@ -198,7 +198,7 @@ class ExternalEstimator(External):
         self._input(imu, dt)
         self._ask()
 
-    def _taken(self, answer: Record) -> Record:
+    def _accepted(self, answer: Record) -> Record:
         """Return the STATE (1,) of an answer, which becomes the newest. Raises RefusedError for
         one that is no estimate.
         """
@@ -221,7 +221,7 @@ class ExternalEstimator(External):
         state["quaternion_wb"][0] = quaternion_normalize(quaternion)
         return state
 
-    def _carried(
+    def _propagated(
         self, last: Record, specific_force_b: Array, angular_velocity_b: Array, dt: float
     ) -> Record:
         """Return the STATE (1,) one sample after the last, by what the IMU measured."""
@@ -234,23 +234,23 @@ class ExternalEstimator(External):
         state["position_w"][0] = before["position_w"] + (before["velocity_w"] + 0.5 * change) * dt
         state["velocity_w"][0] = before["velocity_w"] + change
         # The rate is filtered by the built-in one; the bias is taken off that the plugin answers.
-        self._base.report(self.beneath.estimate)
-        bias = self.beneath.estimate["gyroscope_bias_b"][0] - newest["gyroscope_bias_b"]
-        state["angular_velocity_b"][0] = self.beneath.state["angular_velocity_b"][0] + bias
+        self._base.report(self.built_in.estimate)
+        bias = self.built_in.estimate["gyroscope_bias_b"][0] - newest["gyroscope_bias_b"]
+        state["angular_velocity_b"][0] = self.built_in.state["angular_velocity_b"][0] + bias
         return state
 
     def _check(self, state: Record) -> None:
         """Raise RefusedError when a state is too far from that of the built-in one."""
-        apart = difference(state, self.beneath.state)
+        apart = difference(state, self.built_in.state)
         if not apart.within(self._bounds):
-            raise RefusedError(f"it is {apart} from {self.beneath.name}; allowed {self._bounds}")
+            raise RefusedError(f"it is {apart} from {self.built_in.name}; allowed {self._bounds}")
 
     def _input(self, imu: Record, dt: float) -> None:
         out, now = self._out, self._out["time"][0]
         out["dt"] = dt
         if out["reset"][0]:
             for name in ("position_w", "velocity_w", "quaternion_wb"):
-                out[f"start_{name}"] = self.beneath.state[name]
+                out[f"start_{name}"] = self.built_in.state[name]
         out["specific_force_b"] = imu["specific_force_b"]
         out["angular_velocity_b"] = imu["angular_velocity_b"]
         out["pose_count"] = out["bearing_count"] = 0.0

@@ -34,7 +34,7 @@ class HeadingWatch:
         now, allowed = math.degrees(self._deviation), math.degrees(UNKNOWN)
         return f"known to {now:.0f} deg, allowed {allowed:.0f} deg"
 
-    def look(self, estimate: Record) -> None:
+    def check(self, estimate: Record) -> None:
         """Check the ESTIMATE (1,) that the estimator reported after a measurement; one of fixed
         gains reports no variance.
         """

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import PAPER_BEACONS, Beacons
-from bearing_sim.known_beacons import KnownBeacons
-from estimation.convergence import difference
 from estimation.estimator import Estimator, TakesHeading
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError, UndeterminedStartError
@@ -19,20 +18,17 @@ from quadrotor.parameters import ParameterValue
 from quadrotor.records import POSE_SAMPLE, Record, beacon_ids_of
 from vehicle.estimators.agreement_watch import AgreementWatch
 from vehicle.estimators.bearings_watch import BearingsWatch
-from vehicle.estimators.choice import ESTIMATOR, SHADOW, Choice, Seats, check
+from vehicle.estimators.choice import ESTIMATOR, SHADOW, Choice, EstimatorSet, check
 from vehicle.estimators.estimator_runner import BEARINGS, POSES, Runner
 from vehicle.estimators.estimators import Estimators
 from vehicle.estimators.external import ExternalEstimator
 from vehicle.estimators.fade import Fade
 from vehicle.estimators.frame_inspection import inspected
 from vehicle.estimators.heading_watch import HeadingWatch
-from vehicle.estimators.measurement_rate import MeasurementRate
+from vehicle.estimators.measurement_reports import MeasurementReports
 from vehicle.estimators.suspect_beacon import SuspectBeacon
 from vehicle.parameters import FallBackParameters
 from vehicle.processes import mailbox
-
-COMPLAIN_NS = 1_000_000_000
-"""Least time between two lines about unusable measurements, of which 30 a second may arrive."""
 
 
 class Navigation:
@@ -41,14 +37,13 @@ class Navigation:
     Args:
         parameters: parameters of the estimation, read again by each `configure`.
         say: takes a line for the log and its level.
-        plugin: used in place of the estimator named in the parameters, until another name is
-        set.
+        plugin: replaces the estimator that the parameters name, until another name is set.
         beacons: the positions of the bearings' ids.
         fallback: parameters of the fallback from bearings to the tracker.
         estimators: those there are.
 
     Attributes:
-        seats: the running estimators.
+        running: the running estimators.
         externals: those of them that are plugins with a process.
         active: the estimator in use.
         source: its source: "poses", "bearings" or "both".
@@ -78,34 +73,34 @@ class Navigation:
         self._refuses_bearings = False
         self._say = say
         self._queue: list[Record] = []
-        self._complained_ns = self._timely_ns = -(1 << 62)
-        self._rate = MeasurementRate()
+        self._timely_ns = -(1 << 62)
+        self._reports = MeasurementReports(say)
         self._choice: Choice | None = None
         self.externals: tuple[ExternalEstimator, ...] = ()
         if plugin is None:
             for name, value in ((ESTIMATOR, p.estimator), (SHADOW, p.shadow)):
                 self._estimators.check(name, value)
-            self.seats = Seats(self._make(p.estimator, p.source))
+            self.running = EstimatorSet(self._make(p.estimator, p.source))
         else:
-            self.seats = Seats(Runner(p.estimator, p.source, plugin, plugged=True))
+            self.running = EstimatorSet(Runner(p.estimator, p.source, plugin, plugged=True))
         self.place(beacons)
         self.configure(p)
 
     @property
     def shadow(self) -> Estimator | None:
-        runner = self.seats.shadow
+        runner = self.running.shadow
         return None if runner is None else runner.estimator
 
     @property
     def shadow_state(self) -> Record:
         """Return STATE (1,) of the shadow, which must be there."""
-        assert self.seats.shadow is not None
-        return self.seats.shadow.state
+        assert self.running.shadow is not None
+        return self.running.shadow.state
 
     @property
     def shadow_on_same_source(self) -> Runner | None:
         """Return the shadow if it has the measurements of the estimator in use."""
-        shadow = self.seats.shadow
+        shadow = self.running.shadow
         return shadow if shadow is not None and shadow.source == self.source else None
 
     @property
@@ -134,18 +129,18 @@ class Navigation:
         if self._fade.on:
             self._fade.step(dt, state)
         for runner in self._in_parallel:
-            self._step_beside(runner, imu, dt)
+            self._step_parallel(runner, imu, dt)
         if self.source != POSES:
-            reserve = self.seats.reserve
+            reserve = self.running.reserve
             tracked = None if reserve is None else reserve.state
             self.watch.remember(imu["stamp_ns"].item(), state, tracked)
         measured = self.measured = bool(self._queue)
         if measured:
-            self._take_measurements(imu["stamp_ns"].item(), state, estimate)
+            self._apply_measurements(imu["stamp_ns"].item(), state, estimate)
         active.report(estimate)
         if measured:
-            self.agreement.look(estimate, imu["stamp_ns"].item())
-            self.heading.look(estimate)
+            self.agreement.check(estimate, imu["stamp_ns"].item())
+            self.heading.check(estimate)
         if self.agreement.flags:
             self.agreement.step(imu["stamp_ns"].item())
 
@@ -161,7 +156,7 @@ class Navigation:
             if frame["count"][0]:
                 self._queue.append(frame)
             elif ids := beacon_ids_of(measurement):
-                self._say_unknown(ids)
+                self._reports.unknown_beacons(ids, self._beacons.ids)
 
     def refuse_bearings(self) -> None:
         """Use no more bearings until another estimator or source is chosen."""
@@ -171,7 +166,7 @@ class Navigation:
         """Write the STATE of the estimator in use, which was the shadow until now, from the one
         written before without a jerk.
         """
-        now = self.seats.active.state
+        now = self.running.active.state
         self._fade.begin(state, now)
         state[...] = now
         if self._fade.on:
@@ -179,13 +174,13 @@ class Navigation:
 
     def take_heading(self) -> None:
         """Have filters that run on a marker alone take the heading stated: the vehicle is armed."""
-        for runner in self.seats.all():
+        for runner in self.running.all():
             if isinstance(runner.estimator, TakesHeading):
                 runner.estimator.take_heading()
 
     def reset(self) -> None:
         """Reset all estimators: the gyroscope was calibrated again."""
-        for runner in self.seats.all():
+        for runner in self.running.all():
             runner.estimator.reset()
 
     def close(self) -> None:
@@ -200,14 +195,12 @@ class Navigation:
         """Return the parameters that a change implies; see `choice.check`. Raises RefusedError."""
         for name in values.keys() & {ESTIMATOR, SHADOW}:
             self._estimators.check(name, str(values[name]))
-        return check(self.seats, self._parameters, values, state, armed)
+        return check(self.running, self._parameters, values, state, armed)
 
     def place(self, beacons: Beacons) -> None:
-        """Set the beacons' positions; estimators in parallel that used others are
-        reset.
-        """
+        """Set the beacons' positions; estimators in parallel that used others are reset."""
         self._beacons = KnownBeacons(beacons)
-        for runner in self.seats.in_parallel():
+        for runner in self.running.in_parallel():
             if runner.source != POSES:
                 runner.estimator.reset()
 
@@ -215,94 +208,70 @@ class Navigation:
         """Apply the present parameters; `check` has accepted the choices."""
         p = self._parameters = parameters
         choice = Choice.of(p.estimator, p.source, p.shadow, p.shadow_source, p.rescue)
-        before = str(self.seats.active)
+        before = str(self.running.active)
         if choice != self._choice:  # a failed shadow is not recreated by an unrelated change
             self._choice = choice
-            self.seats = self.seats.seated(choice, self._make)
-        seats = self.seats
-        self.active, self.source = seats.active.estimator, seats.active.source
-        if str(seats.active) != before:
+            self.running = self.running.rearranged(choice, self._make)
+        running = self.running
+        self.active, self.source = running.active.estimator, running.active.source
+        if str(running.active) != before:
             self._refuses_bearings = False
             self.watch.begin()
             self.suspect.begin()
             self.agreement.begin()
-            self._say(f"estimator {seats.active}", mailbox.INFO)
-        for runner in seats.all():
+            self._say(f"estimator {running.active}", mailbox.INFO)
+        for runner in running.all():
             runner.estimator.configure(p)
-        self._remember_seats()
+        self._note_running()
         self._timeout_ns = round(1e9 * p.measurement_timeout)
-        self._rate.forget_warnings()
+        self._reports.restart()
 
     # ------------------------------------------------------------------ parts
     def _make(self, name: str, source: str) -> Runner:
         return self._estimators.start(name, source, self._parameters)
 
-    def _remember_seats(self) -> None:
-        runners, before = self.seats.all(), self.externals
+    def _note_running(self) -> None:
+        runners, before = self.running.all(), self.externals
         found = [one.estimator for one in runners if isinstance(one.estimator, ExternalEstimator)]
         self.externals = tuple(found)
         for external in found:
-            external.flown = external is self.seats.active.estimator
+            external.flown = external is self.running.active.estimator
         for external in before:
             if external not in found:
                 external.close()
-        self._in_parallel = self.seats.in_parallel()
+        self._in_parallel = self.running.in_parallel()
         self._takes_poses = any(one.source != BEARINGS for one in runners)
         self._takes_bearings = any(one.source != POSES for one in runners)
 
-    def _take_measurements(self, now_ns: int, state: Record, estimate: Record) -> None:
-        runner = self.seats.active
+    def _apply_measurements(self, now_ns: int, state: Record, estimate: Record) -> None:
+        runner = self.running.active
         for measurement in self._queue:
             mine: Record | None = measurement
             if self.source != POSES:
-                mine = self._inspected(measurement, now_ns, state)
+                mine = inspected(measurement, self.running, self.watch, self.suspect, state, now_ns)
             if mine is not None and runner.wants(mine, now_ns, self._timeout_ns):
                 try:
                     runner.correct(mine, estimate)
                 except MeasurementError as error:
-                    self._complain(str(error), now_ns)
+                    self._reports.unusable(str(error), now_ns)
                 else:
-                    self._warn(now_ns)
+                    self._reports.used(now_ns, self.active)
             for other in self._in_parallel:
-                self._correct_beside(other, measurement, now_ns, state)
+                self._correct_parallel(other, measurement, now_ns, state)
         self._queue.clear()
         # A restart of the one in use is reported by `agreement`.
-        news = [each.unused(now_ns) for each in self.seats.all()]
+        news = [each.unused(now_ns) for each in self.running.all()]
         for line in (*news, *(each.restarts(now_ns) for each in self._in_parallel)):
             if line is not None:
                 self._say(line, mailbox.WARN)
 
-    def _inspected(self, measurement: Record, now_ns: int, state: Record) -> Record | None:
-        """Return the measurement for the estimator in use, on other than poses alone; None when
-        nothing of it may be used.
-        """
-        seats = self.seats
-        if self.source == BEARINGS:
-            self.watch.age(self.active.measurement_age)
-        if measurement.dtype != POSE_SAMPLE:
-            return inspected(measurement, seats, self.watch, self.suspect, now_ns)
-        if seats.reserve is not None and seats.reserve_ready:
-            self.watch.pose(difference(seats.reserve.state, state))
-        return measurement
-
-    def _warn(self, now_ns: int) -> None:
-        rate = self._rate.add(now_ns)
-        if rate is not None:
-            for line in self._rate.unsaid(self.active.warnings(rate)):
-                self._say(line, mailbox.WARN)
-
-    def _complain(self, line: str, now_ns: int) -> None:
-        if now_ns - self._complained_ns > COMPLAIN_NS:
-            self._complained_ns = now_ns
-            self._say(line, mailbox.WARN)
-
-    def _step_beside(self, runner: Runner, imu: Record, dt: float) -> None:
+    def _step_parallel(self, runner: Runner, imu: Record, dt: float) -> None:
         try:
             runner.estimator.predict(imu, dt, runner.state)
         except Exception as error:
             self._drop(runner, error)
 
-    def _correct_beside(
+    def _correct_parallel(
         self, runner: Runner, measurement: Record, now_ns: int, state: Record
     ) -> None:
         try:
@@ -311,26 +280,21 @@ class Navigation:
         except UndeterminedStartError as error:
             if self.active.converged:  # then the vehicle's pose is known
                 runner.start_at(now_ns, state)
-                self._say(f"{runner} started at the pose of {self.seats.active}", mailbox.INFO)
+                self._say(f"{runner} started at the pose of {self.running.active}", mailbox.INFO)
             else:
-                self._complain(str(error), now_ns)
+                self._reports.unusable(str(error), now_ns)
         except MeasurementError as error:
             if runner.source != self.source:  # else reported for the estimator in use
-                self._complain(f"{runner}: {error}", now_ns)
+                self._reports.unusable(f"{runner}: {error}", now_ns)
         except Exception as error:
             self._drop(runner, error)
 
     def _drop(self, runner: Runner, error: Exception) -> None:
         """Drop an estimator that is not in use: an error in it must not end the flight."""
-        seats = self.seats
-        what = "shadow" if runner is seats.shadow else "reserve"
-        setattr(seats, what, None)
-        self._remember_seats()
+        running = self.running
+        what = "shadow" if runner is running.shadow else "reserve"
+        setattr(running, what, None)
+        self._note_running()
         is_plugin = isinstance(runner.estimator, ExternalEstimator)  # whose reason is whole
         why = str(error) if is_plugin else f"{type(error).__name__}: {error}"
         self._say(f"{what} {runner.name} stopped: {why}", mailbox.WARN)
-
-    def _say_unknown(self, ids: list[int]) -> None:
-        line = f"no known beacon among {ids}"
-        for unsaid in self._rate.unsaid([line]):
-            self._say(f"{unsaid}; known are {self._beacons.ids}", mailbox.WARN)

@@ -9,14 +9,19 @@ not given the flight again.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 from estimation.convergence import difference
 from estimation.parameters import EstimationParameters
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
-from vehicle.estimators.choice import AGREEMENT, ESTIMATOR, NONE, SAME, SHADOW, SHADOW_SOURCE
+from vehicle.estimators.choice import (
+    AGREEMENT,
+    ESTIMATOR,
+    NONE,
+    SAME,
+    SHADOW,
+    SHADOW_SOURCE,
+    Change,
+)
 from vehicle.estimators.external import ExternalEstimator
 from vehicle.estimators.navigation import Navigation
 from vehicle.flight.modes import Flag
@@ -28,19 +33,6 @@ above which it takes over nothing."""
 HAND_BACK_NS = 2_000_000_000
 """Time for which the other must be consistent, converged and near before it gets the flight
 back."""
-
-
-@dataclass(frozen=True, slots=True)
-class Change:
-    """A change of the estimator in use.
-
-    Attributes:
-        why: the reason, for the log. level: the level of that line. values: parameters to apply.
-    """
-
-    why: str
-    level: int
-    values: Mapping[str, ParameterValue]
 
 
 class Rescue:
@@ -61,7 +53,7 @@ class Rescue:
         self._doubt = 1.0
         self.flags = 0
 
-    def look(self, now_ns: int) -> Change | None:
+    def check(self, now_ns: int) -> Change | None:
         """Return the change that is due; called after measurements were taken, and in each tick
         while a plugin runs.
         """
@@ -94,11 +86,11 @@ class Rescue:
         return Change(line, mailbox.WARN, values)
 
     def _without(self, plugin: ExternalEstimator) -> Change:
-        beneath, p = plugin.beneath, self._parameters
-        values: dict[str, ParameterValue] = {ESTIMATOR: beneath.name}
-        if p.shadow == beneath.name and p.shadow_source in (SAME, beneath.source):
+        built_in, p = plugin.built_in, self._parameters
+        values: dict[str, ParameterValue] = {ESTIMATOR: built_in.name}
+        if p.shadow == built_in.name and p.shadow_source in (SAME, built_in.source):
             values[SHADOW] = NONE
-        line = f"estimator {plugin.name} disengaged, {beneath.name} took over: {plugin.failure}"
+        line = f"estimator {plugin.name} disengaged, {built_in.name} took over: {plugin.failure}"
         return Change(line, mailbox.WARN, values)
 
     def _hand_back(self, now_ns: int) -> Change | None:

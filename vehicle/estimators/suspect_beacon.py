@@ -34,7 +34,7 @@ class SuspectBeacon:
         self._reported = None
         self.flags, self.status = 0, (UNIDENTIFIED, 0.0, False)
 
-    def look(self, suspect: Offset | None, left_out: bool, hindrance: str) -> None:
+    def check(self, suspect: Offset | None, left_out: bool, hindrance: str) -> None:
         """Check for a beacon that is off, after a frame of bearings.
 
         Args:

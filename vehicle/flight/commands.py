@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from control.behaviors.machine import BehaviorMachine
 from quadrotor.errors import QuadlabError, RefusedError
@@ -14,8 +15,7 @@ from vehicle.flight.gyroscope import GyroscopeStart
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.modes import Flag, Mode
 from vehicle.flight.motor_bench import Bench, check_bench
-from vehicle.flight.outbox import Outbox
-from vehicle.flight.tick_record import TickRecord
+from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.parameters import VehicleParameters
 from vehicle.processes import mailbox
 from vehicle.safety.ground_contact import GroundContact
@@ -26,30 +26,22 @@ WITH_HEADING = ("follow_trajectory", "excite", "external")
 """Behaviors that fly a plan; they are refused while the heading is unknown."""
 
 
+@dataclass(kw_only=True, eq=False)
 class CommandHandler:
     """Handler of the commands to one flight stack, between two of its ticks."""
 
-    def __init__(
-        self,
-        parameters: VehicleParameters,
-        *,
-        configuration: Configuration,
-        tick: TickRecord,
-        outbox: Outbox,
-        modes: ModeMachine,
-        gyroscope: GyroscopeStart,
-        bench: Bench,
-        behaviors: BehaviorMachine,
-        navigation: Navigation,
-        guard: BearingsGuard,
-        supervisor: Supervisor,
-        ground: GroundContact,
-    ) -> None:
-        self._parameters, self._configuration = parameters, configuration
-        self._tick, self._outbox, self._modes = tick, outbox, modes
-        self._gyroscope, self._bench, self._behaviors = gyroscope, bench, behaviors
-        self._navigation, self._guard = navigation, guard
-        self._supervisor, self._ground = supervisor, ground
+    parameters: VehicleParameters
+    configuration: Configuration
+    tick: TickRecord
+    outbox: Outbox
+    modes: ModeMachine
+    gyroscope: GyroscopeStart
+    bench: Bench
+    behaviors: BehaviorMachine
+    navigation: Navigation
+    guard: BearingsGuard
+    supervisor: Supervisor
+    ground: GroundContact
 
     def handle(self, command: mailbox.Command) -> mailbox.Reply:
         """Handle a command and return the reply.
@@ -73,18 +65,18 @@ class CommandHandler:
                 applied, previous = self._calibrate(command)
             elif isinstance(command, mailbox.CalibrateGyroscope):
                 self._require_rest("gyroscope not calibrated")
-                self._gyroscope.begin(command)
+                self.gyroscope.begin(command)
             else:
                 self._turn_motor(command)
         except QuadlabError as error:
-            self._outbox.say(f"refused {command.requester}: {error}", mailbox.WARN)
+            self.outbox.say(f"refused {command.requester}: {error}", mailbox.WARN)
             return mailbox.Reply(command.request_id, False, str(error))
-        revision = self._configuration.store.revision
+        revision = self.configuration.store.revision
         return mailbox.Reply(command.request_id, True, "", applied, revision, previous)
 
     def _change_parameters(self, command: mailbox.ChangeParameters) -> dict[str, ParameterValue]:
-        return self._configuration.apply(
-            self._configuration.check(command.parameters), command.requester
+        return self.configuration.apply(
+            self.configuration.check(command.parameters), command.requester
         )
 
     def _calibrate(
@@ -92,13 +84,13 @@ class CommandHandler:
     ) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
         """Apply a calibration; return the values applied and those before."""
         self._require_rest("calibration not applied")
-        configuration = self._configuration
+        configuration = self.configuration
         checked = configuration.check(command.values)
         before = {name: configuration.store.get(name) for name in checked}
         return configuration.apply(checked, command.requester), before
 
     def _turn_motor(self, command: mailbox.Bench) -> None:
-        bench, modes, motor = self._bench, self._modes, command.motor
+        bench, modes, motor = self.bench, self.modes, command.motor
         if motor == 0:
             if modes.mode is Mode.BENCH:
                 modes.move(Mode.READY, f"bench test of {bench} ended by {command.requester}")
@@ -115,23 +107,23 @@ class CommandHandler:
                 )
             if modes.obstacle:
                 raise RefusedError(f"bench refused: {modes.obstacle}")
-            if self._supervisor.flags & Flag.BATTERY_LOW:
+            if self.supervisor.flags & Flag.BATTERY_LOW:
                 raise RefusedError(f"bench refused: {self._low_battery()}")
-        bench.turn(motor, command.reference, self._tick.stamp_ns)
+        bench.turn(motor, command.reference, self.tick.stamp_ns)
         if modes.mode is not Mode.BENCH:
             modes.move(Mode.BENCH, f"{bench} by {command.requester}")
 
     def _require_rest(self, refused: str) -> None:
         """Raise RefusedError unless the vehicle is on the ground with its motors off."""
-        modes = self._modes
-        if self._ground.airborne:
+        modes = self.modes
+        if self.ground.airborne:
             why = "the vehicle is in flight; land and disarm first"
         elif modes.mode is Mode.STARTING:
             why = "the gyroscope is being calibrated; wait until it is, and keep the vehicle still"
         elif modes.mode is Mode.CUT:
             why = "the motors were cut; disarm first to acknowledge it"
         elif modes.mode is Mode.BENCH:
-            why = f"motors are on: {self._bench} is on the bench; end it (motor 0) first"
+            why = f"motors are on: {self.bench} is on the bench; end it (motor 0) first"
         elif modes.mode is not Mode.READY:
             why = "motors are on; disarm first"
         else:
@@ -139,74 +131,74 @@ class CommandHandler:
         raise RefusedError(f"{refused}: {why}")
 
     def _low_battery(self) -> str:
-        voltage = float(self._tick.status["battery_voltage"][0])
-        return f"battery at {voltage:.1f} V, needs {self._parameters.safety.battery_warning:.1f} V"
+        voltage = float(self.tick.status["battery_voltage"][0])
+        return f"battery at {voltage:.1f} V, needs {self.parameters.safety.battery_warning:.1f} V"
 
     def _arm(self, requester: str) -> None:
-        modes = self._modes
+        modes = self.modes
         if modes.mode is Mode.ARMED:
             raise RefusedError("already armed")
         if modes.mode is Mode.BENCH:
-            raise RefusedError(f"not armed: {self._bench} is on the bench; end it first")
+            raise RefusedError(f"not armed: {self.bench} is on the bench; end it first")
         if modes.mode is Mode.STARTING:
             raise RefusedError("not armed: the gyroscope is still being calibrated; keep it still")
         if modes.mode is Mode.CUT:
             raise RefusedError("not armed: the motors were cut; disarm first to acknowledge it")
         if modes.obstacle:
             raise RefusedError(f"not armed: {modes.obstacle}")
-        if not self._navigation.has_pose:
+        if not self.navigation.has_pose:
             raise RefusedError("not armed: no fresh pose measurement; check tracker and station")
-        self._guard.check_take_off()
-        flags = self._supervisor.flags
+        self.guard.check_take_off()
+        flags = self.supervisor.flags
         if flags & Flag.LINK_LOST:
             raise RefusedError("not armed: no heartbeat from the station; check the link")
         if flags & Flag.BATTERY_LOW:
             raise RefusedError(f"not armed: {self._low_battery()}")
-        tilt, limit = math.degrees(self._tick.tilt), self._parameters.safety.arm_tilt_max
+        tilt, limit = math.degrees(self.tick.tilt), self.parameters.safety.arm_tilt_max
         if tilt > limit:
             raise RefusedError(f"not armed: tilted by {tilt:.0f} deg, allowed {limit:.0f} deg")
-        self._navigation.take_heading()
+        self.navigation.take_heading()
         modes.move(Mode.ARMED, f"by {requester}")
 
     def _disarm(self, requester: str) -> None:
-        modes = self._modes
+        modes = self.modes
         if modes.mode in (Mode.STARTING, Mode.READY):
             raise RefusedError("not armed, so nothing to disarm")
-        if self._ground.airborne:
+        if self.ground.airborne:
             raise RefusedError("not disarmed: flying; land first, or use the emergency cut")
         modes.move(Mode.READY, f"disarmed by {requester}")
 
     def _start_behavior(self, command: mailbox.StartBehavior) -> None:
-        modes = self._modes
+        modes = self.modes
         if modes.mode is Mode.EMERGENCY_LAND:
             raise RefusedError(f"{command.name} refused: emergency landing; only cut is allowed")
         if modes.mode is Mode.BENCH:
             raise RefusedError(
-                f"{command.name} refused: {self._bench} is on the bench; end it, then arm"
+                f"{command.name} refused: {self.bench} is on the bench; end it, then arm"
             )
-        held = self._behaviors.level is None
-        if not held and not self._navigation.has_pose and command.name not in WITHOUT_A_POSE:
+        held = self.behaviors.level is None
+        if not held and not self.navigation.has_pose and command.name not in WITHOUT_A_POSE:
             raise RefusedError(
                 f"{command.name} refused: no fresh pose measurement to hold position by; "
                 f"possible now: {', '.join(WITHOUT_A_POSE)}"
             )
-        heading = self._navigation.heading
+        heading = self.navigation.heading
         if heading.flags and command.name in WITH_HEADING:
             raise RefusedError(
                 f"{command.name} refused: heading not observed, {heading.state}; "
                 "fly to and fro by fly_to or sticks first"
             )
-        self._behaviors.request(
+        self.behaviors.request(
             command.name,
             command.arguments,
-            self._tick.state,
+            self.tick.state,
             armed=modes.mode is Mode.ARMED,
-            airborne=self._ground.airborne,
+            airborne=self.ground.airborne,
         )
-        self._outbox.say(f"{command.name} by {command.requester}")
+        self.outbox.say(f"{command.name} by {command.requester}")
 
     def _emergency(self, command: mailbox.Emergency) -> None:
-        modes = self._modes
+        modes = self.modes
         if command.action not in ("land", "cut"):
             raise RefusedError(f"unknown emergency action {command.action!r}: use land or cut")
         if modes.mode in (Mode.STARTING, Mode.READY):
@@ -214,15 +206,15 @@ class CommandHandler:
         if command.action == "cut":
             if modes.mode is not Mode.CUT:
                 modes.move(Mode.CUT, f"emergency cut by {command.requester}", mailbox.ERROR)
-        elif modes.mode is Mode.BENCH or (modes.mode is Mode.ARMED and not self._ground.airborne):
+        elif modes.mode is Mode.BENCH or (modes.mode is Mode.ARMED and not self.ground.airborne):
             modes.move(Mode.READY, f"emergency land on the ground by {command.requester}")
-        elif modes.mode is not Mode.CUT and self._ground.airborne:
+        elif modes.mode is not Mode.CUT and self.ground.airborne:
             self._land(f"emergency land by {command.requester}")
 
     def _land(self, why: str) -> None:
         """Land as `safety.emergency_land` specifies, replacing a milder landing in progress."""
-        modes = self._modes
-        chosen = self._parameters.safety.emergency_land
+        modes = self.modes
+        chosen = self.parameters.safety.emergency_land
         if modes.mode is Mode.EMERGENCY_LAND and chosen == "land":
             return  # as mild as any that may be under way
         {"land": modes.land, "descend": modes.descend, "emergency": modes.hand_over}[chosen](why)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from bearing_sim.beacons import parse_layout
 from control.behaviors.machine import BehaviorMachine
@@ -12,13 +13,12 @@ from quadrotor.parameters import ParameterStore, ParameterValue
 from vehicle.calibration.imu import ImuCalibrator
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
-from vehicle.flight.control_law import Steering
+from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.flown_mass import FlownMass
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.model_in_use import ModelInUse
 from vehicle.flight.modes import FLYING
-from vehicle.flight.outbox import Outbox
-from vehicle.flight.tick_record import TickRecord
+from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.parameters import VehicleParameters, check_pairs
 from vehicle.safety.ground_contact import GroundContact
 from vehicle_link.parameters.change import ParameterChange
@@ -51,6 +51,7 @@ def check_steps(store: ParameterStore, values: Mapping[str, ParameterValue]) -> 
         )
 
 
+@dataclass(kw_only=True, eq=False)
 class Configuration:
     """Parameters of one flight stack, which are changed between two ticks.
 
@@ -58,28 +59,22 @@ class Configuration:
         store: the vehicle's parameters, written here only.
     """
 
-    def __init__(
-        self,
-        parameters: VehicleParameters,
-        *,
-        tick: TickRecord,
-        outbox: Outbox,
-        modes: ModeMachine,
-        ground: GroundContact,
-        model: ModelInUse,
-        steering: Steering,
-        mass: FlownMass,
-        behaviors: BehaviorMachine,
-        navigation: Navigation,
-        guard: BearingsGuard,
-        imu_calibrator: ImuCalibrator,
-    ) -> None:
-        self.store = ParameterStore(parameters)
-        self._parameters, self._tick, self._outbox, self._modes = parameters, tick, outbox, modes
-        self._ground, self._model, self._steering = ground, model, steering
-        self._mass, self._behaviors, self._navigation = mass, behaviors, navigation
-        self._guard, self._imu_calibrator = guard, imu_calibrator
-        self._layout = parameters.beacons.layout
+    parameters: VehicleParameters
+    tick: TickRecord
+    outbox: Outbox
+    modes: ModeMachine
+    ground: GroundContact
+    model: ModelInUse
+    law: ControlLaw
+    mass: FlownMass
+    behaviors: BehaviorMachine
+    navigation: Navigation
+    guard: BearingsGuard
+    imu_calibrator: ImuCalibrator
+
+    def __post_init__(self) -> None:
+        self.store = ParameterStore(self.parameters)
+        self._layout = self.parameters.beacons.layout
         self.configure()
 
     def check(self, values: Mapping[str, ParameterValue]) -> dict[str, ParameterValue]:
@@ -90,13 +85,13 @@ class Configuration:
         store = self.store
         checked = {name: store.check(name, value) for name, value in values.items()}
         check_pairs(store.values() | checked)
-        if self._ground.airborne:
+        if self.ground.airborne:
             check_steps(store, checked)
-        flying = self._modes.mode in FLYING
-        self._steering.check(checked, flying)
-        self._mass.check(checked, flying)
-        self._guard.check(checked, flying)
-        return checked | self._navigation.check(checked, self._tick.state, flying)
+        flying = self.modes.mode in FLYING
+        self.law.check(checked, flying)
+        self.mass.check(checked, flying)
+        self.guard.check(checked, flying)
+        return checked | self.navigation.check(checked, self.tick.state, flying)
 
     def apply(
         self, values: Mapping[str, ParameterValue], requester: str
@@ -106,9 +101,9 @@ class Configuration:
         applied = self.store.set(values)
         self.configure()
         for name, value in applied.items():
-            self._outbox.add(
+            self.outbox.add(
                 ParameterChange(
-                    stamp_ns=self._tick.stamp_ns,
+                    stamp_ns=self.tick.stamp_ns,
                     name=name,
                     old=old[name],
                     new=value,
@@ -118,18 +113,23 @@ class Configuration:
             )
         return applied
 
+    def apply_own(self, values: Mapping[str, ParameterValue]) -> None:
+        """Apply a change that the vehicle makes by itself; values already in use are left out."""
+        present = self.store.get
+        self.apply({name: v for name, v in values.items() if v != present(name)}, "vehicle")
+
     def configure(self) -> None:
         """Pass the present parameters to every part; called at a tick boundary."""
-        p = self._parameters
-        self._mass.follow(p.mass, p.model.mass, self._modes.mode in FLYING)
-        self._steering.configure(p.control, p.model)
-        self._model.fly_on(self._mass.mass if self._mass.used else p.model.mass)
-        self._behaviors.set_model(self._steering.model)
+        p = self.parameters
+        self.mass.follow(p.mass, p.model.mass, self.modes.mode in FLYING)
+        self.law.configure(p.control, p.model)
+        self.model.fly_on(self.mass.mass if self.mass.used else p.model.mass)
+        self.behaviors.set_model(self.law.model)
         if p.beacons.layout != self._layout:
             self._layout = p.beacons.layout
-            self._navigation.place(parse_layout(self._layout))
-        self._navigation.configure(p.estimation)
-        self._guard.configure()
-        self._imu_calibrator.configure(p.imu)
-        self._tick.status["parameter_revision"] = self.store.revision
-        self._behaviors.set_control(p.control)
+            self.navigation.place(parse_layout(self._layout))
+        self.navigation.configure(p.estimation)
+        self.guard.configure()
+        self.imu_calibrator.configure(p.imu)
+        self.tick.status["parameter_revision"] = self.store.revision
+        self.behaviors.set_control(p.control)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Protocol, runtime_checkable
 
 from control.controller import Controller
 from control.disturbance_observer import DisturbanceObserver
@@ -23,37 +22,15 @@ from vehicle.laws.laws import BUILT_IN, LAW, SHADOW_LAW, Laws, base_of
 
 SETTLING = 1.0
 """s, time constant of the filtered battery voltage that the model follows (without ripple)."""
-GRAM = 0.001
-"""Change of the mass, in kg, from which a law without `weigh` is configured again."""
 STEP = 0.05
 """Change of the voltage, in V, from which the model is updated: 0.3 % of a 4-cell battery."""
 
 
-@runtime_checkable
-class Weighed(Protocol):
-    """Law whose mass can be updated in each tick; others are configured again."""
-
-    def weigh(self, mass: float) -> None:
-        """Set the vehicle's mass, in kg."""
-        ...
-
-
-@runtime_checkable
-class Compensating(Protocol):
-    """Law that compensates the estimated disturbance; others ignore it."""
-
-    @property
-    def disturbance(self) -> Record:
-        """Return DISTURBANCE, shape (1,), written before each step."""
-        ...
-
-
-class Steering:
+class ControlLaw:
     """The controller of one vehicle, its model and its disturbance observer.
 
     Args:
         control, model: parameters, read again by each `configure`.
-        plugin: a law that replaces the one named in the parameters until another one is set.
         laws: the available laws.
 
     Raises RefusedError when the parameters name an unknown law.
@@ -68,11 +45,7 @@ class Steering:
     """
 
     def __init__(
-        self,
-        control: ControlParameters,
-        model: VehicleModel,
-        plugin: Controller | None = None,
-        laws: Laws | None = None,
+        self, control: ControlParameters, model: VehicleModel, laws: Laws | None = None
     ) -> None:
         self._laws = laws or Laws()
         self._laws.check(control.law, control.shadow_law)
@@ -80,7 +53,7 @@ class Steering:
         self.external: ExternalLaw | None = None
         self._base_name = self._name
         self._base = BUILT_IN[self._base_name]()
-        self.controller: Controller = plugin or self._base
+        self.controller: Controller = self._base
         self._voltage: float | None = None  # V, filtered; None before the first reading
         self._modelled: float | None = None  # V, the voltage the model was made for
         self.mass = model.mass
@@ -158,8 +131,9 @@ class Steering:
         self, state: Record, actuators: Record, flying: bool, carried: bool, dt: float
     ) -> None:
         """Update the disturbance observer; see `control.disturbance_observer.observe_one`."""
-        if self._disturbance is not None and not self.observer.idle:
-            self.observer.step(state, actuators, self.model, flying, carried, dt, self._disturbance)
+        if not self.observer.idle:
+            found = self.controller.disturbance
+            self.observer.step(state, actuators, self.model, flying, carried, dt, found)
 
     def throttle(self, thrust: float) -> float:
         """Return the mean motor reference of a thrust (N), as a share (0 to 1) of its range."""
@@ -169,25 +143,14 @@ class Steering:
 
     def weigh(self, mass: float) -> None:
         """Use this mass (kg) from now on, until the next `configure`."""
-        if mass == self.mass:
-            return
-        self.mass = mass
-        self._model_mass[0] = mass
-        if self._weighed is not None:
-            self._weighed.weigh(mass)
-        elif abs(mass - self._configured) >= GRAM:
-            self._hand_over()
+        if mass != self.mass:
+            self.mass = mass
+            self._model_mass[0] = mass
+            self.controller.weigh(mass)
 
     def _remodel(self) -> None:
         self._modelled = self._voltage
         self.model: Record = self._parameters.record(self._voltage)
         self._model_mass = self.model["mass"]  # a view
         self._model_mass[0] = self.mass
-        self._hand_over()
-
-    def _hand_over(self) -> None:
-        self._configured = self.mass
-        self._weighed = self.controller if isinstance(self.controller, Weighed) else None
-        law = self.controller
-        self._disturbance = law.disturbance if isinstance(law, Compensating) else None
         self.controller.configure(self._control, self.model)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from estimation.calibration.gyroscope import GyroscopeCalibration
 from quadrotor.errors import MeasurementError
@@ -12,8 +13,7 @@ from vehicle.calibration.imu import ImuCalibrator
 from vehicle.estimators.navigation import Navigation
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.modes import Mode
-from vehicle.flight.outbox import Outbox
-from vehicle.flight.tick_record import TickRecord
+from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.processes import mailbox
 from vehicle.safety.parameters import SafetyParameters
 from vehicle_link.serial.ids import MotorState
@@ -23,25 +23,20 @@ AT_START = "start"
 """Requester of the calibration at start-up."""
 
 
+@dataclass(kw_only=True, eq=False)
 class GyroscopeStart:
     """Search for the gyroscope bias of a vehicle at rest (Sec. 5.1 of the paper)."""
 
-    def __init__(
-        self,
-        *,
-        safety: SafetyParameters,
-        tick: TickRecord,
-        outbox: Outbox,
-        modes: ModeMachine,
-        imu_calibrator: ImuCalibrator,
-        navigation: Navigation,
-    ) -> None:
-        self._safety, self._tick, self._outbox, self._modes = safety, tick, outbox, modes
-        self._imu_calibrator, self._navigation = imu_calibrator, navigation
-        self._running: GyroCalibration | None = None
-        self._begun_ns = 0
-        self._request: mailbox.CalibrateGyroscope | None = None  # None: start-up
-        self._motors_reported = False
+    safety: SafetyParameters
+    tick: TickRecord
+    outbox: Outbox
+    modes: ModeMachine
+    imu_calibrator: ImuCalibrator
+    navigation: Navigation
+    _running: GyroCalibration | None = None
+    _begun_ns: int = 0
+    _request: mailbox.CalibrateGyroscope | None = None  # None: start-up
+    _motors_reported: bool = False
 
     def begin(self, request: mailbox.CalibrateGyroscope) -> None:
         """Start to find the bias again; the present one stays in use until then.
@@ -49,7 +44,7 @@ class GyroscopeStart:
         Raises RefusedError.
         """
         why = f"gyroscope calibration by {request.requester}; keep the vehicle still"
-        self._modes.move(Mode.STARTING, why)
+        self.modes.move(Mode.STARTING, why)
         self._request, self._running = request, None
 
     def step(self, sample: RawSample) -> None:
@@ -58,15 +53,15 @@ class GyroscopeStart:
         if motors_on and self._request is None:  # restarted during a landing
             if not self._motors_reported:
                 line = "gyroscope not calibrated: motors are running; waiting until they stop"
-                self._outbox.say(line, mailbox.WARN)
+                self.outbox.say(line, mailbox.WARN)
             self._motors_reported, self._running = True, None
             return
         if self._running is None:
-            self._begun_ns = self._tick.stamp_ns
-            deviation = math.radians(self._safety.gyro_deviation_max)
-            self._running = GyroCalibration(self._safety.gyro_samples, deviation)
+            self._begun_ns = self.tick.stamp_ns
+            deviation = math.radians(self.safety.gyro_deviation_max)
+            self._running = GyroCalibration(self.safety.gyro_samples, deviation)
         try:
-            found = self._running.add(self._tick.angular_velocity_b, motors_on=motors_on)
+            found = self._running.add(self.tick.angular_velocity_b, motors_on=motors_on)
             if found is not None:
                 self._check_bias(found)
         except MeasurementError as error:
@@ -77,9 +72,9 @@ class GyroscopeStart:
 
     def _check_bias(self, found: GyroscopeCalibration) -> None:
         """Raise MeasurementError for a bias that is too large: a steady turn has no deviation."""
-        largest, what = self._safety.gyro_drift_max, "drift"
+        largest, what = self.safety.gyro_drift_max, "drift"
         if self._request is not None:
-            largest, what = self._safety.gyro_change_max, "the drift would change by"
+            largest, what = self.safety.gyro_change_max, "the drift would change by"
         drift = math.degrees(float(abs(found.bias_b).max()))
         if drift > largest:
             raise MeasurementError(
@@ -90,25 +85,25 @@ class GyroscopeStart:
     def _refuse(self, reason: str) -> None:
         request, self._request, self._running = self._request, None, None
         if request is None:
-            self._outbox.say(reason, mailbox.WARN)  # and retry
+            self.outbox.say(reason, mailbox.WARN)  # and retry
             return
-        self._outbox.add(
+        self.outbox.add(
             mailbox.GyroscopeFound(
-                self._tick.stamp_ns, request.request_id, request.requester, reason
+                self.tick.stamp_ns, request.request_id, request.requester, reason
             )
         )
-        self._modes.move(Mode.READY, f"the gyroscope bias is unchanged: {reason}", mailbox.WARN)
+        self.modes.move(Mode.READY, f"the gyroscope bias is unchanged: {reason}", mailbox.WARN)
 
     def _accept(self, found: GyroscopeCalibration, deviation_max: float, voltage: float) -> None:
         request, self._request, self._running = self._request, None, None
         # The samples were already corrected by the bias in use.
-        bias_b = self._imu_calibrator.gyroscope_bias_b + found.bias_b
-        self._imu_calibrator.set_gyroscope_bias(bias_b)
-        self._navigation.reset()  # its estimates come from the uncalibrated gyroscope
+        bias_b = self.imu_calibrator.gyroscope_bias_b + found.bias_b
+        self.imu_calibrator.set_gyroscope_bias(bias_b)
+        self.navigation.reset()  # its estimates come from the uncalibrated gyroscope
         x, y, z = bias_b.tolist()
         deviation_x, deviation_y, deviation_z = found.deviation_b.tolist()
-        stamp_ns = self._tick.stamp_ns
-        self._outbox.add(
+        stamp_ns = self.tick.stamp_ns
+        self.outbox.add(
             mailbox.GyroscopeFound(
                 stamp_ns=stamp_ns,
                 request_id=request.request_id if request else "",
@@ -122,4 +117,4 @@ class GyroscopeStart:
             )
         )
         degrees = ", ".join(f"{math.degrees(bias):.2f}" for bias in (x, y, z))
-        self._modes.move(Mode.READY, f"gyroscope bias {degrees} deg/s")
+        self.modes.move(Mode.READY, f"gyroscope bias {degrees} deg/s")

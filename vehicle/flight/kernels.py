@@ -12,8 +12,9 @@ import gc
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 
-from quadrotor.compiled import kept
+from quadrotor.compiled import is_cached
 from quadrotor.errors import JobError
 from vehicle_link.jobs import IDLE, Job
 
@@ -59,16 +60,10 @@ def _bearings() -> None:
     PlanarPoseSolver(PAPER_BEACONS.positions_w)
 
 
-def _error_state() -> None:
+def _on_bearings(estimator: str) -> None:
     from estimation.registry import prepare
 
-    prepare("error_state", True)
-
-
-def _complementary_on_bearings() -> None:
-    from estimation.registry import prepare
-
-    prepare("complementary", True)
+    prepare(estimator, True)
 
 
 def _near_hovering() -> None:
@@ -92,18 +87,18 @@ LATER: Parts = {
     "bearing poses": ("estimation.poses.frame_solution", _bearings),
     "bearings in the complementary filter": (
         "estimation.poses.position_at_attitude",
-        _complementary_on_bearings,
+        partial(_on_bearings, "complementary"),
     ),
-    "error-state filter": ("estimation.error_state.filter", _error_state),
+    "error-state filter": ("estimation.error_state.filter", partial(_on_bearings, "error_state")),
     "near-hovering law": ("control.near_hovering", _near_hovering),
 }
 """Parts that only comms or the choice of another estimator or law needs: compiled in the background
 at idle priority."""
-HELPED = "controller"
+IN_SECOND_PROCESS = "controller"
 """Part that the second process compiles; the rest takes about the same time."""
 
 
-class Later:
+class BackgroundParts:
     """The parts of LATER, loaded at once when cached. Otherwise they are compiled in the background
     and loaded once that is done and the motors are off.
 
@@ -111,12 +106,12 @@ class Later:
     """
 
     def __init__(self) -> None:
-        self._kept = [part for part, (module, _) in LATER.items() if kept(module)]
-        self._missing = [part for part in LATER if part not in self._kept]
+        self._cached = [part for part, (module, _) in LATER.items() if is_cached(module)]
+        self._missing = [part for part in LATER if part not in self._cached]
         self._process = Job(compile_parts, self._missing, niceness=IDLE) if self._missing else None
 
     @property
-    def arrived(self) -> bool:
+    def has_compiled(self) -> bool:
         """Return whether the background compilation has ended and was not loaded yet."""
         return self._process is not None and self._process.poll()
 
@@ -126,9 +121,9 @@ class Later:
         A part that failed to compile in the background is compiled when it is chosen, on the
         ground.
         """
-        parts, self._kept = self._kept, []
-        if self.arrived:
-            parts += [part for part in self._missing if kept(LATER[part][0])]
+        parts, self._cached = self._cached, []
+        if self.has_compiled:
+            parts += [part for part in self._missing if is_cached(LATER[part][0])]
             self._process = None
         for part in parts:
             LATER[part][1]()
@@ -144,7 +139,7 @@ class Later:
             self._process.stop()
 
 
-def prepare(say: Callable[[str], None]) -> tuple[list[str], Later]:
+def prepare(say: Callable[[str], None]) -> tuple[list[str], BackgroundParts]:
     """Compile the missing parts, load the others, and fly the warm-up hop.
 
     Call it before asking for real-time priority, which a child process would inherit.
@@ -155,8 +150,8 @@ def prepare(say: Callable[[str], None]) -> tuple[list[str], Later]:
     Returns what was refused in the hop (what follows it would compile in flight), and the parts
     compiled in the background, which the caller closes at the end.
     """
-    later = Later()
-    missing = [part for part, (module, _) in PARTS.items() if not kept(module)]
+    later = BackgroundParts()
+    missing = [part for part, (module, _) in PARTS.items() if not is_cached(module)]
     if missing:
         with _without_garbage_collection():
             _compile(missing, say)
@@ -182,16 +177,16 @@ def _without_garbage_collection() -> Iterator[None]:
 def _compile(missing: list[str], say: Callable[[str], None]) -> None:
     say(f"compiling the flight laws, once, which takes some seconds: {', '.join(missing)}")
     helper = None
-    if HELPED in missing and len(missing) > 1 and (os.cpu_count() or 1) > 1:
-        helper = Job(compile_parts, [HELPED], niceness=0)
+    if IN_SECOND_PROCESS in missing and len(missing) > 1 and (os.cpu_count() or 1) > 1:
+        helper = Job(compile_parts, [IN_SECOND_PROCESS], niceness=0)
     for part in missing:
-        if helper is None or part != HELPED:
+        if helper is None or part != IN_SECOND_PROCESS:
             PARTS[part][1]()
             say(f"{part} compiled")
     if helper is not None:
         with suppress(JobError):  # the hop compiles it
             helper.result()
-            say(f"{HELPED} compiled")
+            say(f"{IN_SECOND_PROCESS} compiled")
 
 
 def compile_parts(names: list[str]) -> None:

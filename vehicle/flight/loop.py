@@ -13,7 +13,7 @@ from quadrotor.parameters import ParameterStore
 from quadrotor.records import Record
 from vehicle.boards.board import Board, Command, RawSample
 from vehicle.flight.lateness import Lateness, LoopCounts, LoopStatistics
-from vehicle.flight.microcontroller_commands import Ordering, Orders
+from vehicle.flight.microcontroller_commands import CommandedModes, CommandSender
 from vehicle.flight.modes import Mode
 from vehicle.flight.pacing import Pacer
 from vehicle.processes import mailbox
@@ -24,7 +24,7 @@ from vehicle_link.lockstep import ProcessProgress
 from vehicle_link.serial.port import BAUD_RATE
 
 if TYPE_CHECKING:
-    from vehicle.flight.kernels import Later
+    from vehicle.flight.kernels import BackgroundParts
 
 SILENCE_NS = 500_000_000
 SECOND_NS = 1_000_000_000
@@ -43,11 +43,11 @@ class Stack(Protocol):
     @property
     def store(self) -> ParameterStore: ...
     @property
-    def outbox(self) -> list[mailbox.Told]: ...
+    def outbox(self) -> list[mailbox.Notification]: ...
     @property
     def mode(self) -> Mode: ...
     @property
-    def modes(self) -> Ordering: ...
+    def modes(self) -> CommandedModes: ...
     def tick(self, sample: RawSample) -> Command | None: ...
     def handle(self, command: mailbox.Command) -> mailbox.Reply: ...
     def say(self, text: str, level: int = mailbox.INFO) -> None: ...
@@ -78,7 +78,7 @@ class FlightLoop:
         pacer: Pacer,
         *,
         real_time: bool,
-        later: Later | None = None,
+        later: BackgroundParts | None = None,
         progress: ProcessProgress | None = None,
     ) -> None:
         self._stopping = False
@@ -94,11 +94,11 @@ class FlightLoop:
         self._period_ns = pacer.deadlines.period_ns
         self.lateness = Lateness()
         self.counts = LoopCounts(self.lateness.histogram)
-        self._orders = Orders(stack.modes, mcu)
-        self._heard_ns = monotonic_ns()
+        self._sender = CommandSender(stack.modes, mcu)
+        self._received_ns = monotonic_ns()
         self._silent = False
         self._unusable = [0, 0, 0]  # counts at the newest sample
-        self._tell(NOTHING_YET)
+        self._report_statistics(NOTHING_YET)
 
     def stop(self) -> None:
         """Make `run` return after the present iteration."""
@@ -117,14 +117,14 @@ class FlightLoop:
         for sample in samples:
             now_ns = self._tick(sample, now_ns)
         if not samples:
-            self._deadlines.look(now_ns)
-        if self._later is not None and self._later.arrived and self._stack.mode is Mode.READY:
+            self._deadlines.check(now_ns)
+        if self._later is not None and self._later.has_compiled and self._stack.mode is Mode.READY:
             self._load(self._later)
         self._watch_silence(bool(samples))
         if self._silent:
             self._drain_inbox()
-        self._orders.send(None)  # a command between ticks may have changed the motor state
-        self._orders.keep(monotonic())
+        self._sender.send(None)  # a command between ticks may have changed the motor state
+        self._sender.service(monotonic())
         if self._mcu.failures:
             for failure in self._mcu.failures:
                 self._report(failure)
@@ -138,26 +138,26 @@ class FlightLoop:
         """Run the tick that began when the loop woke for its sample; return the time of its end."""
         stack = self._stack
         self._drain_inbox()
-        self._orders.send(stack.tick(sample))
+        self._sender.send(stack.tick(sample))
         self._rings.ticks.push(stack.record)
         self._send_outbox()
         self._deadlines.met(sample.stamp_ns, began_ns)
         statistics = self.lateness.add(began_ns, sample.stamp_ns)
         if statistics is not None:
-            self._tell(statistics)
+            self._report_statistics(statistics)
         ended_ns = monotonic_ns()
         if ended_ns - began_ns > self._period_ns:
             self.counts.overruns += 1
         return ended_ns
 
-    def _tell(self, statistics: LoopStatistics) -> None:
+    def _report_statistics(self, statistics: LoopStatistics) -> None:
         counts = self.counts
         counts.missed_frames = self._deadlines.missed
         counts.damaged_frames = self._mcu.damaged
         rate = SECOND_NS / self._period_ns
         self._stack.loop_statistics(statistics, counts, rate, self._real_time)
 
-    def _load(self, later: Later) -> None:
+    def _load(self, later: BackgroundParts) -> None:
         parts = later.load()
         self._later = None
         if parts:
@@ -170,7 +170,7 @@ class FlightLoop:
             for _ in range(min(waiting, MESSAGES_A_TICK)):
                 message = inbox.pop()
                 if message is not None:
-                    self._take(mailbox.decode_inbound(message))
+                    self._handle(mailbox.decode_inbound(message))
         for ring in self._measured:
             if waiting := len(ring):
                 for _ in range(min(waiting, MESSAGES_A_TICK)):
@@ -178,7 +178,7 @@ class FlightLoop:
                     if sample is not None:
                         self._stack.measure(sample)
 
-    def _take(self, message: mailbox.Inbound) -> None:
+    def _handle(self, message: mailbox.Inbound) -> None:
         if isinstance(message, mailbox.Measurement):
             self._stack.measure(message)
             return
@@ -214,19 +214,19 @@ class FlightLoop:
         now_ns = monotonic_ns()
         if received:
             if self._silent:
-                self._report(f"samples again after {(now_ns - self._heard_ns) * 1e-9:.1f} s")
-            self._heard_ns, self._silent = now_ns, False
-            self._unusable = self._came_unusable()
-        elif not self._silent and now_ns - self._heard_ns > SILENCE_NS:
+                self._report(f"samples again after {(now_ns - self._received_ns) * 1e-9:.1f} s")
+            self._received_ns, self._silent = now_ns, False
+            self._unusable = self._unusable_counts()
+        elif not self._silent and now_ns - self._received_ns > SILENCE_NS:
             self._silent = True
             self._report(f"no sample from the microcontroller for 0.5 s; waiting. {self._why()}")
 
-    def _came_unusable(self) -> list[int]:
+    def _unusable_counts(self) -> list[int]:
         return [self._mcu.late, self._mcu.refused, self._mcu.damaged]
 
     def _why(self) -> str:
         """Return what arrived instead of samples, and what to check."""
-        counts = zip(self._came_unusable(), self._unusable, strict=True)
+        counts = zip(self._unusable_counts(), self._unusable, strict=True)
         late, refused, damaged = (now - before for now, before in counts)
         if late:
             return (

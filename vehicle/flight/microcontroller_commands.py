@@ -1,14 +1,41 @@
-"""The flight stack's commands to the board, sent after each tick."""
+"""The flight stack's commands to the board, made and sent after each tick."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import Protocol
 
-from vehicle.boards.board import Board, Command
+from control.rate_law import rates_of_wrench
+from vehicle.boards.board import Board, BodyRates, Command, CommandKind
+from vehicle.boards.reference_rounding import ReferenceRounding
+from vehicle.flight.control_law import ControlLaw
+from vehicle.flight.tick_record import TickRecord
 from vehicle_link.serial.ids import MotorState
 
+RATE_MAX = math.radians(300.0)
+"""Fastest rotation, in rad/s, that is commanded about each axis."""
 
-class Ordering(Protocol):
+
+def command_maker(level: CommandKind, tick: TickRecord, law: ControlLaw) -> Callable[[], Command]:
+    """Return the function that turns a tick's wrench into a command at the level that the board
+    accepts.
+    """
+    if level is CommandKind.MOTORS:
+        rounding = ReferenceRounding()
+        return lambda: rounding.round(tick.motor_references)
+
+    omega_b = tick.state["angular_velocity_b"][0]  # a view
+
+    def rates() -> BodyRates:
+        x, y, z, throttle = rates_of_wrench(tick.wrench, omega_b, law.gains, law.model, RATE_MAX)
+        return BodyRates((x, y, z), throttle)
+
+    rates()  # compile now rather than in the first flight
+    return rates
+
+
+class CommandedModes(Protocol):
     """The part of vehicle.flight.mode_machine.ModeMachine that commands depend on."""
 
     @property
@@ -20,10 +47,10 @@ class Ordering(Protocol):
     def microcontroller_reports(self, lost_ports: int, obstacle: str) -> None: ...
 
 
-class Orders:
+class CommandSender:
     """Sender of one vehicle's commands to its board."""
 
-    def __init__(self, modes: Ordering, board: Board) -> None:
+    def __init__(self, modes: CommandedModes, board: Board) -> None:
         self._modes, self._board = modes, board
         self._motor_state = modes.motor_state_wanted
         self._timeout_ms = 0
@@ -37,7 +64,7 @@ class Orders:
         if command is not None:
             self._board.command(command)
 
-    def keep(self, now_s: float) -> None:
+    def service(self, now_s: float) -> None:
         """Repeat commands without an echo; `now_s` is from any monotonic clock."""
         timeout_ms = self._modes.command_timeout_ms
         if timeout_ms != self._timeout_ms:

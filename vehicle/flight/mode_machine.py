@@ -4,18 +4,19 @@ own decisions.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
 from quadrotor.errors import QuadlabError
-from vehicle.boards.board import RawSample
+from vehicle.boards.board import MotorReferences, RawSample
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
-from vehicle.flight.control_law import Steering
+from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.flown_mass import FlownMass
 from vehicle.flight.modes import ControlMode, Mode, check_control_move, check_move
 from vehicle.flight.motor_bench import Bench
-from vehicle.flight.outbox import Outbox
-from vehicle.flight.tick_record import TickRecord
+from vehicle.flight.tick_record import Outbox, TickRecord
 from vehicle.processes import mailbox
 from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.parameters import SafetyParameters
@@ -26,54 +27,47 @@ MOTOR_START_GRACE_NS = 1_500_000_000
 _BRAKING = (BehaviorName.LAND, BehaviorName.BRAKE, BehaviorName.EMERGENCY_LANDING)
 
 
+@dataclass(kw_only=True, eq=False)
 class ModeMachine:
     """The modes of one vehicle, and the transitions that events cause.
 
     Attributes:
         mode: the mode of the vehicle as a whole; changed by `move`.
         control_mode: which side computes the motor references, and from what; changed by
-            `steer_by`.
+            `set_control_mode`.
         motor_state_wanted: the motor state that the microcontroller should have.
         lost_ports: number of lost serial ports in the last report.
         obstacle: why the microcontroller would not start the motors; "" if it would.
     """
 
-    def __init__(
-        self,
-        *,
-        safety: SafetyParameters,
-        tick: TickRecord,
-        outbox: Outbox,
-        behaviors: BehaviorMachine,
-        steering: Steering,
-        navigation: Navigation,
-        ground: GroundContact,
-        supervisor: Supervisor,
-        mass: FlownMass,
-        guard: BearingsGuard,
-        bench: Bench,
-        tells_pressure: bool = True,
-    ) -> None:
-        self._safety, self._tick, self._outbox = safety, tick, outbox
-        self._behaviors, self._steering, self._navigation = behaviors, steering, navigation
-        self._ground, self._supervisor, self._mass = ground, supervisor, mass
-        self._guard, self._bench, self._tells_pressure = guard, bench, tells_pressure
-        self._armed_ns = 0
-        self.mode = Mode.STARTING
-        self.control_mode = ControlMode.DIRECT
-        self.motor_state_wanted = MotorState.OFF
-        self.lost_ports = 0
-        self.obstacle = ""
+    safety: SafetyParameters
+    tick: TickRecord
+    outbox: Outbox
+    behaviors: BehaviorMachine
+    law: ControlLaw
+    navigation: Navigation
+    ground: GroundContact
+    supervisor: Supervisor
+    mass: FlownMass
+    guard: BearingsGuard
+    bench: Bench
+    reports_pressure: bool = True
+    mode: Mode = Mode.STARTING
+    control_mode: ControlMode = ControlMode.DIRECT
+    motor_state_wanted: MotorState = MotorState.OFF
+    lost_ports: int = 0
+    obstacle: str = ""
+    _armed_ns: int = 0
 
     @property
     def motors_had_time(self) -> bool:
         """Return whether motors that were switched on should be turning by now."""
-        return self._tick.stamp_ns - self._armed_ns > MOTOR_START_GRACE_NS
+        return self.tick.stamp_ns - self._armed_ns > MOTOR_START_GRACE_NS
 
     @property
     def command_timeout_ms(self) -> int:
         """Return the time without commands after which the microcontroller lands on its own."""
-        return round(1000 * self._safety.command_timeout)
+        return round(1000 * self.safety.command_timeout)
 
     def microcontroller_reports(self, lost_ports: int, obstacle: str) -> None:
         """Store the microcontroller's report on its ports and on what prevents a motor start."""
@@ -85,30 +79,30 @@ class ModeMachine:
         self.mode = mode
         if mode in (Mode.ARMED, Mode.BENCH):
             self.motor_state_wanted = MotorState.ON
-            self._armed_ns = self._tick.stamp_ns
+            self._armed_ns = self.tick.stamp_ns
         if mode is Mode.ARMED:
-            self._ground.arm(float(self._tick.state["position_w"][0, 2]))
-            self._supervisor.begin_flight()
-            self._guard.begin_flight()
-            self._mass.begin_flight()
+            self.ground.arm(float(self.tick.state["position_w"][0, 2]))
+            self.supervisor.begin_flight()
+            self.guard.begin_flight()
+            self.mass.begin_flight()
         elif mode in (Mode.READY, Mode.CUT):
             self.motor_state_wanted = MotorState.OFF
             self.control_mode = ControlMode.DIRECT
-            self._ground.disarm()
-            self._bench.end()
-            self._behaviors.reset()
-            self._steering.controller.reset()
-        self._outbox.say(f"{mode.name.lower().replace('_', ' ')}: {why}", level)
+            self.ground.disarm()
+            self.bench.end()
+            self.behaviors.reset()
+            self.law.controller.reset()
+        self.outbox.say(f"{mode.name.lower().replace('_', ' ')}: {why}", level)
 
-    def steer_by(self, control_mode: ControlMode) -> None:
+    def set_control_mode(self, control_mode: ControlMode) -> None:
         """Change which side computes the motor references. Raises RefusedError."""
         if control_mode is self.control_mode:
             return
         check_control_move(self.control_mode, control_mode)
         self.control_mode = control_mode
         if control_mode is ControlMode.DIRECT:
-            self._steering.controller.reset()
-        self._outbox.say(f"{control_mode.name.lower().replace('_', '-')} mode")
+            self.law.controller.reset()
+        self.outbox.say(f"{control_mode.name.lower().replace('_', '-')} mode")
 
     # ------------------------------------------------------------------ the vehicle's own decisions
     def react(self, verdict: Verdict) -> None:
@@ -125,18 +119,18 @@ class ModeMachine:
         elif reaction is Reaction.LAND:
             if self.mode is Mode.ARMED:
                 self.land(why)
-        elif self._behaviors.name not in _BRAKING:
+        elif self.behaviors.name not in _BRAKING:
             # The inertial sensors are good enough to stop by, not to land by.
-            age = self._navigation.active.measurement_age
-            if age <= self._safety.pose_land_after:
+            age = self.navigation.active.measurement_age
+            if age <= self.safety.pose_land_after:
                 self._override("brake")
-                self._outbox.say(f"braking: {why}", mailbox.WARN)
+                self.outbox.say(f"braking: {why}", mailbox.WARN)
             else:
                 self.descend(f"{why}, and no pose to brake with")
 
     def land(self, why: str) -> None:
         """Land under control from here, refusing everything but cut; without a pose, descend."""
-        if not self._navigation.has_pose:
+        if not self.navigation.has_pose:
             self.descend(why)
             return
         self._enter_emergency(why)
@@ -149,8 +143,8 @@ class ModeMachine:
         """
         if self.control_mode is ControlMode.EMERGENCY:
             return
-        if not self._tells_pressure:
-            self.hand_over(f"{why}; the board tells no pressure to descend by")
+        if not self.reports_pressure:
+            self.hand_over(f"{why}; the board reports no air pressure to descend by")
             return
         self._enter_emergency(f"{why}; descending by the barometer, position not held")
         self._override("emergency_landing")
@@ -161,14 +155,14 @@ class ModeMachine:
             return
         self._enter_emergency(f"{why}; the microcontroller lands on its own")
         self.motor_state_wanted = MotorState.EMERGENCY
-        self.steer_by(ControlMode.EMERGENCY)
+        self.set_control_mode(ControlMode.EMERGENCY)
 
-    def heed(self, sample: RawSample) -> None:
+    def follow_motor_state(self, sample: RawSample) -> None:
         """React to the motor state that the microcontroller reports while motors should turn."""
         state = sample.motor_state
         if self.control_mode is ControlMode.EMERGENCY:
             if state == MotorState.OFF:
-                self._ground.touch_down(self._tick.stamp_ns)
+                self.ground.touch_down(self.tick.stamp_ns)
                 self.move(Mode.READY, "landed by the microcontroller")
         elif state == MotorState.EMERGENCY:
             self.hand_over("the microcontroller took over: commands were missing, or the battery")
@@ -177,15 +171,28 @@ class ModeMachine:
             why = f": {obstacle}" if obstacle else ""
             self.move(Mode.CUT, f"microcontroller reports motors {name}{why}", mailbox.ERROR)
 
+    def step_bench(self, sample: RawSample, dt: float) -> MotorReferences | None:
+        """Return the references of one tick in mode BENCH, None when the test is over."""
+        bench, tick = self.bench, self.tick
+        tick.rest()
+        why = bench.fault(
+            sample, self.supervisor.battery_spent, self.motors_had_time, self.obstacle
+        ) or bench.over(tick.stamp_ns, tick.angular_velocity_b, dt)
+        if why:
+            self.move(Mode.READY, f"{bench} stopped: {why}", mailbox.WARN)
+            return None
+        tick.motor_references[bench.motor - 1] = bench.reference
+        return bench.references
+
     def _enter_emergency(self, why: str) -> None:
         if self.mode is Mode.EMERGENCY_LAND:
-            self._outbox.say(f"emergency land: {why}", mailbox.ERROR)
+            self.outbox.say(f"emergency land: {why}", mailbox.ERROR)
         else:
             self.move(Mode.EMERGENCY_LAND, why, mailbox.ERROR)
 
     def _override(self, behavior: str) -> None:
         """Start `behavior` by the vehicle's own decision; allowed from any flight behavior."""
         try:
-            self._behaviors.request(behavior, {}, self._tick.state, armed=True, airborne=True)
+            self.behaviors.request(behavior, {}, self.tick.state, armed=True, airborne=True)
         except QuadlabError as error:  # never observed; nothing else would land the vehicle
             self.hand_over(f"{behavior} refused: {error}")

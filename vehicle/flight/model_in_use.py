@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
 from vehicle.boards.board import RawSample
-from vehicle.flight.control_law import Steering
+from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.flown_mass import FlownMass
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.modes import FLYING, ControlMode
@@ -15,26 +17,21 @@ from vehicle.safety.ground_contact import GroundContact
 LANDING = (BehaviorName.LAND, BehaviorName.EMERGENCY_LANDING)
 
 
+@dataclass(kw_only=True, eq=False)
 class ModelInUse:
     """Mass, model and disturbance shared by control law, feed-forward and touch-down."""
 
-    def __init__(
-        self,
-        *,
-        tick: TickRecord,
-        modes: ModeMachine,
-        ground: GroundContact,
-        steering: Steering,
-        mass: FlownMass,
-        behaviors: BehaviorMachine,
-    ) -> None:
-        self._tick, self._modes, self._ground = tick, modes, ground
-        self._steering, self._mass, self._behaviors = steering, mass, behaviors
+    tick: TickRecord
+    modes: ModeMachine
+    ground: GroundContact
+    law: ControlLaw
+    mass: FlownMass
+    behaviors: BehaviorMachine
 
     def fly_on(self, mass: float) -> None:
         """Set the mass (kg) in use."""
-        self._steering.weigh(mass)
-        self._behaviors.set_mass(mass)
+        self.law.weigh(mass)
+        self.behaviors.set_mass(mass)
 
     def step(self, sample: RawSample, since: float, dt: float) -> None:
         """Update the model after one tick.
@@ -43,30 +40,30 @@ class ModelInUse:
             since: s since the last tick.
             dt: the same, limited to the longest step of the laws.
         """
-        tick, steering, mass = self._tick, self._steering, self._mass
-        airborne = self._ground.airborne
+        tick, law, mass = self.tick, self.law, self.mass
+        airborne = self.ground.airborne
         # The wrench is still that of the last tick, which acted until now.
         mass.step(tick.state, tick.actuators, self._weighs(airborne), since, tick.estimate)
         if mass.used:
             self.fly_on(mass.mass)
         # Disturbances are relative to the law's own command; ground reaction is not one.
-        flying = airborne and self._direct and self._modes.mode in FLYING
-        carried = self._ground.carried > 0.0 and self._behaviors.name in LANDING
-        steering.observe(tick.state, tick.actuators, flying, carried, dt)
-        if steering.follow_battery(sample.battery_voltage, dt):
-            self._behaviors.set_model(steering.model)
+        flying = airborne and self._direct and self.modes.mode in FLYING
+        carried = self.ground.carried > 0.0 and self.behaviors.name in LANDING
+        law.observe(tick.state, tick.actuators, flying, carried, dt)
+        if law.follow_battery(sample.battery_voltage, dt):
+            self.behaviors.set_model(law.model)
 
     @property
     def _direct(self) -> bool:
         """Return whether the thrusts are those of our control law, not the microcontroller's."""
-        return self._modes.control_mode is ControlMode.DIRECT
+        return self.modes.control_mode is ControlMode.DIRECT
 
     def _weighs(self, airborne: bool) -> bool:
         """Return whether only the commanded thrust carries the vehicle, as the estimate requires.
 
         An estimate that is only displayed depends on ground contact alone.
         """
-        if not self._mass.used:
+        if not self.mass.used:
             return airborne
-        landed = self._ground.carried and self._behaviors.name in LANDING
+        landed = self.ground.carried and self.behaviors.name in LANDING
         return self._direct and airborne and not landed

@@ -9,7 +9,7 @@ from __future__ import annotations
 from control.behaviors.near_hovering import Level
 from quadrotor.parameters import Parameters, parameter
 from vehicle.estimators.barometric_height import BarometricHeight
-from vehicle.flight.control_law import Steering
+from vehicle.flight.control_law import ControlLaw
 from vehicle_link.serial.attitude_command import THRUST_SHARE_MAX, THRUST_SHARE_MIN, AttitudeCommand
 
 AVERAGE = 0.5
@@ -54,11 +54,11 @@ class NearHovering:
         self._share += min(1.0, dt / AVERAGE) * (share - self._share)
         self._lift = None
 
-    def command(self, level: Level, steering: Steering, dt: float) -> AttitudeCommand:
+    def command(self, level: Level, law: ControlLaw, dt: float) -> AttitudeCommand:
         """Return the command for the board.
 
         Args:
-            steering: provides the mass and the motors' law.
+            law: provides the mass and the motors' law.
         """
         p = self.parameters
         if self._lift is None:
@@ -70,11 +70,11 @@ class NearHovering:
             if wanted < -p.flare_speed and self.altitude.height < p.flare_height:
                 wanted = -p.flare_speed
             error = wanted - self.altitude.climb
-            per_acceleration = steering.mass / p.stick_thrust
+            per_acceleration = law.mass / p.stick_thrust
             lift = self._lift + p.lift_gain * per_acceleration * error * dt
             self._lift = min(THRUST_SHARE_MAX, max(THRUST_SHARE_MIN, lift))
             share = self._lift + p.climb_gain * per_acceleration * error
         share = min(THRUST_SHARE_MAX, max(THRUST_SHARE_MIN, share))
         thrust = share * p.stick_thrust
-        throttle = steering.throttle(thrust)
+        throttle = law.throttle(thrust)
         return AttitudeCommand(level.roll, level.pitch, level.yaw_rate, share, thrust, throttle)

@@ -37,7 +37,7 @@ class Deadlines:
         self.overdue_ns: int | None = None
         self.missed = 0
         self._stamp_ns = self._delay_ns = 0
-        self._told = 0  # deadlines passed since the last sample
+        self._passed = 0  # deadlines passed since the last sample
 
     def met(self, stamp_ns: int, now_ns: int) -> None:
         """Note that the tick for the sample of `stamp_ns` (vehicle's clock) began at `now_ns`."""
@@ -49,17 +49,17 @@ class Deadlines:
             least_ns = self._delay_ns = min(delay_ns, self._delay_ns + elapsed_ns // DRIFT)
             missed = max(0, (elapsed_ns - period_ns // 2) // period_ns)
             missed += delay_ns - least_ns > period_ns
-            if missed > self._told:
-                self.missed += missed - self._told
-        self._told = 0
+            if missed > self._passed:
+                self.missed += missed - self._passed
+        self._passed = 0
         self._stamp_ns = stamp_ns
         self.overdue_ns = stamp_ns + self._delay_ns + 2 * period_ns
 
-    def look(self, now_ns: int) -> None:
+    def check(self, now_ns: int) -> None:
         """Count the deadlines that passed without a sample."""
         if self.overdue_ns is not None and now_ns >= self.overdue_ns:
             passed = 1 + (now_ns - self.overdue_ns) // self.period_ns
-            self._told += passed
+            self._passed += passed
             self.missed += passed
             self.overdue_ns += passed * self.period_ns
 

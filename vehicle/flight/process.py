@@ -24,7 +24,8 @@ from vehicle.flight.loop import FlightLoop
 from vehicle.flight.pacing import MemoryPacer, Pacer, PortPacer
 from vehicle.flight.realtime import become_real_time, freeze_garbage
 from vehicle.processes import mailbox
-from vehicle.processes.config import FlightConfig, open_rings
+from vehicle.processes.config import VehicleConfig, open_rings
+from vehicle.processes.parent import PLUGINS, TRAJECTORIES
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link.jobs import die_with_parent
 from vehicle_link.lockstep import FLIGHT_PROCESS, ProcessProgress
@@ -36,8 +37,8 @@ if TYPE_CHECKING:
     from vehicle.simulator.in_process import InProcessRobot
 
 PORT_PATIENCE_S = 10.0
-TOLD_AT_ONCE = frozenset({PortProblem.BUSY, PortProblem.FORBIDDEN})
-TOLD_AFTER_S = 2.0
+REPORTED_AT_ONCE = frozenset({PortProblem.BUSY, PortProblem.FORBIDDEN})
+REPORTED_AFTER_S = 2.0
 """Seconds after which a missing port is reported: a simulator usually creates it soon."""
 CHECK_AGAIN_S = 0.5
 SHOWN = 3
@@ -46,7 +47,7 @@ SOON_NS = 20_000_000
 """Delay, in ns, before the first sample in memory."""
 
 
-def fly(config: FlightConfig) -> None:
+def fly(config: VehicleConfig) -> None:
     """Compile, ask for real-time priority, then loop until a signal. Raises QuadlabError."""
     # Imported here: it imports numba and every law, which tests of the loop do not need.
     from vehicle.flight.kernels import prepare
@@ -66,14 +67,14 @@ def fly(config: FlightConfig) -> None:
         for port in ports:
             port.close()
         ports = open_ports(config.ports, bauds=kind.bauds)  # restarted: its USB device is a new one
-    plugins = Path(config.plugins) if config.plugins else None
+    plugins = Path(config.data, PLUGINS) if config.data else None
     Estimators(plugins).offer()
     parameters = new_parameters()
     ParameterStore(parameters).preset(kind.traits.parameters | config.parameters)
     progress = ProcessProgress(config.name)
     stack = FlightStack(parameters, plugins=plugins, waits=progress.in_lockstep, board=kind.traits)
-    if config.trajectories:
-        load_trajectories(stack, Path(config.trajectories))
+    if config.data:
+        load_trajectories(stack, Path(config.data, TRAJECTORIES))
     for refusal in refusals:
         say(f"not compiled before the flight: {refusal}")
     robot = None if ports else _in_process(config.rate, stack)
@@ -146,7 +147,7 @@ def why_unfit(port: Port, options: Parameters | None, check: Check) -> str:
 def _connect(
     ports: Sequence[SerialPort],
     robot: InProcessRobot | None,
-    config: FlightConfig,
+    config: VehicleConfig,
     kind: Kind,
     options: Parameters | None,
     unfit: str,
@@ -202,7 +203,7 @@ def open_ports(
                 if error.problem is PortProblem.NOT_SERIAL or time.monotonic() >= deadline:
                     raise
                 waited_s = time.monotonic() - deadline + patience_s
-                due = error.problem in TOLD_AT_ONCE or waited_s >= TOLD_AFTER_S
+                due = error.problem in REPORTED_AT_ONCE or waited_s >= REPORTED_AFTER_S
                 if due and str(error) not in reported:
                     reported.add(str(error))
                     say(f"{error}; retrying for {patience_s:.0f} s")
@@ -212,7 +213,7 @@ def open_ports(
 
 def main(argument: str) -> int:
     """Run the process; return the exit status, 0 after a signal, 1 after a failure."""
-    config = msgspec.json.decode(argument, type=FlightConfig)
+    config = msgspec.json.decode(argument, type=VehicleConfig)
     speak_for(config.name)
     die_with_parent(config.parent)
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 
 from control.behaviors.parameters import BehaviorParameters
 from estimation.outcome import Agreement
@@ -14,6 +15,7 @@ from vehicle.safety.ground_contact import GroundContact
 from vehicle.safety.supervisor import Situation
 
 
+@dataclass(kw_only=True, eq=False)
 class SituationReader:
     """Collector of one Situation per tick.
 
@@ -21,16 +23,11 @@ class SituationReader:
         volume: limits of the flight volume, read in each tick.
     """
 
-    def __init__(
-        self,
-        *,
-        volume: BehaviorParameters,
-        tick: TickRecord,
-        modes: ModeMachine,
-        ground: GroundContact,
-    ) -> None:
-        self._volume, self._tick, self._modes, self._ground = volume, tick, modes, ground
-        self._situation = Situation()
+    volume: BehaviorParameters
+    tick: TickRecord
+    modes: ModeMachine
+    ground: GroundContact
+    _situation: Situation = field(default_factory=Situation)
 
     def read(self, sample: RawSample, pose_age: float) -> Situation:
         """Return the situation of this tick; it is valid until the next call.
@@ -38,9 +35,9 @@ class SituationReader:
         Args:
             pose_age: s since the newest measurement that was used in time.
         """
-        now, tick, p = self._situation, self._tick, self._volume
-        now.airborne = self._ground.airborne
-        now.by_microcontroller = self._modes.control_mode is not ControlMode.DIRECT
+        now, tick, p = self._situation, self.tick, self.volume
+        now.airborne = self.ground.airborne
+        now.by_microcontroller = self.modes.control_mode is not ControlMode.DIRECT
         now.voltage, now.pose_age, now.tilt = sample.battery_voltage, pose_age, tick.tilt
         now.innovation = math.hypot(*tick.innovation_w.tolist())
         now.jumped = tick.agreement.item() == Agreement.JUMPED
@@ -54,5 +51,5 @@ class SituationReader:
             z - p.volume_z_max,
         )
         now.saturated = tick.saturated
-        now.lost_ports = self._modes.lost_ports
+        now.lost_ports = self.modes.lost_ports
         return now

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from control.behaviors.machine import BehaviorMachine
 from estimation.parameters import EstimationParameters
 from vehicle.boards.board import RawSample
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.estimators.rescue import Rescue
-from vehicle.flight.control_law import Steering
+from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
 from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.modes import MOTORS_ON, ControlMode, Flag, Mode
@@ -25,30 +27,25 @@ _SATURATED, _TILT_LIMITED = int(Flag.SATURATED), int(Flag.TILT_LIMITED)
 _NOT_REAL_TIME = int(Flag.NOT_REAL_TIME)
 
 
+@dataclass(kw_only=True, eq=False)
 class StatusWriter:
     """Writer of the status: changed fields, and by stored views those that always change."""
 
-    def __init__(
-        self,
-        *,
-        estimation: EstimationParameters,
-        tick: TickRecord,
-        modes: ModeMachine,
-        behaviors: BehaviorMachine,
-        navigation: Navigation,
-        steering: Steering,
-        supervisor: Supervisor,
-        guard: BearingsGuard,
-        rescue: Rescue,
-        ground: GroundContact,
-    ) -> None:
-        self._estimation, self._tick, self._modes = estimation, tick, modes
-        self._behaviors, self._navigation, self._steering = behaviors, navigation, steering
-        self._supervisor, self._guard, self._ground = supervisor, guard, ground
-        self._rescue = rescue
+    estimation: EstimationParameters
+    tick: TickRecord
+    modes: ModeMachine
+    behaviors: BehaviorMachine
+    navigation: Navigation
+    law: ControlLaw
+    supervisor: Supervisor
+    guard: BearingsGuard
+    rescue: Rescue
+    ground: GroundContact
+
+    def __post_init__(self) -> None:
         self._real_time = True
-        self._control_mode = modes.control_mode
-        self._status = status = tick.status
+        self._control_mode = self.modes.control_mode
+        self._status = status = self.tick.status
         self._voltage, self._pressure = status["battery_voltage"], status["pressure"]
         self._written: tuple[int, ...] = ()
         self._suspect: tuple[int, float, bool] | None = None
@@ -76,25 +73,25 @@ class StatusWriter:
             pose_age: s since the newest measurement that was used in time.
         """
         self._voltage[0], self._pressure[0] = sample.battery_voltage, sample.pressure
-        mode, control_mode = self._modes.mode, self._modes.control_mode
+        mode, control_mode = self.modes.mode, self.modes.control_mode
         # An emergency is reported once the microcontroller confirms it, as operators wait for that.
         if control_mode is not ControlMode.EMERGENCY or sample.motor_state != MotorState.ON:
             self._control_mode = control_mode
-        navigation, airborne = self._navigation, self._ground.airborne
-        flags = int(self._supervisor.flags) | self._guard.flags
-        flags |= navigation.agreement.flags | navigation.suspect.flags | self._rescue.flags
+        navigation, airborne = self.navigation, self.ground.airborne
+        flags = int(self.supervisor.flags) | self.guard.flags
+        flags |= navigation.agreement.flags | navigation.suspect.flags | self.rescue.flags
         flags |= navigation.heading.flags
         if mode is Mode.STARTING:
             flags |= _GYRO_UNCALIBRATED
-        if pose_age > self._estimation.measurement_timeout:
+        if pose_age > self.estimation.measurement_timeout:
             flags |= _NO_POSE
-        if self._tick.saturated:
+        if self.tick.saturated:
             flags |= _SATURATED
-        if airborne and self._steering.controller.tilt_limited:
+        if airborne and self.law.controller.tilt_limited:
             flags |= _TILT_LIMITED
         if not self._real_time:
             flags |= _NOT_REAL_TIME
-        behavior, suspect = self._behaviors.name, navigation.suspect.status
+        behavior, suspect = self.behaviors.name, navigation.suspect.status
         row = (mode, behavior, mode in MOTORS_ON, airborne, self._control_mode, flags)
         if row != self._written:
             self._written = row

@@ -1,12 +1,13 @@
-"""The record that one tick of the flight stack fills, with views for the parts that read it."""
+"""What one tick of the flight stack puts out: its record, with views, and its messages."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from control.behaviors.ground import stand
+from control.behaviors.ground import rest_reference
 from quadrotor.plain_rotations import tilt_of
 from quadrotor.records import ACTUATORS, Record, new_tick
+from vehicle.processes import mailbox
 
 LONGEST_GAP = 1.0
 """Longest time, in s, that estimators predict: beyond it the motion is unknown, and a stamp that
@@ -82,5 +83,25 @@ class TickRecord:
 
     def rest(self) -> None:
         """Write a tick on the ground: no motor is commanded, the reference follows the state."""
-        stand(self.state, self.reference)
+        rest_reference(self.state, self.reference)
         self.motors_off()
+
+
+class Outbox:
+    """Messages of one flight stack, collected by its caller between two ticks.
+
+    Attributes:
+        messages: oldest first; the caller empties the list.
+    """
+
+    def __init__(self, tick: TickRecord) -> None:
+        self._tick = tick
+        self.messages: list[mailbox.Notification] = []
+
+    def add(self, message: mailbox.Notification) -> None:
+        """Add a message."""
+        self.messages.append(message)
+
+    def say(self, text: str, level: int = mailbox.INFO) -> None:
+        """Add a line for the log and the page, with the time of the newest tick."""
+        self.add(mailbox.Event(stamp_ns=self._tick.stamp_ns, level=level, text=text))

@@ -3,36 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Protocol
+from typing import Annotated, Protocol
 
 import numpy as np
 
 from quadrotor.records import Record
 from vehicle.plugins import host
-from vehicle.plugins.contract import Array, Contract, Field, as_attributes, layout
+from vehicle.plugins.contract import (
+    Array,
+    Contract,
+    Field,
+    Quaternion,
+    Vector,
+    as_attributes,
+    fields_of,
+    layout,
+)
 
 __all__ = ["INPUT", "LAW", "OUTPUT", "Array", "Field", "Input", "Law", "hovering", "load"]
 
-INPUT = (
-    Field("time", 1, "s", "since the law was chosen"),
-    Field("dt", 1, "s", "since the last tick"),
-    Field("reset", 1, "", "1 when integrals are to be emptied"),
-    Field("flying", 1, "", "1 between take-off and touch-down: only then may integrals grow"),
-    Field("position_w", 3, "m", "world axes, z up"),
-    Field("velocity_w", 3, "m/s", "world axes"),
-    Field("quaternion_wb", 4, "", "body to world, w x y z, unit"),
-    Field("angular_velocity_b", 3, "rad/s", "body axes: x forward, y left, z up"),
-    Field("reference_position_w", 3, "m", "world axes"),
-    Field("reference_velocity_w", 3, "m/s", "world axes"),
-    Field("reference_acceleration_w", 3, "m/s²", "world axes"),
-    Field("reference_jerk_w", 3, "m/s³", "world axes"),
-    Field("reference_snap_w", 3, "m/s⁴", "world axes"),
-    Field("reference_yaw", 1, "rad", "about z of the world"),
-    Field("reference_yaw_rate", 1, "rad/s", ""),
-    Field("reference_yaw_acceleration", 1, "rad/s²", ""),
-    Field("mass", 1, "kg", "that the vehicle believes"),
-    Field("inertia_b", 3, "kg m²", "diagonal, body axes"),
-)
 OUTPUT = (
     Field("time", 1, "s", "of the input that this answers, bit for bit"),
     Field("thrust", 1, "N", "along z of the body"),
@@ -47,30 +36,31 @@ def names_of(field: Field) -> list[str]:
     )
 
 
-INPUT_TYPE, OUTPUT_TYPE = layout(INPUT), layout(OUTPUT)
-
-
 class Input(Protocol):
-    """The argument of `Law.step`: numbers, and arrays of 3 or 4, as `INPUT` names them."""
+    """The argument of `Law.step`: numbers, and arrays of 3 or 4."""
 
-    time: float
-    dt: float
-    reset: float
-    flying: float
-    position_w: Array
-    velocity_w: Array
-    quaternion_wb: Array
-    angular_velocity_b: Array
-    reference_position_w: Array
-    reference_velocity_w: Array
-    reference_acceleration_w: Array
-    reference_jerk_w: Array
-    reference_snap_w: Array
-    reference_yaw: float
-    reference_yaw_rate: float
-    reference_yaw_acceleration: float
-    mass: float
-    inertia_b: Array
+    time: Annotated[float, "s", "since the law was chosen"]
+    dt: Annotated[float, "s", "since the last tick"]
+    reset: Annotated[float, "", "1 when integrals are to be emptied"]
+    flying: Annotated[float, "", "1 between take-off and touch-down: only then may integrals grow"]
+    position_w: Annotated[Vector, "m", "world axes, z up"]
+    velocity_w: Annotated[Vector, "m/s", "world axes"]
+    quaternion_wb: Annotated[Quaternion, "", "body to world, w x y z, unit"]
+    angular_velocity_b: Annotated[Vector, "rad/s", "body axes: x forward, y left, z up"]
+    reference_position_w: Annotated[Vector, "m", "world axes"]
+    reference_velocity_w: Annotated[Vector, "m/s", "world axes"]
+    reference_acceleration_w: Annotated[Vector, "m/s²", "world axes"]
+    reference_jerk_w: Annotated[Vector, "m/s³", "world axes"]
+    reference_snap_w: Annotated[Vector, "m/s⁴", "world axes"]
+    reference_yaw: Annotated[float, "rad", "about z of the world"]
+    reference_yaw_rate: Annotated[float, "rad/s", ""]
+    reference_yaw_acceleration: Annotated[float, "rad/s²", ""]
+    mass: Annotated[float, "kg", "that the vehicle believes"]
+    inertia_b: Annotated[Vector, "kg m²", "diagonal, body axes"]
+
+
+INPUT = fields_of(Input)
+INPUT_TYPE, OUTPUT_TYPE = layout(INPUT), layout(OUTPUT)
 
 
 class Law(Protocol):

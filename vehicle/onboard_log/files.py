@@ -6,13 +6,16 @@ priority. A request at background priority is answered at that priority.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import stat
+import threading
 import zlib
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from queue import SimpleQueue
 from typing import NamedTuple
 
 import numpy as np
@@ -21,15 +24,70 @@ import numpy.typing as npt
 from flight_log import is_closed
 from flight_log.index import begins_as_log, read_index
 from quadrotor.errors import LogFormatError, QuadlabError, RefusedError, StorageError
-from vehicle.onboard_log.checksums import Checksums, Key
 from vehicle.onboard_log.file import Written
 from vehicle.onboard_log.file_identity import identity_of
-from vehicle.onboard_log.mending import LATER
+from vehicle.onboard_log.repair import LATER
 from vehicle.onboard_log.ring import Fetched, free_bytes
 from vehicle_link.messages import Message, new
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.idempotent import prepare
 from vehicle_link.transport.node import Node
+
+PIECE_BYTES = 1_000_000
+KEPT = 32
+NICE = 10
+
+Key = tuple[str, int, int]
+"""Name, identity, size."""
+
+
+class Checksums:
+    def __init__(self) -> None:
+        self._found: OrderedDict[Key, bytes] = OrderedDict()
+        self._pending: set[Key] = set()
+        self._wanted: SimpleQueue[tuple[Key, Path]] = SimpleQueue()
+        self._lock = threading.Lock()
+        self._thread: threading.Thread | None = None
+
+    def ask(self, path: Path, identity: int, size: int) -> bytes:
+        """Return the checksum (32 bytes), or no bytes while it is being computed."""
+        key = path.name, identity, size
+        with self._lock:
+            if key in self._found:
+                self._found.move_to_end(key)
+                return self._found[key]
+            if key not in self._pending:
+                self._pending.add(key)
+                self._wanted.put((key, path))
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._run, name="checksums", daemon=True)
+                self._thread.start()
+        return b""
+
+    def _run(self) -> None:
+        with suppress(OSError):  # Linux sets the priority of this thread alone
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
+        while True:
+            key, path = self._wanted.get()
+            try:
+                digest = _sha256(path)
+            except OSError:  # removed, which the next request reports
+                digest = b""
+            with self._lock:
+                self._pending.discard(key)
+                if digest:
+                    self._found[key] = digest
+                if len(self._found) > KEPT:
+                    self._found.popitem(last=False)
+
+
+def _sha256(path: Path) -> bytes:
+    made = hashlib.sha256()
+    with path.open("rb", buffering=0) as stream:
+        while piece := stream.read(PIECE_BYTES):
+            made.update(piece)  # releases the interpreter lock
+    return made.digest()
+
 
 PART_BYTES = 2800
 """Largest number of bytes of a file in one answer: two packets on the radio."""
@@ -58,7 +116,7 @@ class OnboardFiles:
 
     Args:
         written: returns the files of this process (`OnboardLog.files`).
-        mending: returns when a torn file is repaired (`OnboardLog.mending`).
+        repair: returns when a torn file is repaired (`LogRepair.state`).
     """
 
     def __init__(
@@ -67,10 +125,10 @@ class OnboardFiles:
         written: Callable[[], list[Written]],
         fetched: Fetched | None = None,
         free: Callable[[Path], int] = free_bytes,
-        mending: Callable[[], str] = lambda: LATER,
+        repair: Callable[[], str] = lambda: LATER,
     ) -> None:
         self._folder, self._written, self._free = folder, written, free
-        self._mending = mending
+        self._repair = repair
         self._fetched = fetched or Fetched()
         self._checksums = Checksums()
         self._closed: OrderedDict[Key, Facts] = OrderedDict()
@@ -180,7 +238,7 @@ class OnboardFiles:
     def _refuse_torn(self, facts: Facts) -> None:
         """Raise RefusedError for a torn log, as its bytes change when it is repaired."""
         if not facts.closed and not facts.start_ns:
-            raise RefusedError(f"{facts.name} was torn, and {self._mending()}; ask again later")
+            raise RefusedError(f"{facts.name} was torn, and {self._repair()}; ask again later")
 
     def _free_bytes(self) -> int:
         try:

@@ -17,19 +17,16 @@ from flight_log.provenance import provenance
 from quadrotor.errors import QuadlabError, StorageError
 from quadrotor.records import Record
 from vehicle.onboard_log.file import Batch, Message, OnboardFile, Written, prepare, runs
-from vehicle.onboard_log.mending import Mending
 from vehicle.onboard_log.parameters import OnboardLogParameters
-from vehicle.onboard_log.recovery import FOLDER
+from vehicle.onboard_log.repair import FOLDER, LogRepair
 from vehicle.onboard_log.ring import Fetched, Ring, free_bytes
 from vehicle.processes.mailbox import ERROR, INFO, WARN
-from vehicle_link.serial.identity import Identity
 
 BUFFER_BYTES = 32_000_000
 AFTER_DISARMING_NS = 500_000_000
 CHECK_NS = 1_000_000_000
 PERIOD_S = 0.035
-"""Time, in s, between two writes of 0.7 ms each; of the topics other than ticks, a killed process
-loses as much."""
+"""Time, in s, between two writes of 0.7 ms; a killed process loses as much of the slow topics."""
 FILES_KEPT = 4  # whose places are stored
 
 Say = Callable[[int, str], None]
@@ -72,7 +69,7 @@ class OnboardLog:
         self._free = free
         self._written = written
         self._ring = Ring(self.folder, fetched, free)
-        self._mending = Mending(data, say, free, lambda: self.stop_bytes)
+        self.repair = LogRepair(data, say, free, lambda: self.stop_bytes)
         self._buffer: list[Batch | Message] = []
         self._buffered = 0
         self._lost = self._lost_ticks = 0
@@ -85,7 +82,7 @@ class OnboardLog:
         self._stopped = False  # by an error or a full disk, until the next arming
         self._disarmed_ns = 0
         self._checked_ns = 0
-        self._untidy = True  # whether to tidy the ring when next on the ground
+        self._tidy_due = True  # whether to tidy the ring when next on the ground
         self._thread = threading.Thread(target=self._run, name="onboard log", daemon=True)
 
     def start(self) -> None:
@@ -111,13 +108,7 @@ class OnboardLog:
 
     @property
     def stop_bytes(self) -> int:
-        """Return the free space in bytes below which nothing is logged."""
-        return self._limits().stop_bytes
-
-    @property
-    def mending(self) -> str:
-        """Return when a torn log is repaired, in words that follow its name."""
-        return self._mending.how
+        return self._limits().stop_bytes  # of free space, below which nothing is logged
 
     def files(self) -> list[Written]:
         """Return the newest files of this process, oldest first; from any thread."""
@@ -139,7 +130,7 @@ class OnboardLog:
             self._buffered += size
         return True
 
-    def _take(self) -> tuple[list[Batch | Message], int, int]:
+    def _pop_buffer(self) -> tuple[list[Batch | Message], int, int]:
         """Remove and return the queued items, the number lost in all, and the ticks among those."""
         with self._lock:
             items, lost, ticks = self._buffer, self._lost, self._lost_ticks
@@ -151,24 +142,24 @@ class OnboardLog:
         prepare(self._vehicle)
         while True:
             closing = self._closed.is_set()
-            items, lost, lost_ticks = self._take()
+            items, lost, lost_ticks = self._pop_buffer()
             if lost:
                 self._say(ERROR, f"onboard log lost {lost} ticks or messages: the disk is slow")
             self._store(items)
             self._written(lost_ticks + sum(len(i.ticks) for i in items if isinstance(i, Batch)))
             if closing:
                 break
-            self._look_after(bool(self._disarmed_ns) and self._file is None)
+            self._maintain(bool(self._disarmed_ns) and self._file is None)
             self._closed.wait(PERIOD_S)
         self._finish()
-        self._mending.close()
+        self.repair.close()
 
-    def _look_after(self, on_ground: bool) -> None:
+    def _maintain(self, on_ground: bool) -> None:
         """Maintain the closed files, and those that could not be closed."""
-        if on_ground and self._untidy:
+        if on_ground and self._tidy_due:
             self._tidy()
-        for path in self._mending.look(on_ground):
-            self._untidy = True
+        for path in self.repair.step(on_ground):
+            self._tidy_due = True
             for written in self.files():
                 if written.path == path:  # its places refer to another file
                     self._files.remove(written)
@@ -281,7 +272,7 @@ class OnboardLog:
         file, self._file = self._file, None
         if file is None:
             return
-        self._untidy = True
+        self._tidy_due = True
         in_place, torn = file.is_in_place(), ""
         try:
             file.close()
@@ -292,21 +283,16 @@ class OnboardLog:
             self._say(ERROR, f"onboard log stopped: {gone}")
             self.problem = self.problem or gone
         elif torn:
-            self._mending.tear()
-            self._say(ERROR, f"onboard log not closed; it {self.mending}: {torn}")
+            self.repair.note_torn()
+            self._say(ERROR, f"onboard log not closed; it {self.repair.state}: {torn}")
         else:
             megabytes = file.size / 1e6
             self._say(INFO, f"onboard log {file.path.name} closed, {megabytes:.1f} MB")
 
     def _tidy(self) -> None:
-        self._untidy = False
+        self._tidy_due = False
         try:
             for line in self._ring.tidy(self._limits()):
                 self._say(INFO, line)
         except StorageError as error:
             self._say(WARN, str(error))
-
-
-def microcontroller_facts(identity: Identity) -> dict[str, str]:
-    """Return the microcontroller's identity for a file's metadata: motors start with no other."""
-    return {"robot_id": str(identity.robot_id), "firmware_revision": str(identity.firmware)}

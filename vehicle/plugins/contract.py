@@ -3,9 +3,10 @@ padding. A UDP packet and a call of a Python plugin have the same content."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
@@ -16,14 +17,30 @@ Array = npt.NDArray[np.float64]
 
 
 class Field(NamedTuple):
-    """One named vector: how many numbers it has, their unit, what they are, and their shape where
-    they are the rows of a table."""
+    """One named vector: its name, number of values, unit, meaning, and shape if it is a table."""
 
     name: str
     size: int
     unit: str
     meaning: str
     shape: tuple[int, ...] = ()
+
+
+Vector = Annotated[Array, (3,)]
+"""Array of 3 numbers."""
+Quaternion = Annotated[Array, (4,)]
+"""Array of 4 numbers: w, x, y, z."""
+
+
+def fields_of(kind: type) -> tuple[Field, ...]:
+    """Return the fields of a class whose attributes are annotated with unit and meaning."""
+    found: list[Field] = []
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        *shapes, unit, meaning = hint.__metadata__
+        shape = shapes[0] if shapes else ()
+        table = shape if len(shape) > 1 else ()
+        found.append(Field(name, math.prod(shape), unit, meaning, table))
+    return tuple(found)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from quadrotor.records import BEARINGS_SAMPLE, POSE_SAMPLE, TICK
 from vehicle.boards.kind import MIKROKOPTER
 from vehicle.processes.rings import ByteRing, RecordRing, create
 from vehicle_link.serial.capacity import DEFAULT_RATE
-from vehicle_link.serial.identity import THE_ONE, Identity
+from vehicle_link.serial.ids import THE_ONE, Identity
 
 TICK_SLOTS = 4096  # 8 s at 500 Hz, 4 s at 1000 Hz: longer than a restart of comms
 INBOX_SLOTS, INBOX_SLOT_SIZE = 256, 8192
@@ -33,36 +33,26 @@ class RingDescriptors(msgspec.Struct, frozen=True):
         return self.ticks, self.inbox, self.poses, self.bearings, self.outbox
 
 
-class FlightConfig(msgspec.Struct, frozen=True):
-    """Argument of `python -m vehicle.flight.process`."""
-
-    parent: int  # process id
-    rings: RingDescriptors
-    ports: list[str]  # of the microcontroller; none: a simulated vehicle in this process
-    rate: int = DEFAULT_RATE  # Hz
-    parameters: dict[str, ParameterValue] = {}  # set before the start
-    trajectories: str = ""  # folder of trajectory files, may be missing
-    plugins: str = ""  # folder of control laws, may be missing
-    identity: Identity = THE_ONE
-    name: str = "quad1"
-    board: str = MIKROKOPTER
-    board_options: dict[str, ParameterValue] = {}  # of this kind of board, set before the start
-
-
 PACKETS_A_SECOND, FEWEST_PACKETS = 100, 12
 """Usual and lowest rate of telemetry packets; several vehicles on one computer send fewer."""
 
 
-class CommsConfig(msgspec.Struct, frozen=True):
-    """Argument of `python -m vehicle.comms.process`."""
+class VehicleConfig(msgspec.Struct, frozen=True, kw_only=True):
+    """Argument of `python -m vehicle.flight.process` and of `python -m vehicle.comms.process`."""
 
-    parent: int
+    parent: int  # process id
     rings: RingDescriptors
-    name: str
-    data: str  # folder
-    link_port: int
-    parameters: dict[str, ParameterValue] = {}
+    name: str = "quad1"
+    data: str = ""  # folder; none in flight without trajectories and plugins
+    parameters: dict[str, ParameterValue] = {}  # set before the start
     identity: Identity = THE_ONE
+    # Of the flight process:
+    ports: list[str] = []  # of the microcontroller; none: a simulated vehicle in this process
+    rate: int = DEFAULT_RATE  # Hz
+    board: str = MIKROKOPTER
+    board_options: dict[str, ParameterValue] = {}  # of this kind of board, set before the start
+    # Of the comms process:
+    link_port: int = 0
     started_ns: int = 0  # start of the vehicle; comms may be restarted later
     refused_calibrations: list[int] = []  # stamps (ns) of records that do not apply
     notices: list[tuple[int, str]] = []  # (level, text) of events at the start

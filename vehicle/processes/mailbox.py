@@ -113,9 +113,9 @@ class GyroscopeFound(msgspec.Struct, frozen=True, tag="gyroscope_found"):
     voltage: float = 0.0
 
 
-Told = Event | ParameterChange | GyroscopeFound
+Notification = Event | ParameterChange | GyroscopeFound
 """Messages that a stack sends without a request."""
-Outbound = Reply | Told
+Outbound = Reply | Notification
 
 INFO, WARN, ERROR = 20, 30, 40
 

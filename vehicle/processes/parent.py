@@ -25,19 +25,13 @@ from quadrotor.parameters import ParameterValue
 from vehicle.boards.kind import MIKROKOPTER
 from vehicle.calibration.store import FOLDER, CalibrationStore
 from vehicle.processes import mailbox
-from vehicle.processes.config import (
-    PACKETS_A_SECOND,
-    CommsConfig,
-    FlightConfig,
-    RingDescriptors,
-    create_rings,
-)
+from vehicle.processes.config import PACKETS_A_SECOND, VehicleConfig, create_rings
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link import clock
 from vehicle_link.jobs import how_it_ended
 from vehicle_link.process_instance import new_instance
 from vehicle_link.serial.capacity import DEFAULT_RATE
-from vehicle_link.serial.identity import THE_ONE, Identity
+from vehicle_link.serial.ids import THE_ONE, Identity
 
 PATIENCE_S = 5.0
 GIVEN_UP = 3  # exit status of a comms process that cannot work with its configuration
@@ -50,19 +44,18 @@ TRAJECTORIES, PLUGINS = "trajectories", "plugins"
 class _Children:
     """The two processes; only the main thread starts them, or PR_SET_PDEATHSIG would misfire."""
 
-    def __init__(self, rings: RingDescriptors, flight: FlightConfig, comms: CommsConfig) -> None:
-        self._rings = rings
-        self._comms_config = comms
+    def __init__(self, config: VehicleConfig) -> None:
+        self._config = config
         self.comms_restarted = False
         self.comms_started = time.monotonic()
-        self.flight = self._start("vehicle.flight.process", flight)
-        self.comms = self._start("vehicle.comms.process", comms)
+        self.flight = self._start("vehicle.flight.process")
+        self.comms = self._start("vehicle.comms.process")
 
     def restart_comms(self) -> None:
         self.comms_restarted = True
-        self._comms_config = msgspec.structs.replace(self._comms_config, notices=[])
+        self._config = msgspec.structs.replace(self._config, notices=[])
         self.comms_started = time.monotonic()
-        self.comms = self._start("vehicle.comms.process", self._comms_config)
+        self.comms = self._start("vehicle.comms.process")
 
     def stop(self) -> None:
         """Stop the children by SIGTERM, then by SIGKILL after a delay; none is left."""
@@ -78,13 +71,13 @@ class _Children:
                 process.kill()
                 process.wait()
 
-    def _start(self, module: str, config: msgspec.Struct) -> subprocess.Popen[bytes]:
+    def _start(self, module: str) -> subprocess.Popen[bytes]:
         # A separate group: Ctrl-C in the terminal reaches only the parent, which then ends both.
         return subprocess.Popen(
-            [sys.executable, "-m", module, msgspec.json.encode(config).decode()],
+            [sys.executable, "-m", module, msgspec.json.encode(self._config).decode()],
             cwd=ROOT,
             stdin=subprocess.DEVNULL,
-            pass_fds=self._rings.all,
+            pass_fds=self._config.rings.all,
             process_group=0,
         )
 
@@ -152,43 +145,30 @@ def run_vehicle(
     started_ns = clock.time_ns()
     folder = data.resolve()
     values, refused, notices = _with_calibrations(folder, dict(settings or {}))
-    parent = os.getpid()
+    config = VehicleConfig(
+        parent=os.getpid(),
+        rings=rings,
+        name=name,
+        data=str(folder),
+        parameters=values,
+        identity=identity,
+        ports=ports,
+        rate=rate,
+        board=board,
+        board_options=dict(board_options or {}),
+        link_port=link_port,
+        started_ns=started_ns,
+        refused_calibrations=refused,
+        notices=notices,
+        packets=packets,
+        instance=new_instance(),
+    )
     signals = _Signals()
-    recovery = _Recovery(data)
     try:
-        recovery.start()
-        children = _Children(
-            rings,
-            FlightConfig(
-                parent,
-                rings,
-                ports,
-                rate,
-                values,
-                str(folder / TRAJECTORIES),
-                str(folder / PLUGINS),
-                identity,
-                name,
-                board,
-                dict(board_options or {}),
-            ),
-            CommsConfig(
-                parent,
-                rings,
-                name,
-                str(folder),
-                link_port,
-                values,
-                identity,
-                started_ns,
-                refused,
-                notices,
-                packets,
-                new_instance(),
-            ),
-        )
+        _repair_logs(data)
+        children = _Children(config)
         try:
-            return _watch(children, signals, recovery)
+            return _watch(children, signals, data)
         finally:
             children.stop()
     finally:
@@ -219,7 +199,7 @@ def _with_calibrations(
     return found.values, found.refused, notices
 
 
-def _watch(children: _Children, signals: _Signals, recovery: _Recovery) -> int:
+def _watch(children: _Children, signals: _Signals, data: Path) -> int:
     restart_at: float | None = None
     while not signals.stopping:
         if children.flight.poll() is not None:
@@ -233,34 +213,33 @@ def _watch(children: _Children, signals: _Signals, recovery: _Recovery) -> int:
             restart_at = time.monotonic() + (SHORT_PAUSE_S if lived > STABLE_S else LONG_PAUSE_S)
         if restart_at is not None and time.monotonic() >= restart_at:
             restart_at = None
-            recovery.start()
+            _repair_logs(data)
             children.restart_comms()
         signals.wait(None if restart_at is None else max(0.0, restart_at - time.monotonic()))
     return 0
 
 
-class _Recovery:
-    """Repair of torn onboard logs in this process, where nothing else needs the processor."""
+def _repair_logs(data: Path) -> None:
+    """List the torn onboard logs now, before comms opens a new one; repair them in the background.
 
-    def __init__(self, data: Path) -> None:
-        self._data = data
+    The repair runs in this process, where nothing else needs the processor.
+    """
+    if not any((data / "onboard").glob("*.mcap")):
+        return
+    from vehicle.onboard_log.repair import (  # mcap, rosbags: needed only here
+        recover_logs,
+        torn_logs,
+    )
 
-    def start(self) -> None:
-        """List the torn files now, before comms opens a new one; repair them in the background."""
-        if not any((self._data / "onboard").glob("*.mcap")):
-            return
-        from vehicle.onboard_log.recovery import torn_logs  # mcap and rosbags: only needed here
+    try:
+        torn = torn_logs(data)
+    except StorageError as error:
+        say(str(error))
+        return
 
-        try:
-            torn = torn_logs(self._data)
-        except StorageError as error:
-            say(str(error))
-            return
-        if torn:
-            threading.Thread(target=self._mend, args=(torn,), daemon=True).start()
-
-    def _mend(self, torn: list[Path]) -> None:
-        from vehicle.onboard_log.recovery import recover_logs
-
+    def repair() -> None:
         for line in recover_logs(torn):
             say(line)
+
+    if torn:
+        threading.Thread(target=repair, daemon=True).start()

@@ -40,7 +40,7 @@ class GroundContact:
         """Update whether the vehicle is in the air, from its present height (m)."""
         self.airborne = z - self.ground_z > TAKEN_OFF
 
-    def feel(self, lift: float, thrust: float, share: float, dt: float) -> None:
+    def observe(self, lift: float, thrust: float, share: float, dt: float) -> None:
         """Update with one sample in the air.
 
         Args:

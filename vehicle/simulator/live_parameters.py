@@ -57,7 +57,7 @@ class LiveParameters:
                 self.on_change(name, before[name], value, requester, revision)
         return applied, revision
 
-    def take_charge(self) -> float | None:
+    def pop_charge(self) -> float | None:
         """Return the battery's charge if it was set since the last call; blocks only briefly."""
         if self._charge is None:
             return None
@@ -65,7 +65,7 @@ class LiveParameters:
             charge, self._charge = self._charge, None
             return charge
 
-    def take(self) -> SimulatorParameters | None:
+    def pop_changed(self) -> SimulatorParameters | None:
         """Return a copy of the parameters if changed since the last call; blocks only briefly."""
         if not self._is_news:
             return None

@@ -36,7 +36,7 @@ from vehicle_link.serial.frames import FrameDecoder
 
 PATIENCE_NS = 5_000_000_000
 """Longer than a busy machine delays a running part."""
-LOOK_S, LOOK_SELDOM_S = 0.0002, 0.002
+CHECK_S, CHECK_SELDOM_S = 0.0002, 0.002
 """Time, in s, between two checks for late parts, at first and later, as checks take time too."""
 MADE_UP_NS = 20_000_000
 """Delay, in ns, up to which time catches up, which no part notices; a longer one is lost."""
@@ -127,7 +127,7 @@ class Awaited:
 
     def __init__(self, name: str, part: Line | Age, *processes: Process) -> None:
         self.name, self.is_behind = name, part.is_behind
-        self.is_there = False
+        self.is_active = False
         self._processes = processes
 
     def ended(self) -> Process | None:
@@ -204,28 +204,28 @@ class LockstepPace:
         left_ns = due_ns - wall_ns() - page[clock.OFFSET]
         self._sleep(max(left_ns * 1e-9, shortest))
         self._wait_for_all(due_ns, is_over)
-        self._lose(due_ns)
-        self._tell(due_ns)
+        self._drop_delay(due_ns)
+        self._publish_factor(due_ns)
 
     def _wait_for_all(self, due_ns: int, is_over: Callable[[], bool]) -> None:
         gone: list[Awaited] = []
         began_ns = self._wall_ns()
         for one in self._awaited:
             while one.is_behind(due_ns):
-                if not one.is_there:
+                if not one.is_active:
                     break
                 if is_over():
                     return
                 if one.ended() or self._wall_ns() - began_ns > PATIENCE_NS:
-                    one.is_there = False
+                    one.is_active = False
                     gone.append(one)
                     break
                 waited = (self._wall_ns() - began_ns) * 1e-9
-                self._sleep(min(max(LOOK_S, 0.2 * waited), LOOK_SELDOM_S))
-                self._lose(due_ns)
-                self._tell(due_ns)
+                self._sleep(min(max(CHECK_S, 0.2 * waited), CHECK_SELDOM_S))
+                self._drop_delay(due_ns)
+                self._publish_factor(due_ns)
             else:
-                one.is_there = True
+                one.is_active = True
         lines = []
         for one in gone:
             process = one.ended()
@@ -242,14 +242,14 @@ class LockstepPace:
         for process in self._processes:
             process.close()
 
-    def _lose(self, due_ns: int) -> None:
+    def _drop_delay(self, due_ns: int) -> None:
         """Drop a delay that is too long to catch up with; the clock stops in the meantime."""
         late_ns = self._wall_ns() + self._page[clock.OFFSET] - due_ns
         if late_ns > MADE_UP_NS:
             self._page[clock.OFFSET] -= late_ns
             fence()
 
-    def _tell(self, now_ns: int) -> None:
+    def _publish_factor(self, now_ns: int) -> None:
         """Publish the real-time factor."""
         wall_ns, published = self._wall_ns(), self._published
         if published and wall_ns - published[-1][0] < PUBLISH_EVERY_NS:

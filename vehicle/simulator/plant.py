@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
+from quadrotor.constants import MOTORS
 from quadrotor.records import Record
 from quadrotor.rigid_body import (
     Motion,
@@ -94,6 +95,13 @@ PLANT = np.dtype(
 )
 
 
+_SAME = (
+    *("thrust_efficiency", "drag", "battery_nominal", "battery_exponent"),
+    *("gust", "gust_time", "ground_effect", "inflow_loss"),
+)
+"""Fields that have the values of the parameters of the same name."""
+
+
 def new_plant(parameters: SimulatorParameters) -> Record:
     """Return a PLANT record, shape (1,), at rest and level at the origin, rotors stopped."""
     plant = np.zeros(1, PLANT)
@@ -109,30 +117,20 @@ def configure_plant(plant: Record, parameters: SimulatorParameters) -> None:
     mass = parameters.mass + parameters.payload
     plant["model"] = parameters.record()
     plant["model"]["mass"] = mass
-    plant["thrust_efficiency"] = parameters.thrust_efficiency
-    plant["drag"] = parameters.drag
+    for name in _SAME:
+        plant[name] = getattr(parameters, name)
     plant["stiffness"] = parameters.ground_stiffness / 4.0
     plant["damping"] = parameters.ground_damping / 4.0
     plant["friction"] = parameters.ground_friction
     plant["rest_depth"] = mass * GRAVITY / parameters.ground_stiffness
     plant["capacity"] = parameters.battery_capacity * 3600.0
     plant["resistance"] = parameters.battery_resistance
-    plant["battery_nominal"] = parameters.battery_nominal
-    plant["battery_exponent"] = parameters.battery_exponent
     plant["battery_share"] = plant["air_share"] = 1.0
     plant["wind_w"] = parameters.wind_x, parameters.wind_y, parameters.wind_z
     plant["air_w"] = plant["wind_w"]
-    plant["gust"], plant["gust_time"] = parameters.gust, parameters.gust_time
     plant["disturbance_w"] = parameters.push_x, parameters.push_y, parameters.push_z
-    plant["ground_effect"] = parameters.ground_effect
     plant["rotor_drag_b"] = parameters.rotor_drag_x, parameters.rotor_drag_y, 0.0
-    plant["inflow_loss"] = parameters.inflow_loss
-    gains = [
-        parameters.motor_gain_front,
-        parameters.motor_gain_left,
-        parameters.motor_gain_rear,
-        parameters.motor_gain_right,
-    ]
+    gains = [getattr(parameters, f"motor_gain_{motor}") for motor in MOTORS]
     if parameters.failed_motor:
         gains[parameters.failed_motor - 1] = 0.0
     plant["motor_gain"] = gains

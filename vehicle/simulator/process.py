@@ -29,7 +29,7 @@ from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.robot import SECOND_NS, Pace, Robot, RunStatistics, pace_of
 from vehicle.simulator.simulated_vehicle import PERIOD_MAX_US, SimulatedVehicle
 from vehicle_link import clock
-from vehicle_link.transport.shared_session import SharedSession
+from vehicle_link.transport.session import SharedSession
 
 if TYPE_CHECKING:
     from vehicle.simulator.tracking_systems.served import ServedSystems

@@ -15,7 +15,7 @@ from vehicle.simulator.pseudo_terminal import PseudoTerminal
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle.simulator.truth import TruthPublisher, connect_to_station
 from vehicle.simulator.uart import Uart
-from vehicle_link.transport.shared_session import SharedSession
+from vehicle_link.transport.session import SharedSession
 
 if TYPE_CHECKING:
     from vehicle.simulator.tracking_systems.served import ServedSystems
@@ -122,12 +122,12 @@ class Robot:
 
     def step(self) -> None:
         simulated = self._simulated
-        changed = self._live.take()
+        changed = self._live.pop_changed()
         if changed is not None:
             simulated.configure(changed)
             if self._served is not None:
                 self._served.set_faults(self._name, changed.served)
-        charge = self._live.take_charge()
+        charge = self._live.pop_charge()
         if charge is not None:
             simulated.charge_battery(charge)
         self._attendant.attend(simulated)

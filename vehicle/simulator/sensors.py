@@ -70,23 +70,16 @@ def new_sensors(parameters: SimulatorParameters) -> Record:
     p = parameters
     sensors = np.zeros(1, SENSORS)
     sensors["accelerometer_matrix"] = np.linalg.inv(p.accelerometer_matrix)
-    sensors["accelerometer_bias"] = (
-        p.accelerometer_bias_x,
-        p.accelerometer_bias_y,
-        p.accelerometer_bias_z,
-    )
-    sensors["accelerometer_noise"] = p.accelerometer_noise
-    sensors["gyroscope_bias"] = np.radians(
-        (p.gyroscope_bias_x, p.gyroscope_bias_y, p.gyroscope_bias_z)
-    )
-    sensors["gyroscope_noise"] = math.radians(p.gyroscope_noise)
-    sensors["ground_pressure"] = p.ground_pressure
-    sensors["pressure_noise"] = p.pressure_noise
-    sensors["vibration"] = p.vibration
-    sensors["vibration_gyroscope"] = math.radians(p.vibration_gyroscope)
+    for name in (
+        *("accelerometer_noise", "ground_pressure", "pressure_noise"),
+        *("vibration", "accelerometer_warm_up"),
+    ):
+        sensors[name] = getattr(p, name)
+    for name in ("gyroscope_noise", "vibration_gyroscope", "gyroscope_warm_up"):
+        sensors[name] = math.radians(getattr(p, name))
+    sensors["accelerometer_bias"] = [getattr(p, f"accelerometer_bias_{axis}") for axis in "xyz"]
+    sensors["gyroscope_bias"] = np.radians([getattr(p, f"gyroscope_bias_{axis}") for axis in "xyz"])
     sensors["hover_thrust"] = 0.25 * p.mass * GRAVITY
-    sensors["accelerometer_warm_up"] = p.accelerometer_warm_up
-    sensors["gyroscope_warm_up"] = math.radians(p.gyroscope_warm_up)
     return sensors
 
 

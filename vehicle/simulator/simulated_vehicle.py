@@ -10,73 +10,27 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from quadrotor.compiled import compiled
 from quadrotor.errors import RefusedError
 from quadrotor.records import STATE, Record
-from quadrotor.vehicle_model import Four
-from vehicle.simulator.air import blow
 from vehicle.simulator.battery import charge_battery
 from vehicle.simulator.betaflight.firmware import BetaflightFirmware
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.firmware.native import NativeFirmware
-from vehicle.simulator.firmware.program import period
 from vehicle.simulator.force_sensor import ForceReading, ForceSensor
-from vehicle.simulator.held_vehicle import BENCH, FREE, configure_holder, hold, new_holder
+from vehicle.simulator.held_vehicle import BENCH, FREE, configure_holder, new_holder
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.plant import advance, configure_plant, new_plant
-from vehicle.simulator.sensors import GUSTS, WARM_UP_TIME, Noise, new_sensors, sample, sense
+from vehicle.simulator.periods import Command, compile_periods, run
+from vehicle.simulator.plant import configure_plant, new_plant
+from vehicle.simulator.sensors import WARM_UP_TIME, Noise, new_sensors, sample
 from vehicle.simulator.serial_faults import Line, configure_wires, new_wires
 from vehicle_link.serial.ids import Id, MotorState
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
 
-Command = tuple[int, int, int, int]
-"""The four bytes of a command."""
 PORTS = 2
 _MIRROR_PERIOD = int(Id.MIRROR_PERIOD)
 
 PERIOD_MAX_US = 1000
 """Longest period, in us, of the microcontroller's estimation and control, at any sample rate."""
-
-
-@compiled
-def _move(
-    plant: Record,
-    sensors: Record,
-    noise: npt.NDArray[np.float64],
-    row: int,
-    registers: npt.NDArray[np.int16],
-    references: Four,
-    holder: Record,
-    dt: float,
-) -> None:
-    """Advance the plant by one period, dt (s), and sample it."""
-    blow(plant, noise[:, GUSTS:], row, dt)
-    if holder[0].held == FREE:
-        advance(plant, references, dt)
-    else:
-        hold(plant, holder, references, dt)
-    sample(plant, sensors, noise, row, registers)
-
-
-@compiled
-def _run(
-    plant: Record,
-    sensors: Record,
-    noise: npt.NDArray[np.float64],
-    row: int,
-    program: Record,
-    registers: npt.NDArray[np.int16],
-    command: tuple[int, int, int, int],
-    holder: Record,
-    periods: int,
-    dt: float,
-) -> None:
-    """Run `periods` of the microcontroller, `dt` (s) each, with the plant advancing in between."""
-    p = program[0]
-    for k in range(periods):
-        r = p.references
-        _move(plant, sensors, noise, row + k, registers, (r[0], r[1], r[2], r[3]), holder, dt)
-        period(p, registers, command)
 
 
 class SimulatedVehicle:
@@ -198,29 +152,14 @@ class SimulatedVehicle:
                 firmware.sense(self._plant, self._sensors, noise.block, row)
             firmware.period(command)
         else:
-            self._run(row, command, periods)
+            world = self._plant, self._sensors, noise.block
+            run(firmware, world, row, command, self._holder, periods, self._period)
             firmware.steps(stamp_ns // 1_000_000, periods, 1)
         self._count = last + 1
         if last % self._periods == 0:
             port_index, frame = firmware.next_data()
             if not (self._lost and self._chance.random() < self._lost):
                 self._wires[port_index].write(frame)
-
-    def _run(self, row: int, command: Command, periods: int) -> None:
-        """Run periods of the microcontroller with the plant moving in between."""
-        firmware, noise = self.firmware, self._noise.block
-        world = self._plant, self._sensors, noise
-        if isinstance(firmware, Firmware):
-            program, registers = firmware.program, firmware.registers
-            rest = self._holder, periods, self._period
-            _run(*world, row, program, registers, command, *rest)
-            return
-        for k in range(row, row + periods):
-            a, b, c, d = firmware.references
-            _move(*world, k, firmware.registers, (a, b, c, d), self._holder, self._period)
-            if isinstance(firmware, BetaflightFirmware):
-                firmware.sense(*world, k)
-            firmware.period(command)
 
     def _acting(self) -> Command:
         """Return the newest command that is at least as old as the latency."""
@@ -252,20 +191,10 @@ class SimulatedVehicle:
 
     def warm_up(self) -> None:
         """Compile what `step` calls, so that the first call is fast; changes no state."""
-        plant, firmware, holder = self._plant.copy(), Firmware(), new_holder()
-        world = plant, self._sensors, np.zeros_like(self._noise.block), 0
-        program, registers, still = firmware.program, firmware.registers, (0, 0, 0, 0)
-        sample(*world, registers)
-        firmware.period(still)
-        _move(*world, registers, still, holder, self._period)
-        _run(*world, program, registers, still, holder, 1, self._period)
-        if isinstance(self.firmware, BetaflightFirmware):
-            _move(*world, registers, (0.0, 0.0, 0.0, 0.0), holder, self._period)
-            sense(*world, np.zeros((2, 3)))
-        for held in ("hand", "free", "bench"):
-            configure_holder(holder, plant, SimulatorParameters(held=held))
-        plant["rotor_speeds"] = 1.0
-        ForceSensor(self.parameters).read(0, plant, self.parameters)
+        world = self._plant.copy(), self._sensors, np.zeros_like(self._noise.block)
+        compile_periods(world, self._period, isinstance(self.firmware, BetaflightFirmware))
+        world[0]["rotor_speeds"] = 1.0
+        ForceSensor(self.parameters).read(0, world[0], self.parameters)
 
     @property
     def held(self) -> bool:

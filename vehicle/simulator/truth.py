@@ -22,7 +22,7 @@ from vehicle.simulator.attendant import Attendant
 from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.live_parameters import LiveParameters
 from vehicle_link import clock
-from vehicle_link.transport.shared_session import SharedSession
+from vehicle_link.transport.session import SharedSession
 
 if TYPE_CHECKING:
     from vehicle_link.topics.table import Topic
@@ -82,20 +82,20 @@ class TruthPublisher:
         self._thread.join(2.0)
 
     def _run(self) -> None:
-        hurry(True)
+        set_real_time(True)
         # Imported here: the message types take a while to load, which the plant need not wait for.
-        from vehicle_link.topics.bench import encode_bench_reading
-        from vehicle_link.topics.ticks import encode_odometries
+        from vehicle_link.topics.measurements import encode_bench_reading
+        from vehicle_link.topics.ticks import odometry_messages
 
         while not self._stop.is_set():
-            hurry(False)  # the network's threads start now, at normal priority
+            set_real_time(False)  # the network's threads start now, at normal priority
             try:
                 put, close = self._connect()
             except LinkError as error:
                 self._complain(error)
                 self._stop.wait(RETRY_S)
                 continue
-            hurry(True)
+            set_real_time(True)
             with contextlib.suppress(queue.Empty):  # drop states from before the session
                 while True:
                     self._states.get_nowait()
@@ -111,7 +111,7 @@ class TruthPublisher:
                         )
                         put(payload, stamp_ns, "bench_reading")
                     else:
-                        put(encode_odometries(stamp_ns, what, self._vehicle)[0], stamp_ns)
+                        put(odometry_messages(stamp_ns, what, self._vehicle).tobytes(), stamp_ns)
             except LinkError as error:
                 self._complain(error)
             finally:
@@ -123,7 +123,7 @@ class TruthPublisher:
             print(f"simulator: truth is not published yet: {error}", file=sys.stderr, flush=True)
 
 
-def hurry(on: bool) -> None:
+def set_real_time(on: bool) -> None:
     """Give this thread a real-time priority or remove it, as far as permitted.
 
     It shares the interpreter lock with the plant: preempted while it holds the lock, it would stop

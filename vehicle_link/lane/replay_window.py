@@ -1,9 +1,13 @@
-"""The window of counters already received (RFC 4303, section 3.4.3): a bitmap behind the newest.
-
-It serves the datagrams of a lane, and messages of a publisher that may arrive over two paths.
+"""What was received already: a window of counters (RFC 4303, section 3.4.3), for the datagrams of a
+lane, and the newest message of each publisher, for topics that may arrive over two paths.
 """
 
 from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+
+from vehicle_link.transport.publisher import Received
 
 SIZE = 1024
 """Number of counters remembered: 5 s of one lane. Older ones count as received."""
@@ -32,3 +36,32 @@ class ReplayWindow:
             self.newest = counter
         else:
             self._received |= 1 << (self.newest - counter)
+
+
+KEPT = 16
+"""Number of publishers remembered for each topic, the most recent ones."""
+
+
+class NewestOnly:
+    """Filter of messages by publisher (GID) and sequence number. Thread-safe.
+
+    A command must not be undone by an older one that the slower path delivers later.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._newest: dict[str, OrderedDict[bytes, int]] = {}
+        self.late = 0
+
+    def is_newer(self, topic: str, received: Received) -> bool:
+        """Return whether the message is the publisher's newest; count it in `late` if not."""
+        with self._lock:
+            newest = self._newest.setdefault(topic, OrderedDict())
+            if received.sequence <= newest.get(received.gid, 0):
+                self.late += 1
+                return False
+            newest[received.gid] = received.sequence
+            newest.move_to_end(received.gid)
+            if len(newest) > KEPT:
+                newest.popitem(last=False)
+            return True

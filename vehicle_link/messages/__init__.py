@@ -8,10 +8,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from vehicle_link.messages.codec import decode, definition, encode
 from vehicle_link.messages.construct import Message, header, new, stamp_of, time_message
-from vehicle_link.messages.names import dds_name, ros_name, stored_name
-from vehicle_link.messages.store import typestore
+from vehicle_link.messages.store import (
+    dds_name,
+    decode,
+    definition,
+    encode,
+    ros_name,
+    stored_name,
+    typestore,
+)
 from vehicle_link.messages.type_hash import type_hash
 
 if TYPE_CHECKING:

@@ -69,10 +69,6 @@ class FixedLayout:
         """Return `count` messages with constants in place and all else zero, shape (count,)."""
         return np.frombuffer(self._template * count, self.dtype)
 
-    def encode(self, records: Records) -> list[bytes]:
-        """Return the payload of each record, in order."""
-        return payloads_of(records)
-
     def fits(self, payload: bytes) -> bool:
         """Return whether the payload has exactly these texts and lengths, hence this layout."""
         return len(payload) == self.size and all(

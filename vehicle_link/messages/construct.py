@@ -9,8 +9,7 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 
 from quadrotor.errors import UsageError
-from vehicle_link.messages.names import stored_name
-from vehicle_link.messages.store import typestore
+from vehicle_link.messages.store import stored_name, typestore
 
 Message = Any
 """A dataclass made by rosbags; its fields are those of the .msg file."""

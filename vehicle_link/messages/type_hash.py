@@ -5,8 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from vehicle_link.messages.names import ros_name, stored_name
-from vehicle_link.messages.store import typestore
+from vehicle_link.messages.store import ros_name, stored_name, typestore
 
 if TYPE_CHECKING:
     from rosbags.interfaces.typing import Typesdict

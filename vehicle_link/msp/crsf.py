@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from quadrotor.errors import OutOfBoundsError
-from vehicle_link.msp.checksum import crc8
+from vehicle_link.msp.frames import crc8
 
 BAUD_RATE = 420_000
 CHANNELS = 16

@@ -1,4 +1,4 @@
-"""A change of a parameter as its authority reports it."""
+"""The authority of a parameter, and a change as it reports it."""
 
 from __future__ import annotations
 
@@ -21,3 +21,14 @@ class ParameterChange(msgspec.Struct, frozen=True, tag="parameter_change"):
     requester: str
     revision: int
     instance: int = 0
+
+
+VEHICLE, STATION, SIMULATOR = "vehicle", "station", "simulator"
+
+
+def authority_of(name: str) -> str:
+    """Return the authority of a name: the station for `station.…`, the simulator for `simulator.…`,
+    the vehicle for all others.
+    """
+    first = name.partition(".")[0]
+    return first if first in (STATION, SIMULATOR) else VEHICLE

@@ -18,6 +18,8 @@ from vehicle_link.parameters.change import ParameterChange
 
 NOT_SET, BOOL, INTEGER, DOUBLE, STRING = range(5)
 ROS_TYPES = {"bool": BOOL, "int": INTEGER, "float": DOUBLE, "str": STRING}
+CONSTRAINTS = ("unit", "default", "minimum", "maximum", "step", "choices", "flight_step")
+"""Fields of a description for which ROS 2 has none."""
 _INT64 = 2**63
 
 
@@ -97,15 +99,7 @@ def to_descriptor(description: ParameterDescription) -> Message:
             ranges["floating_point_range"] = [(low, high, step)]
         else:
             ranges["integer_range"] = [(math.ceil(low), math.floor(high), round(step))]
-    constraints = {
-        "unit": description.unit,
-        "default": description.default,
-        "minimum": low,
-        "maximum": high,
-        "step": description.step,
-        "choices": list(description.choices),
-        "flight_step": description.flight_step,
-    }
+    constraints = {name: getattr(description, name) for name in CONSTRAINTS}
     return new(
         "rcl_interfaces/ParameterDescriptor",
         name=description.name,
@@ -122,18 +116,13 @@ def from_descriptor(message: Message) -> ParameterDescription:
     try:
         kind = {number: name for name, number in ROS_TYPES.items()}[int(message.type)]
         constraints = json.loads(message.additional_constraints)
+        constraints["choices"] = tuple(constraints["choices"])
         return ParameterDescription(
             name=message.name,
             type=kind,
-            default=constraints["default"],
             description=message.description,
-            unit=constraints["unit"],
-            minimum=constraints["minimum"],
-            maximum=constraints["maximum"],
-            step=constraints["step"],
             read_only=bool(message.read_only),
-            choices=tuple(constraints["choices"]),
-            flight_step=constraints["flight_step"],
+            **{name: constraints[name] for name in CONSTRAINTS},
         )
     except (KeyError, TypeError, ValueError) as error:
         raise LinkError(

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from quadrotor.parameters import ParameterValue
 from vehicle_link.clock import monotonic
-from vehicle_link.parameters.authority import VEHICLE, authority_of
+from vehicle_link.parameters.change import VEHICLE, authority_of
 
 MISSED = 0.5
 """Seconds for which changes up to the vehicle's revision may be missing without a snapshot."""

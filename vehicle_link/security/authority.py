@@ -19,13 +19,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from quadrotor.errors import LinkError, StorageError
-from vehicle_link.security.authority_key import (
-    authority_key,
-    is_of_another_authority,
-    remedy_of_authority,
-    remedy_of_pair,
-    signing_key,
-)
 from vehicle_link.security.certificates import (
     certificate_builder,
     general_name,
@@ -38,11 +31,16 @@ from vehicle_link.security.tls_files import (
     ROLES,
     Role,
     TlsFiles,
+    authority_key,
+    is_of_another_authority,
     is_there,
     locked,
     read_certificate,
     read_key,
     readable_keys,
+    remedy_of_authority,
+    remedy_of_pair,
+    signing_key,
     write_secret,
 )
 

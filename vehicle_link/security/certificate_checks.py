@@ -14,9 +14,7 @@ SOON = 30
 """Days before the end of a certificate from which there is a warning."""
 
 
-def certificate_check(
-    place: Place, folder: Path, role: Role, now: datetime.datetime | None = None
-) -> Check:
+def certificate_check(place: Place, folder: Path, role: Role) -> Check:
     """Check that a certificate is present, issued by this folder's authority, and valid; report its
     end and names.
     """
@@ -30,7 +28,7 @@ def certificate_check(
         advice = f"{error}; the files are in {folder}"
         return Check(name, "fail", "not accepted", wanted, advice, place)
     return validity_check(
-        place, name, certificate.not_valid_after_utc, sorted(names_of(certificate)), now
+        place, name, certificate.not_valid_after_utc, sorted(names_of(certificate))
     )
 
 

@@ -22,7 +22,7 @@ WORTH_WAITING = frozenset(
 ANSWERED = frozenset({Finding.FOUND, Finding.OTHER_ROBOT, Finding.OTHER_FIRMWARE})
 
 
-def candidates(patterns: Iterable[str] = (), *, all_devices: bool = True) -> list[str]:
+def candidates(patterns: Iterable[str] = ()) -> list[str]:
     """Return the paths to check: the given ones (globs expanded), then this machine's serial
     devices.
 
@@ -31,8 +31,7 @@ def candidates(patterns: Iterable[str] = (), *, all_devices: bool = True) -> lis
     paths: list[str] = []
     for pattern in patterns:
         paths += sorted(glob.glob(pattern)) or [pattern]
-    if all_devices:
-        paths += sorted(port.device for port in list_ports.comports())
+    paths += sorted(port.device for port in list_ports.comports())
     once: dict[str, str] = {}
     for path in paths:
         once.setdefault(os.path.realpath(path), path)

@@ -41,10 +41,10 @@ class Frame(msgspec.Struct, frozen=True):
     payload: bytes
 
 
-def encode_frame(command: bytes, payload: bytes, address: bytes = b"b") -> bytes:
+def encode_frame(command: bytes, payload: bytes) -> bytes:
     """Encode the bytes of one frame."""
     padded = payload + _PAD[len(payload) % 3]
-    body = START + address + command + b2a_base64(padded, newline=False).translate(_TO_DATA64)
+    body = START + b"b" + command + b2a_base64(padded, newline=False).translate(_TO_DATA64)
     return body + _CRC[adler32(body) & 4095] + END
 
 

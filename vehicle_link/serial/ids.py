@@ -1,4 +1,4 @@
-"""Numbers of the microcontroller's values, and of its states.
+"""Numbers of the microcontroller's values and of its states, and its identity.
 
 Source: facts of TeleKyb's MikroKopter interface, listed in docs/microcontroller.md.
 """
@@ -6,6 +6,10 @@ Source: facts of TeleKyb's MikroKopter interface, listed in docs/microcontroller
 from __future__ import annotations
 
 from enum import IntEnum
+
+import msgspec
+
+from quadrotor.errors import UsageError
 
 
 class Id(IntEnum):
@@ -113,3 +117,26 @@ MIRROR = (
     Id.PRESSURE,
 )
 """Values in one `D` frame: everything that a tick needs, so that samples are complete."""
+
+
+LARGEST = 32767
+
+
+class Identity(msgspec.Struct, frozen=True):
+    """The identity that the microcontroller must report as ROBOT_ID and FIRMWARE_REVISION."""
+
+    robot_id: int = 1
+    firmware: int = 1
+
+    def __str__(self) -> str:
+        return f"robot {self.robot_id} with firmware {self.firmware}"
+
+    def check(self) -> None:
+        """Raise UsageError when no microcontroller can have this identity."""
+        for option, value in (("--robot-id", self.robot_id), ("--firmware", self.firmware)):
+            if not 0 <= value <= LARGEST:
+                raise UsageError(f"{option} {value} is not allowed; allowed are 0 to {LARGEST}")
+
+
+THE_ONE = Identity()
+"""The robot and the firmware that quadlab was made with."""

@@ -56,24 +56,6 @@ def to_si(id: int, raw: int) -> float:
     return (counts / quantity.counts_per_unit + quantity.offset) * _factor(quantity)
 
 
-def to_raw(id: int, value: float) -> int:
-    """Return the int16 that carries the value nearest to one in SI units.
-
-    Raises OutOfBoundsError when the value is not finite or out of the id's bounds.
-    """
-    quantity = quantity_of(id)
-    low, high = quantity.bounds
-    counts = (value / _factor(quantity) - quantity.offset) * quantity.counts_per_unit
-    if not (math.isfinite(counts) and low <= round(counts) <= high):
-        least, most = (to_si(id, bound) for bound in quantity.bounds)
-        raise OutOfBoundsError(
-            f"{Id(id).name.lower()} cannot be {value:g} {quantity.si_unit}".rstrip()
-            + f"; allowed are {least:g} to {most:g}"
-        )
-    raw = round(counts)
-    return raw - 65536 if raw > 32767 else raw
-
-
 def quantity_of(id: int) -> Quantity:
     """Return the quantity of an id. Raises OutOfBoundsError when there is no such id."""
     try:

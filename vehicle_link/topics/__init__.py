@@ -1,6 +1,5 @@
 """The topics of a vehicle: their table, and conversions between payloads and tick records."""
 
-from vehicle_link.topics.bench import encode_bench_reading
 from vehicle_link.topics.control_inputs import (
     Sticks,
     decode_external_reference,
@@ -10,19 +9,20 @@ from vehicle_link.topics.control_inputs import (
     encode_joy,
 )
 from vehicle_link.topics.measurements import (
+    PICTURE,
     decode_bearings,
+    decode_picture,
     decode_pose,
     decode_position,
     decode_sweeps,
     encode_bearing_pose,
     encode_bearings,
-    encode_poses,
-    encode_positions,
+    encode_bench_reading,
+    encode_picture,
     pose_messages,
     position_messages,
     sweep_messages,
 )
-from vehicle_link.topics.pictures import PICTURE, decode_picture, encode_picture
 from vehicle_link.topics.scene import SCENE_TOPICS, SceneMessages
 from vehicle_link.topics.status import (
     DELAYED_PREFIX,
@@ -36,15 +36,8 @@ from vehicle_link.topics.status import (
 from vehicle_link.topics.table import SERVICES, TOPICS, Priority, Topic
 from vehicle_link.topics.ticks import (
     actuator_messages,
-    decode_actuators,
     decode_imu,
     decode_odometry,
-    decode_reference,
-    encode_actuators,
-    encode_imus,
-    encode_odometries,
-    encode_references,
-    encode_states,
     imu_messages,
     odometry_messages,
     reference_messages,
@@ -62,7 +55,6 @@ __all__ = [
     "Sticks",
     "Topic",
     "actuator_messages",
-    "decode_actuators",
     "decode_bearings",
     "decode_external_reference",
     "decode_heartbeat",
@@ -72,9 +64,7 @@ __all__ = [
     "decode_picture",
     "decode_pose",
     "decode_position",
-    "decode_reference",
     "decode_sweeps",
-    "encode_actuators",
     "encode_batteries",
     "encode_bearing_pose",
     "encode_bearings",
@@ -82,16 +72,10 @@ __all__ = [
     "encode_estimators",
     "encode_event",
     "encode_heartbeat",
-    "encode_imus",
     "encode_joy",
-    "encode_odometries",
     "encode_parameter_change",
     "encode_picture",
-    "encode_poses",
-    "encode_positions",
     "encode_pressures",
-    "encode_references",
-    "encode_states",
     "encode_status",
     "imu_messages",
     "odometry_messages",

@@ -1,4 +1,5 @@
-"""Measurements for the vehicle: tracker poses, positions of a marker, bearings, sweeps.
+"""Measurements for the vehicle (tracker poses, positions of a marker, bearings, sweeps), readings
+of a force/torque sensor, and pictures.
 
 Stamps are already on the vehicle's clock. Decoders accept the messages of any ROS node and refuse
 numbers that the estimator could not use.
@@ -19,12 +20,13 @@ from quadrotor.records import (
     NO_ATTITUDE,
     POSE_SAMPLE,
     SWEEPS_SAMPLE,
+    Array,
     Record,
     bearings_sample,
     pose_sample,
 )
-from vehicle_link.messages import decode, stamp_of
-from vehicle_link.messages.cdr_layout import FixedLayout, Records, payloads_of
+from vehicle_link.messages import decode, encode, header, new, stamp_of
+from vehicle_link.messages.cdr_layout import FixedLayout, Records
 from vehicle_link.topics.ticks import (
     FROM_ROS,
     TO_ROS,
@@ -37,18 +39,11 @@ from vehicle_link.topics.ticks import (
     xyz,
 )
 
-Array = npt.NDArray[np.float64]
-
 CALIBRATION = ("tilt", "phase", "gib_magnitude", "gib_phase", "curve")  # of a SWEEP_PLANE
 
 
-def encode_poses(samples: Record) -> list[bytes]:
-    """Encode `tracker_pose`: geometry_msgs/PoseStamped of POSE_SAMPLE records, shape (N,)."""
-    return payloads_of(pose_messages(samples))
-
-
 def pose_messages(samples: Record) -> Records:
-    """Encode as `encode_poses`, as records of shape (N,)."""
+    """Encode `tracker_pose`: geometry_msgs/PoseStamped of POSE_SAMPLE records, shape (N,)."""
     poses = layout("geometry_msgs/PoseStamped", WORLD)
     out = poses.new(len(samples))
     set_stamps(out, samples["stamp_ns"])
@@ -92,15 +87,10 @@ def decode_pose(payload: bytes, *, or_position: bool = False) -> Record:
     return sample
 
 
-def encode_positions(samples: Record) -> list[bytes]:
+def position_messages(samples: Record) -> Records:
     """Encode `tracker_position`: geometry_msgs/PointStamped of POSE_SAMPLE records without
     attitude, shape (N,).
     """
-    return payloads_of(position_messages(samples))
-
-
-def position_messages(samples: Record) -> Records:
-    """Encode as `encode_positions`, as records of shape (N,)."""
     out = layout("geometry_msgs/PointStamped", WORLD).new(len(samples))
     set_stamps(out, samples["stamp_ns"])
     out["point"] = samples["position_w"]
@@ -221,3 +211,37 @@ def decode_sweeps(payload: bytes) -> Record:
     for k, place in enumerate(message.sensors):
         sample["sensor_b"][0, k] = xyz(place)
     return sample
+
+
+@cache
+def _layout() -> FixedLayout:
+    return FixedLayout("quadlab_msgs/BenchReading")
+
+
+def encode_bench_reading(stamp_ns: int, force: float, torque: float, speed: float) -> bytes:
+    """Encode quadlab_msgs/BenchReading: N, N m, and the speed in any unit, NaN without a
+    tachometer.
+    """
+    out = _layout().new()
+    set_stamps(out, stamp_ns)
+    out["force"], out["torque"], out["speed"] = force, torque, speed
+    return out.tobytes()
+
+
+PICTURE = "sensor_msgs/CompressedImage"
+JPEG = b"\xff\xd8"
+"""First bytes of every JPEG."""
+
+
+def encode_picture(stamp_ns: int, jpeg: bytes, frame_id: str) -> bytes:
+    """Encode a JPEG; `stamp_ns` is when it was taken."""
+    data = np.frombuffer(jpeg, np.uint8)
+    return encode(new(PICTURE, header=header(stamp_ns, frame_id), format="jpeg", data=data))
+
+
+def decode_picture(payload: bytes) -> bytes:
+    """Return the JPEG. Raises LinkError; MeasurementError if another node sent no JPEG."""
+    jpeg = decode(payload, PICTURE).data.tobytes()
+    if not jpeg.startswith(JPEG):
+        raise MeasurementError(f"a picture of {len(jpeg)} bytes that is no JPEG; send JPEG")
+    return bytes(jpeg)

@@ -13,9 +13,9 @@ from functools import cache
 
 import numpy as np
 
-from quadrotor.records import Record
+from quadrotor.records import Array, Record
 from vehicle_link.messages.cdr_layout import FixedLayout, payloads_of
-from vehicle_link.topics.ticks import TO_ROS, WORLD, Array, body_frame, set_stamps
+from vehicle_link.topics.ticks import TO_ROS, WORLD, body_frame, set_stamps
 
 SCENE_TOPICS = ("/tf", "/tf_static", "scene")
 PERIODS_NS = (20_000_000, 1_000_000_000, 500_000_000)

@@ -9,7 +9,7 @@ import numpy as np
 
 from quadrotor.records import Record
 from vehicle_link.messages import encode, header, new, time_message
-from vehicle_link.messages.cdr_layout import FixedLayout
+from vehicle_link.messages.cdr_layout import FixedLayout, payloads_of
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import to_value
 from vehicle_link.topics.ticks import VEHICLE, WORLD, body_frame, layout, set_stamps
@@ -18,24 +18,10 @@ LIPO = 3  # POWER_SUPPLY_TECHNOLOGY_LIPO
 DISCHARGING = 2  # POWER_SUPPLY_STATUS_DISCHARGING
 
 
-_STATUS_FIELDS = (
-    "armed",
-    "airborne",
-    "parameter_revision",
-    "tick_rate",
-    "lateness_p50",
-    "lateness_p99",
-    "lateness_max",
-    "missed_share",
-    "lateness_histogram",
-    "overruns",
-    "missed_frames",
-    "damaged_frames",
-    "nominal_rate",
-    "suspect_offset",
-    "suspect_beacon",
-    "suspect_left_out",
-)
+@cache
+def _shared(record: np.dtype[np.void], message: np.dtype[np.void]) -> tuple[str, ...]:
+    """Return the numbers that a record and a message have under the same name."""
+    return tuple(name for name in message.names or () if name in (record.names or ()))
 
 
 @cache
@@ -64,11 +50,11 @@ def encode_status(
     vehicle's.
     """
     status = tick["status"][0]
+    out = _status_layout(mode, behavior, control_mode).new()
+    shared = _shared(status.dtype, out.dtype)
     if not flags:  # almost always; only numbers change then
-        statuses = _status_layout(mode, behavior, control_mode)
-        out = statuses.new()
         set_stamps(out, int(tick["imu"]["stamp_ns"][0]))
-        for field in _STATUS_FIELDS:
+        for field in shared:
             out[field] = status[field]
         out["instance"] = instance
         return out.tobytes()
@@ -81,27 +67,9 @@ def encode_status(
             control_mode=control_mode,
             flags=flags,
             instance=instance,
-            **{field: status[field] for field in _STATUS_FIELDS},
+            **{field: status[field] for field in shared},
         )
     )
-
-
-_ESTIMATE_NUMBERS = (
-    "mass",
-    "mass_variance",
-    "measurement_age",
-    "measurements_used",
-    "measurements_refused",
-    "measurements_ignored",
-    "agreement",
-    "nis",
-    "nis_freedom",
-    "consistency",
-    "refused_share",
-    "accelerometer_noise_scale",
-    "gyroscope_noise_scale",
-    "measurement_noise_scale",
-)
 
 
 @cache
@@ -112,10 +80,9 @@ def _estimator_layout(estimator: str) -> FixedLayout:
 
 def encode_estimators(ticks: Record, estimator: str) -> list[bytes]:
     """Encode `estimator`: quadlab_msgs/EstimatorStatus of TICK records, shape (N,)."""
-    estimators = _estimator_layout(estimator)
-    out, source = estimators.new(len(ticks)), ticks["estimate"]
+    out, source = _estimator_layout(estimator).new(len(ticks)), ticks["estimate"]
     set_stamps(out, ticks["imu"]["stamp_ns"])
-    for field in _ESTIMATE_NUMBERS:
+    for field in _shared(source.dtype, out.dtype):
         out[field] = source[field]
     out["accelerometer_bias"] = source["accelerometer_bias_b"]
     out["gyroscope_bias"] = source["gyroscope_bias_b"]
@@ -123,13 +90,12 @@ def encode_estimators(ticks: Record, estimator: str) -> list[bytes]:
     out["attitude_innovation"] = source["attitude_innovation_b"]
     for field in ("position_variance", "velocity_variance", "attitude_variance"):
         out[field] = source[f"{field}_w"]
-    return estimators.encode(out)
+    return payloads_of(out)
 
 
 def encode_batteries(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
     """Encode `battery`: sensor_msgs/BatteryState of TICK records; only the voltage is measured."""
-    batteries = layout("sensor_msgs/BatteryState", body_frame(vehicle))
-    out = batteries.new(len(ticks))
+    out = layout("sensor_msgs/BatteryState", body_frame(vehicle)).new(len(ticks))
     set_stamps(out, ticks["imu"]["stamp_ns"])
     out["voltage"] = ticks["status"]["battery_voltage"]
     for field in ("temperature", "current", "charge", "capacity", "design_capacity", "percentage"):
@@ -137,16 +103,15 @@ def encode_batteries(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
     out["power_supply_status"] = DISCHARGING
     out["power_supply_technology"] = LIPO
     out["present"] = True
-    return batteries.encode(out)
+    return payloads_of(out)
 
 
 def encode_pressures(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
     """Encode `pressure`: sensor_msgs/FluidPressure (Pa) of TICK records; variance 0 = unknown."""
-    pressures = layout("sensor_msgs/FluidPressure", body_frame(vehicle))
-    out = pressures.new(len(ticks))
+    out = layout("sensor_msgs/FluidPressure", body_frame(vehicle)).new(len(ticks))
     set_stamps(out, ticks["imu"]["stamp_ns"])
     out["fluid_pressure"] = ticks["status"]["pressure"]
-    return pressures.encode(out)
+    return payloads_of(out)
 
 
 DELAYED_PREFIX = "while the station sent nothing: "

@@ -11,18 +11,16 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from quadrotor.plain_rotations import rotate
-from quadrotor.records import ACTUATORS, IMU_SAMPLE, REFERENCE, STATE, Record
+from quadrotor.records import IMU_SAMPLE, STATE, Array, Record
 from vehicle_link.messages import decode, stamp_of
-from vehicle_link.messages.cdr_layout import FixedLayout, Records, payloads_of
+from vehicle_link.messages.cdr_layout import FixedLayout, Records
 
 WORLD = "world"
 SECOND_NS = 1_000_000_000
 VEHICLE = "quad1"
 
-Array = npt.NDArray[np.float64]
 
 # ROS orders quaternions (x, y, z, w), we (w, x, y, z).
 TO_ROS, FROM_ROS = [1, 2, 3, 0], [3, 0, 1, 2]
@@ -41,13 +39,8 @@ def body_frame(vehicle: str) -> str:
     return f"{vehicle}/body"
 
 
-def encode_odometries(stamps_ns: Any, states: Record, vehicle: str = VEHICLE) -> list[bytes]:
-    """Encode nav_msgs/Odometry of STATE records with their stamps, shape (N,)."""
-    return payloads_of(odometry_messages(stamps_ns, states, vehicle))
-
-
 def odometry_messages(stamps_ns: Any, states: Record, vehicle: str = VEHICLE) -> Records:
-    """Encode as `encode_odometries`, as records of shape (N,)."""
+    """Encode nav_msgs/Odometry of STATE records with their stamps, shape (N,)."""
     odometry = layout("nav_msgs/Odometry", WORLD, body_frame(vehicle))
     out = odometry.new(len(states))
     set_stamps(out, stamps_ns)
@@ -59,13 +52,8 @@ def odometry_messages(stamps_ns: Any, states: Record, vehicle: str = VEHICLE) ->
     return out
 
 
-def encode_states(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
-    """Encode `state`: nav_msgs/Odometry of the estimate."""
-    return payloads_of(state_messages(ticks, vehicle))
-
-
 def state_messages(ticks: Record, vehicle: str = VEHICLE) -> Records:
-    """Encode as `encode_states`, as records of shape (N,)."""
+    """Encode `state`: nav_msgs/Odometry of the estimate; shape (N,)."""
     return odometry_messages(ticks["imu"]["stamp_ns"], ticks["state"], vehicle)
 
 
@@ -90,13 +78,8 @@ def decode_odometry(payload: bytes, vehicle: str = VEHICLE) -> tuple[int, Record
     return stamp, state
 
 
-def encode_references(ticks: Record) -> list[bytes]:
-    """Encode `reference`: quadlab_msgs/Reference."""
-    return payloads_of(reference_messages(ticks))
-
-
 def reference_messages(ticks: Record) -> Records:
-    """Encode as `encode_references`, as records of shape (N,)."""
+    """Encode `reference`: quadlab_msgs/Reference; shape (N,)."""
     reference = layout("quadlab_msgs/Reference", WORLD)
     out, source = reference.new(len(ticks)), ticks["reference"]
     set_stamps(out, ticks["imu"]["stamp_ns"])
@@ -107,24 +90,8 @@ def reference_messages(ticks: Record) -> Records:
     return out
 
 
-def decode_reference(payload: bytes) -> tuple[int, Record]:
-    """Decode (stamp in ns, REFERENCE record of shape (1,)). Raises LinkError."""
-    record = layout("quadlab_msgs/Reference", WORLD).decode(payload)
-    reference = np.zeros(1, REFERENCE)
-    for field in ("position", "velocity", "acceleration", "jerk", "snap"):
-        reference[f"{field}_w"] = record[field]
-    for field in ("yaw", "yaw_rate", "yaw_acceleration"):
-        reference[field] = record[field]
-    return stamp_of_record(record), reference
-
-
-def encode_imus(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
-    """Encode `imu`: sensor_msgs/Imu, calibrated; its orientation is marked as not given."""
-    return payloads_of(imu_messages(ticks, vehicle))
-
-
 def imu_messages(ticks: Record, vehicle: str = VEHICLE) -> Records:
-    """Encode as `encode_imus`, as records of shape (N,)."""
+    """Encode `imu`: sensor_msgs/Imu (N,), calibrated; its orientation is marked as not given."""
     imu = layout("sensor_msgs/Imu", body_frame(vehicle))
     out, source = imu.new(len(ticks)), ticks["imu"]
     set_stamps(out, source["stamp_ns"])
@@ -144,13 +111,8 @@ def decode_imu(payload: bytes, vehicle: str = VEHICLE) -> Record:
     return sample
 
 
-def encode_actuators(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
-    """Encode `actuators`: quadlab_msgs/Actuators."""
-    return payloads_of(actuator_messages(ticks, vehicle))
-
-
 def actuator_messages(ticks: Record, vehicle: str = VEHICLE) -> Records:
-    """Encode as `encode_actuators`, as records of shape (N,)."""
+    """Encode `actuators`: quadlab_msgs/Actuators; shape (N,)."""
     actuators = layout("quadlab_msgs/Actuators", body_frame(vehicle))
     out, source = actuators.new(len(ticks)), ticks["actuators"]
     set_stamps(out, ticks["imu"]["stamp_ns"])
@@ -159,17 +121,6 @@ def actuator_messages(ticks: Record, vehicle: str = VEHICLE) -> Records:
     for field in ("thrusts", "motor_references", "scaling"):
         out[field] = source[field]
     return out
-
-
-def decode_actuators(payload: bytes, vehicle: str = VEHICLE) -> tuple[int, Record]:
-    """Decode (stamp in ns, ACTUATORS record of shape (1,)). Raises LinkError."""
-    record = layout("quadlab_msgs/Actuators", body_frame(vehicle)).decode(payload)
-    actuators = np.zeros(1, ACTUATORS)
-    actuators["wrench"][:, 0] = record["thrust"]
-    actuators["wrench"][:, 1:] = record["torque"]
-    for field in ("thrusts", "motor_references", "scaling"):
-        actuators[field] = record[field]
-    return stamp_of_record(record), actuators
 
 
 def set_stamps(out: Records, stamps_ns: Any, within: str = "") -> None:

@@ -49,13 +49,9 @@ class Idempotent:
     """
 
     def __init__(
-        self,
-        handler: Callable[[Message], Message],
-        keep: float = KEEP,
-        clock: Callable[[], float] = time.monotonic,
+        self, handler: Callable[[Message], Message], clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._handler = handler
-        self._keep = keep
         self._clock = clock
         self._lock = threading.Lock()
         self._answers: dict[str, tuple[float, Future[Message]]] = {}
@@ -76,7 +72,7 @@ class Idempotent:
         with self._lock:
             while self._answers:  # oldest first
                 oldest, (since, _) = next(iter(self._answers.items()))
-                if now - since < self._keep:
+                if now - since < KEEP:
                     break
                 del self._answers[oldest]
             if request_id in self._answers:

@@ -21,10 +21,10 @@ from vehicle_link.telemetry import unpack
 from vehicle_link.time_sync import TIME_SYNC, ClockOffset, exchange
 from vehicle_link.topics import TOPICS, decode_heartbeat
 from vehicle_link.transport.node import Node
-from vehicle_link.transport.peers import namespaces
 from vehicle_link.transport.protocol import disagreement
 from vehicle_link.transport.publisher import Received
 from vehicle_link.transport.quic_probe import EXPLANATIONS, probe
+from vehicle_link.transport.radio import namespaces
 from vehicle_link.transport.session import (
     check_station,
     parse_endpoint,

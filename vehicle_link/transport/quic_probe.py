@@ -1,4 +1,5 @@
-"""A probe whether a vehicle's end of the link answers, without presenting or seeing a certificate.
+"""A probe whether a vehicle's end of the link answers, without presenting or seeing a certificate,
+and the networks of this machine that are small enough to scan.
 
 A QUIC server answers a packet of an unknown version with the versions that it supports (RFC 9000,
 section 6). So for a link that does not open one can tell whether no machine answers or whether one
@@ -7,11 +8,13 @@ does not accept us.
 
 from __future__ import annotations
 
+import ipaddress
 import secrets
 import socket
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from enum import StrEnum
+from pathlib import Path
 
 from vehicle_link.transport.session import OPEN_S
 
@@ -93,3 +96,32 @@ def _negotiates(answer: bytes, own: bytes) -> bool:
         and answer[1:5] == bytes(4)
         and answer[6 : 6 + answer[5]] == own
     )
+
+
+SMALLEST_PREFIX = 22
+"""Shortest prefix that is scanned: at most about 1000 addresses."""
+ROUTES = Path("/proc/net/route")
+
+
+def own_networks(routes: Path = ROUTES) -> list[ipaddress.IPv4Network]:
+    """Return the directly attached IPv4 networks (Linux) that are small enough."""
+    try:
+        rows = [line.split() for line in routes.read_text().splitlines()[1:]]
+    except OSError:
+        return []
+    found = set()
+    for row in rows:
+        destination, gateway, mask = (int(row[k], 16) for k in (1, 2, 7))
+        network = ipaddress.IPv4Network((_swapped(destination), _mask_length(mask)))
+        if gateway == 0 and network.prefixlen >= SMALLEST_PREFIX:
+            found.add(network)
+    return sorted(found)
+
+
+def _swapped(word: int) -> int:
+    """Return an address that the kernel prints in the machine's own byte order (little endian)."""
+    return int.from_bytes(word.to_bytes(4, "little"), "big")
+
+
+def _mask_length(mask: int) -> int:
+    return mask.bit_count()

@@ -16,9 +16,26 @@ import zenoh
 
 from quadrotor.errors import LinkError
 from vehicle_link.security.authority import TlsFiles
-from vehicle_link.transport.peers import namespaces
 from vehicle_link.transport.session import check_station, parse_endpoint, radio_session
 from vehicle_link.transport.unused_memory import trim_heaps
+
+
+def namespaces(session: zenoh.Session, timeout: float = 1.0) -> set[str]:
+    """Return the namespaces of the nodes there (`quad1`) that this session may see; asks over the
+    link.
+    """
+    found: set[str] = set()
+    try:
+        links = session.info.links()
+        for zid in {str(link.zid) for link in links if link.dst.startswith("quic/")}:
+            for reply in session.liveliness().get(f"@ros2_lv/*/{zid}/**", timeout=timeout):
+                if reply.ok is not None:
+                    # @ros2_lv/domain/session/node/endpoint/kind/enclave/namespace/…
+                    found.add(str(reply.ok.key_expr).split("/")[7].strip("%"))
+    except zenoh.ZError:  # closed in the meantime
+        return set()
+    return found - {""}
+
 
 REOPEN_AFTER = 2.0
 """Seconds without data over a connected link after which its session is opened again."""
@@ -73,7 +90,7 @@ class Radio:
 
     Args:
         endpoint: `host`, `host:port` or `quic/host:port`.
-        loopback_port, loopback_host: of the hub.
+        loopback_port: of the hub.
         session_silence: returns the seconds since data arrived from the vehicle over its session
             (not by the lane); inf before the first. Called in a thread of the radio.
         lane_silence: the same for data that arrived outside the session.
@@ -92,7 +109,6 @@ class Radio:
         tls: TlsFiles,
         loopback_port: int,
         session_silence: Callable[[], float],
-        loopback_host: str = "127.0.0.1",
         report: Callable[[str], None] = lambda line: None,
         lane_silence: Callable[[], float] = infinite_silence,
         probe: Callable[[float], bool] = lambda timeout: True,
@@ -103,7 +119,7 @@ class Radio:
         self.reopened = 0
         self._unopened = ""
         self._endpoint, self._tls = endpoint, tls
-        self._loopback = loopback_port, loopback_host
+        self._loopback_port = loopback_port
         self._session_silence, self._lane_silence = session_silence, lane_silence
         self._probe, self._report = probe, report
         self._session: zenoh.Session | None = None
@@ -153,7 +169,7 @@ class Radio:
         patience = REOPEN_AFTER
         while not self._closing.is_set():
             try:
-                session = radio_session(self._endpoint, self._tls, *self._loopback)
+                session = radio_session(self._endpoint, self._tls, self._loopback_port)
             except LinkError as error:  # missing files or no memory: may be temporary
                 self._unopened = str(error)
                 self._report(f"radio to {self.address}: {error}; trying again in {patience:g} s")

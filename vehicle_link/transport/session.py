@@ -13,6 +13,7 @@ import ipaddress
 import json
 import os
 import threading
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, UsageError
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     import zenoh
 
 VEHICLE_PORT = 7447
+LOOPBACK = "127.0.0.1"
 OPEN_S = 0.3
 """Time limit, in s, of one attempt to open a link."""
 RETRY = {
@@ -70,22 +72,19 @@ def vehicle_session(port: int, tls: TlsFiles, host: str = "0.0.0.0") -> zenoh.Se
     return open_session(config, f"UDP port {port} of {host}")
 
 
-def hub_session(loopback_port: int, loopback_host: str = "127.0.0.1") -> zenoh.Session:
+def hub_session(loopback_port: int) -> zenoh.Session:
     """Open the hub, where the station's nodes, radios, page, tools and ROS 2 meet; it never dials.
 
     Raises LinkError when the loopback port is in use.
     """
     config = link_config("router")
-    config["listen"] = {"endpoints": [f"tcp/{loopback_host}:{loopback_port}"]}
+    config["listen"] = {"endpoints": [f"tcp/{LOOPBACK}:{loopback_port}"]}
     config["gateway"] = GATEWAY
-    return open_session(config, f"TCP port {loopback_port} of {loopback_host}")
+    return open_session(config, f"TCP port {loopback_port} of {LOOPBACK}")
 
 
 def radio_session(
-    vehicle_endpoint: str,
-    tls: TlsFiles,
-    loopback_port: int | None = None,
-    loopback_host: str = "127.0.0.1",
+    vehicle_endpoint: str, tls: TlsFiles, loopback_port: int | None = None
 ) -> zenoh.Session:
     """Open a session that keeps dialling a vehicle, and routes between it and the hub, if named.
 
@@ -103,7 +102,7 @@ def radio_session(
     config = link_config("router", tls, "station")
     endpoints = [quic(*parse_endpoint(vehicle_endpoint))]
     if loopback_port is not None:
-        endpoints.append(f"tcp/{loopback_host}:{loopback_port}")
+        endpoints.append(f"tcp/{LOOPBACK}:{loopback_port}")
     config["connect"] = {"endpoints": endpoints, **RETRY}
     config["listen"] = {"endpoints": []}
     config["gateway"] = GATEWAY
@@ -121,9 +120,7 @@ def check_station(vehicle_endpoint: str, tls: TlsFiles) -> None:
         check_certificate(tls, "vehicle", host)
 
 
-def loopback_session(
-    loopback_port: int, timeout: float = 5.0, loopback_host: str = "127.0.0.1"
-) -> zenoh.Session:
+def loopback_session(loopback_port: int, timeout: float = 5.0) -> zenoh.Session:
     """Open a client of the station's router: web, simulator, tools.
 
     Waits for a station to answer; once open, it reconnects by itself after the station's restart.
@@ -135,7 +132,7 @@ def loopback_session(
         LinkError: no station answered in time.
     """
     os.environ.setdefault("ZENOH_RUNTIME", ONE_RECEIVER)
-    connect = {"endpoints": [f"tcp/{loopback_host}:{loopback_port}"], **RETRY}
+    connect = {"endpoints": [f"tcp/{LOOPBACK}:{loopback_port}"], **RETRY}
     config: dict[str, Any] = {
         "mode": "client",
         "connect": {**connect, "timeout_ms": round(1000 * timeout), "exit_on_failure": True},
@@ -143,10 +140,10 @@ def loopback_session(
         "transport": {"shared_memory": {"enabled": False}},
     }
     try:
-        return open_session(config, f"{loopback_host}:{loopback_port}")
+        return open_session(config, f"{LOOPBACK}:{loopback_port}")
     except LinkError as error:
         raise LinkError(
-            f"no station answered at {loopback_host}:{loopback_port} within {timeout:g} s; "
+            f"no station answered at {LOOPBACK}:{loopback_port} within {timeout:g} s; "
             "start it with `quadlab station` (or `quadlab up`)"
         ) from error
 
@@ -241,3 +238,30 @@ def open_session(config: dict[str, Any], place: str) -> zenoh.Session:
                 f"{place} is in use; stop the other quadlab, or choose another port"
             ) from error
         raise LinkError(f"cannot open a session on {place}: {text}") from error
+
+
+class SharedSession:
+    """Shared session; thread-safe. `open_session` returns a Zenoh session or raises LinkError."""
+
+    def __init__(self, open_session: Callable[[], Any]) -> None:
+        self._open_session = open_session
+        self._lock = threading.Lock()
+        self._session: Any = None
+        self._users = 0
+
+    def open(self) -> Any:
+        """Open the session or share the open one; release it with `close`. Raises LinkError."""
+        with self._lock:
+            if self._session is None:
+                self._session = self._open_session()
+            self._users += 1
+            return self._session
+
+    def close(self) -> None:
+        """Release the session; after its last user it is closed, which may take long."""
+        with self._lock:
+            self._users -= 1
+            if self._users:
+                return
+            session, self._session = self._session, None
+        session.close()

@@ -33,8 +33,8 @@ def check_name(name: str) -> None:
     """Check the name of an account. Raises UsageError."""
     if not NAME.fullmatch(name):
         raise UsageError(
-            f"{name!r:.60} is no name for a user; allowed are up to 32 small letters, digits "
-            "and _ . -, a letter first, like anna"
+            f"{name!r:.60} is not a valid user name; use up to 32 lower-case letters, digits and "
+            "_ . -, beginning with a letter, such as anna"
         )
 
 

@@ -75,13 +75,13 @@ class Gate:
         if self._links.opens(scope):
             return self._shared
         if (token := _live_token(came)) is not None:
-            if (session := self._people.door.session_of_link(token)) is None:
+            if (session := self._people.tokens.session_of_link(token)) is None:
                 return _error(
                     401, "this link has expired, or its session has ended; make a new one"
                 )
             scope["session"] = session
             return self._app
-        session = self._people.door.session(came.cookies.get(self._people.cookie.name))
+        session = self._people.tokens.session(came.cookies.get(self._people.cookie.name))
         if scope["type"] == "http":
             request = Request(scope, receive)
             if scope["path"] == "/login":

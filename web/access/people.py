@@ -1,4 +1,4 @@
-"""The users in one place: accounts, sessions, sign-in, open sockets."""
+"""The users in one place: accounts, sessions, sign-in, cookie, open sockets."""
 
 from __future__ import annotations
 
@@ -7,23 +7,43 @@ import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
 
 from starlette.responses import Response
 
 from quadrotor.errors import StorageError
 from web.access.accounts import Accounts
-from web.access.attempts import Attempts
-from web.access.cookie import SessionCookie
 from web.access.database import AccessDatabase
-from web.access.door import Door
-from web.access.hashing import Hashing
 from web.access.open_sockets import OpenSockets
-from web.access.passwords import Passwords
+from web.access.passwords import Hashing, Passwords
 from web.access.roles import Session
-from web.access.sessions import Sessions
+from web.access.sessions import SESSION_AGE, Sessions
 from web.access.sign_in import SignIn
+from web.access.sign_in_limiter import SignInLimiter
+from web.access.sign_in_tokens import SignInTokens
 
 SEEN_PERIOD = 30.0  # s, between writes of when each user was last seen
+
+
+class SessionCookie:
+    """Session cookie of one page.
+
+    Its name contains the port, because browsers share cookies between the ports of a host. Under
+    TLS it is Secure, and its prefix keeps other hosts from setting it.
+    """
+
+    def __init__(self, base_url: str) -> None:
+        place = urlsplit(base_url)
+        secure = place.scheme == "https"
+        self.name = f"{'__Host-' if secure else ''}quadlab_{place.port}"
+        self._flags: dict[str, Any] = {"secure": secure, "httponly": True, "samesite": "strict"}
+
+    def set(self, answer: Response, value: str) -> None:
+        answer.set_cookie(self.name, value, SESSION_AGE, **self._flags)
+
+    def clear(self, answer: Response) -> None:
+        answer.delete_cookie(self.name, **self._flags)
 
 
 @dataclass(frozen=True)
@@ -33,7 +53,7 @@ class People:
     database: AccessDatabase
     accounts: Accounts
     sessions: Sessions
-    door: Door
+    tokens: SignInTokens
     cookie: SessionCookie
     hashing: Hashing
     sign_in: SignIn
@@ -41,7 +61,7 @@ class People:
 
     def signed_in(self, answer: Response, session: Session) -> Response:
         """Return the answer with the session's cookie."""
-        self.cookie.set(answer, self.door.sign(session))
+        self.cookie.set(answer, self.tokens.sign(session))
         return answer
 
     async def run(self) -> None:
@@ -64,29 +84,29 @@ def open_people(
     token: str | None,
     say: Callable[[str, str], None],
     on_link: Callable[[str], None],
-    attempts: Attempts | None = None,
+    limiter: SignInLimiter | None = None,
     passwords: Passwords | None = None,
 ) -> People:
     """Open the accounts and sessions in `<data>/web`.
 
     Args:
-        token: see `given` of `web.access.door.Door`.
-        say, on_link, attempts: see `web.access.sign_in.SignIn`.
+        token: see `given` of `web.access.sign_in_tokens.SignInTokens`.
+        say, on_link, limiter: see `web.access.sign_in.SignIn`.
 
     Raises StorageError.
     """
     database = AccessDatabase(folder)
     accounts = Accounts(database, passwords)
     sessions = Sessions(database)
-    door = Door(folder, sessions, token)
+    tokens = SignInTokens(folder, sessions, token)
     hashing = Hashing()
     return People(
         database=database,
         accounts=accounts,
         sessions=sessions,
-        door=door,
+        tokens=tokens,
         cookie=SessionCookie(base_url),
         hashing=hashing,
-        sign_in=SignIn(door, accounts, sessions, hashing, say, on_link, attempts),
+        sign_in=SignIn(tokens, accounts, sessions, hashing, say, on_link, limiter),
         sockets=OpenSockets(sessions),
     )

@@ -11,11 +11,12 @@ from urllib.parse import parse_qsl
 from starlette.requests import ClientDisconnect, HTTPConnection, Request
 
 from web.access.accounts import Account, Accounts
-from web.access.attempts import Attempts
-from web.access.door import Door
-from web.access.hashing import BusyError, Hashing
+from web.access.passwords import BusyError, Hashing
 from web.access.roles import Session
 from web.access.sessions import Sessions
+from web.access.sign_in_limiter import SignInLimiter
+from web.access.sign_in_tokens import SignInTokens
+from web.body import read_body
 
 LARGEST_FORM = 4096  # bytes
 FORM_TIME = 10.0  # s in which a form must arrive
@@ -41,33 +42,33 @@ class SignIn:
 
     def __init__(
         self,
-        door: Door,
+        tokens: SignInTokens,
         accounts: Accounts,
         sessions: Sessions,
         hashing: Hashing,
         say: Callable[[str, str], None],
         on_link: Callable[[str], None],
-        attempts: Attempts | None = None,
+        limiter: SignInLimiter | None = None,
     ) -> None:
-        self._door = door
+        self._tokens = tokens
         self._accounts = accounts
         self._sessions = sessions
         self._hashing = hashing
         self._say = say
         self._on_link = on_link
-        self._attempts = Attempts() if attempts is None else attempts
-        self._told = Attempts()  # so that wrong links do not fill the event list
+        self._limiter = SignInLimiter() if limiter is None else limiter
+        self._link_limiter = SignInLimiter()  # so that wrong links do not fill the event list
 
     async def by_link(self, token: str, address: str) -> Session | Refusal:
-        session = self._door.consume(token)
+        session = self._tokens.consume(token)
         if session is not None:
-            self.tell("info", f"{session.label} signed in by a link from {address}")
+            self.report("info", f"{session.label} signed in by a link from {address}")
             self._on_link(session.label)
             return session
-        was_used = self._door.was_used(token)
-        if self._told.begin(address, address) == 0.0:
+        was_used = self._tokens.was_used(token)
+        if self._link_limiter.begin(address, address) == 0.0:
             what = "used" if was_used else "wrong"
-            self.tell("warn", f"a sign-in link that was {what} came from {address}")
+            self.report("warn", f"a sign-in link that was {what} came from {address}")
         if was_used:
             return Refusal(401, "This sign-in link has been used; each one signs in one browser.")
         return Refusal(401, "This sign-in link is not valid (any more).")
@@ -78,16 +79,16 @@ class SignIn:
         if isinstance(account, Refusal):
             return account
         session = await self.open(account)
-        self.tell("info", f"{session.label} ({session.role}) signed in from {address}")
+        self.report("info", f"{session.label} ({session.role}) signed in from {address}")
         return session
 
     async def verify(self, name: str, password: str, address: str) -> Account | Refusal:
         """Return the account of a name and its password.
 
-        Attempts are limited by `web.access.attempts`.
+        Attempts are limited by `web.access.sign_in_limiter`.
         """
-        if self._attempts.begin(address, name) > 0.0:
-            wait = self._attempts.wait(address, name)
+        if self._limiter.begin(address, name) > 0.0:
+            wait = self._limiter.wait(address, name)
             line = f"Too many wrong sign-ins; wait {wait} s, then try again."
             return Refusal(429, line, wait)
         try:
@@ -95,14 +96,14 @@ class SignIn:
         except BusyError as error:
             return Refusal(503, f"{error}.", 3)
         if account is not None:
-            self._attempts.succeeded(address, name)
+            self._limiter.succeeded(address, name)
             return account
         # Never log an unknown name, because people type their password in this field.
         names = {one.name for one in await asyncio.to_thread(self._accounts.all)}
         whose = f"the password of {name}" if name in names else "a name that is not known"
-        wait = self._attempts.wait(address, name)
+        wait = self._limiter.wait(address, name)
         then = f"; the next try from there is in {wait} s" if wait else ""
-        self.tell("warn", f"sign-in refused: {whose}, from {address}{then}")
+        self.report("warn", f"sign-in refused: {whose}, from {address}{then}")
         return Refusal(401, "The name or the password is wrong.", wait)
 
     async def open(self, account: Account) -> Session:
@@ -110,7 +111,7 @@ class SignIn:
             self._sessions.open, account.name, account.role, account.generation
         )
 
-    def tell(self, level: str, text: str) -> None:
+    def report(self, level: str, text: str) -> None:
         """Publish a line in everyone's event list and in the log."""
         self._say(level, text)
         _log.log(logging.WARNING if level == "warn" else logging.INFO, "%s", text)
@@ -123,17 +124,15 @@ def address_of(came: HTTPConnection) -> str:
 
 async def read_form(request: Request) -> dict[str, str]:
     """Read the fields of a form's body. Raises ValueError with the reason."""
-    body = bytearray()
     try:
         async with asyncio.timeout(FORM_TIME):
-            async for chunk in request.stream():
-                body += chunk
-                if len(body) > LARGEST_FORM:
-                    raise ValueError(f"the form is too large; allowed are {LARGEST_FORM} bytes")
+            body = await read_body(request, LARGEST_FORM)
     except TimeoutError:
         raise ValueError("the form did not arrive in time") from None
     except ClientDisconnect:
         raise ValueError("the form was incomplete") from None
+    if len(body) > LARGEST_FORM:
+        raise ValueError(f"the form is too large; allowed are {LARGEST_FORM} bytes")
     return dict(
         parse_qsl(body.decode("utf-8", "replace"), keep_blank_values=True, max_num_fields=8)
     )

@@ -51,10 +51,10 @@ def _add_session(app: FastAPI, people: People) -> None:
         """End this session, or with `everywhere` all of the account, and close their websockets."""
         if body is not None and body.everywhere and session.has_account:
             await asyncio.to_thread(people.accounts.end_sessions, session.label)
-            people.sign_in.tell("info", f"{session.label} signed out everywhere")
+            people.sign_in.report("info", f"{session.label} signed out everywhere")
         else:
             await asyncio.to_thread(people.sessions.end, session)
-            people.sign_in.tell("info", f"{session.label} signed out")
+            people.sign_in.report("info", f"{session.label} signed out")
         people.sockets.check()
         answer = JSONResponse({"signed_out": True})
         people.cookie.clear(answer)
@@ -75,13 +75,13 @@ def _add_session(app: FastAPI, people: People) -> None:
             people.accounts.set_password, session.label, body.password
         )
         again = await people.sign_in.open(changed)
-        people.sign_in.tell("info", f"{session.label} has a new password")
+        people.sign_in.report("info", f"{session.label} has a new password")
         people.sockets.check()
         return people.signed_in(JSONResponse({"changed": True}), again)
 
 
 def _add_management(app: FastAPI, people: People) -> None:
-    accounts, tell = people.accounts, people.sign_in.tell
+    accounts, report = people.accounts, people.sign_in.report
 
     @app.get("/api/users")
     async def users(_: Admin) -> list[dict[str, Any]]:
@@ -94,14 +94,14 @@ def _add_management(app: FastAPI, people: People) -> None:
     @app.post("/api/users", status_code=201)
     async def add(body: UserBody, session: Admin) -> dict[str, str]:
         made = await people.hashing.run(accounts.add, body.name, body.role, body.password)
-        tell("info", f"{session.label} added {made.name} as {made.role}")
+        report("info", f"{session.label} added {made.name} as {made.role}")
         return {"name": made.name, "role": made.role.value}
 
     @app.delete("/api/users/{name}")
     async def remove(name: str, session: Admin) -> dict[str, str]:
         await asyncio.to_thread(accounts.remove, name)
         people.sockets.check()
-        tell("info", f"{session.label} removed {name}")
+        report("info", f"{session.label} removed {name}")
         return {"removed": name}
 
     @app.put("/api/users/{name}/role")
@@ -109,7 +109,7 @@ def _add_management(app: FastAPI, people: People) -> None:
         """Set the role of a user, who is signed out everywhere."""
         await asyncio.to_thread(accounts.set_role, name, body.role)
         people.sockets.check()
-        tell("info", f"{session.label} made {name} {body.role}")
+        report("info", f"{session.label} made {name} {body.role}")
         return {"name": name, "role": body.role.value}
 
     @app.put("/api/users/{name}/password")
@@ -117,7 +117,7 @@ def _add_management(app: FastAPI, people: People) -> None:
         """Set the password of a user, who is signed out everywhere."""
         await people.hashing.run(accounts.set_password, name, body.password)
         people.sockets.check()
-        tell("info", f"{session.label} gave {name} a new password")
+        report("info", f"{session.label} gave {name} a new password")
         return {"name": name}
 
     @app.post("/api/users/{name}/end_sessions")
@@ -128,7 +128,7 @@ def _add_management(app: FastAPI, people: People) -> None:
         else:
             await asyncio.to_thread(accounts.end_sessions, name)
         people.sockets.check()
-        tell("info", f"{session.label} ended the sessions of {name}")
+        report("info", f"{session.label} ended the sessions of {name}")
         return {"ended": name}
 
 

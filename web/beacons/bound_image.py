@@ -56,10 +56,8 @@ def picture(bound: npt.NDArray[np.float64], scale: Scale) -> npt.NDArray[np.uint
 
 def shade_of(share: float) -> tuple[int, int, int]:
     """Return the colour at a share of the scale."""
-    place = min(max(share, 0.0), 1.0) * (len(COLORS) - 1)
-    k = min(int(place), len(COLORS) - 2)
-    part = place - k
-    r, g, b = (round(a + part * (z - a)) for a, z in zip(COLORS[k], COLORS[k + 1], strict=True))
+    places = np.linspace(0.0, 1.0, len(COLORS))
+    r, g, b = (round(float(np.interp(share, places, one))) for one in zip(*COLORS, strict=True))
     return (r, g, b)
 
 

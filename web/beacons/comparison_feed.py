@@ -11,16 +11,13 @@ import asyncio
 import math
 from typing import Any
 
-import msgspec
 from fastapi import WebSocket
 
-from web.live.conversation import converse
+from web.live.conversation import converse, send_json, significant
 from web.live.latest import Live
 
 RATE = 5.0  # Hz
 TOPIC = "comparison"
-
-_encode = msgspec.json.Encoder().encode
 
 
 async def serve(socket: WebSocket, live: Live) -> None:
@@ -33,7 +30,7 @@ async def serve(socket: WebSocket, live: Live) -> None:
             message = live.current(TOPIC)
             if message is not None and message is not sent:
                 sent = message
-                await socket.send_text(_encode(as_json(message)).decode())
+                await send_json(socket, as_json(message))
             await asyncio.sleep(1.0 / RATE)
 
     await converse(socket, talk())
@@ -43,7 +40,7 @@ def as_json(message: Any) -> dict[str, Any]:
     """Return the message for the page: lengths in mm, angles in degrees; null = not known."""
     return {
         "truth": message.truth,
-        "duration": _short(message.duration, 6),
+        "duration": significant(message.duration),
         "sigma": _degrees(message.sigma),
         "estimators": [_estimator(one) for one in message.estimators],
     }
@@ -61,11 +58,11 @@ def _estimator(one: Any) -> dict[str, Any]:
         "name": one.name,
         "state": "" if one.converged else "settling" if one.initialized else "not started",
         "figures": [
-            *(_short(1e3 * length) for length in lengths),
+            *(significant(1e3 * length, 4) for length in lengths),
             _degrees(one.attitude_rms_recent),
-            _short(1e3 * one.position_rms),
-            _short(1e3 * one.position_max),
-            _short(1e2 * one.processor, 2),
+            significant(1e3 * one.position_rms, 4),
+            significant(1e3 * one.position_max, 4),
+            significant(1e2 * one.processor, 2),
         ],
         "residuals": [
             [int(id), _degrees(angle)]
@@ -75,9 +72,4 @@ def _estimator(one: Any) -> dict[str, Any]:
 
 
 def _degrees(radians: float) -> float | None:
-    return _short(math.degrees(radians), 3)
-
-
-def _short(value: float, digits: int = 4) -> float | None:
-    """Return a number with few digits, which is all the page shows, or None: JSON has no NaN."""
-    return float(f"{value:.{digits}g}") if math.isfinite(value) else None
+    return significant(math.degrees(radians), 3)

@@ -65,7 +65,7 @@ def drag_of(frame: bytes, names: frozenset[str], eye: Point | None, who: str) ->
 
 
 @dataclass(slots=True)
-class _Wish:
+class _Request:
     """Requested position of a beacon, and whether it was sent on."""
 
     position: Point
@@ -81,7 +81,7 @@ class BeaconDrags:
     def __init__(self) -> None:
         self.on_moved: Callable[[int, Point, str], None] = lambda *_: None
         self._offsets: dict[int, Point] = {}
-        self._wishes: dict[int, _Wish] = {}
+        self._requests: dict[int, _Request] = {}
         self._sent: dict[int, float] = {}
 
     def take(self, drag: Drag, id: int, place: Point, normal: Point, now: float) -> None:
@@ -92,49 +92,49 @@ class BeaconDrags:
             if met is not None:
                 x, y, z = (p - m for p, m in zip(place, met, strict=True))
                 self._offsets[id] = (x, y, z)
-                self._wishes[id] = _Wish(place, drag.who, now)
+                self._requests[id] = _Request(place, drag.who, now)
             return
         offset = self._offsets.get(id)
         if offset is None:
             return
-        wish = self._wishes.setdefault(id, _Wish(place, drag.who, now))
-        wish.at = now
+        request = self._requests.setdefault(id, _Request(place, drag.who, now))
+        request.at = now
         if met is not None and max(map(abs, met)) < FARTHEST:
             x, y, z = (m + o for m, o in zip(met, offset, strict=True))
-            if math.dist((x, y, z), wish.position) > 1e-4:
-                wish.position, wish.is_sent = (x, y, z), False
+            if math.dist((x, y, z), request.position) > 1e-4:
+                request.position, request.is_sent = (x, y, z), False
         if drag.phase == "end":
-            wish.is_over = True
+            request.is_over = True
             del self._offsets[id]
 
-    def hand_on(self, now: float) -> None:
+    def pass_on(self, now: float) -> None:
         """Pass on the moves that are due; to be called at every frame."""
-        for id, wish in list(self._wishes.items()):
-            if not wish.is_sent and now - self._sent.get(id, -math.inf) >= PERIOD:
-                wish.is_sent = True
+        for id, request in list(self._requests.items()):
+            if not request.is_sent and now - self._sent.get(id, -math.inf) >= PERIOD:
+                request.is_sent = True
                 self._sent[id] = now
-                self.on_moved(id, wish.position, wish.who)
+                self.on_moved(id, request.position, request.who)
 
     def wanted(self, places: dict[int, Point], now: float) -> dict[int, Point]:
         """Return the requested places that are not yet confirmed; `places` are the confirmed."""
-        for id, wish in list(self._wishes.items()):
+        for id, request in list(self._requests.items()):
             place = places.get(id)
-            has_come = wish.is_over and place is not None and _near(place, wish.position)
-            if wish.is_sent and (has_come or place is None or now - wish.at > SETTLING):
-                del self._wishes[id]
+            is_confirmed = request.is_over and place is not None and _near(place, request.position)
+            if request.is_sent and (is_confirmed or place is None or now - request.at > SETTLING):
+                del self._requests[id]
         return {
-            id: wish.position
-            for id, wish in self._wishes.items()
-            if id in places and not _near(places[id], wish.position)
+            id: request.position
+            for id, request in self._requests.items()
+            if id in places and not _near(places[id], request.position)
         }
 
     def forget(self) -> None:
         """Drop refused requests; a drag under way continues."""
-        self._wishes.clear()
+        self._requests.clear()
 
     def stop(self) -> None:
         """End every drag."""
-        self._wishes.clear()
+        self._requests.clear()
         self._offsets.clear()
 
 

@@ -20,7 +20,7 @@ Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
 @dataclass(frozen=True)
-class Wish:
+class MapRequest:
     """Inputs of a map."""
 
     beacons: Beacons
@@ -38,12 +38,12 @@ class BoundSlice:
         self._node: Any = None
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="bound-map")
         self._work: Future[Scale | None] | None = None
-        self._working_on: Wish | None = None
-        self._drawn: Wish | None = None
+        self._working_on: MapRequest | None = None
+        self._drawn: MapRequest | None = None
         self._begun = -math.inf
         self.scale: Scale | None = None
 
-    def update(self, wish: Wish | None, now: float) -> bool:
+    def update(self, request: MapRequest | None, now: float) -> bool:
         """Start the computation of a request, and show a finished map; None hides the map.
 
         Return whether the scale has changed.
@@ -53,32 +53,32 @@ class BoundSlice:
             self.scale, self._drawn = self._work.result(), self._working_on
             self._work = None
         is_time = now - self._begun >= PERIOD or now < self._begun
-        if wish is not None and self._work is None and wish != self._drawn and is_time:
-            self._begun, self._working_on = now, wish
-            self._work = self._worker.submit(self._draw, wish)
-        if wish is None:
+        if request is not None and self._work is None and request != self._drawn and is_time:
+            self._begun, self._working_on = now, request
+            self._work = self._worker.submit(self._draw, request)
+        if request is None:
             self.scale, self._drawn = None, None
         if self._node is not None:
-            self._node.visible = wish is not None and self.scale is not None
+            self._node.visible = request is not None and self.scale is not None
         return self.scale != before
 
     def legend(self) -> dict[str, object] | None:
         """Return the legend of the map that is shown, or None."""
         return None if self.scale is None else legend(self.scale)
 
-    def _draw(self, wish: Wish) -> Scale | None:
+    def _draw(self, request: MapRequest) -> Scale | None:
         """Compute numbers, picture and node in the worker."""
-        (x_low, x_high), (y_low, y_high), _ = wish.volume
+        (x_low, x_high), (y_low, y_high), _ = request.volume
         width, depth = x_high - x_low, y_high - y_low
         if not (width > 0.0 and depth > 0.0):
             return None
         spacing = max(SPACING, width / MOST, depth / MOST)
         found = bound_map(
-            wish.beacons,
-            wish.sigma,
-            *wish.volume[:2],
-            wish.height,
-            sight=wish.sight,
+            request.beacons,
+            request.sigma,
+            *request.volume[:2],
+            request.height,
+            sight=request.sight,
             spacing=spacing,
         )
         scale = Scale.of(found.position)
@@ -92,5 +92,5 @@ class BoundSlice:
         else:
             self._node.image = image
             self._node.render_width, self._node.render_height = width, depth
-        self._node.position = (0.5 * (x_low + x_high), 0.5 * (y_low + y_high), wish.height)
+        self._node.position = (0.5 * (x_low + x_high), 0.5 * (y_low + y_high), request.height)
         return scale

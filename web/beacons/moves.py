@@ -13,8 +13,8 @@ from collections.abc import Callable
 from bearing_sim.beacons import format_layout, parse_layout
 from quadrotor.errors import LinkError, QuadlabError
 from web.live.events import EventHub
-from web.parameters.changes import GainPath
 from web.parameters.replica import LAYOUT, PageParameters
+from web.parameters.writer import ParameterWriter
 
 Position = tuple[float, float, float]
 DIGITS = 4  # to a tenth of a millimetre, well within the flatness a small set needs
@@ -30,7 +30,7 @@ class BeaconMoves:
 
     def __init__(
         self,
-        gains: GainPath,
+        gains: ParameterWriter,
         replica: PageParameters,
         hub: EventHub,
         put_back: Callable[[], None],
@@ -41,7 +41,7 @@ class BeaconMoves:
         self._clock = clock
         self._tasks: set[asyncio.Task[None]] = set()
         self._wanted: str | None = None
-        self._told = float("-inf")
+        self._reported = float("-inf")
 
     @property
     def busy(self) -> bool:
@@ -76,6 +76,6 @@ class BeaconMoves:
     def _refused(self, id: int, who: str, error: QuadlabError) -> None:
         self._wanted = None
         self._put_back()
-        if self._clock() - self._told >= PAUSE:
-            self._told = self._clock()
+        if self._clock() - self._reported >= PAUSE:
+            self._reported = self._clock()
             self._hub.say("warn", f"beacon {id} not moved ({who}): {error}")

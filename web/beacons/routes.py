@@ -20,13 +20,13 @@ from estimation.parameters import PRESETS as GAINS
 from quadrotor.errors import LinkError, MeasurementError, OutOfBoundsError
 from web.beacons import comparison_feed
 from web.beacons.moves import BeaconMoves
-from web.body import Body
+from web.body import Body, read_body
 from web.live.latest import Live
 from web.parameters.replica import LAYOUT, PageParameters
 from web.requester import Operator
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 COMPARED = "station.comparison.estimators"
 ALWAYS_SHOWN = ("none", "one frame", "vehicle")
@@ -90,14 +90,14 @@ _Row = tuple[int, float, float, float]
 _decode = msgspec.json.Decoder(list[_Row] | _Preset).decode
 
 
-def add_beacons(app: FastAPI, parts: Parts) -> None:
+def add_beacons(app: FastAPI, context: VehicleContext) -> None:
     """Add the routes below /api/beacons, and /ws/comparison; pass drags to the gain path."""
-    shown = parts.scene.beacons
-    moves = BeaconMoves(parts.gains, parts.replica, parts.hub, shown.put_back)
-    shown.on_moved = moves.moved
+    shown = context.scene.beacons
+    moves = BeaconMoves(context.gains, context.replica, context.hub, shown.put_back)
+    shown.on_moved(moves.moved)
 
     def tell_view() -> None:
-        parts.hub.publish({"type": "beacon_view", **view()})
+        context.hub.publish({"type": "beacon_view", **view()})
 
     def view() -> dict[str, Any]:
         return {"view": asdict(shown.view), "legend": shown.legend()}
@@ -111,7 +111,7 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
         The layout is null until it has been read. The view has its legend; `gains` are the presets
         of the complementary filter.
         """
-        text = parts.replica.value(LAYOUT)
+        text = context.replica.value(LAYOUT)
         return {
             "layout": text,
             "beacons": rows_of(parse_layout(text)) if isinstance(text, str) else None,
@@ -126,7 +126,7 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
     @app.get("/api/beacons/file", response_class=Response)
     async def file() -> Response:
         """Return the confirmed layout as a CSV file, in the form that PUT accepts."""
-        text = parts.replica.value(LAYOUT)
+        text = context.replica.value(LAYOUT)
         if not isinstance(text, str):
             raise LinkError("the layout of the beacons has not been read yet; is the station up?")
         headers = {"content-disposition": 'attachment; filename="beacons.csv"'}
@@ -146,8 +146,8 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
         with the reason if station or vehicle refuse it.
         """
         kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-        text = layout_of(await _body(request), kind, name)
-        applied, _ = await parts.gains.change({LAYOUT: text}, session.label)
+        text = layout_of(await read_body(request, LARGEST), kind, name)
+        applied, _ = await context.gains.change({LAYOUT: text}, session.label)
         confirmed = str(applied[LAYOUT])
         return {"layout": confirmed, "beacons": rows_of(parse_layout(confirmed))}
 
@@ -160,14 +160,14 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
         """
         wanted = body.model_dump(exclude_none=True)
         if "estimate" in wanted:
-            check_estimate(wanted["estimate"], parts.replica, parts.live)
+            check_estimate(wanted["estimate"], context.replica, context.live)
         shown.show(replace(shown.view, **wanted))
         tell_view()
         return view()
 
     @app.websocket("/ws/comparison")
     async def comparison(socket: WebSocket) -> None:
-        await comparison_feed.serve(socket, parts.live)
+        await comparison_feed.serve(socket, context.live)
 
 
 def layout_of(body: bytes, kind: str, name: str) -> str:
@@ -213,13 +213,3 @@ def check_estimate(name: str, replica: PageParameters, live: Live) -> None:
             f"no estimate is called {name!r}; there are {', '.join(allowed)}: "
             "add an estimator to the comparison first"
         )
-
-
-async def _body(request: Request) -> bytes:
-    """Read the body up to a little more than the largest file, so that its reader can refuse it."""
-    body = b""
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) > LARGEST:
-            break
-    return body

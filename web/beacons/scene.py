@@ -13,11 +13,12 @@ from typing import Any
 from bearing_sim.beacons import PAPER_BEACONS, Beacons
 from bearing_sim.observability import FieldOfView
 from quadrotor.errors import OutOfBoundsError
+from vehicle_link.messages import stamp_of
 from web.beacons.drag import BeaconDrags, Drag
 from web.beacons.estimate import ONE_FRAME, Estimate, EstimateGhost, of_comparison, of_one_frame
-from web.beacons.map import BoundSlice, Box, Wish
+from web.beacons.map import BoundSlice, Box, MapRequest
 from web.beacons.marks import BeaconMarks
-from web.beacons.sight_lines import RATE, PoseHistory, Sight, stamp_of
+from web.beacons.sight_lines import RATE, PoseHistory, SightLines
 from web.live.latest import STALE, Live
 from web.view.server import ViewServer
 
@@ -55,19 +56,18 @@ class BeaconView:
 class BeaconScene:
     """Nodes `/beacons`, `/rays`, `/cones`, `/estimate` and `/bound`.
 
-    `on_moved(id, position, who)` is called when an operator drags a beacon, at most 10 times a
-    second and always with the last position; nothing moves until `set_beacons` is called.
-    `on_legend()` is called when the map's scale has changed.
+    A dragged beacon does not move until `set_beacons` is called. `on_legend()` is called when the
+    map's scale has changed.
     """
 
     def __init__(self, server: ViewServer, live: Live) -> None:
         self._server = server
         self._live = live
         self.on_legend: Callable[[], None] = lambda: None
-        self._view = BeaconView()
+        self.view = BeaconView()
         api = server.viser.scene
         self._marks = BeaconMarks(api)
-        self._sight = Sight(api)
+        self._sight = SightLines(api)
         self._ghost = EstimateGhost(api)
         self._map = BoundSlice(api)
         self._drags = BeaconDrags()
@@ -81,16 +81,11 @@ class BeaconScene:
         server.on_drag = self._dragged
         self.set_beacons(PAPER_BEACONS, self._sigma)
 
-    @property
-    def view(self) -> BeaconView:
-        return self._view
-
-    @property
-    def on_moved(self) -> Callable[[int, tuple[float, float, float], str], None]:
-        return self._drags.on_moved
-
-    @on_moved.setter
     def on_moved(self, react: Callable[[int, tuple[float, float, float], str], None]) -> None:
+        """Call `react(id, position, who)` when an operator drags a beacon.
+
+        It is called at most 10 times a second, and always with the last position.
+        """
         self._drags.on_moved = react
 
     def set_beacons(
@@ -118,7 +113,7 @@ class BeaconScene:
         self._volume = box
 
     def show(self, options: BeaconView) -> None:
-        self._view = options
+        self.view = options
         self._marks.show_handles(options.drag)
         if not options.drag:
             self._drags.stop()
@@ -141,9 +136,9 @@ class BeaconScene:
         """Draw one frame from the newest messages; `now` in s, monotonic."""
         self._now = now
         self._remember()
-        self._drags.hand_on(now)
+        self._drags.pass_on(now)
         self._marks.want(self._drags.wanted(self._marks.places, now))
-        if self._map.update(self._wish(), now):
+        if self._map.update(self._map_request(), now):
             self.on_legend()
         if now >= self._due or self._due > now + 1.0:
             # A little less than a period, as frames are not exact; longer for many beacons (more
@@ -183,22 +178,22 @@ class BeaconScene:
         if frame is self._drawn:
             return
         self._drawn = frame
-        view = self._view
+        view = self.view
         self._sight.show(frame, pose, self._marks.places, rays=view.rays, cones=view.cones)
 
     def _estimate(self) -> Estimate | None:
-        name = self._view.estimate
+        name = self.view.estimate
         if name == ONE_FRAME:
             message = self._fresh("bearing_pose")
             return None if message is None else of_one_frame(message)
         message = self._live.current("comparison")
         return None if message is None else of_comparison(message, name)
 
-    def _wish(self) -> Wish | None:
+    def _map_request(self) -> MapRequest | None:
         beacons = self._marks.beacons
-        if not self._view.map or self._volume is None or beacons is None:
+        if not self.view.map or self._volume is None or beacons is None:
             return None
-        return Wish(beacons, self._sigma, self._sensor, self._volume, self._view.map_height)
+        return MapRequest(beacons, self._sigma, self._sensor, self._volume, self.view.map_height)
 
     def _publish_handles(self) -> None:
         self._server.draggable = frozenset(self._marks.handles)

@@ -1,4 +1,4 @@
-"""Geometry of beacons in the 3D view: meshes and rotations, independent of viser.
+"""Geometry of beacons in the 3D view: meshes and rotations.
 
 Quaternions are (w, x, y, z); lengths in m.
 """
@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from viser.transforms import SO3
 
 from quadrotor.plain_rotations import rows_of
 
@@ -38,25 +39,6 @@ def wxyz_of(q: Any) -> Quaternion:
 def matrix_of(q: Sequence[float]) -> Array:
     """Return the rotation matrix of a quaternion of any length except zero."""
     return np.array(rows_of(np.asarray(q, float) / math.sqrt(math.fsum(c * c for c in q))))
-
-
-def wxyz_of_matrix(R: Array) -> Quaternion:
-    """Return the quaternion of a rotation matrix, with w not negative."""
-    w, x, y, z = (
-        math.sqrt(max(0.0, 1.0 + a * R[0, 0] + b * R[1, 1] + c * R[2, 2]))
-        for a, b, c in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
-    )
-    # Divide by the largest component: the matrix then gives the others with their signs.
-    if w >= max(x, y, z):
-        q = (w * w, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1])
-    elif x >= max(y, z):
-        q = (R[2, 1] - R[1, 2], x * x, R[0, 1] + R[1, 0], R[0, 2] + R[2, 0])
-    elif y >= z:
-        q = (R[0, 2] - R[2, 0], R[0, 1] + R[1, 0], y * y, R[1, 2] + R[2, 1])
-    else:
-        q = (R[1, 0] - R[0, 1], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], z * z)
-    length = math.copysign(math.sqrt(sum(c * c for c in q)), q[0])
-    return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
 
 
 def turns_from_z(directions: Array) -> Array:
@@ -105,7 +87,8 @@ def ellipsoid(covariance: npt.ArrayLike) -> tuple[Point, Quaternion] | None:
     if np.linalg.det(axes) < 0.0:
         axes[:, 0] = -axes[:, 0]
     x, y, z = (DEVIATIONS * math.sqrt(v) for v in variances.tolist())
-    return (x, y, z), wxyz_of_matrix(axes)
+    w, i, j, k = SO3.from_matrix(axes).wxyz.tolist()
+    return (x, y, z), (w, i, j, k)
 
 
 def handle(radius: float = 0.17, reach: float = 0.27) -> Mesh:

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from vehicle_link.messages import stamp_of
 from web.beacons.shapes import (
-    DEVIATIONS,
     Array,
     Point,
     Quaternion,
@@ -33,14 +33,6 @@ HISTORY = 2.0  # s
 COLOR = (224, 196, 110)
 CONE_OPACITY = 0.07
 MOVED = 0.004  # m; a cone is not redrawn for a smaller move
-
-STAMP_NS = 1_000_000_000
-
-
-def stamp_of(message: Any) -> int:
-    """Return the stamp of a message's header, in ns."""
-    stamp = message.header.stamp
-    return int(stamp.sec) * STAMP_NS + int(stamp.nanosec)
 
 
 class PoseHistory:
@@ -60,7 +52,7 @@ class PoseHistory:
             return
         pose = message.pose.pose
         self._poses.append((stamp_ns, point_of(pose.position), wxyz_of(pose.orientation)))
-        while stamp_ns - self._poses[0][0] > HISTORY * STAMP_NS:
+        while stamp_ns - self._poses[0][0] > 1e9 * HISTORY:
             self._poses.popleft()
 
     def clear(self) -> None:
@@ -90,7 +82,7 @@ class PoseHistory:
         return p + share * (to_p - p), matrix_of((q + share * (to_q - q)).tolist())
 
 
-class Sight:
+class SightLines:
     """Nodes `/rays` and `/cones`."""
 
     def __init__(self, api: Any) -> None:
@@ -172,6 +164,3 @@ class Sight:
         self._cones.batched_positions = np.tile(apex, (count, 1)).astype(np.float32)
         self._cones.batched_wxyzs = turns.astype(np.float32)
         self._cones.batched_scales = scales.astype(np.float32)
-
-
-__all__ = ["DEVIATIONS", "PoseHistory", "Sight", "stamp_of"]

@@ -25,7 +25,7 @@ from web.requester import Operator
 from web.runs.job_queue import Work, Workshop
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 SECONDS = 1800.0
 """Longest time of one survey, s."""
@@ -71,7 +71,7 @@ class SurveyBody(Body):
     run_id: str = Field(min_length=1, max_length=200, description="the flight")
 
 
-class SurveyDesk:
+class BeaconSurvey:
     """Newest survey of one vehicle; thread-safe.
 
     Args:
@@ -154,9 +154,9 @@ def _fields(proposal: LayoutProposal) -> dict[str, Any]:
     }
 
 
-def add_survey(app: FastAPI, parts: Parts) -> None:
+def add_survey(app: FastAPI, context: VehicleContext) -> None:
     """Add the routes below /api/beacons/survey."""
-    desk = parts.survey
+    survey = context.survey
 
     @app.get("/api/beacons/survey")
     def state() -> dict[str, Any]:
@@ -164,18 +164,18 @@ def add_survey(app: FastAPI, parts: Parts) -> None:
 
         Places are in m, moves and deviations in mm, residuals in mrad.
         """
-        return desk.as_json()
+        return survey.as_json()
 
     @app.post("/api/beacons/survey")
     def begin(body: SurveyBody, _: Operator) -> dict[str, Any]:
         """Find the beacons' positions from a recorded flight; nothing changes until accepted."""
-        desk.ask(body.run_id, parts.catalogue.resolve(body.run_id))
-        return desk.as_json()
+        survey.ask(body.run_id, context.catalogue.resolve(body.run_id))
+        return survey.as_json()
 
     @app.post("/api/beacons/survey/accept")
     async def accept(session: Operator) -> dict[str, Any]:
         """Set the proposed layout; station and vehicle check it."""
-        proposal, in_use = desk.proposal(), parts.replica.value(LAYOUT)
+        proposal, in_use = survey.proposal(), context.replica.value(LAYOUT)
         if isinstance(in_use, str):
             ours, found = (
                 sorted(map(int, parse_layout(one).ids)) for one in (in_use, proposal.layout)
@@ -185,15 +185,15 @@ def add_survey(app: FastAPI, parts: Parts) -> None:
                     f"the survey is of beacons {_listed(found)}, but those in use are "
                     f"{_listed(ours)}: survey a flight with these"
                 )
-        await parts.gains.change({LAYOUT: proposal.layout}, session.label)
-        desk.decide("accepted")
-        return desk.as_json()
+        await context.gains.change({LAYOUT: proposal.layout}, session.label)
+        survey.decide("accepted")
+        return survey.as_json()
 
     @app.post("/api/beacons/survey/reject")
     def reject(_: Operator) -> dict[str, Any]:
         """Reject the proposal; the layout does not change."""
-        desk.decide("rejected")
-        return desk.as_json()
+        survey.decide("rejected")
+        return survey.as_json()
 
 
 def _listed(ids: list[int]) -> str:

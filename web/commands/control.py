@@ -18,7 +18,7 @@ from web.live.latest import Live
 from web.requester import Operator
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 PERIOD = 1.0  # s
 
@@ -74,7 +74,7 @@ class ControlBody(CommandBody):
     action: Literal["ask", "give", "keep", "release", "take"]
 
 
-def add_control(app: FastAPI, parts: Parts) -> None:
+def add_control(app: FastAPI, context: VehicleContext) -> None:
     """Add POST /api/control. The station refuses, with the reason, what this person may not do."""
 
     @app.post("/api/control")
@@ -84,5 +84,5 @@ def add_control(app: FastAPI, parts: Parts) -> None:
             raise HTTPException(
                 403, f"{session.label} may ask for control; admins alone may take it"
             )
-        await parts.station.command("control", session.label, **body.fields)
+        await context.station.command("control", session.label, **body.fields)
         return {"accepted": True}

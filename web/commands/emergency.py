@@ -67,7 +67,7 @@ class Press:
         return self.phase in ("sent", "accepted")
 
 
-class EmergencyDesk:
+class EmergencyCommands:
     """Emergency commands of one event loop.
 
     Args:

@@ -20,10 +20,10 @@ from quadrotor.errors import QuadlabError
 from web.access.pages import page_response, small_page
 from web.access.roles import Role, Session
 from web.access.sign_in import read_form
-from web.app_parts import Parts
 from web.commands.emergency import Message
 from web.fleet.fleet import Fleet
 from web.requester import Asker
+from web.vehicle_context import VehicleContext
 
 SOON = 0.3
 """Longest time, in s, that the request waits for the vehicle's answer before it is answered."""
@@ -42,12 +42,12 @@ _STYLE = """<style>form{margin:1rem 0}button{font-weight:600;padding:.7rem 1.1re
 .cut:hover{border-color:var(--text)}a{color:inherit}</style>"""
 
 
-def add_plain_emergency(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
-    desk = parts.emergency
+def add_plain_emergency(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
+    emergency = context.emergency
 
     @app.get("/emergency", include_in_schema=False)
-    async def stands(session: Asker) -> Response:
-        return _page(*_told(parts.vehicle, desk.state), _buttons(session))
+    async def state(session: Asker) -> Response:
+        return _page(*_state_line(context.vehicle, emergency.state), _buttons(session))
 
     @app.post("/emergency", include_in_schema=False)
     async def press(session: Asker, request: Request) -> Response:
@@ -57,20 +57,22 @@ def add_plain_emergency(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
             return _page(f"Nothing was done: {error}.", "", _buttons(session), status=400)
         action = form.get("action", "")
         if action == "all":
-            return _page(_fleet_told(await fleet.land_all(session.label)), "", "")
+            return _page(_fleet_line(await fleet.land_all(session.label)), "", "")
         if action not in NAMES:
             said = f"Nothing was done: {action!r:.40} is neither land nor cut."
             return _page(said, "", _buttons(session), status=422)
         if action == "cut" and not session.role.may(Role.OPERATOR):
-            said = f"{session.label} may land {parts.vehicle}, but not cut its motors."
+            said = f"{session.label} may land {context.vehicle}, but not cut its motors."
             return _page(said, "", _buttons(session), status=403)
         if action == "cut" and form.get("sure") != "yes":
-            return _page(f"Cut the motors of {parts.vehicle}? It falls.", "", _LAND + _SURE + _CUT)
+            return _page(
+                f"Cut the motors of {context.vehicle}? It falls.", "", _LAND + _SURE + _CUT
+            )
         try:
             with contextlib.suppress(TimeoutError):  # the press continues and is shown
-                await asyncio.wait_for(desk.press(action, session.label), SOON)
+                await asyncio.wait_for(emergency.press(action, session.label), SOON)
         except QuadlabError as error:
-            said = f"{parts.vehicle}: {NAMES[action]} failed: {error}. Press again."
+            said = f"{context.vehicle}: {NAMES[action]} failed: {error}. Press again."
             return _page(said, "", _buttons(session), status=409)
         return RedirectResponse("emergency", 303)
 
@@ -79,7 +81,7 @@ def _buttons(session: Session) -> str:
     return _LAND + (_CUT if session.role.may(Role.OPERATOR) else "")
 
 
-def _told(vehicle: str, press: Message | None) -> tuple[str, str]:
+def _state_line(vehicle: str, press: Message | None) -> tuple[str, str]:
     """Return a line on the newest press, and the tag that reloads the page while it is pending."""
     if press is None:
         return f"{vehicle}: no emergency was pressed.", ""
@@ -97,7 +99,7 @@ def _told(vehicle: str, press: Message | None) -> tuple[str, str]:
     return f"{vehicle}: {done}, acknowledged after {press['after']:.2f} s{note}.", ""
 
 
-def _fleet_told(vehicles: list[dict[str, Any]]) -> str:
+def _fleet_line(vehicles: list[dict[str, Any]]) -> str:
     outcomes = (
         f"{one['name']}: {one['outcome']}" + (f", {one['reason']}" if one.get("reason") else "")
         for one in vehicles

@@ -8,30 +8,30 @@ from typing import Any
 from fastapi import FastAPI
 
 from vehicle_link.commands import COMMANDS, Command
-from web.app_parts import Parts
 from web.commands.bodies import CommandBody, body_of
 from web.commands.trajectories import FOLLOW
 from web.requester import Asker, Operator, operator_of
+from web.vehicle_context import VehicleContext
 
 
-def add_commands(app: FastAPI, parts: Parts) -> None:
+def add_commands(app: FastAPI, context: VehicleContext) -> None:
     """Add a route for each command that has one."""
     for command in COMMANDS.values():
         if command.has_route:
-            _add_command(app, parts, command)
+            _add_command(app, context, command)
 
 
-def _add_command(app: FastAPI, parts: Parts, command: Command) -> None:
+def _add_command(app: FastAPI, context: VehicleContext, command: Command) -> None:
     async def send(body: CommandBody, session: Operator) -> dict[str, Any]:
-        answer = await parts.station.command(command.name, session.label, **body.fields)
+        answer = await context.station.command(command.name, session.label, **body.fields)
         if command.name == "start_behavior" and body.fields["name"] == FOLLOW:
-            parts.trajectories.started(body.fields["arguments"])
+            context.trajectories.started(body.fields["arguments"])
         return {"accepted": True, **{name: getattr(answer, name) for name in command.answers}}
 
     async def press(body: Any, session: Asker) -> dict[str, Any]:
         if body.action == "cut":
             operator_of(session)
-        pressed = await parts.emergency.press(body.action, session.label, body.request_id)
+        pressed = await context.emergency.press(body.action, session.label, body.request_id)
         return {"accepted": True, "id": pressed}
 
     route = press if command.name == "emergency" else send

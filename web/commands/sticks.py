@@ -74,7 +74,7 @@ def read_frame(raw: bytes) -> Frame:
     return Frame((forward, left, up, yaw), button > 0.5, number, CAUSES[cause])
 
 
-class Hand:
+class DeadManSwitch:
     """One page's button: whether it counts, or why it does not. It has no side effects."""
 
     def __init__(self) -> None:
@@ -104,7 +104,7 @@ class Hand:
 
 
 class StickOutput:
-    """Output of the sticks, which lets one hand through at a time.
+    """Output of the sticks, which lets one page through at a time.
 
     All methods are for the event loop's thread, except `answer_from_thread`.
 
@@ -127,27 +127,27 @@ class StickOutput:
     def attach(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
 
-    def send(self, hand: object, axes: Axes, requester: str, answered: Answered) -> bool:
-        """Publish the sticks unless another hand has them; return whether this one does."""
+    def send(self, switch: object, axes: Axes, requester: str, answered: Answered) -> bool:
+        """Publish the sticks unless another switch has them; return whether this one does."""
         now = self._clock()
-        if self._owner is not hand and self._owner is not None and now <= self._until:
+        if self._owner is not switch and self._owner is not None and now <= self._until:
             return False
-        self._owner, self._requester, self._until = hand, requester, now + SILENCE
+        self._owner, self._requester, self._until = switch, requester, now + SILENCE
         if stamp_ns := self._publish(axes, True, requester):
             self._asked[stamp_ns] = answered
             while len(self._asked) > REMEMBERED:
                 self._asked.popitem(last=False)
         return True
 
-    def release(self, hand: object, let_go: str = "") -> None:
-        """Publish zero and disabled, once, if this hand had the sticks.
+    def release(self, switch: object, let_go: str = "") -> None:
+        """Publish zero and disabled, once, if this switch had the sticks.
 
         Args:
-            let_go: the requester who released the button. It is passed on even while no hand has
+            let_go: the requester who released the button. It is passed on even while no switch has
                 the sticks: a station that dropped them waits for the release, and may have missed
                 it if the web process was restarted.
         """
-        if self._owner is hand:
+        if self._owner is switch:
             self._owner = None
             self._publish(_CENTRE, False, self._requester)
         elif self._owner is None and let_go:
@@ -183,7 +183,7 @@ async def serve(
         await socket.close(1008, "viewers have no sticks")
         return
     await socket.accept()
-    hand, label = Hand(), session.label
+    switch, label = DeadManSwitch(), session.label
     answers: asyncio.Queue[bytes] = asyncio.Queue()
 
     def tell(number: int, by: str, on: bool, why: str) -> None:
@@ -192,17 +192,17 @@ async def serve(
         answers.put_nowait(_encode({"n": number, "by": by, "on": on, "why": why}))
 
     def take(frame: Frame) -> None:
-        was_on = hand.on
-        if hand.take(frame, time.monotonic()):
+        was_on = switch.on
+        if switch.take(frame, time.monotonic()):
             if not may(label):
-                hand.refuse("another has control")
-            elif not output.send(hand, frame.axes, label, partial(tell, frame.number, "station")):
-                hand.refuse("another page has the sticks")
-        if hand.on:
+                switch.refuse("another has control")
+            elif not output.send(switch, frame.axes, label, partial(tell, frame.number, "station")):
+                switch.refuse("another page has the sticks")
+        if switch.on:
             return
-        output.release(hand, "" if frame.held else label)
-        tell(frame.number, "web", False, hand.why)
-        cause = hand.why or frame.cause
+        output.release(switch, "" if frame.held else label)
+        tell(frame.number, "web", False, switch.why)
+        cause = switch.why or frame.cause
         if was_on and cause != RELEASED:
             say("warn", f"sticks of {label} dropped: {cause}")
 
@@ -215,8 +215,8 @@ async def serve(
     except ValueError as error:
         await socket.close(1008, str(error))
     finally:
-        output.release(hand)
-        if hand.on:
+        output.release(switch)
+        if switch.on:
             say("warn", f"sticks of {label} dropped: {CLOSED}")
 
 

@@ -14,6 +14,7 @@ from pydantic import Field
 from control.behaviors.preview import Preview, preview
 from quadrotor.errors import JobTimeoutError, RefusedError
 from quadrotor.parameters import ParameterValue
+from quadrotor.plain_rotations import roll_pitch_yaw
 from vehicle_link.jobs import run
 from vehicle_link.messages import stamp_of
 from web.beacons.shapes import point_of, wxyz_of
@@ -34,7 +35,7 @@ class PreviewBody(Body):
     arguments: Arguments = Field(description="of follow_trajectory, as start_behavior takes them")
 
 
-class TrajectoryDesk:
+class TrajectoryMonitor:
     """The newest preview and the trajectory in flight. Use it from the event loop only."""
 
     def __init__(self, live: Live, replica: PageParameters, scene: Scene) -> None:
@@ -44,7 +45,7 @@ class TrajectoryDesk:
         self._started: Arguments | None = None
         self._began_ns: int | None = None
 
-    async def look(self, arguments: Arguments) -> dict[str, Any]:
+    async def preview(self, arguments: Arguments) -> dict[str, Any]:
         """Draw a trajectory that would start here, and return its demands on the vehicle.
 
         Raises ParameterError, RefusedError, JobError.
@@ -108,14 +109,14 @@ class TrajectoryDesk:
         if state is None:
             return (0.0, 0.0, HOVER, 0.0)
         x, y, _ = point_of(state.pose.pose.position)
-        w, i, j, k = wxyz_of(state.pose.pose.orientation)
-        return (x, y, HOVER, float(np.arctan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))))
+        _, _, yaw = roll_pitch_yaw(*wxyz_of(state.pose.pose.orientation))
+        return (x, y, HOVER, yaw)
 
 
-def add_trajectories(app: FastAPI, desk: TrajectoryDesk) -> None:
+def add_trajectories(app: FastAPI, monitor: TrajectoryMonitor) -> None:
     @app.post("/api/trajectories/preview")
-    async def look(body: PreviewBody, _: Operator) -> dict[str, Any]:
+    async def show_preview(body: PreviewBody, _: Operator) -> dict[str, Any]:
         """Draw a trajectory of follow_trajectory in the 3D view, and return its duration (s),
         its largest speed (m/s), and why the vehicle would refuse it, "" where it can fly it.
         """
-        return await desk.look(body.arguments)
+        return await monitor.preview(body.arguments)

@@ -16,12 +16,12 @@ from quadrotor.errors import LinkError, MeasurementError, RefusedError
 from web.live.latest import Live
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 
-def add_calibration(app: FastAPI, parts: Parts) -> None:
+def add_calibration(app: FastAPI, context: VehicleContext) -> None:
     """Add the route /api/calibrations."""
-    station = parts.station
+    station = context.station
 
     @app.get("/api/calibrations")
     async def calibrations() -> dict[str, Any]:

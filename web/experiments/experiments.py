@@ -16,11 +16,12 @@ from pydantic import Field
 
 from vehicle_link.parameters.messages import from_descriptor, to_parameters
 from web.commands.bodies import CommandBody
+from web.live.conversation import significant
 from web.live.latest import Live
 from web.requester import Operator
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 
 class StartExperimentBody(CommandBody):
@@ -32,9 +33,9 @@ class ConfirmBody(CommandBody):
     question: str = Field(min_length=1, max_length=500, description="a yes to no other one")
 
 
-def add_experiments(app: FastAPI, parts: Parts) -> None:
+def add_experiments(app: FastAPI, context: VehicleContext) -> None:
     """Add the routes below /api/experiments."""
-    station = parts.station
+    station = context.station
 
     async def ask(body: CommandBody, requester: str, action: str, **more: Any) -> dict[str, bool]:
         if body.request_id:
@@ -50,7 +51,7 @@ def add_experiments(app: FastAPI, parts: Parts) -> None:
         experiment proposes; `problem`: why a user's own file cannot run.
         """
         answer = await station.command("experiment", "page", action="describe")
-        return {"experiments": _described(answer), "status": experiment_summary(parts.live)}
+        return {"experiments": _described(answer), "status": experiment_summary(context.live)}
 
     @app.post("/api/experiments/start")
     async def start(body: StartExperimentBody, session: Operator) -> dict[str, bool]:
@@ -134,7 +135,7 @@ def experiment_summary(live: Live) -> dict[str, Any] | None:
         "planned": round(float(status.planned), 1),
         "step_share": round(float(status.step_share), 3),
         "live": [
-            {"name": name, "value": _number(value), "unit": unit}
+            {"name": name, "value": significant(value), "unit": unit}
             for name, value, unit in zip(
                 status.live_names, status.live_values, status.live_units, strict=True
             )
@@ -143,14 +144,9 @@ def experiment_summary(live: Live) -> dict[str, Any] | None:
         "metrics": [
             {
                 "name": name,
-                "value": _number(value),
+                "value": significant(value),
                 "limit": limit if math.isfinite(limit) else None,
             }
             for name, value, limit in zip(status.metric_names, values, limits, strict=True)
         ],
     }
-
-
-def _number(value: float) -> float | None:
-    """Return a number with six digits, None for NaN, which JSON does not have."""
-    return float(f"{value:.6g}") if math.isfinite(value) else None

@@ -12,7 +12,7 @@ from web.requester import Operator
 from web.static_files import FILES
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 SHOWN = {
     ".html": "text/html; charset=utf-8",
@@ -34,9 +34,9 @@ it has the rights of the person who opens it.
 """
 
 
-def add_reports(app: FastAPI, parts: Parts) -> None:
+def add_reports(app: FastAPI, context: VehicleContext) -> None:
     """Add the routes below /api/runs/{run_id}/report, and the page /report/{run_id}."""
-    catalogue, reports = parts.catalogue, parts.reports
+    catalogue, reports = context.catalogue, context.reports
 
     @app.get("/api/runs/{run_id}/report")
     def report(run_id: str) -> dict[str, Any]:

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, QuadlabError
 from quadrotor.plain_rotations import roll_pitch_yaw
+from web.beacons.shapes import point_of, wxyz_of
 from web.live.latest import CHARTED, FAST, Live
-from web.signals.signal import quaternion
 
 if TYPE_CHECKING:
-    from web.live.vehicle_side import VehicleSide
+    from web.vehicle_context import VehicleContext
 
 LOOK = 0.2  # s between checks of which pages are open
 LINGER = 5.0  # s for which topics are kept after the last page closes: it may be reloading
@@ -35,24 +35,24 @@ class Fleet:
     """Fleet of one event loop.
 
     Args:
-        sides: the vehicles; the page of the first one is at /.
+        vehicles: the vehicles; the page of the first one is at /.
     """
 
-    def __init__(self, sides: Sequence[VehicleSide]) -> None:
-        self._sides = tuple(sides)
+    def __init__(self, vehicles: Sequence[VehicleContext]) -> None:
+        self._vehicles = tuple(vehicles)
         self._plots = 0
-        self._seen = dict.fromkeys((side.name for side in sides), -math.inf)
+        self._seen = dict.fromkeys((one.vehicle for one in vehicles), -math.inf)
         self._taken: dict[str, frozenset[str]] = {}
         self._changing = ThreadPoolExecutor(1, thread_name_prefix="web-watch")
 
     @property
     def names(self) -> list[str]:
-        return [side.name for side in self._sides]
+        return [one.vehicle for one in self._vehicles]
 
     @property
     def lives(self) -> dict[str, Live]:
         """Return the newest messages of each vehicle, by name."""
-        return {side.name: side.parts.live for side in self._sides}
+        return {one.vehicle: one.live for one in self._vehicles}
 
     @contextlib.contextmanager
     def plotted(self) -> Iterator[None]:
@@ -65,59 +65,59 @@ class Fleet:
 
     def summary(self) -> list[Message]:
         """Return the state of each vehicle."""
-        return [_summary(side) for side in self._sides]
+        return [_summary(one) for one in self._vehicles]
 
     def positions(self) -> list[list[float] | None]:
         """Return x, y, z (m, W) and yaw (rad) of each vehicle, None where it is not known now."""
-        return [_position(side.parts.live) for side in self._sides]
+        return [_position(one.live) for one in self._vehicles]
 
     async def land_all(self, requester: str, request_id: str | None = None) -> list[Message]:
         """Send an emergency landing to all vehicles not known to be on the ground with motors off.
 
         Return once each has accepted or refused it; `summary` reports what they show then.
         """
-        landings = (self._land(side, requester, request_id) for side in self._sides)
+        landings = (self._land(one, requester, request_id) for one in self._vehicles)
         return list(await asyncio.gather(*landings))
 
     async def run(self) -> None:
         """Subscribe to what is shown of each vehicle, and to no more."""
         loop = asyncio.get_running_loop()
         while True:
-            for side in self._sides:
+            for one in self._vehicles:
                 now = loop.time()
-                if side.is_looked_at:
-                    self._seen[side.name] = now
+                if one.is_looked_at:
+                    self._seen[one.vehicle] = now
                 wanted = POSITION if self._plots else frozenset()
-                if now - self._seen[side.name] <= LINGER:
-                    wanted = SEEN | side.parts.feed.topics
-                if wanted == self._taken.get(side.name, frozenset()):
+                if now - self._seen[one.vehicle] <= LINGER:
+                    wanted = SEEN | one.feed.topics
+                if wanted == self._taken.get(one.vehicle, frozenset()):
                     continue
                 with contextlib.suppress(LinkError):  # the session is closing; tried again
-                    await loop.run_in_executor(self._changing, side.station.watch, wanted)
-                    self._taken[side.name] = wanted
+                    await loop.run_in_executor(self._changing, one.station.watch, wanted)
+                    self._taken[one.vehicle] = wanted
             await asyncio.sleep(LOOK)
 
     def stop(self) -> None:
         self._changing.shutdown(wait=False, cancel_futures=True)
 
-    async def _land(self, side: VehicleSide, requester: str, request_id: str | None) -> Message:
-        status = side.parts.live.current("status")
+    async def _land(self, one: VehicleContext, requester: str, request_id: str | None) -> Message:
+        status = one.live.current("status")
         if status is not None and not status.armed:
-            return {"name": side.name, "outcome": "motors off", "reason": ""}
+            return {"name": one.vehicle, "outcome": "motors off", "reason": ""}
         try:
-            await side.parts.emergency.press("land", requester, request_id)
+            await one.emergency.press("land", requester, request_id)
         except QuadlabError as error:
-            return {"name": side.name, "outcome": "failed", "reason": str(error)}
-        return {"name": side.name, "outcome": "accepted", "reason": ""}
+            return {"name": one.vehicle, "outcome": "failed", "reason": str(error)}
+        return {"name": one.vehicle, "outcome": "accepted", "reason": ""}
 
 
-def _summary(side: VehicleSide) -> Message:
-    parts, live = side.parts, side.parts.live
+def _summary(one: VehicleContext) -> Message:
+    live = one.live
     status, link = live.newest("status"), live.newest("link_status")
     battery, station = live.newest("battery"), live.newest("station_status")
     holder, position = live.current("control"), _position(live)
     return {
-        "name": side.name,
+        "name": one.vehicle,
         "age": _age(live, "status"),
         "mode": status and status.mode,
         "behavior": status and status.behavior,
@@ -135,7 +135,7 @@ def _summary(side: VehicleSide) -> Message:
         else None,
         "alarms": list(station.alarms) if station and live.fresh("station_status") else [],
         "holder": str(holder.holder) if holder else None,
-        "emergency": parts.emergency.state,
+        "emergency": one.emergency.state,
     }
 
 
@@ -143,10 +143,9 @@ def _position(live: Live) -> list[float] | None:
     state = live.current("state")
     if state is None:
         return None
-    at = state.pose.pose.position
-    _, _, yaw = roll_pitch_yaw(*quaternion(state.pose.pose.orientation))
-    where = (float(at.x), float(at.y), float(at.z), yaw)
-    return [round(v, 3) for v in where] if all(map(math.isfinite, where)) else None
+    _, _, yaw = roll_pitch_yaw(*wxyz_of(state.pose.pose.orientation))
+    where = (*point_of(state.pose.pose.position), yaw)
+    return [round(float(v), 3) for v in where] if all(map(math.isfinite, where)) else None
 
 
 def _age(live: Live, topic: str) -> float | None:

@@ -10,19 +10,17 @@ import asyncio
 import contextlib
 from typing import Any
 
-import msgspec
 from fastapi import FastAPI, WebSocket
 from fastapi.responses import HTMLResponse
 
 from web.commands.bodies import CommandBody
 from web.fleet.fleet import Fleet
-from web.live.conversation import converse
+from web.live.conversation import converse, send_json
 from web.requester import Asker
 from web.static_files import FILES
 
 PERIOD = 0.4  # s between states
 PLOT_PERIOD = 0.1  # s between positions
-_encode = msgspec.json.Encoder().encode
 
 
 def add_fleet(app: FastAPI, fleet: Fleet) -> None:
@@ -61,5 +59,5 @@ async def _talk(socket: WebSocket, fleet: Fleet, *, plots: bool) -> None:
             if loop.time() >= due:
                 due = loop.time() + PERIOD
                 message["vehicles"] = fleet.summary()
-            await socket.send_text(_encode(message).decode())
+            await send_json(socket, message)
             await asyncio.sleep(PLOT_PERIOD if plots else PERIOD)

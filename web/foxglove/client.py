@@ -23,7 +23,7 @@ from web.foxglove.protocol import ERROR, WARNING
 MOST_BYTES = 1_000_000  # of queued messages
 MOST_TEXTS = 300  # number of queued answers
 AT_ONCE = 64 * 1024  # bytes of one write
-TOLD = 5.0  # shortest time, in s, between two lines about dropped messages
+NOTICE_PERIOD = 5.0  # shortest time, in s, between two lines about dropped messages
 OVERFLOW = 1008  # close code
 
 
@@ -45,7 +45,7 @@ class FoxgloveClient:
         self._texts: deque[str | bytes] = deque()
         self._frames: deque[bytes] = deque()
         self._bytes = 0
-        self._dropped, self._told = 0, -TOLD
+        self._dropped, self._notified = 0, -NOTICE_PERIOD
         self._news = asyncio.Event()
 
     def subscribe(self, subscription: int, channel: int) -> None:
@@ -131,7 +131,7 @@ class FoxgloveClient:
                     )
                 else:
                     await self._socket.send({"type": "websocket.send", "frames": self._batch()})
-            self._tell_dropped()
+            self._report_dropped()
 
     def _batch(self) -> list[bytes]:
         batch, size = [], 0
@@ -141,10 +141,10 @@ class FoxgloveClient:
         self._bytes -= size
         return batch
 
-    def _tell_dropped(self) -> None:
+    def _report_dropped(self) -> None:
         now = time.monotonic()
-        if self._dropped and now - self._told >= TOLD:
-            count, self._dropped, self._told = self._dropped, 0, now
+        if self._dropped and now - self._notified >= NOTICE_PERIOD:
+            count, self._dropped, self._notified = self._dropped, 0, now
             self.say(WARNING, f"{count} messages dropped: this connection is too slow for them")
 
     def refuse(self, error: Exception) -> None:

@@ -15,8 +15,8 @@ from fastapi import FastAPI, Request, WebSocket
 from fastapi.responses import JSONResponse, Response
 
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
-from web.access.door import LINK_AGE
 from web.access.roles import Role, Session
+from web.access.sign_in_tokens import LINK_AGE
 from web.foxglove import protocol, services
 from web.foxglove.catalogue import CALLED, channels
 from web.foxglove.catalogue import services as offered
@@ -27,7 +27,7 @@ from web.requester import Asker
 from web.runs.sharing import VIEWERS
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 AT_ONCE = 8  # calls of one client in progress
 LAYOUT = Path(__file__).with_name("layout.json")
@@ -35,12 +35,12 @@ INSTANCE = uuid.uuid4().hex
 """Identity of this process, by which a client recognises a restart."""
 
 
-def add_foxglove(app: FastAPI, parts: Parts) -> None:
+def add_foxglove(app: FastAPI, context: VehicleContext) -> None:
     """Add the websocket, and the routes below /api/foxglove."""
 
     @app.websocket("/foxglove")
     async def live(socket: WebSocket) -> None:
-        await serve(socket, parts)
+        await serve(socket, context)
 
     @app.post("/api/foxglove/link")
     def link(request: Request, session: Asker) -> dict[str, Any]:
@@ -50,11 +50,11 @@ def add_foxglove(app: FastAPI, parts: Parts) -> None:
         in a viewer; these can only watch, because a viewer's server sees its own address, including
         the token.
         """
-        scheme = "wss" if urlsplit(parts.base_url).scheme == "https" else "ws"
-        place = f"{scheme}://{request.headers['host']}/v/{parts.vehicle}/foxglove"
+        scheme = "wss" if urlsplit(context.base_url).scheme == "https" else "ws"
+        place = f"{scheme}://{request.headers['host']}/v/{context.vehicle}/foxglove"
 
         def address(holder: Session) -> str:
-            return f"{place}?{urlencode({'token': parts.people.door.sign_link(holder)})}"
+            return f"{place}?{urlencode({'token': context.people.tokens.sign_link(holder)})}"
 
         watching = address(replace(session, role=Role.VIEWER))
         query = urlencode({"ds": "foxglove-websocket", "ds.url": watching})
@@ -67,13 +67,13 @@ def add_foxglove(app: FastAPI, parts: Parts) -> None:
     @app.get("/api/foxglove/layout")
     def layout() -> Response:
         """Return a layout with this vehicle's topics, to import into a viewer."""
-        content = LAYOUT.read_text().replace("VEHICLE", parts.vehicle)
-        disposition = f'attachment; filename="quadlab_{parts.vehicle}_layout.json"'
+        content = LAYOUT.read_text().replace("VEHICLE", context.vehicle)
+        disposition = f'attachment; filename="quadlab_{context.vehicle}_layout.json"'
         headers = {"content-disposition": disposition}
         return Response(content, media_type="application/json", headers=headers)
 
 
-async def serve(socket: WebSocket, parts: Parts) -> None:
+async def serve(socket: WebSocket, context: VehicleContext) -> None:
     """Serve one client until the connection or its session ends."""
     chosen = next((name for name in SUBPROTOCOLS if name in socket.scope["subprotocols"]), None)
     if chosen is None:
@@ -83,28 +83,28 @@ async def serve(socket: WebSocket, parts: Parts) -> None:
         return
     await socket.accept(chosen)
     client = FoxgloveClient(socket, socket.scope["session"])
-    conversation = _Conversation(client, parts)
+    conversation = _Conversation(client, context)
     client.tell(
         protocol.text(
             "serverInfo",
-            name=f"quadlab {parts.vehicle}",
+            name=f"quadlab {context.vehicle}",
             capabilities=["parameters", "parametersSubscribe", "services"],
             supportedEncodings=[protocol.ENCODING],
             metadata={"ROS_DISTRO": "jazzy"},
             sessionId=INSTANCE,
         )
     )
-    client.tell(protocol.text("advertise", channels=channels(parts.vehicle)))
-    client.tell(protocol.text("advertiseServices", services=offered(parts.vehicle)))
-    with parts.forwarding.serving(client):
+    client.tell(protocol.text("advertise", channels=channels(context.vehicle)))
+    client.tell(protocol.text("advertiseServices", services=offered(context.vehicle)))
+    with context.forwarding.serving(client):
         await converse(socket, client.talk(), conversation.listen(socket))
 
 
 class _Conversation:
     """Requests of one client."""
 
-    def __init__(self, client: FoxgloveClient, parts: Parts) -> None:
-        self._client, self._parts = client, parts
+    def __init__(self, client: FoxgloveClient, context: VehicleContext) -> None:
+        self._client, self._context = client, context
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def listen(self, socket: WebSocket) -> None:
@@ -119,7 +119,7 @@ class _Conversation:
 
     def _asked(self, asked: Asked) -> None:
         """Handle a request. Raises ValueError."""
-        client, replica = self._client, self._parts.replica
+        client, replica = self._client, self._context.replica
         match asked:
             case protocol.Subscribe():
                 for one in asked.subscriptions:
@@ -137,7 +137,7 @@ class _Conversation:
                 self._begin(self._set(asked))
 
     def _values(self, names: list[str], identity: str | None) -> None:
-        values = self._parts.replica.values()
+        values = self._context.replica.values()
         found = {name: values[name] for name in names or values if name in values}
         self._client.tell(protocol.parameter_values(found, identity))
 
@@ -147,7 +147,7 @@ class _Conversation:
         try:
             if not session.role.may(Role.OPERATOR):
                 raise RefusedError(f"{session.label} may watch but not change parameters")
-            await self._parts.gains.change(values, session.label)
+            await self._context.gains.change(values, session.label)
         except QuadlabError as error:
             self._client.refuse(error)
         self._values(list(values), asked.id)  # also after a refusal: what is in force
@@ -160,7 +160,9 @@ class _Conversation:
     async def _call(self, call: Call) -> None:
         session = self._client.session
         try:
-            payload = await services.call(self._parts, session, CALLED[call.service], call.payload)
+            payload = await services.call(
+                self._context, session, CALLED[call.service], call.payload
+            )
         except LinkError as error:
             fields = {"serviceId": call.service, "callId": call.id, "message": str(error)}
             self._client.tell(protocol.text("serviceCallFailure", **fields))

@@ -16,10 +16,10 @@ from vehicle_link.topics.table import SERVICES
 from web.access.roles import Role, Session
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 
-async def call(parts: Parts, session: Session, service: str, payload: bytes) -> bytes:
+async def call(context: VehicleContext, session: Session, service: str, payload: bytes) -> bytes:
     """Return the answer in CDR; a refusal is an answer with its reason. Raises LinkError."""
     request = decode(payload, f"{SERVICES[service]}_Request")
     fields = {
@@ -31,7 +31,7 @@ async def call(parts: Parts, session: Session, service: str, payload: bytes) -> 
     try:
         if reason := _refusal(session, service, fields):
             raise RefusedError(reason)
-        answer = await _ask(parts, session.label, service, fields)
+        answer = await _ask(context, session.label, service, fields)
     except RefusedError as error:
         answer = new(f"{SERVICES[service]}_Response", accepted=False, reason=str(error))
     return encode(answer)
@@ -49,13 +49,15 @@ def _refusal(session: Session, service: str, fields: dict[str, Any]) -> str:
     return f"{session.label} is {session.role}; this needs the role {least}"
 
 
-async def _ask(parts: Parts, requester: str, service: str, fields: dict[str, Any]) -> Any:
+async def _ask(
+    context: VehicleContext, requester: str, service: str, fields: dict[str, Any]
+) -> Any:
     if service == "emergency":
         action = str(fields["action"])
         if action not in ("land", "cut"):
             raise RefusedError(f"emergency: {action!r:.40} is no action; allowed are land and cut")
-        await parts.emergency.press(action, requester, fields["request_id"])
+        await context.emergency.press(action, requester, fields["request_id"])
         return new(f"{SERVICES[service]}_Response", accepted=True)
     if service == "mark" and not fields["id"]:
         fields |= {"id": uuid.uuid4().hex, "pressed_ns": fields["pressed_ns"] or time.time_ns()}
-    return await parts.station.command(service, requester, **fields)
+    return await context.station.command(service, requester, **fields)

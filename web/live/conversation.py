@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Coroutine
 from typing import Any
 
+import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketDisconnected
 
 GONE = (WebSocketDisconnect, WebSocketDisconnected, OSError)
 """Errors of a socket that the page has closed: at once, or when it is used again."""
+
+_encode = msgspec.json.Encoder().encode
+
+
+async def send_json(socket: WebSocket, message: Any) -> None:
+    await socket.send_text(_encode(message).decode())
+
+
+def significant(value: float, digits: int = 6) -> float | None:
+    """Return a number with so many digits, or None if it is not finite, which JSON lacks."""
+    return float(f"{value:.{digits}g}") if math.isfinite(value) else None
 
 
 async def converse(

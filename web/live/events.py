@@ -14,13 +14,12 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-import msgspec
 from fastapi import WebSocket
 
-from console.trackers.camera_figures import camera_words
+from console.trackers.camera_figures import figures_text
 from vehicle_link.clock import real_time_factor, wall_time
 from web.access.roles import Session
-from web.live.conversation import converse
+from web.live.conversation import converse, send_json, significant
 from web.live.latest import CHARTED, STALE, Live
 
 Message = dict[str, Any]
@@ -34,8 +33,6 @@ SUMMARY_NOW: Message = {"type": "summary now"}
 """Message of the hub on which every page gets its summary without waiting for the next."""
 NOISES = ("accelerometer", "gyroscope", "measurement")
 LEVELS = {10: "debug", 20: "info", 30: "warn", 40: "error", 50: "error"}
-
-_encode = msgspec.json.Encoder().encode
 
 
 class EventHub:
@@ -112,7 +109,7 @@ async def serve(
     await socket.accept()
 
     async def talk(queue: asyncio.Queue[Message | None]) -> None:
-        await _send(socket, {"type": "hello", "session": session_fields(session), **hello()})
+        await send_json(socket, {"type": "hello", "session": session_fields(session), **hello()})
         sent: Message = {}
         due = 0.0
         while True:
@@ -121,7 +118,7 @@ async def serve(
                 fresh = summary()
                 changed = {k: v for k, v in fresh.items() if k not in sent or sent[k] != v}
                 sent = fresh
-                await _send(socket, {"type": "summary", **changed})
+                await send_json(socket, {"type": "summary", **changed})
                 due = time.monotonic() + 1.0 / RATE
                 continue
             with contextlib.suppress(TimeoutError):
@@ -132,7 +129,7 @@ async def serve(
                 if message is SUMMARY_NOW:
                     due = 0.0
                 else:
-                    await _send(socket, message)
+                    await send_json(socket, message)
 
     with hub.subscribe() as queue:
         await converse(socket, talk(queue))
@@ -170,7 +167,7 @@ def _station(message: Any) -> Message | None:
 def _tracker(message: Any) -> Message | None:
     """Return the fields of a tracker's status, and a text on how well a camera sees."""
     fields = _fields(message)
-    return {**fields, "sees": camera_words(message)} if fields else fields
+    return {**fields, "sees": figures_text(message)} if fields else fields
 
 
 def _battery(message: Any) -> Message | None:
@@ -187,8 +184,7 @@ def _estimate(message: Any) -> Message | None:
     if message is None:
         return None
     names = ("consistency", "refused_share", *(f"{kind}_noise_scale" for kind in NOISES))
-    rounded = {name: float(f"{getattr(message, name):.2g}") for name in names}
-    return {name: _number(value) for name, value in rounded.items()}
+    return {name: significant(float(getattr(message, name)), 2) for name in names}
 
 
 def _fields(message: Any) -> Message | None:
@@ -202,12 +198,8 @@ def _fields(message: Any) -> Message | None:
 def _number(value: Any) -> Any:
     """Return a value for JSON, which has no NaN and no numpy arrays, with six digits."""
     if isinstance(value, float):
-        return float(f"{value:.6g}") if math.isfinite(value) else None
+        return significant(value)
     return value.tolist() if hasattr(value, "tolist") else value
-
-
-async def _send(socket: WebSocket, message: Message) -> None:
-    await socket.send_text(_encode(message).decode())
 
 
 def _empty(queue: asyncio.Queue[Message | None]) -> None:

@@ -66,7 +66,7 @@ class Forwarding:
         finally:
             self.clients.discard(client)
 
-    def told(
+    def parameters_changed(
         self, message: Mapping[str, Any], values: Callable[[], dict[str, ParameterValue]]
     ) -> None:
         """Pass on a message on parameters: one that changed, or that all were read."""

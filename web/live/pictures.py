@@ -19,7 +19,7 @@ from vehicle_link.topics import decode_picture
 from web.live.conversation import converse
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 Camera = Literal["tracker", "camera"]
 """The tracker's camera, or the one on board."""
@@ -64,12 +64,12 @@ class PictureClient:
                 await socket.send_bytes(jpeg)
 
 
-def add_pictures(app: FastAPI, parts: Parts) -> None:
+def add_pictures(app: FastAPI, context: VehicleContext) -> None:
     """Add the websocket /ws/picture/{camera}."""
 
     @app.websocket("/ws/picture/{camera}")
     async def picture(socket: WebSocket, camera: Camera) -> None:
         await socket.accept()
         client = PictureClient(camera)
-        with parts.forwarding.serving(client):
+        with context.forwarding.serving(client):
             await converse(socket, client.talk(socket))

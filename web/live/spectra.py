@@ -23,7 +23,7 @@ from web.signals import NAMED_SOURCES, SIGNALS, Source
 from web.signals.plain import sources_of
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 Array = npt.NDArray[np.float64]
 
@@ -145,11 +145,11 @@ def live_spectrogram(signals: TickSignals, name: str) -> dict[str, Any]:
     return found | {"times": stamps, "newest": signals.start + float(signals.time[-1])}
 
 
-def add_spectra(app: FastAPI, parts: Parts) -> None:
+def add_spectra(app: FastAPI, context: VehicleContext) -> None:
     async def recent(asker: Asker) -> TickSignals:
-        answer = await parts.station.command("recent_telemetry", asker.label)
+        answer = await context.station.command("recent_telemetry", asker.label)
         packets, lengths = answer.packets.tobytes(), answer.lengths.tolist()
-        return await asyncio.to_thread(signals_of, packets, lengths, parts.vehicle)
+        return await asyncio.to_thread(signals_of, packets, lengths, context.vehicle)
 
     @app.get("/api/spectrum")
     async def spectrum(

@@ -202,15 +202,15 @@ class Station:
 
     def _open(self) -> None:
         """Open session, node and subscriptions; retry until it works."""
-        told = False
+        is_reported = False
         while not self._closing.is_set():
             try:
                 session = self._open_session()
             except LinkError as error:
-                if not told:
+                if not is_reported:
                     message = event("warn", f"{error}; trying again", "web", time.time())
                     self._hub.publish_from_thread(message)
-                told = True
+                is_reported = True
                 self._closing.wait(RETRY)
                 continue
             self._join(session)

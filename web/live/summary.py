@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
+from vehicle_link.checks import Check, from_messages
 from web.experiments.calibrations import proposal_summary
 from web.experiments.experiments import experiment_summary
 from web.live.events import Message, summarize
+from web.live.latest import Live
 from web.runs.onboard import transfers_summary
-from web.setup.preflight import preflight_summary
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 SHARED = 0.05  # s
 
@@ -26,8 +28,10 @@ class Summary:
         clock: s of a steady clock.
     """
 
-    def __init__(self, parts: Parts, clock: Callable[[], float] = time.monotonic) -> None:
-        self._parts = parts
+    def __init__(
+        self, context: VehicleContext, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._context = context
         self._clock = clock
         self._made = -math.inf
         self._newest: Message = {}
@@ -46,16 +50,36 @@ class Summary:
 
     def fresh(self) -> Message:
         """Return the summary as of now."""
-        parts = self._parts
+        context = self._context
         return {
-            **summarize(parts.live),
-            "experiment": experiment_summary(parts.live),
-            "proposal": proposal_summary(parts.live),
-            "control": parts.control.summary(),
-            "transfers": transfers_summary(parts.live),
-            "preflight": preflight_summary(parts.live),
-            "trajectory": parts.trajectories.summary(),
-            "planned": parts.scene.is_plan_shown,
-            "emergency_land": parts.replica.value("safety.emergency_land"),
-            "pages": parts.hub.pages,
+            **summarize(context.live),
+            "experiment": experiment_summary(context.live),
+            "proposal": proposal_summary(context.live),
+            "control": context.control.summary(),
+            "transfers": transfers_summary(context.live),
+            "preflight": preflight_summary(context.live),
+            "trajectory": context.trajectories.summary(),
+            "planned": context.scene.is_plan_shown,
+            "emergency_land": context.replica.value("safety.emergency_land"),
+            "pages": context.hub.pages,
         }
+
+
+def preflight_summary(live: Live) -> dict[str, Any] | None:
+    """Return the pre-flight list, or None if the station has not sent it for a while."""
+    message = live.current("preflight")
+    if message is None:
+        return None
+    return {
+        "ready": bool(message.ready),
+        "armed": bool(message.armed),
+        "blocks": bool(message.blocks),
+        "checks": [_listed(one) for one in from_messages(message.checks)],
+    }
+
+
+def _listed(check: Check) -> dict[str, str]:
+    """Return a check without its place, which is the same for all; it is sent twice a second."""
+    fields = asdict(check)
+    fields.pop("place")
+    return fields

@@ -6,7 +6,7 @@ from control.presets import PRESETS as CONTROL
 from control.presets import preset_values
 from estimation.parameters import PRESETS as ESTIMATION
 from quadrotor.parameters import ParameterValue
-from vehicle_link.parameters.authority import SIMULATOR, authority_of
+from vehicle_link.parameters.change import SIMULATOR, authority_of
 from web.parameters.replica import LAYOUT, PageParameters
 
 DEFAULTS, CALM = "defaults", "simulator defaults"

@@ -48,7 +48,7 @@ def write_file(
 def read_file(content: bytes) -> dict[str, Any]:
     """Read values by name, unchecked. Raises MeasurementError with the place of a syntax error."""
     if len(content) > LARGEST:
-        raise MeasurementError(f"the file has {len(content)} bytes; allowed are {LARGEST}")
+        raise MeasurementError(f"the file is too large; allowed are {LARGEST} bytes")
     try:
         text = content.decode()
         if _DEEP.search(text):

@@ -14,8 +14,13 @@ from bearing_sim.beacons import parse_layout
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import FieldOfView
 from quadrotor.errors import QuadlabError
-from vehicle_link.parameters.authority import SIMULATOR, STATION, VEHICLE, authority_of
-from vehicle_link.parameters.change import ParameterChange
+from vehicle_link.parameters.change import (
+    SIMULATOR,
+    STATION,
+    VEHICLE,
+    ParameterChange,
+    authority_of,
+)
 from web.live.latest import Live
 from web.live.station import Station
 from web.parameters.replica import PageParameters
@@ -52,7 +57,7 @@ class ParameterFollower:
     def changed_from_thread(self, change: ParameterChange) -> None:
         """Pass a `parameter_changes` message to the event loop."""
         if self._loop is not None and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._replica.told, change)
+            self._loop.call_soon_threadsafe(self._replica.note_change, change)
 
     async def run(self) -> None:
         loop = asyncio.get_running_loop()

@@ -55,14 +55,16 @@ class PageParameters(ParameterReplica):
 
     def confirm(self, values: Mapping[str, ParameterValue], requester: str, revision: int) -> None:
         """Apply the values of an answer, and publish those that are new to every page."""
-        self._tell(self.apply(values, revision), requester, revision)
+        self._publish_news(self.apply(values, revision), requester, revision)
 
-    def told(self, change: ParameterChange) -> None:
+    def note_change(self, change: ParameterChange) -> None:
         """Apply the message of an authority, as `confirm` does."""
         news = self.apply({change.name: change.new}, change.revision, change.instance)
-        self._tell(news, change.requester, change.revision)
+        self._publish_news(news, change.requester, change.revision)
 
-    def _tell(self, news: Mapping[str, ParameterValue], requester: str, revision: int) -> None:
+    def _publish_news(
+        self, news: Mapping[str, ParameterValue], requester: str, revision: int
+    ) -> None:
         for name, value in news.items():
             self._publish(
                 {

@@ -14,9 +14,8 @@ from fastapi.responses import PlainTextResponse
 from pydantic import Field
 
 from console.parameters.presets import Preset
-from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterValue
-from web.body import Body
+from web.body import Body, read_body
 from web.parameters.built_in_presets import built_in
 from web.parameters.compare import compare, differing
 from web.parameters.file import LARGEST, read_file, write_file
@@ -24,7 +23,7 @@ from web.parameters.replica import LAYOUT
 from web.requester import Operator
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 ON_THE_GROUND = "ground"
 PLACES = (LAYOUT, "beacons.layout")
@@ -42,33 +41,33 @@ class PresetBody(Body):
     replaces: bool = False
 
 
-def add_parameters(app: FastAPI, parts: Parts) -> None:
+def add_parameters(app: FastAPI, context: VehicleContext) -> None:
     """Add all routes of parameters."""
-    _add_values(app, parts)
-    _add_history(app, parts)
-    _add_files(app, parts)
-    _add_presets(app, parts)
+    _add_values(app, context)
+    _add_history(app, context)
+    _add_files(app, context)
+    _add_presets(app, context)
 
 
-def _add_values(app: FastAPI, parts: Parts) -> None:
+def _add_values(app: FastAPI, context: VehicleContext) -> None:
     @app.get("/api/parameters")
     async def parameters() -> dict[str, Any]:
         """Return descriptions and confirmed values, as reported by the vehicle."""
-        return parts.replica.as_json()
+        return context.replica.as_json()
 
     @app.put("/api/parameters")
     async def change(body: ChangeBody, session: Operator) -> dict[str, Any]:
         """Change values, all or none, checked against their bounds; return those applied."""
-        applied, revision = await parts.gains.change(body.values, session.label, walks=body.walks)
+        applied, revision = await context.gains.change(body.values, session.label, walks=body.walks)
         return {
             "applied": applied,
             "revision": revision,
-            "revisions": {name: parts.replica.revision_of(name) for name in applied},
-            "generation": parts.replica.generation,
+            "revisions": {name: context.replica.revision_of(name) for name in applied},
+            "generation": context.replica.generation,
         }
 
 
-def _add_history(app: FastAPI, parts: Parts) -> None:
+def _add_history(app: FastAPI, context: VehicleContext) -> None:
     @app.get("/api/parameters/history")
     def changes(
         name: Annotated[str, Query(max_length=200)] = "",
@@ -81,7 +80,7 @@ def _add_history(app: FastAPI, parts: Parts) -> None:
         `flight`: a run id or `ground`; `before`: only changes older than this id.
         """
         wanted = "" if flight == ON_THE_GROUND else flight
-        found = parts.history.changes(name, wanted, limit, before)
+        found = context.history.changes(name, wanted, limit, before)
         return {
             "changes": [
                 {
@@ -101,10 +100,10 @@ def _add_history(app: FastAPI, parts: Parts) -> None:
     @app.get("/api/parameters/flight")
     async def flight() -> dict[str, Any]:
         """Return the changes that undo those made since before the present or last flight."""
-        last = await run_in_threadpool(parts.history.flight)
+        last = await run_in_threadpool(context.history.flight)
         if last is None:
             nothing: dict[str, Any] = {"run": None, "start": None, "is_over": True, "values": {}}
-            return {**nothing, **compare(parts.replica, {})}
+            return {**nothing, **compare(context.replica, {})}
         # Not the beacons: real ones have not moved.
         values = {name: value for name, value in last.values.items() if name not in PLACES}
         return {
@@ -112,25 +111,25 @@ def _add_history(app: FastAPI, parts: Parts) -> None:
             "start": last.start_ns * 1e-9,
             "is_over": last.is_over,
             "values": last.values,
-            **compare(parts.replica, values),
+            **compare(context.replica, values),
         }
 
 
-def _add_files(app: FastAPI, parts: Parts) -> None:
+def _add_files(app: FastAPI, context: VehicleContext) -> None:
     @app.get("/api/parameters/file")
     async def save(which: Literal["all", "modified"] = "all") -> PlainTextResponse:
         """Return a TOML file with unit, bounds, default and meaning of each value as comments."""
         now = datetime.now(UTC)
         what = "All parameters" if which == "all" else "Parameters that differ from their default"
-        heading = f"{what} of {parts.vehicle}, {now:%Y-%m-%d %H:%M:%S} UTC."
-        parts.replica.check({})
+        heading = f"{what} of {context.vehicle}, {now:%Y-%m-%d %H:%M:%S} UTC."
+        context.replica.check({})
         text = write_file(
-            parts.replica.descriptions(),
-            parts.replica.values(),
+            context.replica.descriptions(),
+            context.replica.values(),
             heading,
             modified_only=which == "modified",
         )
-        name = f"{parts.vehicle}_parameters_{now:%Y%m%dT%H%M%SZ}.toml"
+        name = f"{context.vehicle}_parameters_{now:%Y%m%dT%H%M%SZ}.toml"
         disposition = {"content-disposition": f'attachment; filename="{name}"'}
         return PlainTextResponse(text, headers=disposition, media_type="application/toml")
 
@@ -140,16 +139,12 @@ def _add_files(app: FastAPI, parts: Parts) -> None:
     )
     async def read(request: Request, _: Operator) -> dict[str, Any]:
         """Return the changes that loading this file would make; nothing is changed."""
-        content = b""
-        async for piece in request.stream():
-            content += piece
-            if len(content) > LARGEST:
-                raise MeasurementError(f"the file is too large; allowed are {LARGEST} bytes")
-        return compare(parts.replica, await run_in_threadpool(read_file, content))
+        content = await read_body(request, LARGEST)
+        return compare(context.replica, await run_in_threadpool(read_file, content))
 
 
-def _add_presets(app: FastAPI, parts: Parts) -> None:
-    replica, presets = parts.replica, parts.presets
+def _add_presets(app: FastAPI, context: VehicleContext) -> None:
+    replica, presets = context.replica, context.presets
 
     @app.get("/api/parameters/presets")
     async def all_presets() -> dict[str, Any]:

@@ -61,7 +61,7 @@ def _index(run: Run) -> dict[str, Any]:
         "namespace": run.space,
         "tear": run.log.tear,
         "damaged_chunks": run.log.damaged_chunks,
-        "problems": run.log.problems,
+        "problems": run.log.problems | timeline.cut(topics),
         "topics": {
             topic: {"type": one.type_name, "count": len(one)} for topic, one in topics.items()
         },

@@ -19,10 +19,9 @@ import numpy.typing as npt
 
 from console.evaluation.spectrum import density_of, evenly, rotor_frequency, spectrogram_of
 from flight_log.columns.log_columns import kept_columns
-from flight_log.message_times import gaps
-from flight_log.run import run_of
+from flight_log.run import gaps, run_of
 from quadrotor.errors import MeasurementError, OutOfBoundsError, StorageError
-from vehicle_link.topics.pictures import PICTURE, decode_picture
+from vehicle_link.topics.measurements import PICTURE, decode_picture
 from web.replay.build import INDEX, TRACK, VERSION
 from web.replay.samples import BIN, Array, Made, Row, Samples, coarser, count_before
 

@@ -41,6 +41,15 @@ def lines_of(series: Series) -> list[dict[str, Any]]:
     return found
 
 
+def cut(topics: Mapping[str, Series]) -> dict[str, str]:
+    """Return a line for each of WHOLE that has more than MOST_LINES messages, by topic."""
+    return {
+        topic: f"only the first {MOST_LINES} of {len(series)} messages are listed"
+        for topic, series in topics.items()
+        if f"/{topic}".endswith(WHOLE) and len(series) > MOST_LINES
+    }
+
+
 def as_events(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [
         {

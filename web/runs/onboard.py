@@ -13,14 +13,14 @@ from web.live.latest import Live
 from web.requester import Operator
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 ONBOARD = "onboard"
 Name = Annotated[str, InPath(max_length=160)]
 FIELDS = ("kind", "name", "phase", "bytes", "total_bytes", "rate", "problem")
 
 
-def add_onboard(app: FastAPI, parts: Parts) -> None:
+def add_onboard(app: FastAPI, parts: VehicleContext) -> None:
     """Add the routes below /api/onboard, and /api/runs/{run_id}/backfill."""
     folder = parts.catalogue.folder.parent / ONBOARD
 

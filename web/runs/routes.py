@@ -27,7 +27,7 @@ from web.runs.trash import add_trash
 from web.static_files import FILES
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 MOST = 1000
 
@@ -35,7 +35,7 @@ Text = Annotated[str, Query(max_length=300)]
 Nanoseconds = Annotated[int, Query(ge=0, lt=2**63)]
 
 
-def add_runs(app: FastAPI, parts: Parts) -> None:
+def add_runs(app: FastAPI, parts: VehicleContext) -> None:
     """Add /runs and the routes below /api/runs.
 
     Also those below /api/tags, /api/marks, /api/trash, /api/storage and /api/onboard.
@@ -48,7 +48,7 @@ def add_runs(app: FastAPI, parts: Parts) -> None:
     add_onboard(app, parts)
 
 
-def _add_list(app: FastAPI, parts: Parts) -> None:
+def _add_list(app: FastAPI, parts: VehicleContext) -> None:
     catalogue = parts.catalogue
 
     @app.get("/runs", include_in_schema=False)
@@ -88,7 +88,7 @@ def _add_list(app: FastAPI, parts: Parts) -> None:
         return log_response(catalogue.resolve(run_id))
 
 
-def _add_notes(app: FastAPI, parts: Parts) -> None:
+def _add_notes(app: FastAPI, parts: VehicleContext) -> None:
     catalogue = parts.catalogue
 
     @app.put("/api/runs/{run_id}/notes")
@@ -112,7 +112,7 @@ def _add_notes(app: FastAPI, parts: Parts) -> None:
         return [{"notes": n.text, **about(n)} for n in notes_history(catalogue, run_id)]
 
 
-def _add_tags_and_marks(app: FastAPI, parts: Parts) -> None:
+def _add_tags_and_marks(app: FastAPI, parts: VehicleContext) -> None:
     catalogue = parts.catalogue
 
     @app.get("/api/tags")

@@ -16,7 +16,7 @@ from web.access.signed_links import AGE, SUFFIX
 from web.requester import Asker
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 VIEWERS = {
     "foxglove": "https://app.foxglove.dev/~/view",
@@ -31,7 +31,7 @@ def log_response(run: Path) -> FileResponse:
     return FileResponse(log_of(run), filename=f"{run.stem}{SUFFIX}", media_type=media_type)
 
 
-def add_sharing(app: FastAPI, parts: Parts) -> None:
+def add_sharing(app: FastAPI, parts: VehicleContext) -> None:
     catalogue, exports = parts.catalogue, parts.exports
 
     @app.post("/api/runs/{run_id}/link")

@@ -21,12 +21,12 @@ from web.runs.changes import tell_changed
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 RECORDER = "station.recorder."
 
 
-def add_trash(app: FastAPI, parts: Parts) -> None:
+def add_trash(app: FastAPI, parts: VehicleContext) -> None:
     """Add the routes below /api/trash, and /api/storage."""
     catalogue = parts.catalogue
 
@@ -90,7 +90,7 @@ def add_trash(app: FastAPI, parts: Parts) -> None:
         return {"done": done, "refused": refused}
 
 
-def recorder_limits(parts: Parts) -> dict[str, float]:
+def recorder_limits(parts: VehicleContext) -> dict[str, float]:
     """Return the confirmed values of `station.recorder.*`, else their defaults."""
     defaults = RecorderParameters()
     return {

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 from vehicle_link.checks import Check, Place
 from vehicle_link.security.certificate_checks import validity_check
 from vehicle_link.security.certificates import load_certificate
-from web.access.reach import is_loopback
+from web.access.listen_address import is_loopback
 from web.access.tls import Tls
 
 PLACE: Place = "page"

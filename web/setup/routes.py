@@ -22,12 +22,12 @@ from web.setup.vehicles import known_vehicles
 from web.static_files import FILES
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
     from web.fleet.fleet import Fleet
+    from web.vehicle_context import VehicleContext
 
 
-def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
-    station, people = parts.station, parts.people
+def add_setup(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
+    station, people = context.station, context.people
 
     @app.get("/setup", include_in_schema=False)
     def page() -> HTMLResponse:
@@ -36,7 +36,7 @@ def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
     @app.get("/api/setup/vehicles")
     async def vehicles() -> list[dict[str, Any]]:
         """Return known vehicles; `last_seen` in s, epoch, null = never."""
-        return await asyncio.to_thread(known_vehicles, fleet.lives, parts.catalogue, time.time())
+        return await asyncio.to_thread(known_vehicles, fleet.lives, context.catalogue, time.time())
 
     @app.get("/api/setup/people")
     async def signed_in() -> list[dict[str, Any]]:
@@ -45,17 +45,17 @@ def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
 
     async def found(requester: str, *, again: bool) -> dict[str, Any]:
         ours = page_checks(
-            parts.base_url, parts.tls, await asyncio.to_thread(people.accounts.count)
+            context.base_url, context.tls, await asyncio.to_thread(people.accounts.count)
         )
         checked: float = 0.0
-        told: list[Check] = []
+        others: list[Check] = []
         try:
             answer = await station.command("checks", requester, again=again)
-            checked, told = float(answer.checked), from_messages(answer.checks)
+            checked, others = float(answer.checked), from_messages(answer.checks)
         except LinkError as error:
             advice = f"{error}; start quadlab up or quadlab station"
-            told = [Check("station", "fail", "does not answer", "answers", advice, "station")]
-        return {"checked": checked or None, "checks": [asdict(one) for one in (*told, *ours)]}
+            others = [Check("station", "fail", "does not answer", "answers", advice, "station")]
+        return {"checked": checked or None, "checks": [asdict(one) for one in (*others, *ours)]}
 
     @app.get("/api/setup/checks")
     async def checks() -> dict[str, Any]:

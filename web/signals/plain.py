@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from vehicle_link.messages.numbers import Path, numbers
-from vehicle_link.messages.units import unit_of
+from vehicle_link.messages.units import Path, numbers, unit_of
 from vehicle_link.topics.table import TOPICS
 from web.signals.signal import Scaled, Signal, Source, scaled
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any
 
-from vehicle_link.messages.numbers import Path, number_at
+from vehicle_link.messages.units import Path, number_at
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,11 +98,6 @@ def one(signal: str, label: str, unit: str, group: str, column: str, factor: flo
 
 def xyz(prefix: str, group: str, unit: str, column: str, factor: float = 1.0) -> list[Scaled]:
     return [one(f"{prefix}.{a}", a, unit, group, f"{column}.{a}", factor) for a in "xyz"]
-
-
-def quaternion(q: Any) -> tuple[float, float, float, float]:
-    """Return w, x, y, z of a geometry_msgs/Quaternion."""
-    return (q.w, q.x, q.y, q.z)
 
 
 def rms(xp: Any, *variances: Any) -> Any:

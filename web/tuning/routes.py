@@ -9,17 +9,17 @@ from fastapi import FastAPI
 from pydantic import Field
 
 from console.tuning.evaluation import Plan, drawn, evaluate
-from console.tuning.kept_runs import KeptRun, KeptRuns
 from console.tuning.step_response import BAND
+from console.tuning.step_test_store import StepTest, StepTestStore
 from control.trajectories.multistep import AXES, SHAPES
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
 from web.body import Body
 from web.requester import Operator
-from web.tuning.bench import TuningBench
+from web.tuning.step_tests import StepTests
 
 if TYPE_CHECKING:
-    from web.app_parts import Parts
+    from web.vehicle_context import VehicleContext
 
 LIMITS = {"position": "behavior.excite_position_max", "yaw": "behavior.excite_yaw_max"}
 """Parameters with the largest amplitudes, for the page's form."""
@@ -35,18 +35,20 @@ class TestBody(Body):
     repeats: int = Field(1, ge=1, le=5)
 
 
-def add_tuning(app: FastAPI, parts: Parts) -> None:
-    kept = KeptRuns(parts.catalogue.folder.parent)
-    bench = TuningBench(parts.station, parts.live, parts.replica, parts.hub, kept, parts.vehicle)
+def add_tuning(app: FastAPI, context: VehicleContext) -> None:
+    kept = StepTestStore(context.catalogue.folder.parent)
+    step_tests = StepTests(
+        context.station, context.live, context.replica, context.hub, kept, context.vehicle
+    )
 
     @app.get("/api/tuning")
     def tuning() -> dict[str, Any]:
         """Return the state of the test, the stored tests, newest first, and the allowed options."""
         return {
-            "status": bench.status,
+            "status": step_tests.status,
             "axes": AXES,
             "shapes": SHAPES,
-            "amplitude_max": {axis: parts.replica.value(name) for axis, name in LIMITS.items()},
+            "amplitude_max": {axis: context.replica.value(name) for axis, name in LIMITS.items()},
             "settling_band": BAND,
             "runs": [asdict(run) for run in kept.runs()],
         }
@@ -57,7 +59,7 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
 
         The answer is sent when the vehicle has begun; the rest is published as `tuning`.
         """
-        await bench.start(Plan(**body.model_dump()), session.label)
+        await step_tests.start(Plan(**body.model_dump()), session.label)
         return {"accepted": True}
 
     @app.get("/api/tuning/runs/{run_id}")
@@ -70,13 +72,13 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
     def delete(run_id: str, _: Operator) -> dict[str, str]:
         """Delete a test; `restore` undoes it."""
         kept.delete(run_id)
-        bench.kept_changed()
+        step_tests.kept_changed()
         return {"deleted": run_id}
 
     @app.post("/api/tuning/runs/{run_id}/restore")
     def restore(run_id: str, _: Operator) -> dict[str, str]:
         kept.restore(run_id)
-        bench.kept_changed()
+        step_tests.kept_changed()
         return {"restored": run_id}
 
     @app.post("/api/tuning/runs/{run_id}/gains")
@@ -85,19 +87,21 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
 
         The choice of law or estimator is not changed: it is made where the vehicle can check it.
         """
-        changes, left = _differences(kept.run(run_id), bench)
+        changes, left = _differences(kept.run(run_id), step_tests)
         if not changes:
             raise RefusedError(
                 "the gains of this test are in force already"
                 + (f"; of another kind and left: {', '.join(left)}" if left else "")
             )
-        applied, revision = await parts.gains.change(changes, session.label, walks=True)
+        applied, revision = await context.gains.change(changes, session.label, walks=True)
         return {"applied": applied, "revision": revision, "left": left}
 
 
-def _differences(run: KeptRun, bench: TuningBench) -> tuple[dict[str, ParameterValue], list[str]]:
+def _differences(
+    run: StepTest, step_tests: StepTests
+) -> tuple[dict[str, ParameterValue], list[str]]:
     """Return the numbers to be changed, and the names of other parameters that differ."""
-    now = bench.gains()
+    now = step_tests.gains()
     differing = {n: v for n, v in run.gains.items() if n in now and now[n] != v}
     numbers = {n: v for n, v in differing.items() if type(v) in (int, float)}
     return numbers, [n for n in differing if n not in numbers]

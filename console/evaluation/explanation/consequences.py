@@ -100,17 +100,19 @@ def inconsistent(topics: Topics, _: Parameters, spans: Spans) -> Iterator[Findin
     for start, end in longest(time, mean[:, 0], 1.0, 1, 1.0):
         inside = (series.time >= start) & (series.time < end)
         most = float(mean[(time >= start) & (time < end), 0].max())
-        told = []
+        parts = []
         if np.isfinite(nis[inside]).any():
-            told.append(f"innovation squared up to {np.nanmax(nis[inside]):.1f} times the expected")
+            parts.append(
+                f"innovation squared up to {np.nanmax(nis[inside]):.1f} times the expected"
+            )
         if np.isfinite(refused[inside]).any():
-            told.append(f"up to {100 * np.nanmax(refused[inside]):.0f} % refused")
+            parts.append(f"up to {100 * np.nanmax(refused[inside]):.0f} % refused")
         yield Finding(
             "estimate_inconsistent",
             most,
             start,
             end,
-            f"The measurements contradicted the estimate: {', '.join(told)}.",
+            f"The measurements contradicted the estimate: {', '.join(parts)}.",
             ("consistency", "refused.share"),
             "innovation squared or share refused, over its limit",
             "",

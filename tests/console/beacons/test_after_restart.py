@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from console.beacon_layout import OURS
+from console.beacon_layout import STATION_LAYOUT
 from console.catalogue.catalogue import Catalogue
 from console.parameters.history import ParameterHistory
 from quadrotor.errors import LinkError
@@ -51,18 +51,18 @@ class Running:
 
     @property
     def layout(self) -> str:
-        return str(self._asked(lambda: self._parameters.values())[OURS])
+        return str(self._asked(lambda: self._parameters.values())[STATION_LAYOUT])
 
     def move(self, text: str) -> None:
         request = new(
             f"{CHANGE}_Request",
             request_id="1",
             requester="ada",
-            parameters=to_parameters({OURS: text}),
+            parameters=to_parameters({STATION_LAYOUT: text}),
         )
         answer = self._asked(lambda: self._change.call(request, timeout=5.0))
         assert answer.accepted, answer.reason
-        assert from_parameters(answer.applied) == {OURS: text}
+        assert from_parameters(answer.applied) == {STATION_LAYOUT: text}
 
     def _asked(self, ask: Callable[[], Any]) -> Any:
         def answer() -> Any:
@@ -106,7 +106,7 @@ def test_a_station_that_is_killed_and_started_again_keeps_the_beacons_in_force(
         before = first.layout
         first.move("eight")
         known = ParameterHistory(Catalogue(tmp_path).engine, "quad1").known
-        wait_for(lambda: known().get(OURS) == "eight")
+        wait_for(lambda: known().get(STATION_LAYOUT) == "eight")
     assert before != "eight"
     with station(tmp_path) as again:
         assert again.layout == "eight"
@@ -117,7 +117,7 @@ def test_a_station_that_is_killed_and_started_again_keeps_the_beacons_in_force(
 @pytest.mark.parametrize("text", ["papier", ""])
 def test_a_layout_that_is_none_any_more_is_not_taken_up_and_said(tmp_path: Path, text: str) -> None:
     catalogue = Catalogue(tmp_path)
-    ParameterHistory(catalogue.engine, "quad1").learn({OURS: text})
+    ParameterHistory(catalogue.engine, "quad1").learn({STATION_LAYOUT: text})
     catalogue.close()
     with station(tmp_path) as running:
         assert running.layout != text

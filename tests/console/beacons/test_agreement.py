@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from console.beacon_layout import OURS, THEIRS
+from console.beacon_layout import STATION_LAYOUT, VEHICLE_LAYOUT
 from quadrotor.errors import ParameterError
 from tests.waiting import until
 from vehicle.flight.modes import Mode
@@ -15,26 +15,26 @@ from vehicle_link.serial.ids import MotorState
 
 
 def test_a_vehicle_that_connects_is_told_follows_and_has_a_veto(linked: Any) -> None:
-    assert linked.change(OURS, "wide").accepted  # no vehicle to ask
+    assert linked.change(STATION_LAYOUT, "wide").accepted  # no vehicle to ask
     vehicle = linked.connect()
     assert vehicle.layout == "wide"
 
-    assert linked.change(OURS, "eight").accepted
+    assert linked.change(STATION_LAYOUT, "eight").accepted
     assert (linked.layout, vehicle.layout) == ("eight", "eight")
     on_board = ParameterClient(linked.page, "/quad1/vehicle")
-    assert until(lambda: on_board.values()[THEIRS] == "eight")
+    assert until(lambda: on_board.values()[VEHICLE_LAYOUT] == "eight")
     ids = vehicle.stack.navigation._beacons.ids
     assert ids == [1, 2, 3, 4, 5, 6, 7, 8]
 
     numbers = "5 2 2 0; 6 -2 2 0; 7 -2 -2 0; 8 2 -2 0"
-    assert linked.change(OURS, numbers).accepted
+    assert linked.change(STATION_LAYOUT, numbers).accepted
     assert (linked.layout, vehicle.layout) == (numbers, numbers)
 
 
 def test_what_one_of_them_refuses_neither_has(linked: Any) -> None:
     vehicle = linked.vehicle or linked.connect()
-    assert linked.change(OURS, "paper").accepted
-    wrong = linked.change(OURS, "1 0 0 0; 2 1 0 0; 3 2 0 0; 4 3 0 0")
+    assert linked.change(STATION_LAYOUT, "paper").accepted
+    wrong = linked.change(STATION_LAYOUT, "1 0 0 0; 2 1 0 0; 3 2 0 0; 4 3 0 0")
     assert not wrong.accepted
     assert "line" in wrong.reason
     assert (linked.layout, vehicle.layout) == ("paper", "paper")
@@ -43,16 +43,16 @@ def test_what_one_of_them_refuses_neither_has(linked: Any) -> None:
     vehicle.stack.navigation.source = "bearings"
     vehicle.microcontroller.motor_state = MotorState.ON
     vehicle.stack.modes.mode = Mode.ARMED
-    refused = linked.change(OURS, "wide")
+    refused = linked.change(STATION_LAYOUT, "wide")
     vehicle.stack.modes.mode = Mode.READY
     vehicle.microcontroller.motor_state = MotorState.OFF
     vehicle.stack.navigation.source = "poses"
     assert not refused.accepted
-    assert refused.reason.startswith(f"{OURS} not changed, the vehicle refuses: ")
+    assert refused.reason.startswith(f"{STATION_LAYOUT} not changed, the vehicle refuses: ")
     assert "bearings" in refused.reason
     assert (linked.layout, vehicle.layout) == ("paper", "paper")
     with pytest.raises(ParameterError):
-        linked.station._store.change({OURS: "1 0 0 0"}, "ada")
+        linked.station._store.change({STATION_LAYOUT: "1 0 0 0"}, "ada")
     assert (linked.layout, vehicle.layout) == ("paper", "paper")
 
 
@@ -60,7 +60,7 @@ def test_a_vehicle_that_connects_later_is_told_what_was_changed_without_it(linke
     if linked.vehicle is None:
         linked.connect()
     linked.disconnect()
-    assert linked.change(OURS, "ceiling").accepted
+    assert linked.change(STATION_LAYOUT, "ceiling").accepted
     vehicle = linked.connect()
     assert vehicle.layout == "ceiling"
     assert linked.layout == "ceiling"

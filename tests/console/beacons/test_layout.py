@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from console.beacon_layout import AGAIN, OURS, THEIRS, BeaconLayout
+from console.beacon_layout import AGAIN, STATION_LAYOUT, VEHICLE_LAYOUT, BeaconLayout
 from console.parameters.store import StationStore
 from quadrotor.errors import LinkError, OutOfBoundsError, ParameterError
 from quadrotor.parameters import ParameterValue
@@ -23,10 +23,10 @@ class Vehicle:
         self.now = 0.0
 
     def known(self, name: str) -> ParameterValue | None:
-        assert name == THEIRS
+        assert name == VEHICLE_LAYOUT
         return self.layout
 
-    def tell(self, text: str, requester: str) -> None:
+    def set_layout(self, text: str, requester: str) -> None:
         self.told.append((text, requester))
         if self.refusal is not None:
             raise self.refusal
@@ -47,9 +47,9 @@ def store() -> StationStore:
 def layout(store: StationStore, vehicle: Vehicle) -> BeaconLayout:
     made = BeaconLayout(
         lambda: store.parameters.bearings.layout,
-        vehicle,
+        vehicle.known,
         lambda: vehicle.connected,
-        vehicle.tell,
+        vehicle.set_layout,
         lambda: vehicle.now,
     )
     store.consult(made.before_change)
@@ -62,14 +62,14 @@ def test_a_new_layout_is_the_vehicles_before_it_is_the_stations(
 ) -> None:
     changes: list[Any] = []
     store.subscribe(lambda *change: changes.append((*change[:4], vehicle.layout)))
-    store.change({OURS: "eight"}, "ada")
+    store.change({STATION_LAYOUT: "eight"}, "ada")
     assert vehicle.told == [("eight", "ada")]
-    assert changes == [(OURS, "paper", "eight", "ada", "eight")]
+    assert changes == [(STATION_LAYOUT, "paper", "eight", "ada", "eight")]
 
 
 @pytest.mark.usefixtures("layout")
 def test_other_parameters_do_not_ask_the_vehicle(store: StationStore, vehicle: Vehicle) -> None:
-    store.change({"station.bearings.sigma": 2.0, OURS: "paper"}, "ada")
+    store.change({"station.bearings.sigma": 2.0, STATION_LAYOUT: "paper"}, "ada")
     assert vehicle.told == []
     assert store.parameters.bearings.sigma == 2.0
 
@@ -88,7 +88,7 @@ def test_what_the_vehicle_refuses_the_station_refuses(
     vehicle.refusal = refusal
     before, revision = store.values(), store.revision
     with pytest.raises(ParameterError, match=says):
-        store.change({"station.bearings.sigma": 3.0, OURS: "eight"}, "ada")
+        store.change({"station.bearings.sigma": 3.0, STATION_LAYOUT: "eight"}, "ada")
     assert (store.values(), store.revision) == (before, revision)
 
 
@@ -104,7 +104,7 @@ def test_what_the_vehicle_refuses_the_station_refuses(
 def test_a_bad_layout_never_reaches_the_vehicle_and_changes_nothing(
     store: StationStore, vehicle: Vehicle, text: str, says: str
 ) -> None:
-    before, values = store.values(), {"station.bearings.sigma": 3.0, OURS: text}
+    before, values = store.values(), {"station.bearings.sigma": 3.0, STATION_LAYOUT: text}
     for refused in (lambda: store.change(values, "ada"), lambda: store.check(values)):
         with pytest.raises(OutOfBoundsError, match=says):
             refused()
@@ -113,14 +113,14 @@ def test_a_bad_layout_never_reaches_the_vehicle_and_changes_nothing(
 
 def test_a_bad_layout_is_refused_at_the_start() -> None:
     with pytest.raises(OutOfBoundsError, match="neither a preset"):
-        StationStore().preset({OURS: "papier"})
+        StationStore().preset({STATION_LAYOUT: "papier"})
 
 
 def test_without_a_link_the_station_changes_alone_and_tells_the_vehicle_later(
     store: StationStore, vehicle: Vehicle, layout: BeaconLayout
 ) -> None:
     vehicle.connected = False
-    store.change({OURS: "wall"}, "ada")
+    store.change({STATION_LAYOUT: "wall"}, "ada")
     assert vehicle.told == []
     vehicle.connected = True
     assert layout.agree() == ""
@@ -143,7 +143,7 @@ def test_a_vehicle_that_refuses_is_an_alarm_and_asked_again_later(
 ) -> None:
     vehicle.layout, vehicle.refusal = "wall", ParameterError("bearings are flown on")
     reason = layout.agree()
-    assert reason == "the vehicle keeps other beacons (wall): bearings are flown on"
+    assert reason == "the vehicle has other beacons (wall): bearings are flown on"
     vehicle.now = AGAIN - 0.1
     assert layout.agree() == reason
     assert len(vehicle.told) == 1

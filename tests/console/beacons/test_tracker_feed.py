@@ -14,7 +14,7 @@ from bearing_sim import (
     PoseMeasurement,
     TrackerParameters,
 )
-from console.tracker_feed import TrackerFeed
+from console.tracker_feed import ENDED, TrackerFeed
 from quadrotor.plain_rotations import matrix_of
 from tests.support.narrowing import now
 
@@ -129,7 +129,7 @@ def test_beside_a_camera_on_board_no_bearings_are_emulated_and_its_problems_are_
     )
     feed.truth(0, HERE, LEVEL)
     assert (len(sink.frames), feed.bearings_nominal, feed.camera_alarm) == (1, 30.0, None)
-    feed.camera_told(SimpleNamespace(problem="the picture is black", frame_rate=20.0))
+    feed.note_camera_status(SimpleNamespace(problem="the picture is black", frame_rate=20.0))
     for k in range(1, 50):
         feed.truth(10 * k * MS, HERE, LEVEL)
     assert len(sink.frames) == 1
@@ -142,4 +142,14 @@ def test_beside_a_camera_on_board_no_bearings_are_emulated_and_its_problems_are_
     assert sink.frames[-1].beacons == PRESETS["wall"]
     clock[0] += 0.5
     assert "its process is silent" in str(feed.camera_alarm)
+    assert not feed.forget_ended_camera(), "it was not ended on purpose"
+    feed.note_camera_status(SimpleNamespace(problem=ENDED, frame_rate=0.0))
+    assert feed.camera_alarm == f"camera on board: {ENDED}", "until the vehicle is disarmed"
+    frames = len(sink.frames)
+    assert feed.forget_ended_camera()
+    for k in range(50, 60):
+        feed.truth(10 * k * MS, HERE, LEVEL)
+    assert now(feed.camera_alarm) is None
+    assert feed.bearings_nominal == 30.0
+    assert len(sink.frames) > frames
     feed.close()

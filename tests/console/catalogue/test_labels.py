@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from console.catalogue.catalogue import DATABASE, Catalogue
-from console.catalogue.marks import Mark, keep_mark, mark_counts, marks_of
+from console.catalogue.marks import Mark, mark_counts, marks_of, store_mark
 from console.catalogue.notes import KEPT, newest_notes, notes_history, write_notes
 from console.catalogue.search import RunSearch
 from console.catalogue.tags import LONGEST, MOST, all_tags, change_tags, tags_of
@@ -98,7 +98,7 @@ def test_every_word_must_stand_somewhere_in_what_is_known_of_a_run(catalogue: Ca
     change_tags(catalogue, ["r0"], ["wind 100%"], [])
     write_notes(catalogue, "r0", "New propellers", "anna")
     write_notes(catalogue, "r1", "new battery", "anna")
-    keep_mark(catalogue, Mark("r2", "mark-0001", 5, 1.0, "gust from the door", "anna"))
+    store_mark(catalogue, Mark("r2", "mark-0001", 5, 1.0, "gust from the door", "anna"))
     assert found(catalogue, words="new") == ["r1", "r0"]
     assert found(catalogue, words="NEW 100%") == ["r0"]
     assert found(catalogue, words="door") == ["r2"]
@@ -128,9 +128,9 @@ def test_a_deleted_run_is_not_found_and_its_tags_do_not_count(catalogue: Catalog
 def test_a_mark_gets_its_text_later_and_marks_are_in_the_order_of_time(
     catalogue: Catalogue,
 ) -> None:
-    keep_mark(catalogue, Mark("r0", "mark-0002", 9, 4.0, "", "anna"))
-    keep_mark(catalogue, Mark("r0", "mark-0001", 5, 2.0, "first", "anna"))
-    keep_mark(catalogue, Mark("r0", "mark-0002", 9, 4.0, "second", "anna"))
+    store_mark(catalogue, Mark("r0", "mark-0002", 9, 4.0, "", "anna"))
+    store_mark(catalogue, Mark("r0", "mark-0001", 5, 2.0, "first", "anna"))
+    store_mark(catalogue, Mark("r0", "mark-0002", 9, 4.0, "second", "anna"))
     assert [mark.text for mark in marks_of(catalogue, "r0")] == ["first", "second"]
     assert mark_counts(catalogue, ["r0", "r1"]) == {"r0": 2}
 

@@ -28,7 +28,7 @@ def held(
     chance = np.random.default_rng(3)
     for k in range(100):
         force_b = R_wb.T @ np.array([0.0, 0.0, GRAVITY]) + chance.normal(0.0, 0.1, 3)
-        turn.take(now + k * STEP, quaternion_from_matrix(R_wt), (rate, 0.0, 0.0), force_b)
+        turn.update(now + k * STEP, quaternion_from_matrix(R_wt), (rate, 0.0, 0.0), force_b)
 
 
 @pytest.mark.parametrize("about", [0.0, 90.0, 200.0])
@@ -63,5 +63,5 @@ def test_a_short_tilt_says_nothing() -> None:
     R_wb = rotation_exp(math.radians(-20.0) * np.array([0.0, 1.0, 0.0]))
     quaternion = quaternion_from_matrix(R_wb)
     for k in range(round(HELD / STEP)):
-        turn.take(k * STEP, quaternion, (0.0, 0.0, 0.0), leaning)
+        turn.update(k * STEP, quaternion, (0.0, 0.0, 0.0), leaning)
     assert turn.angle is None

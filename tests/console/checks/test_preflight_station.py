@@ -190,7 +190,9 @@ class Bench(LinkedStation):
             state = np.zeros(1, TICK)["state"]
             state["quaternion_wb"] = (1, 0, 0, 0)
             if self.tracked:
-                self._truth.put(topics.encode_odometries(np.array([now_ns]), state)[0], now_ns)
+                self._truth.put(
+                    topics.odometry_messages(np.array([now_ns]), state).tobytes(), now_ns
+                )
             if self._deflection:
                 axes = (self._deflection, 0.0, 0.0, 0.0)
                 self.stick.put(topics.encode_joy(now_ns, axes, False), now_ns)
@@ -372,7 +374,7 @@ def test_while_an_armed_vehicle_is_not_heard_the_disk_is_left_alone(bench: Bench
     assert bench.call("arm").accepted
     assert until(lambda: bench.newest.armed)
     bench.vehicle.state.update(silent=True)
-    assert until(lambda: bench.station.checks.gatherer.facts().mode is None)
+    assert until(lambda: bench.station._preflight._facts().mode is None)
     answer = bench.call("checks", again=True)
     assert answer.accepted
     found = {one.name: one for one in from_messages(answer.checks) if one.place == "station"}
@@ -382,7 +384,7 @@ def test_while_an_armed_vehicle_is_not_heard_the_disk_is_left_alone(bench: Bench
     assert found["runs' disk"].state != "unknown"
     bench.vehicle.state.update(silent=False)
     assert until(lambda: bench.call("disarm").accepted)  # once the link is good again
-    assert until(lambda: bench.station.checks.gatherer.facts().mode == "ready")
+    assert until(lambda: bench.station._preflight._facts().mode == "ready")
     again = from_messages(bench.call("checks", again=True).checks)
     assert next(one for one in again if one.name == "disk's speed").found.endswith("MB/s")
 

@@ -85,7 +85,7 @@ def test_only_one_asks_at_a_time() -> None:
     lease.ask("ben", 1.0)
     lease.ask("ben", 5.0)  # asking again does not restart the wait
     assert lease.view(5.0).answer_within == pytest.approx(UNANSWERED - 4.0)
-    with pytest.raises(RefusedError, match="ben has asked anna"):
+    with pytest.raises(RefusedError, match="ben has already requested control from anna"):
         lease.ask("cleo", 2.0)
 
 
@@ -99,7 +99,7 @@ def test_only_the_holder_answers_or_gives_up() -> None:
     with pytest.raises(RefusedError, match="no one has it"):
         ControlLease().release("ben", 0.0)
     lease.answer("anna", False, 2.0)
-    with pytest.raises(RefusedError, match="no request for control"):
+    with pytest.raises(RefusedError, match="no pending request for control"):
         lease.answer("anna", True, 3.0)
 
 

@@ -13,9 +13,9 @@ import pytest
 from bearing_sim import BearingEmulator, BearingMeasurement, BearingParameters, PoseMeasurement
 from console.comparison import feed as comparison_feed
 from console.comparison.feed import ComparisonFeed
-from console.comparison.kernels import Kernels
+from console.comparison.kernels import CompiledEstimators
 from console.comparison.parameters import ComparisonParameters, parse_estimators
-from console.comparison.process import Worker
+from console.comparison.process import ComparisonWorker
 from console.parameters.store import StationStore
 from estimation import registry
 from flight_log import read_log
@@ -130,11 +130,11 @@ def test_a_process_that_dies_is_said_and_started_again(
     heard = Heard(linked.page)
     feed = linked.station._comparison
     assert until(lambda: heard.count() > 2)
-    monkeypatch.setattr(comparison_feed, "AGAIN", 0.0)
+    monkeypatch.setattr(comparison_feed, "RESTART_PERIOD", 0.0)
     said: list[str] = []
     monkeypatch.setattr(feed, "_say", said.append)
     feed._child.kill()
-    assert until(lambda: said == ["comparison of estimators ended (-9); started again"])
+    assert until(lambda: said == ["the comparison of estimators ended (-9); started again"])
     before = heard.count()
     assert until(lambda: heard.count() > before + 2)
     assert heard.names() == ["vehicle"]
@@ -143,12 +143,12 @@ def test_a_process_that_dies_is_said_and_started_again(
 def test_a_defect_in_one_message_is_said_once_and_the_rest_is_taken() -> None:
     said: list[str] = []
     told: list[bytes] = []
-    worker = Worker(lambda payload, stamp_ns: told.append(payload), said.append)
+    worker = ComparisonWorker(lambda payload, stamp_ns: told.append(payload), said.append)
     ticks = np.zeros(5, TICK)
     ticks["state"]["quaternion_wb"][:, 0] = 1.0
     for k in range(4):
         ticks["imu"]["stamp_ns"] = 10_000_000 * k + 2_000_000 * np.arange(1, 6)
-        worker.take(("", [("telemetry", b"nothing"), ("telemetry", pack(ticks, k))]))
+        worker.process(("", [("telemetry", b"nothing"), ("telemetry", pack(ticks, k))]))
     worker.close()
     assert len(told) == 2  # every second batch
     assert len(said) == 1
@@ -159,7 +159,7 @@ def test_a_worker_starts_what_is_named_and_stops_what_no_longer_is() -> None:
     """The messages are pickled as between the processes."""
     registry.prepare("error_state", bearings=True)
     told: list[Any] = []
-    worker = Worker(lambda payload, stamp_ns: told.append(decode(payload, TYPE)), print)
+    worker = ComparisonWorker(lambda payload, stamp_ns: told.append(decode(payload, TYPE)), print)
     emulator = BearingEmulator(BearingParameters(sigma=0.1))
     here, level = np.array([0.3, 0.2, 1.0]), np.array([1.0, 0.0, 0.0, 0.0])
     ticks = np.zeros(5, TICK)
@@ -176,7 +176,7 @@ def test_a_worker_starts_what_is_named_and_stops_what_no_longer_is() -> None:
         emulator.observe(now_ns, here, level)
         items: list[tuple[Any, ...]] = [("bearings", frame) for frame in emulator.due(now_ns)]
         items += [("truth", now_ns, here, level), ("telemetry", pack(ticks, count))]
-        worker.take(pickle.loads(pickle.dumps((text, items))))
+        worker.process(pickle.loads(pickle.dumps((text, items))))
         return told[-1].estimators[-1] if told else None
 
     assert until(lambda: (last := flown("error_state")) and last.initialized)
@@ -190,9 +190,9 @@ def test_a_worker_starts_what_is_named_and_stops_what_no_longer_is() -> None:
 
 def test_an_estimator_that_only_the_station_knows_is_said_and_changes_nothing() -> None:
     said: list[str] = []
-    worker = Worker(lambda payload, stamp_ns: None, said.append)
+    worker = ComparisonWorker(lambda payload, stamp_ns: None, said.append)
     for _ in range(3):
-        worker.take(("theirs", []))
+        worker.process(("theirs", []))
     worker.close()
     assert len(said) == 1
     assert said[0].startswith("not compared: estimators = 'theirs': 'theirs' is not one")
@@ -227,7 +227,7 @@ def test_an_estimator_that_cannot_be_prepared_is_said_once(monkeypatch: Any) -> 
         raise RuntimeError("no such sensor")
 
     monkeypatch.setitem(registry._FACTORIES, "broken", broken)
-    kernels = Kernels(say)
+    kernels = CompiledEstimators(say)
     assert not kernels.ready("broken")
     assert told.wait(LIMIT)
     kernels.close()

@@ -69,7 +69,11 @@ def test_a_recorded_bench_gives_the_motor(
 @pytest.mark.parametrize(
     ("place", "line", "said"),
     [
-        (0, "time_s,reference,force_N,speed", "line 1: there is no column torque_Nm; needed are"),
+        (
+            0,
+            "time_s,reference,force_N,speed",
+            "line 1: the column torque_Nm is missing; needed are",
+        ),
         (0, "time,reference,force,torque,speed", "the column 'time' has no unit; convert it"),
         (2, "0.005,25,0.25,x,1", "line 3: torque_Nm = 'x' is not a number"),
         (2, "0.005,25,nan,0.1,1", "line 3: force_N = 'nan' is not a number"),

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from console.evaluation.alignment import between
-from console.experiment_running.evaluation import Job, judge
+from console.experiment_running.evaluation import EvaluationJob, judge
 from console.experiments.bearings import BearingsExperiment
 from console.experiments.hover import Hover
 from console.runs.report_folders import has_report, read_result, report_file, report_folder
@@ -31,7 +31,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_run_is_judged_and_its_report_lies_beside_it(log: Path) -> None:
     experiment = BearingsExperiment()
     experiment.parameters.duration = 5.0
-    done = judge(Job(experiment, log, 150.0), threading.Event())
+    done = judge(EvaluationJob(experiment, log, 150.0), threading.Event())
     here = experiment.evaluate(log)
     assert (done.result, done.problem) == (here, "")
     assert 0.0 < here.metrics["position_rms_m"] < 0.1
@@ -59,16 +59,16 @@ def test_the_page_of_the_whole_run_follows_the_verdict(log: Path) -> None:
 
 def test_what_cannot_be_judged_says_why(log: Path) -> None:
     with pytest.raises(QuadlabError, match="the hover was not flown to its end"):
-        judge(Job(Hover(), log, 60.0), threading.Event())
+        judge(EvaluationJob(Hover(), log, 60.0), threading.Event())
 
 
 def test_an_evaluation_has_its_time_and_can_be_stopped(log: Path) -> None:
     with pytest.raises(JobError, match="not done after 0 s"):
-        judge(Job(BearingsExperiment(), log, 0.0), threading.Event())
+        judge(EvaluationJob(BearingsExperiment(), log, 0.0), threading.Event())
     cancelled = threading.Event()
     cancelled.set()
     with pytest.raises(RefusedError, match="was stopped"):
-        judge(Job(BearingsExperiment(), log, 60.0), cancelled)
+        judge(EvaluationJob(BearingsExperiment(), log, 60.0), cancelled)
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from flight_log import LogWriter
 from quadrotor.records import POSE_SAMPLE, STATE, TICK
 from vehicle_link import topics
 from vehicle_link.messages import encode, header, new
+from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.topics import TOPICS
 
@@ -59,18 +60,22 @@ def write(
     poses["stamp_ns"] = true_ns
     poses["position_w"], poses["quaternion_wb"] = states["position_w"], states["quaternion_wb"]
     true = {
-        "truth": lambda: topics.encode_odometries(true_ns, states),
-        "tracker_pose": lambda: topics.encode_poses(poses),
-        "tracker_position": lambda: topics.encode_positions(poses),
+        "truth": lambda: payloads_of(topics.odometry_messages(true_ns, states)),
+        "tracker_pose": lambda: payloads_of(topics.pose_messages(poses)),
+        "tracker_position": lambda: payloads_of(topics.position_messages(poses)),
     }[truth]()
     messages: list[tuple[str, bytes, int]] = [
         *(
             ("state", p, ns)
-            for p, ns in zip(topics.encode_states(ticks), stamps.tolist(), strict=True)
+            for p, ns in zip(
+                payloads_of(topics.state_messages(ticks)), stamps.tolist(), strict=True
+            )
         ),
         *(
             ("reference", p, s)
-            for p, s in zip(topics.encode_references(ticks), stamps.tolist(), strict=True)
+            for p, s in zip(
+                payloads_of(topics.reference_messages(ticks)), stamps.tolist(), strict=True
+            )
         ),
         *((truth, p, ns) for p, ns in zip(true, true_ns.tolist(), strict=True)),
     ]

@@ -110,7 +110,7 @@ def test_what_says_nothing_is_refused() -> None:
     with pytest.raises(MeasurementError, match="too short"):
         estimated(still, noise(2, DENSITY, 2.0))
     holes = np.arange(len(flown[0])) % 50 > 5
-    with pytest.raises(MeasurementError, match="samples are there"):
+    with pytest.raises(MeasurementError, match="samples were received"):
         estimated(still, (flown[0][holes], flown[1][holes]))
     with pytest.raises(MeasurementError, match="outside what the estimator accepts"):
         estimated(still, noise(2, 200.0 * DENSITY)).record()

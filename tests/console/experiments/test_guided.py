@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,14 +16,14 @@ import pytest
 from console.calibrations import Calibrations
 from console.catalogue.catalogue import Catalogue
 from console.experiment_running import judging
-from console.experiment_running.evaluation import Job, Judgement, evaluate, judge
+from console.experiment_running.evaluation import Evaluation, EvaluationJob, evaluate, judge
 from console.experiment_running.runner import ExperimentRunner
 from console.experiments.client import Client, Result, VehicleView
 from console.experiments.readings import Progress
 from console.experiments.user_file import load
 from console.parameters.store import StationStore
 from console.runs.report_folders import read_result
-from console.runs.runs import RunKeeper
+from console.runs.runs import RunManager
 from flight_log import read_attachments
 from quadrotor.calibration_record import CalibrationRecord, Quality, parse_record
 from quadrotor.errors import JobError, LinkError, MeasurementError, RefusedError, StorageError
@@ -153,7 +154,7 @@ class Lab:
         self.catalogue, self.calibrations = Catalogue(data), Calibrations(node)  # type: ignore[arg-type]
         store, parameters, outbox = StationStore(), Parameters(), self.outbox
         store.preset({"station.recorder.keep_free": 10.0, "station.recorder.after_disarm": 0.0})
-        self.runs = RunKeeper(
+        self.runs = RunManager(
             self.catalogue,
             store,
             parameters,  # type: ignore[arg-type]
@@ -162,17 +163,19 @@ class Lab:
             self.calibrations.attachment,
         )
         self.link = LinkState.GOOD
+        context = SimpleNamespace(
+            node=node,
+            vehicle="quad1",
+            link=SimpleNamespace(state=lambda: self.link, vehicle_ns=time.time_ns),
+            outbox=outbox,
+            parameters=store.parameters,
+        )
         self.runner = ExperimentRunner(
-            node,  # type: ignore[arg-type]
-            "quad1",
-            lambda: self.link,
-            time.time_ns,
-            outbox,  # type: ignore[arg-type]
+            context,  # type: ignore[arg-type]
             parameters,  # type: ignore[arg-type]
             self.runs,
             self.calibrations,
             self.catalogue,
-            lambda: (0.2, 0.0),
             lambda *_: None,
             lambda *_: None,
         )
@@ -267,7 +270,7 @@ class Scripted:
 @pytest.fixture
 def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lab]:
     """Yield a lab that judges without a process: passed, proposing a law of the motors."""
-    result = Judgement(Result("passed", {}), (), "", PROPOSED.model_dump_json())
+    result = Evaluation(Result("passed", {}), (), "", PROPOSED.model_dump_json())
     monkeypatch.setattr(judging, "judge", lambda *_: result)
     made = Lab(tmp_path)
     yield made
@@ -322,7 +325,7 @@ def test_a_question_waits_for_one_yes_to_it_and_it_is_kept_who_said_so(lab: Lab)
 
 
 @pytest.mark.parametrize(
-    ("action", "said"), [("stop", "stopped by grace"), ("finish", "before its question was")]
+    ("action", "said"), [("stop", "stopped by grace"), ("finish", "before the question was")]
 )
 def test_stop_and_finish_are_no_yes(lab: Lab, action: str, said: str) -> None:
     after: list[str] = []
@@ -589,7 +592,7 @@ class Judged(Scripted):
 )
 def test_a_judgement_that_makes_no_sense_is_none(tmp_path: Path, result: Result, said: str) -> None:
     with pytest.raises(MeasurementError, match=said):
-        evaluate(Job(Judged(result), tmp_path / "run.mcap", 1.0))
+        evaluate(EvaluationJob(Judged(result), tmp_path / "run.mcap", 1.0))
     assert not list(tmp_path.iterdir())
 
 
@@ -609,13 +612,13 @@ def test_a_judgement_that_makes_no_sense_is_none(tmp_path: Path, result: Result,
 )
 def test_without_a_proposal_the_verdict_stands(tmp_path: Path, record: Any, said: str) -> None:
     result = Result("passed", {"n": float(np.float32(2))}, {"n": 3.0})
-    told = evaluate(Job(Judged(result, record), tmp_path / "r", 1.0))
+    told = evaluate(EvaluationJob(Judged(result, record), tmp_path / "r", 1.0))
     assert (told["verdict"], told["metrics"], told["proposal"]) == ("passed", {"n": 2.0}, None)
     assert said in told["problem"]
 
 
 def test_a_pass_by_no_limit_at_all_is_not_judged(tmp_path: Path) -> None:
-    told = evaluate(Job(Judged(Result("passed", {"n": 2.0})), tmp_path / "r", 1.0))
+    told = evaluate(EvaluationJob(Judged(Result("passed", {"n": 2.0})), tmp_path / "r", 1.0))
     assert told["verdict"] == "not_judged"
     assert told["reason"]
 
@@ -623,7 +626,7 @@ def test_a_pass_by_no_limit_at_all_is_not_judged(tmp_path: Path) -> None:
 def test_what_no_other_process_can_have_is_not_judged(tmp_path: Path) -> None:
     experiment = Judged(Result("passed", {}))  # has a function made in a method
     with pytest.raises(JobError, match=r"scripted .*cannot be given to another process"):
-        judge(Job(experiment, tmp_path / "run.mcap", 1.0), threading.Event())
+        judge(EvaluationJob(experiment, tmp_path / "run.mcap", 1.0), threading.Event())
 
 
 OWN = '''"""A person's own."""
@@ -730,7 +733,7 @@ def test_a_file_of_ones_own_is_listed_flown_judged_and_accepted_and_broken_ones_
     assert listed["leaves.py"][1] == "leaves.py line 1: its process ended with status 3"
     assert (listed["hover"], listed["motor_bench"]) == (("", ""), ("motor", ""))
     assert "broken.py cannot run: broken.py line 21" in own.start("broken.py")
-    assert "mine has no options, so not speed" in own.start("mine", speed=1.0)
+    assert "mine has no options; leave out speed" in own.start("mine", speed=1.0)
     assert own.start("mine") == ""
     done = own.ended()
     assert (done.phase, done.reason, done.metric_names) == ("passed", "", ["mass_kg"])

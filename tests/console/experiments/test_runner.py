@@ -448,8 +448,8 @@ def test_sticks_that_took_over_ask_for_it_once_and_fly_from_then_on(
 ) -> None:
     """However long the experiment takes to end; also for centred sticks."""
     runner, proceed = bench.station.experiments, threading.Event()
-    leave = runner._leave
-    monkeypatch.setattr(runner, "_leave", lambda *a: (proceed.wait(LIMIT), leave(*a)))
+    leave = runner._end_early
+    monkeypatch.setattr(runner, "_end_early", lambda *a: (proceed.wait(LIMIT), leave(*a)))
     bench.flying()
 
     def asked() -> list[Any]:
@@ -490,8 +490,8 @@ def test_sticks_do_not_change_what_a_person_has_just_commanded(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     runner, proceed = bench.station.experiments, threading.Event()
-    leave = runner._leave
-    monkeypatch.setattr(runner, "_leave", lambda *a: (proceed.wait(LIMIT), leave(*a)))
+    leave = runner._end_early
+    monkeypatch.setattr(runner, "_end_early", lambda *a: (proceed.wait(LIMIT), leave(*a)))
     bench.flying()
     assert bench.call("start_behavior", name="land").accepted
     bench.deflect(0.0, False)

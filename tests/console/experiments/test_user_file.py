@@ -12,7 +12,7 @@ import pytest
 
 from console.experiments.catalogue import EXPERIMENTS
 from console.experiments.client import Calibrating, Experiment, Reporting
-from console.experiments.user_file import UserFileError, is_file, load, mistakes_told
+from console.experiments.user_file import UserFileError, errors_with_line, is_file, load
 from console.experiments.watched import Abortable, Conditional
 from quadrotor.checkout import ROOT
 from quadrotor.errors import RefusedError, StorageError, UsageError
@@ -81,7 +81,7 @@ def test_a_class_without_a_constructor_is_one_too(tmp_path: Path) -> None:
         (("def fly(self, client)", "def fly(self)"), "line 15: Mine cannot be called as it"),
         (("def check(self)", "def check(self, log)"), "line 14: Mine cannot be called as it"),
         (("    planned = 5.0\n", ""), "line 7: Mine has no 'planned'"),
-        (("planned = 5.0", "planned = 'long'"), "planned = 'long', needed are the seconds"),
+        (("planned = 5.0", "planned = 'long'"), "planned = 'long'; set it to the seconds"),
         (('name = "mine"', 'name = "my own"'), "has the name 'my own', allowed are a to z"),
         (("self.parameters = Options()", "self.parameters = {}"), "neither None nor Parameters"),
         (("self.flown = 0", "self.flown = nothing"), "mine.py line 13: NameError"),
@@ -117,15 +117,15 @@ def test_an_exception_of_the_file_is_told_with_its_line(tmp_path: Path) -> None:
     experiment = load(written(tmp_path, GOOD))
     with (
         pytest.raises(UserFileError, match=r"^mine\.py line 16: ZeroDivisionError: division"),
-        mistakes_told(experiment),
+        errors_with_line(experiment),
     ):
         experiment.fly(0)  # type: ignore[arg-type]
 
 
 def test_errors_made_for_users_pass_and_built_in_defects_are_not_hidden(tmp_path: Path) -> None:
-    with pytest.raises(RefusedError, match="no"), mistakes_told(load(written(tmp_path, GOOD))):
+    with pytest.raises(RefusedError, match="no"), errors_with_line(load(written(tmp_path, GOOD))):
         raise RefusedError("no")
-    with pytest.raises(ZeroDivisionError), mistakes_told(EXPERIMENTS["hover"]("quad1")):
+    with pytest.raises(ZeroDivisionError), errors_with_line(EXPERIMENTS["hover"]("quad1")):
         print(1 / 0)
 
 

@@ -16,15 +16,15 @@ from typing import Any
 
 import pytest
 
-from console.link import identification as introduction
-from console.link.identification import Introduction
+from console.link import identification
+from console.link.identification import VehicleIdentification
 from console.link.monitor import LinkMonitor
 from tests.waiting import free_port
 from vehicle_link.security import whoami
 from vehicle_link.security.authority import Role, TlsFiles, ensure_certificates
 from vehicle_link.security.enrolment import issue_station
 from vehicle_link.security.whoami import serve_whoami
-from vehicle_link.serial.identity import THE_ONE
+from vehicle_link.serial.ids import THE_ONE
 from vehicle_link.transport import radio
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.radio import Radio
@@ -41,7 +41,7 @@ class Station:
         self.hub: Any = hub_session(loopback)
         self.link = LinkMonitor("quad1", 1)
         self.link.follow(Radio(f"127.0.0.1:{port}", tls, loopback, lambda: silent))
-        asks = Introduction(Node(self.hub, "/quad1", "station"), "quad1", self.link)
+        asks = VehicleIdentification(Node(self.hub, "/quad1", "station"), "quad1", self.link)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=asks.run, args=(self._closing, lambda act: act()))
         self._thread.start()
@@ -76,8 +76,8 @@ def closed() -> Iterator[list[Any]]:
 
 @pytest.fixture(autouse=True)
 def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, seconds in (("LOOK", 0.02), ("AGAIN", 0.1), ("STRANGE", 0.1)):
-        monkeypatch.setattr(introduction, name, seconds)
+    for name, seconds in (("PERIOD", 0.02), ("REPEAT", 0.1), ("SILENT_FOR", 0.1)):
+        monkeypatch.setattr(identification, name, seconds)
 
 
 def _vehicle(closed: list[Any], port: int, tls: TlsFiles, name: str = "quad1") -> Node:
@@ -98,11 +98,11 @@ def test_a_vehicle_says_what_we_may_and_is_forgotten_when_it_goes(
     station = _station(closed, port, tls)
     vehicle: Any = vehicle_session(port, tls, "127.0.0.1")
     serve_whoami(Node(vehicle, "/quad1", "vehicle"), "quad1", 5, THE_ONE)
-    station.until(lambda link: link.standing.access == "pilot" and not link.problem())
+    station.until(lambda link: link.permission.access == "pilot" and not link.problem())
     message = station.link.message(time.time_ns())
     assert (message.address, message.access) == (f"127.0.0.1:{port}", "pilot")
     vehicle.close()
-    station.until(lambda link: link.standing.access == "")
+    station.until(lambda link: link.permission.access == "")
 
 
 def test_an_observer_is_told_that_it_is_one(tmp_path: Path, closed: list[Any]) -> None:
@@ -110,7 +110,7 @@ def test_an_observer_is_told_that_it_is_one(tmp_path: Path, closed: list[Any]) -
     serve_whoami(_vehicle(closed, port, tls), "quad1", 5, THE_ONE)
     ben = issue_station(tls.folder, tmp_path / "ben", "ben", "observer")
     station = _station(closed, port, ben)
-    station.until(lambda link: link.standing.access == "observer")
+    station.until(lambda link: link.permission.access == "observer")
     assert "observe quad1, not command" in station.link.problem()
 
 
@@ -146,18 +146,20 @@ def test_a_vehicle_of_another_name_is_told_by_its_name(tmp_path: Path, closed: l
 def test_no_link_is_told_with_its_likely_cause(tmp_path: Path, closed: list[Any]) -> None:
     tls, port = ensure_certificates(tmp_path / "ours"), free_port(socket.SOCK_DGRAM)
     station = _station(closed, port, tls)
-    station.until(lambda link: "no `quadlab vehicle` listens" in link.standing.unreachable)
+    station.until(lambda link: "no `quadlab vehicle` listens" in link.permission.unreachable_reason)
     _vehicle(closed, port, ensure_certificates(tmp_path / "foreign"))
-    station.until(lambda link: "not accept the other's certificate" in link.standing.unreachable)
+    station.until(
+        lambda link: "not accept the other's certificate" in link.permission.unreachable_reason
+    )
     assert station.link.problem() == ""
-    assert station.told == station.link.standing.unreachable
+    assert station.told == station.link.permission.unreachable_reason
 
 
 def test_a_vehicle_s_certificate_at_the_station_is_told_until_the_right_one_is_there(
     tmp_path: Path, closed: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(radio, "REOPEN_AFTER", 0.3)
-    monkeypatch.setattr(introduction, "DOWN", 60.0)  # however slowly it is opened again
+    monkeypatch.setattr(identification, "DOWN_FOR", 60.0)  # however slowly it is opened again
     ours, port = ensure_certificates(tmp_path / "base"), free_port(socket.SOCK_DGRAM)
     serve_whoami(_vehicle(closed, port, ours), "quad1", 5, THE_ONE)
     wrong = TlsFiles(tmp_path / "wrong")
@@ -177,7 +179,7 @@ def test_a_vehicle_s_certificate_at_the_station_is_told_until_the_right_one_is_t
     station.until(is_reopened_again)
     assert told == {station.told}
     _copy_pair(ours, "station", wrong)
-    station.until(lambda link: link.standing.access == "pilot" and not station.told)
+    station.until(lambda link: link.permission.access == "pilot" and not station.told)
 
 
 def test_a_certificate_of_another_authority_is_told_by_its_file_until_it_is_ours(
@@ -194,7 +196,7 @@ def test_a_certificate_of_another_authority_is_told_by_its_file_until_it_is_ours
     station.until(lambda link: station.told.startswith(reason))
     _copy_pair(kept, "station", ours)
     serve_whoami(_vehicle(closed, port, kept), "quad1", 5, THE_ONE)
-    station.until(lambda link: link.standing.access == "pilot" and not station.told)
+    station.until(lambda link: link.permission.access == "pilot" and not station.told)
 
 
 def _copy_pair(source: TlsFiles, role: Role, to: TlsFiles) -> None:

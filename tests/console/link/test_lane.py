@@ -12,12 +12,12 @@ from typing import Any
 
 import pytest
 
-from console.link.lane import LaneIn
+from console.link.lane import VehicleLane
 from console.link.monitor import LinkMonitor
 from tests.support.station import StationLink
 from tests.waiting import free_port
 from vehicle.comms.lane import CommsLane
-from vehicle.comms.publishers import LinkRadio
+from vehicle.comms.publish import LinkRadio
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.topics import TOPICS, encode_heartbeat
 from vehicle_link.transport.node import Node
@@ -53,18 +53,18 @@ class Ends:
         self.vehicle = CommsLane(at_vehicle, 0)
         self.vehicle.send(self.radio.publishers)
         for name in ("tracker_pose", "joy", "station_heartbeat"):
-            self.vehicle.take(name, self.at_vehicle.setdefault(name, []).append)
+            self.vehicle.subscribe(name, self.at_vehicle.setdefault(name, []).append)
         self.vehicle.start()
         self.link = LinkMonitor()
         self.telemetry: list[Received] = []
-        self.beats = at_station.advertise(TOPICS["station_heartbeat"])
-        self.station = LaneIn(
+        self.heartbeats = at_station.advertise(TOPICS["station_heartbeat"])
+        self.station = VehicleLane(
             at_station,
             "127.0.0.1",
             self.link,
             self.telemetry.append,
             lambda received: None,
-            self.beats,
+            self.heartbeats,
         )
         self.over_zenoh: list[int] = []
         for name in ("vehicle_heartbeat", "station_heartbeat"):
@@ -182,7 +182,7 @@ def test_poses_come_over_zenoh_only_while_the_station_is_not_heard_by_the_lane(e
     numbers = itertools.count()
 
     def is_by_the_lane_alone() -> bool:
-        lane.heard()
+        lane.note_received()
         return lane._over_zenoh is None and ends.by_the_lane_alone()
 
     def one_comes() -> bool:
@@ -213,7 +213,7 @@ def test_a_vehicles_other_process_is_asked_for_keys_by_the_station(ends: Ends) -
 def test_of_heartbeats_that_go_by_the_lane_one_in_so_many_goes_over_zenoh_too(ends: Ends) -> None:
     """Only a publisher with this setting does so; without the lane all are sent over Zenoh."""
     ends.send_until(ends.by_the_lane_alone)
-    beats = ends.radio.publishers["vehicle_heartbeat"], ends.beats
+    beats = ends.radio.publishers["vehicle_heartbeat"], ends.heartbeats
     for publisher in beats:
         publisher.send_one_in = 4
     by_lane = ends.heartbeats_by_lane()
@@ -221,7 +221,7 @@ def test_of_heartbeats_that_go_by_the_lane_one_in_so_many_goes_over_zenoh_too(en
         before = len(ends.over_zenoh)
 
         def enough() -> bool:
-            ends.beats.put(encode_heartbeat(1, time.time_ns(), 8))
+            ends.heartbeats.put(encode_heartbeat(1, time.time_ns(), 8))
             return len(ends.over_zenoh) >= before + 10
 
         ends.send_until(enough)

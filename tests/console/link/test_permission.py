@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from console.link.permission import Standing
+from console.link.permission import CommandPermission
 from vehicle_link.topics.control_inputs import Heartbeat
 from vehicle_link.transport.protocol import protocol, version
 
@@ -25,76 +25,86 @@ def beat(instance: int = VEHICLE, holder: int = 0) -> Heartbeat:
 
 
 @pytest.fixture
-def standing() -> Standing:
-    return Standing("quad1", OURS)
+def permission() -> CommandPermission:
+    return CommandPermission("quad1", OURS)
 
 
-def test_before_anything_is_heard_we_beat_and_nothing_is_wrong(standing: Standing) -> None:
-    assert (standing.beats, standing.speaks) == (True, False)
-    assert standing.problem(0) == ""
+def test_before_anything_is_heard_we_beat_and_nothing_is_wrong(
+    permission: CommandPermission,
+) -> None:
+    assert (permission.sends_heartbeats, permission.sends_measurements) == (True, False)
+    assert permission.problem(0) == ""
 
 
 def test_a_vehicle_without_a_station_hears_our_heartbeats_before_our_poses(
-    standing: Standing,
+    permission: CommandPermission,
 ) -> None:
-    standing.heartbeat(beat(holder=0), 0)
-    assert (standing.beats, standing.speaks) == (True, False)
-    standing.heartbeat(beat(holder=OURS), 1)
-    assert (standing.beats, standing.speaks) == (True, True)
-    assert standing.problem(1) == ""
+    permission.heartbeat(beat(holder=0), 0)
+    assert (permission.sends_heartbeats, permission.sends_measurements) == (True, False)
+    permission.heartbeat(beat(holder=OURS), 1)
+    assert (permission.sends_heartbeats, permission.sends_measurements) == (True, True)
+    assert permission.problem(1) == ""
 
 
-def test_another_stations_vehicle_gets_nothing_from_us_but_emergencies(standing: Standing) -> None:
-    standing.heartbeat(beat(holder=OTHER), 0)
-    assert (standing.beats, standing.speaks) == (False, False)
-    assert standing.problem(0) == "another station (000000) flies quad1"
-    assert standing.refusal("arm", 0) == f"{standing.problem(0)}; nothing was sent"
-    assert standing.refusal("emergency", 0) == ""
-    standing.heartbeat(beat(holder=0), 1)  # the holder has left
-    assert standing.beats
-    assert standing.refusal("arm", 1) == ""
+def test_another_stations_vehicle_gets_nothing_from_us_but_emergencies(
+    permission: CommandPermission,
+) -> None:
+    permission.heartbeat(beat(holder=OTHER), 0)
+    assert (permission.sends_heartbeats, permission.sends_measurements) == (False, False)
+    assert permission.problem(0) == "another station (000000) flies quad1"
+    assert permission.refusal("arm", 0) == f"{permission.problem(0)}; nothing was sent"
+    assert permission.refusal("emergency", 0) == ""
+    permission.heartbeat(beat(holder=0), 1)  # the holder has left
+    assert permission.sends_heartbeats
+    assert permission.refusal("arm", 1) == ""
 
 
-def test_a_vehicle_that_does_not_say_who_it_is_takes_poses_from_anybody(standing: Standing) -> None:
-    standing.heartbeat(beat(instance=0), 0)
-    assert (standing.beats, standing.speaks) == (True, True)
+def test_a_vehicle_that_does_not_say_who_it_is_takes_poses_from_anybody(
+    permission: CommandPermission,
+) -> None:
+    permission.heartbeat(beat(instance=0), 0)
+    assert (permission.sends_heartbeats, permission.sends_measurements) == (True, True)
 
 
-def test_two_vehicles_of_one_name_are_told_apart_and_not_commanded(standing: Standing) -> None:
+def test_two_vehicles_of_one_name_are_told_apart_and_not_commanded(
+    permission: CommandPermission,
+) -> None:
     for k in range(6):
-        standing.heartbeat(beat((VEHICLE, TWIN)[k % 2], OURS), k * SECOND // 20)
+        permission.heartbeat(beat((VEHICLE, TWIN)[k % 2], OURS), k * SECOND // 20)
     now = 6 * SECOND // 20
-    problem = standing.problem(now)
+    problem = permission.problem(now)
     assert problem.startswith("two vehicles are called quad1 (")
     assert "123456" in problem
     assert "abcdef" in problem
     assert problem.endswith("start one of them with another --name")
-    assert standing.refusal("arm", now)
-    assert standing.refusal("emergency", now) == ""
+    assert permission.refusal("arm", now)
+    assert permission.refusal("emergency", now) == ""
     for k in range(80):  # one of them is switched off
-        standing.heartbeat(beat(VEHICLE, OURS), now + k * SECOND // 20)
-    assert standing.problem(now + 80 * SECOND // 20) == ""
+        permission.heartbeat(beat(VEHICLE, OURS), now + k * SECOND // 20)
+    assert permission.problem(now + 80 * SECOND // 20) == ""
 
 
-def test_a_vehicle_that_was_started_again_is_no_second_one(standing: Standing) -> None:
-    standing.heartbeat(beat(VEHICLE), 0)
-    standing.heartbeat(beat(TWIN), SECOND)
-    assert standing.problem(SECOND) == ""
+def test_a_vehicle_that_was_started_again_is_no_second_one(permission: CommandPermission) -> None:
+    permission.heartbeat(beat(VEHICLE), 0)
+    permission.heartbeat(beat(TWIN), SECOND)
+    assert permission.problem(SECOND) == ""
 
 
-def test_an_observer_sends_nothing_not_even_emergencies(standing: Standing) -> None:
-    standing.introduced(answer("observer"))
-    standing.heartbeat(beat(), 0)
-    assert not standing.beats
+def test_an_observer_sends_nothing_not_even_emergencies(permission: CommandPermission) -> None:
+    permission.note_identity(answer("observer"))
+    permission.heartbeat(beat(), 0)
+    assert not permission.sends_heartbeats
     reason = "this station's certificate lets it observe quad1, not command it; nothing was sent"
-    assert standing.refusal("arm", 0) == standing.refusal("emergency", 0) == reason
+    assert permission.refusal("arm", 0) == permission.refusal("emergency", 0) == reason
 
 
-def test_another_protocol_stops_commands_until_the_vehicle_is_another(standing: Standing) -> None:
-    standing.introduced(answer(their_protocol="00000000"))
-    assert "speaks protocol 00000000" in standing.refusal("change_parameters", 0)
-    standing.gone()
-    assert "speaks protocol 00000000" in standing.problem(0), "it may be the same one"
-    standing.introduced(answer())
-    assert standing.access == "pilot"
-    assert standing.problem(0) == ""
+def test_another_protocol_stops_commands_until_the_vehicle_is_another(
+    permission: CommandPermission,
+) -> None:
+    permission.note_identity(answer(their_protocol="00000000"))
+    assert "speaks protocol 00000000" in permission.refusal("change_parameters", 0)
+    permission.forget_identity()
+    assert "speaks protocol 00000000" in permission.problem(0), "it may be the same one"
+    permission.note_identity(answer())
+    assert permission.access == "pilot"
+    assert permission.problem(0) == ""

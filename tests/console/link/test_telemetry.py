@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from console.link.outbox import ENCODERS
+from console.link.telemetry import expanded, messages_of
 from console.link.telemetry_quality import TelemetryWindow
-from console.link.telemetry_topics import ENCODERS, expanded, messages_of
 from quadrotor.records import TICK, Record
+from vehicle_link.messages import decode
 from vehicle_link.telemetry import pack, unpack
-from vehicle_link.topics import decode_actuators, decode_imu, decode_odometry, decode_reference
+from vehicle_link.topics import decode_external_reference, decode_imu, decode_odometry
 
 MS = 1_000_000
 
@@ -49,7 +51,7 @@ def test_the_numbers_of_a_tick_survive_the_radio_in_single_precision() -> None:
     for field in ("position_w", "velocity_w", "quaternion_wb"):
         np.testing.assert_allclose(state[field][0], sent["state"][field][3], atol=1e-6)
     np.testing.assert_allclose(
-        decode_reference(payloads["reference"][0])[1]["snap_w"][0],
+        decode_external_reference(payloads["reference"][0])[1]["snap_w"][0],
         sent["reference"]["snap_w"][0],
         rtol=1e-6,
     )
@@ -59,8 +61,8 @@ def test_the_numbers_of_a_tick_survive_the_radio_in_single_precision() -> None:
         rtol=1e-6,
     )
     np.testing.assert_allclose(
-        decode_actuators(payloads["actuators"][4])[1]["wrench"][0],
-        sent["actuators"]["wrench"][4],
+        decode(payloads["actuators"][4], "quadlab_msgs/Actuators").thrust,
+        sent["actuators"]["wrench"][4, 0],
         rtol=1e-6,
     )
 

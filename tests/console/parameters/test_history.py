@@ -11,11 +11,17 @@ import pytest
 
 from console.catalogue.catalogue import Catalogue
 from console.parameters.history import ParameterHistory
-from console.parameters.history_writer import AT_RESTART, AT_START, NOT_HEARD, ParameterWitness
+from console.parameters.history_writer import (
+    AT_RESTART,
+    AT_START,
+    NOT_RECEIVED,
+    ParameterHistoryWriter,
+)
 from console.parameters.presets import ParameterPresets
 from console.parameters.store import StationStore
 from quadrotor.errors import RefusedError, StorageError
 from quadrotor.parameters import ParameterValue
+from tests.waiting import until
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.replica import ParameterReplica
 
@@ -32,7 +38,7 @@ class Bench:
         self.alarms: list[str | None] = []
         self.catalogue = Catalogue(data)
         self.history = ParameterHistory(self.catalogue.engine, "quad1")
-        self.witness = ParameterWitness(self.history, self.alarms.append)
+        self.witness = ParameterHistoryWriter(self.history, self.alarms.append)
         self.replica = ParameterReplica(self.history.known())
         self.stamp = 1_000
 
@@ -52,14 +58,14 @@ class Bench:
         self.replica.apply({name: value}, revision, instance)
         self.witness.changed(change, self.stamp)
 
-    def look(self, values: dict[str, ParameterValue], version: tuple[int, int]) -> None:
+    def compare(self, values: dict[str, ParameterValue], version: tuple[int, int]) -> None:
         """Fetch a snapshot of process `version[0]` at revision `version[1]`."""
         instance, revision = version
-        self.witness.look(self.replica.load(values, revision, instance))
+        self.witness.compare(self.replica.load(values, revision, instance))
 
     def rows(self, **wanted: Any) -> list[Row]:
         """Return the rows, oldest first."""
-        assert self.witness.wait_idle(BOUND)
+        assert until(lambda: self.witness._worker.is_idle)
         found = reversed(self.history.changes(**wanted))
         return [(c.name, c.old, c.new, c.requester, c.flight) for c in found]
 
@@ -112,7 +118,7 @@ def test_a_page_of_the_history_ends_where_the_next_begins(start: Callable[[], Be
     bench = start()
     for k in range(7):
         bench.tell(KP, float(k), float(k + 1), k + 1)
-    assert bench.witness.wait_idle(BOUND)
+    assert until(lambda: bench.witness._worker.is_idle)
     first = bench.history.changes(limit=4)
     rest = bench.history.changes(limit=4, before=first[-1].id)
     assert [c.new for c in first + rest] == [7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0]
@@ -158,18 +164,18 @@ def test_a_station_that_dies_in_flight_goes_on_with_the_same_flight(
 
 def test_what_was_not_heard_is_found_later(start: Callable[[], Bench]) -> None:
     bench = start()
-    bench.look({KP: 4.0, KV: 3.0}, (1, 0))
+    bench.compare({KP: 4.0, KV: 3.0}, (1, 0))
     bench.tell(KP, 4.0, 5.0, 1)
-    bench.look({KP: 5.0, KV: 9.0}, (1, 2))
-    assert bench.rows()[1:] == [(KV, 3.0, 9.0, NOT_HEARD, "")]
+    bench.compare({KP: 5.0, KV: 9.0}, (1, 2))
+    assert bench.rows()[1:] == [(KV, 3.0, 9.0, NOT_RECEIVED, "")]
 
 
 def test_a_vehicle_that_starts_anew_takes_its_changes_back(start: Callable[[], Bench]) -> None:
     bench = start()
-    bench.look({KP: 4.0, KV: 3.0}, (1, 0))
+    bench.compare({KP: 4.0, KV: 3.0}, (1, 0))
     bench.tell(KP, 4.0, 5.0, 1)
     bench.tell(KV, 3.0, 3.5, 1, instance=2)
-    bench.look({KP: 4.0, KV: 3.5}, (2, 1))
+    bench.compare({KP: 4.0, KV: 3.5}, (2, 1))
     assert bench.rows() == [
         (KP, 4.0, 5.0, "anna", ""),
         (KV, 3.0, 3.5, "anna", ""),
@@ -179,17 +185,17 @@ def test_a_vehicle_that_starts_anew_takes_its_changes_back(start: Callable[[], B
 
 def test_a_change_whose_message_was_lost_is_a_row_as_well(start: Callable[[], Bench]) -> None:
     bench = start()
-    bench.look({KP: 4.0, KV: 3.0}, (1, 0))
+    bench.compare({KP: 4.0, KV: 3.0}, (1, 0))
     bench.tell(KP, 4.0, 5.0, 1)
     bench.tell(KP, 6.0, 7.0, 3)  # the second change's message was lost
     bench.tell(KP, 4.0, 5.0, 1)  # again, by another way: nothing is missing before it
     bench.tell(KP, 4.0, 4.5, 9, instance=2)  # from another process
     bench.tell(KP, 4.5, 4.6, 10, instance=2)
-    assert bench.witness.wait_idle(BOUND)
+    assert until(lambda: bench.witness._worker.is_idle)
     rows = [(c.revision, c.old, c.new, c.requester) for c in reversed(bench.history.changes())]
     assert rows == [
         (1, 4.0, 5.0, "anna"),
-        (2, 5.0, 6.0, NOT_HEARD),
+        (2, 5.0, 6.0, NOT_RECEIVED),
         (3, 6.0, 7.0, "anna"),
         (1, 4.0, 5.0, "anna"),
         (9, 4.0, 4.5, "anna"),
@@ -198,12 +204,12 @@ def test_a_change_whose_message_was_lost_is_a_row_as_well(start: Callable[[], Be
 
 
 def test_a_station_that_was_away_says_so(start: Callable[[], Bench]) -> None:
-    start().look({KP: 4.0}, (1, 0))
+    start().compare({KP: 4.0}, (1, 0))
     bench = start()
     bench.witness.begin({"station.x": 1})
-    bench.look({KP: 7.0}, (1, 3))
+    bench.compare({KP: 7.0}, (1, 3))
     assert bench.rows() == [(KP, 4.0, 7.0, AT_START, "")]
-    bench.look({KP: 7.0}, (1, 3))
+    bench.compare({KP: 7.0}, (1, 3))
     assert len(bench.rows()) == 1
 
 
@@ -228,7 +234,8 @@ def test_a_database_that_fails_for_a_while_leaves_no_hole(
 
 def test_the_station_tells_of_its_changes_in_the_order_of_their_revisions() -> None:
     told: list[int] = []
-    store = StationStore(lambda *change: told.append(change[-1]))
+    store = StationStore()
+    store.subscribe(lambda *change: told.append(change[-1]))
 
     def pull(values: Sequence[float]) -> None:
         for value in values:

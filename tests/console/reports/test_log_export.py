@@ -122,7 +122,7 @@ def test_a_wrong_word_makes_nothing(log: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     with pytest.raises(UsageError, match="no topic 'nix' in this log; there are bearings, state"):
         export(log, out, "csv", ["nix"])
-    with pytest.raises(UsageError, match="give --from below --to"):
+    with pytest.raises(UsageError, match="give a --from below --to"):
         export(log, out, "csv", (), 2.0, 1.0)
     with pytest.raises(UsageError, match=r"--from 99: the log has 3\.0 s"):
         export(log, out, "csv", (), 99.0)

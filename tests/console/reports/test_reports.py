@@ -26,7 +26,7 @@ from quadlab.log_commands.report import new_defaults
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import LogFormatError, StorageError, UsageError
 from vehicle_link.messages import encode, new
-from vehicle_link.topics import decode_odometry, decode_reference
+from vehicle_link.topics import decode_external_reference, decode_odometry
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +106,7 @@ def test_figures_are_those_of_the_log(log: Path, page: str) -> None:
     run = read_run(log)
     [(start, end)] = [(a, b) for a, b, name in run.spans("status", "behavior") if name == "hover"]
     wanted = {
-        message.publish_ns: decode_reference(message.payload)[1]["position_w"][0].copy()
+        message.publish_ns: decode_external_reference(message.payload)[1]["position_w"][0].copy()
         for message in read_log(log, {"/quad1/reference"})
     }
     errors = []
@@ -204,6 +204,7 @@ def test_a_run_that_was_not_judged_says_so_and_why(log: Path, tmp_path: Path) ->
     page = undrawn(copy)
     assert 'class="verdict not_judged"' in page
     assert "no limit for position_rms_m" in page
+    assert page.count("not judged") == 1, "the reason does not repeat the verdict"
 
 
 def test_what_people_wrote_is_never_markup(tmp_path: Path) -> None:
@@ -330,8 +331,10 @@ def test_an_experiment_is_that_of_the_log_s_own_run_and_none_before_it(tmp_path:
             name="accelerometer", values={"imu.accelerometer.offset_x": 0.1}
         ).model_dump_json(),
     }
-    free = judged(write_log(tmp_path / "free.mcap", [("experiment_status", kind, before)]))
+    log = write_log(tmp_path / "free.mcap", [("experiment_status", kind, before)])
+    free = judged(log)
     assert (free.experiment, free.decision, free.proposal) == ("", "", None)
+    assert undrawn(log).count("not judged") == 1
     starts = {"name": "motor_bench", "phase": "flying"}
     flies = {**starts, "run_id": "bench"}
     follows = {"name": "hover", "phase": "flying"}

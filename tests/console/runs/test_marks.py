@@ -12,8 +12,7 @@ import pytest
 
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.marks import marks_of
-from console.runs.adoption import tidy_runs
-from console.runs.log_marks import marks_in_log
+from console.runs.adoption import marks_in_log, tidy_runs
 from tests.waiting import wait_for
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics import TOPICS
@@ -107,8 +106,8 @@ def test_a_text_after_the_end_goes_to_the_catalogue_and_not_into_the_next_run(
 @pytest.mark.parametrize(
     ("fields", "reason"),
     [
-        ({"id": "short"}, "is no id; allowed are 8 to 64"),
-        ({"id": "no/slash/in/it"}, "is no id"),
+        ({"id": "short"}, "is not an id; allowed are 8 to 64"),
+        ({"id": "no/slash/in/it"}, "is not an id"),
         ({"text": "x" * 501}, "501 characters; allowed are 500"),
         ({"pressed_ns": 1}, "allowed are 10 s at most"),
         ({"pressed_ns": 0}, "no mark has the id"),

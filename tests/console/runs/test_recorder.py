@@ -203,7 +203,10 @@ def test_missing_read_only_and_a_file_in_its_place_are_told_apart(
         "mount its disk, or choose another with --data",
     )
     found, advice = disk.folder_problem(tmp_path / "file")
-    assert (found, advice.split(",")[0]) == (f"{tmp_path}/file is no folder", "move that file away")
+    assert (found, advice.split(",")[0]) == (
+        f"{tmp_path}/file is not a folder",
+        "move that file away",
+    )
     monkeypatch.setattr("os.statvfs", lambda _: SimpleNamespace(f_flag=os.ST_RDONLY))
     found, advice = disk.folder_problem(tmp_path)
     assert found == f"the disk of {tmp_path} is read-only"

@@ -113,7 +113,7 @@ def test_a_folder_that_becomes_something_else_ends_the_run_with_an_alarm(
     kept = folder.with_name("moved") / "run1.mcap"
     assert len(list(read_log(kept))) == 10, "what was written stays whole"
     if becomes == "a file":
-        with pytest.raises(StorageError, match="is no folder; move that file away"):
+        with pytest.raises(StorageError, match="is not a folder; move that file away"):
             recorder.start(run_in(folder, "run2"))
         assert folder.read_text() == "mine"
         folder.unlink()

@@ -12,12 +12,12 @@ from typing import Any
 import pytest
 
 from console.catalogue.catalogue import Catalogue
-from console.checks.alarms import AlarmBoard
+from console.checks.alarms import Alarms
 from console.parameters.station import RecorderParameters
 from console.parameters.store import StationStore
 from console.runs.housekeeping import Housekeeping
-from console.runs.run import AGAIN_SPARE
-from console.runs.runs import RunKeeper
+from console.runs.run import RESTART_RESERVE
+from console.runs.runs import RunManager
 from flight_log import is_closed
 from flight_log.run_folder import STATION
 from quadrotor.errors import StorageError
@@ -48,7 +48,7 @@ class Disk:
 def disk(monkeypatch: pytest.MonkeyPatch) -> Disk:
     made = Disk()
     monkeypatch.setattr("console.runs.disk.shutil", SimpleNamespace(disk_usage=made.usage))
-    monkeypatch.setattr("console.runs.recorder.AGAIN_PERIOD", 0.02)
+    monkeypatch.setattr("console.runs.recorder.RESTART_PERIOD", 0.02)
     monkeypatch.setattr("console.runs.recorder.WATCH_PERIOD", 0.01)
     return made
 
@@ -59,43 +59,43 @@ def catalogue(tmp_path: Path) -> Catalogue:
 
 
 @pytest.fixture
-def runs(disk: Disk, catalogue: Catalogue) -> Iterator[RunKeeper]:
+def runs(disk: Disk, catalogue: Catalogue) -> Iterator[RunManager]:
     store = StationStore()
     store.preset({"station.recorder.keep_free": KEPT / 1e6, "station.recorder.after_disarm": 0.0})
     parameters: Any = SimpleNamespace(snapshot=lambda: ({}, 1, ""), defaults=dict)
-    keeper = RunKeeper(catalogue, store, parameters, "quad1", "eva", lambda: b"{}")
+    keeper = RunManager(catalogue, store, parameters, "quad1", "eva", lambda: b"{}")
     yield keeper
     keeper.close()
 
 
-def begun(runs: RunKeeper, but: str = "") -> str:
+def begun(runs: RunManager, but: str = "") -> str:
     """Return the run that is being recorded, other than this one."""
     run_id = until(lambda: runs.recorder.run_id != but and runs.recorder.run_id)
     assert run_id
     return str(run_id)
 
 
-def ended(runs: RunKeeper) -> str:
+def ended(runs: RunManager) -> str:
     """Return the alarm at the end."""
     wait_for(lambda: not runs.recorder.run_id)
     return until(lambda: "; ".join(runs.recorder.status().alarms))
 
 
 def test_a_disk_full_in_flight_costs_what_was_flown_until_there_is_room_again(
-    runs: RunKeeper, disk: Disk, catalogue: Catalogue
+    runs: RunManager, disk: Disk, catalogue: Catalogue
 ) -> None:
-    runs.asked("arm", "ada")
+    runs.note_command("arm", "ada")
     runs.status(True)
     first = begun(runs)
     wait_for((catalogue.folder / first / STATION).exists)
     disk.free = KEPT - 1
     assert "only 9 MB are free" in ended(runs)
     assert "the next begins with 60 MB" in runs.recorder.status().alarms[0]
-    disk.free = KEPT + AGAIN_SPARE - 1  # so little more would be used up at once
+    disk.free = KEPT + RESTART_RESERVE - 1  # so little more would be used up at once
     disk.wait_asked(20)
     assert not runs.recorder.run_id
     assert "only 9 MB are free" in runs.recorder.status().alarms[0], "why it ended stays"
-    disk.free = KEPT + AGAIN_SPARE
+    disk.free = KEPT + RESTART_RESERVE
     second = begun(runs)
     assert (second != first, runs.recorder.status().alarms) == (True, ())
     runs.close()
@@ -108,7 +108,7 @@ def test_a_disk_full_in_flight_costs_what_was_flown_until_there_is_room_again(
 
 
 def test_a_run_that_could_not_begin_at_arming_begins_when_there_is_room(
-    runs: RunKeeper, disk: Disk
+    runs: RunManager, disk: Disk
 ) -> None:
     disk.free = 0
     runs.status(True)
@@ -119,7 +119,7 @@ def test_a_run_that_could_not_begin_at_arming_begins_when_there_is_room(
 
 
 def test_a_folder_that_vanishes_in_flight_is_made_again_and_recorded_into(
-    runs: RunKeeper, catalogue: Catalogue
+    runs: RunManager, catalogue: Catalogue
 ) -> None:
     runs.status(True)
     first = begun(runs)
@@ -131,7 +131,7 @@ def test_a_folder_that_vanishes_in_flight_is_made_again_and_recorded_into(
 
 
 def test_a_disk_that_tells_of_room_and_takes_nothing_begins_no_run(
-    runs: RunKeeper, disk: Disk, catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
+    runs: RunManager, disk: Disk, catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tried: list[Path] = []
 
@@ -155,7 +155,7 @@ def test_a_disk_that_tells_of_room_and_takes_nothing_begins_no_run(
 
 @pytest.mark.parametrize("how", ["disarmed", "by hand"])
 def test_nothing_begins_again_that_was_ended_otherwise(
-    runs: RunKeeper, disk: Disk, how: str
+    runs: RunManager, disk: Disk, how: str
 ) -> None:
     runs.status(True)
     begun(runs)
@@ -172,10 +172,10 @@ def test_nothing_begins_again_that_was_ended_otherwise(
 
 @pytest.mark.parametrize("which", ["data", "runs"])
 def test_a_folder_that_is_away_is_one_alarm(
-    runs: RunKeeper, catalogue: Catalogue, tmp_path: Path, which: str
+    runs: RunManager, catalogue: Catalogue, tmp_path: Path, which: str
 ) -> None:
     said: list[str] = []
-    board = AlarmBoard(said.append)
+    board = Alarms(said.append)
     keeping = Housekeeping(
         catalogue, RecorderParameters(), runs.recorder.status, lambda _: None, board.set
     )
@@ -184,7 +184,7 @@ def test_a_folder_that_is_away_is_one_alarm(
     if which == "runs":
         away.symlink_to(tmp_path / "not_mounted")
     wait_for(lambda: runs.recorder.status().alarms)
-    keeping.look()
+    keeping.check()
     [line] = board.lines(runs.recorder.status().alarms)
     reasons = {
         "data": f"the data folder is gone: {away}; nothing is recorded or saved; mount its disk or "

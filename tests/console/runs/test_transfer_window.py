@@ -6,7 +6,7 @@ from random import Random
 
 import pytest
 
-from console.transfers.window import HOLD, MOST, Window
+from console.transfers.request_window import HOLD, MAX_REQUESTS, RequestWindow
 
 PIECE = 2800 * 8  # bit
 
@@ -18,7 +18,7 @@ class Link:
         print(f"seed {seed}")
         self.rate, self.trip, self.jitter, self._drawn = rate, trip, jitter, Random(seed)
         self.now = 0.0
-        self.window = Window(lambda: self.now)
+        self.window = RequestWindow(lambda: self.now)
         self.sizes: list[int] = []
 
     def run(self, seconds: float) -> None:
@@ -57,7 +57,7 @@ def test_a_far_link_is_filled(rate: float, trip: float) -> None:
 def test_a_link_that_has_room_for_all_gets_the_most() -> None:
     link = Link(rate=1e9, trip=0.02)
     link.run(10.0)
-    assert link.window.size == MOST
+    assert link.window.size == MAX_REQUESTS
 
 
 def test_jitter_does_not_stop_it() -> None:

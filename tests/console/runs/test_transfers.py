@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 
 from console.catalogue.catalogue import Catalogue, RunEntry
-from console.catalogue.completeness import Completeness, completeness_of, keep_completeness
+from console.catalogue.completeness import Completeness, completeness_of, store_completeness
 from console.parameters.station import RecorderParameters
 from console.runs.adoption import described
-from console.transfers import desk as desk_module
 from console.transfers import transfer_disk
-from console.transfers.desk import TransferDesk
+from console.transfers import transfer_queue as transfer_queue_module
 from console.transfers.download import Download
 from console.transfers.fetcher import ChangedError, Fetcher
 from console.transfers.job import Job, NotYetError
 from console.transfers.part_file import NoRoomError, PartFile
 from console.transfers.run_logs import complete_run
+from console.transfers.transfer_queue import TransferQueue
 from console.transfers.vehicle_files import VehicleFiles
 from flight_log import read_log, read_metadata, recover
 from flight_log.run_folder import MERGED, STATION, VEHICLE, run_bytes
@@ -153,19 +153,19 @@ def test_what_came_and_has_not_the_vehicle_s_checksum_is_fetched_again(
 ) -> None:
     data = random_file(onboard, 40_000)
     link.cut_at = 4
-    bench.desk.start()
-    bench.desk.ask("download", "flight.mcap")
-    assert until(lambda: "cut" in bench.desk.jobs()[0].problem)
-    bench.desk.close()
-    part = bench.desk.folder / "flight.mcap.part"
+    bench.queue.start()
+    bench.queue.ask("download", "flight.mcap")
+    assert until(lambda: "cut" in bench.queue.jobs()[0].problem)
+    bench.queue.close()
+    part = bench.queue.folder / "flight.mcap.part"
     spoiled = bytearray(part.read_bytes())
     spoiled[3000:3010] = bytes(10)  # the disk lost them
     part.write_bytes(spoiled)
     link.cut_at = None
-    bench.desk = bench.new_desk()
-    bench.desk.start()
+    bench.queue = bench.new_queue()
+    bench.queue.start()
     assert ended(bench, "flight.mcap").phase == "done"
-    assert (bench.desk.folder / "flight.mcap").read_bytes() == data
+    assert (bench.queue.folder / "flight.mcap").read_bytes() == data
     assert link.asked.count((2800, 2800)) == 2
 
 
@@ -355,19 +355,19 @@ def test_a_torn_log_on_board_is_waited_for_until_it_is_mended(
     assert found.state in ("missing", "filled", "complete")
 
 
-# ---------------------------------------------------------------- the desk
+# ---------------------------------------------------------------- the queue
 class Bench:
-    """A station's data folder, a vehicle's, and a desk between them."""
+    """A station's data folder, a vehicle's, and the queue between them."""
 
     def __init__(self, data: Path, link: Link) -> None:
         self.catalogue = Catalogue(data)
         self.parameters = RecorderParameters(keep_free=10.0)
         self.link, self.state = link, LinkState.GOOD
         self.lines: list[str] = []
-        self.desk = self.new_desk()
+        self.queue = self.new_queue()
 
-    def new_desk(self, vehicle: str = "quad1") -> TransferDesk:
-        return TransferDesk(
+    def new_queue(self, vehicle: str = "quad1") -> TransferQueue:
+        return TransferQueue(
             self.catalogue,
             vehicle,
             VehicleFiles(self.link),  # type: ignore[arg-type]
@@ -380,20 +380,20 @@ class Bench:
         entry = described(run, None)
         fields = {name: getattr(entry, name) for name in RunEntry.__slots__}
         self.catalogue.add(RunEntry(**fields))
-        keep_completeness(self.catalogue, run.stem, Completeness("open"))
+        store_completeness(self.catalogue, run.stem, Completeness("open"))
 
 
 @pytest.fixture
 def bench(tmp_path: Path, link: Link, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    monkeypatch.setattr(desk_module, "LOOK", 0.02)
+    monkeypatch.setattr(transfer_queue_module, "RETRY_PERIOD", 0.02)
     made = Bench(tmp_path / "data", link)
     yield made
-    made.desk.close()
+    made.queue.close()
 
 
 def ended(bench: Bench, name: str) -> Job:
-    found = until(lambda: [job for job in bench.desk.jobs() if job.name == name and job.is_over])
-    assert found, [(job.phase, job.problem) for job in bench.desk.jobs()]
+    found = until(lambda: [job for job in bench.queue.jobs() if job.name == name and job.is_over])
+    assert found, [(job.phase, job.problem) for job in bench.queue.jobs()]
     job: Job = found[0]
     return job
 
@@ -402,23 +402,23 @@ def test_a_download_is_the_vehicle_s_file_and_stands_in_the_vehicle_s_folder(
     bench: Bench, onboard: Path
 ) -> None:
     data = random_file(onboard, 40_000)
-    bench.desk.start()
-    bench.desk.ask("download", "flight.mcap", by_person=True)
+    bench.queue.start()
+    bench.queue.ask("download", "flight.mcap", by_person=True)
     assert ended(bench, "flight.mcap").phase == "done"
-    assert (bench.desk.folder / "flight.mcap").read_bytes() == data
-    assert [path.name for path in bench.desk.folder.iterdir()] == ["flight.mcap"]
-    assert bench.desk.folder.name == "quad1"
+    assert (bench.queue.folder / "flight.mcap").read_bytes() == data
+    assert [path.name for path in bench.queue.folder.iterdir()] == ["flight.mcap"]
+    assert bench.queue.folder.name == "quad1"
 
 
 def test_a_log_of_the_same_name_and_another_vehicle_replaces_nothing(
     bench: Bench, onboard: Path
 ) -> None:
-    mine = bench.desk.folder / "flight.mcap"
+    mine = bench.queue.folder / "flight.mcap"
     mine.parent.mkdir(parents=True)
     mine.write_bytes(b"another vehicle's")
     data = random_file(onboard, 40_000)
-    bench.desk.start()
-    bench.desk.ask("download", "flight.mcap")
+    bench.queue.start()
+    bench.queue.ask("download", "flight.mcap")
     assert ended(bench, "flight.mcap").phase == "done"
     assert mine.read_bytes() == b"another vehicle's"
     assert mine.with_name("flight_2.mcap").read_bytes() == data
@@ -429,18 +429,18 @@ def test_a_download_goes_on_when_the_link_is_back_and_after_a_new_start(
 ) -> None:
     data = random_file(onboard, 60_000)
     link.cut_at = 6
-    bench.desk.start()
-    bench.desk.ask("download", "flight.mcap")
-    assert until(lambda: "cut" in bench.desk.jobs()[0].problem)
-    bench.desk.close()
-    bench.desk = bench.new_desk()
+    bench.queue.start()
+    bench.queue.ask("download", "flight.mcap")
+    assert until(lambda: "cut" in bench.queue.jobs()[0].problem)
+    bench.queue.close()
+    bench.queue = bench.new_queue()
     link.cut_at = len(link.asked) + 5
     bench.state = LinkState.LOST
-    bench.desk.start()
-    assert until(lambda: bench.desk.jobs() and "lost" in bench.desk.jobs()[0].problem)
+    bench.queue.start()
+    assert until(lambda: bench.queue.jobs() and "lost" in bench.queue.jobs()[0].problem)
     link.cut_at, bench.state = None, LinkState.GOOD
     assert ended(bench, "flight.mcap").phase == "done"
-    assert (bench.desk.folder / "flight.mcap").read_bytes() == data
+    assert (bench.queue.folder / "flight.mcap").read_bytes() == data
     lengths = sum(length for _, length in link.asked if length > 8)
     assert lengths < len(data) + 4 * 2800, "much was fetched twice"
 
@@ -457,20 +457,20 @@ def test_nothing_is_made_where_the_data_folder_is_away_and_it_goes_on_when_it_is
             data.mkdir()  # the mount point without the disk
 
     link.before_piece = unmount
-    bench.desk.start()
-    bench.desk.ask("download", "flight.mcap")
+    bench.queue.start()
+    bench.queue.ask("download", "flight.mcap")
     gone = f"catalogue.sqlite is gone from the data folder {data}"
-    assert until(lambda: bench.desk.jobs()[0].problem.startswith(gone))
-    [job] = bench.desk.jobs()
+    assert until(lambda: bench.queue.jobs()[0].problem.startswith(gone))
+    [job] = bench.queue.jobs()
     assert job.phase == "waiting"
-    assert job.problem.endswith("; it continues when it is there")
+    assert job.problem.endswith("; it continues when the folder is back")
     with pytest.raises(StorageError, match=gone):
-        bench.desk.ask("download", "other.mcap")
+        bench.queue.ask("download", "other.mcap")
     assert list(data.iterdir()) == []
     data.rmdir()
     away.rename(data)
     assert ended(bench, "flight.mcap").phase == "done"
-    assert (bench.desk.folder / "flight.mcap").read_bytes() == log
+    assert (bench.queue.folder / "flight.mcap").read_bytes() == log
 
 
 def test_a_download_that_had_to_wait_is_not_forgotten_when_the_station_stops(
@@ -478,21 +478,21 @@ def test_a_download_that_had_to_wait_is_not_forgotten_when_the_station_stops(
 ) -> None:
     data = random_file(onboard, 20_000)
     bench.state = LinkState.LOST
-    bench.desk.start()
-    bench.desk.ask("download", "flight.mcap")
-    bench.desk.close()
+    bench.queue.start()
+    bench.queue.ask("download", "flight.mcap")
+    bench.queue.close()
     bench.state = LinkState.GOOD
-    bench.desk = bench.new_desk()
-    bench.desk.start()
+    bench.queue = bench.new_queue()
+    bench.queue.start()
     assert ended(bench, "flight.mcap").phase == "done"
-    assert (bench.desk.folder / "flight.mcap").read_bytes() == data
+    assert (bench.queue.folder / "flight.mcap").read_bytes() == data
 
 
 def test_a_download_of_what_is_not_there_is_not_asked_for_again(bench: Bench) -> None:
-    bench.desk.start()
-    bench.desk.ask("download", "flight.mcap")
+    bench.queue.start()
+    bench.queue.ask("download", "flight.mcap")
     assert ended(bench, "flight.mcap").phase == "failed"
-    assert list(bench.desk.folder.iterdir()) == []
+    assert list(bench.queue.folder.iterdir()) == []
 
 
 def test_a_full_disk_is_said_and_waited_for(
@@ -501,13 +501,13 @@ def test_a_full_disk_is_said_and_waited_for(
     data = random_file(onboard, 40_000)
     free = [0]
     monkeypatch.setattr(transfer_disk, "free_bytes", lambda folder: free[0])
-    bench.desk.start()
-    bench.desk.ask("download", "flight.mcap")
-    assert until(lambda: "delete or move runs" in bench.desk.jobs()[0].problem)
-    assert bench.desk.jobs()[0].phase == "waiting"
+    bench.queue.start()
+    bench.queue.ask("download", "flight.mcap")
+    assert until(lambda: "delete or move runs" in bench.queue.jobs()[0].problem)
+    assert bench.queue.jobs()[0].phase == "waiting"
     free[0] = 10**9
     assert ended(bench, "flight.mcap").phase == "done"
-    assert (bench.desk.folder / "flight.mcap").read_bytes() == data
+    assert (bench.queue.folder / "flight.mcap").read_bytes() == data
 
 
 def test_no_room_for_a_piece_is_told_as_such(
@@ -529,8 +529,8 @@ def test_a_file_that_is_gone_meanwhile_is_one_clear_line(
 ) -> None:
     random_file(onboard, 40_000)
     link.before_piece = lambda number: (onboard / "flight.mcap").unlink() if number == 4 else None
-    bench.desk.start()
-    bench.desk.ask("download", "flight.mcap")
+    bench.queue.start()
+    bench.queue.ask("download", "flight.mcap")
     job = ended(bench, "flight.mcap")
     assert job.phase == "failed"
     assert "no onboard log 'flight.mcap'" in job.problem
@@ -538,19 +538,19 @@ def test_a_file_that_is_gone_meanwhile_is_one_clear_line(
 
 def test_a_cancelled_download_leaves_nothing(bench: Bench, onboard: Path, link: Link) -> None:
     random_file(onboard, 60_000)
-    link.before_piece = lambda n: bench.desk.cancel("flight.mcap") if n == 5 else None
-    bench.desk.start()
-    bench.desk.ask("download", "flight.mcap")
+    link.before_piece = lambda n: bench.queue.cancel("flight.mcap") if n == 5 else None
+    bench.queue.start()
+    bench.queue.ask("download", "flight.mcap")
     assert ended(bench, "flight.mcap").phase == "cancelled"
-    assert list(bench.desk.folder.iterdir()) == []
-    with pytest.raises(RefusedError, match="nothing of"):
-        bench.desk.cancel("flight.mcap")
+    assert list(bench.queue.folder.iterdir()) == []
+    with pytest.raises(RefusedError, match="no transfer of"):
+        bench.queue.cancel("flight.mcap")
 
 
 @pytest.mark.parametrize("name", ["../secret.mcap", "a/b.mcap", "", "x.txt", ".mcap"])
 def test_a_name_that_is_no_log_s_is_refused(bench: Bench, name: str) -> None:
-    with pytest.raises(RefusedError, match="is no name of a log"):
-        bench.desk.ask("download", name)
+    with pytest.raises(RefusedError, match="is not the name of a log"):
+        bench.queue.ask("download", name)
 
 
 @pytest.mark.parametrize("kind", ["folder", "single file"])
@@ -564,7 +564,7 @@ def test_runs_are_completed_by_a_real_process_also_those_of_before_the_start(
     flight.record(folder / STATION if kind == "folder" else run)
     bench.enter(run)
     entered = bench.catalogue.get("r1")
-    bench.desk.start()  # without a request
+    bench.queue.start()  # without a request
     assert ended(bench, "r1").phase == "done"
     assert bench.catalogue.resolve("r1") == folder.resolve()
     assert ticks_of(folder) == [flight.stamps.tolist()] * 4
@@ -583,13 +583,13 @@ def test_while_the_vehicle_s_log_comes_a_run_is_the_station_s_and_a_new_start_go
     flight.record(run / STATION)
     bench.enter(run)
     link.cut_at = 20
-    bench.desk.start()
-    assert until(lambda: bench.desk.jobs() and "cut" in bench.desk.jobs()[0].problem)
+    bench.queue.start()
+    assert until(lambda: bench.queue.jobs() and "cut" in bench.queue.jobs()[0].problem)
     assert ticks_of(run) == [flight.stamps[flight.heard].tolist()] * 4
-    bench.desk.close()
+    bench.queue.close()
     link.cut_at = None
-    bench.desk = bench.new_desk()
-    bench.desk.start()
+    bench.queue = bench.new_queue()
+    bench.queue.start()
     assert ended(bench, "r1").phase == "done"
     assert ticks_of(run) == [flight.stamps.tolist()] * 4
     fetched = sum(length for _, length in link.asked)
@@ -604,8 +604,8 @@ def test_a_cancelled_run_keeps_nothing_of_the_vehicle_s_log(
     flight.log_onboard(onboard / "flight.mcap")
     flight.record(run / STATION)
     bench.enter(run)
-    link.before_piece = lambda n: bench.desk.cancel("r1") if n == 5 else None
-    bench.desk.start()
+    link.before_piece = lambda n: bench.queue.cancel("r1") if n == 5 else None
+    bench.queue.start()
     assert ended(bench, "r1").phase == "cancelled"
     assert [path.name for path in run.iterdir()] == [STATION]
 

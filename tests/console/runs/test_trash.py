@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy import select
 
 from console.catalogue.catalogue import Catalogue, RunEntry
-from console.catalogue.marks import Mark, keep_mark, marks_of
+from console.catalogue.marks import Mark, marks_of, store_mark
 from console.catalogue.notes import write_notes
 from console.catalogue.tables import MarkRow, NoteRow, RunRow, TagRow, TrashRow
 from console.catalogue.tags import change_tags, tags_of
@@ -50,7 +50,7 @@ def test_undo_brings_back_file_report_notes_tags_and_marks(catalogue: Catalogue)
     before = names(catalogue.folder)
     write_notes(catalogue, "r1", "gusty", "anna")
     change_tags(catalogue, ["r1"], ["wind"], [])
-    keep_mark(catalogue, Mark("r1", "mark-0001", 5, 2.0, "door", "anna"))
+    store_mark(catalogue, Mark("r1", "mark-0001", 5, 2.0, "door", "anna"))
     content = catalogue.resolve("r1").read_bytes()
     delete_run(catalogue, "r1", "anna")
     assert names(catalogue.folder) == before - {"r1.mcap", "r1_report"} | {TRASH}
@@ -114,7 +114,7 @@ def test_a_folder_that_cannot_take_the_file_leaves_the_run_listed(catalogue: Cat
 def test_after_its_time_nothing_of_a_run_is_left(catalogue: Catalogue) -> None:
     write_notes(catalogue, "r1", "gusty", "anna")
     change_tags(catalogue, ["r1"], ["wind"], [])
-    keep_mark(catalogue, Mark("r1", "mark-0001", 5, 2.0, "door", "anna"))
+    store_mark(catalogue, Mark("r1", "mark-0001", 5, 2.0, "door", "anna"))
     (catalogue.folder / "r1.1.1.1.viser").write_text("made again when asked for")
     delete_run(catalogue, "r1", "anna")
     assert purge(catalogue, older_than=60.0).done == []
@@ -181,20 +181,20 @@ def test_the_trash_is_emptied_when_the_days_are_over(
     catalogue: Catalogue, house: House, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     delete_run(catalogue, "r1", "anna")
-    house.keeping.look()
+    house.keeping.check()
     assert [run.id for run in deleted_runs(catalogue)] == ["r1"]
     now_ns: Callable[[], int] = time.time_ns
     later = round((house.parameters.trash_keep + 0.1) * DAY * 1e9)
     monkeypatch.setattr("console.runs.trash.time.time_ns", lambda: now_ns() + later)
-    House(catalogue).keeping.look()
+    House(catalogue).keeping.check()
     assert deleted_runs(catalogue) == []
 
 
 def test_a_disk_below_the_limit_is_an_alarm_that_says_how_long_it_lasts(house: House) -> None:
     house.parameters.warn_free = 10.0
-    house.keeping.look()
+    house.keeping.check()
     assert house.alarms["disk"] is None
     house.parameters.warn_free = 1_000_000.0
-    house.keeping.look()
+    house.keeping.check()
     assert "GB free, recording lasts" in str(house.alarms["disk"])
     assert "delete runs and empty the trash" in str(house.alarms["disk"])

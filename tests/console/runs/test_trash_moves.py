@@ -86,11 +86,11 @@ def test_a_trash_that_cannot_be_emptied_is_an_alarm_until_it_can(
     for name in ("r1", "r2"):
         delete_run(catalogue, name, "anna")
     cannot_remove(catalogue, "r2")
-    keeping.look()
+    keeping.check()
     assert [line.split(":")[0] for line in said] == ["run r1"]
     assert "run r2 cannot be removed" in str(alarms["trash"])
     (catalogue.folder / TRASH / "r2_report").unlink()
-    keeping.look()
+    keeping.check()
     assert alarms["trash"] is None
     assert deleted_runs(catalogue) == []
 

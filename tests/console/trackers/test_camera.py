@@ -11,13 +11,13 @@ import pytest
 
 from console.trackers import camera
 from console.trackers.camera import CameraSource, Pictures
-from console.trackers.camera_figures import camera_words
+from console.trackers.camera_figures import figures_text
 from console.trackers.camera_view import CameraView
 from console.trackers.source import Frame
 from quadlab.commands.tracker import Tracker
 from quadrotor.errors import MeasurementError, StorageError, UnreachableError, UsageError
 from tests.estimation.tags.rendered import CAMERA, LENS, a_scene
-from vehicle_link.topics.pictures import JPEG
+from vehicle_link.topics.measurements import JPEG
 
 TAGS = """
 [bodies.cf7.3]
@@ -143,7 +143,7 @@ def test_a_picture_that_is_refused_is_shown_all_the_same(
         next(CameraSource(path, lens, tags, view).frames())
     assert view.newest is not None
     assert view.newest.jpeg.startswith(JPEG)
-    assert "(black), tags in 0% of them" in camera_words(view.figures())
+    assert "(black), tags in 0% of them" in figures_text(view.figures())
 
 
 def test_files_that_are_no_videos_and_sizes_that_do_not_fit_are_told(
@@ -151,7 +151,7 @@ def test_files_that_are_no_videos_and_sizes_that_do_not_fit_are_told(
 ) -> None:
     with pytest.raises(StorageError, match="no video"):
         CameraSource(tmp_path / "other.avi", lens, tags)
-    with pytest.raises(UnreachableError, match="no video that OpenCV reads"):
+    with pytest.raises(UnreachableError, match="OpenCV cannot read the video"):
         CameraSource(tags, lens, tags)
     lens.write_text(lens.read_text().replace("image_width: 640", "image_width: 800"))
     with pytest.raises(MeasurementError, match=r"640 x 480 pixels, but .* 800 x 480"):

@@ -39,7 +39,7 @@ def fly(
     others: dict[str, Array] | None = None,
 ) -> list[bool]:
     return [
-        health.take(wrong(circle(k * PERIOD)), k * PERIOD, others or {})
+        health.judge(wrong(circle(k * PERIOD)), k * PERIOD, others or {})
         for k in range(begin, begin + frames)
     ]
 
@@ -113,14 +113,14 @@ def test_a_jump_without_an_explanation_is_told_and_passed_on() -> None:
 )
 def test_a_pose_that_cannot_be_is_withheld_from_the_first(one: Body, told: str) -> None:
     health = BodyHealth()
-    assert not health.take(one, 0.0, {})
+    assert not health.judge(one, 0.0, {})
     assert re.search(told, health.problem(0.0))
 
 
 def test_a_body_that_lies_on_its_side_is_told_with_the_axis() -> None:
     health = BodyHealth()
     y_up = np.array(quaternion_of(-math.pi / 2, 0.0, 0.0))
-    taken = [health.take(body(np.zeros(3), y_up), k * PERIOD, {}) for k in range(100)]
+    taken = [health.judge(body(np.zeros(3), y_up), k * PERIOD, {}) for k in range(100)]
     assert taken[0]
     assert not taken[-1]
     assert "along the world's +y" in health.problem(0.99)

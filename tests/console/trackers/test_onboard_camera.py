@@ -14,13 +14,13 @@ import numpy.typing as npt
 import pytest
 
 from bearing_sim import BearingParameters
-from console.trackers.camera_figures import camera_words
+from console.trackers.camera_figures import figures_text
 from console.trackers.camera_view import CameraView
 from console.trackers.onboard_camera import (
     BearingsTracker,
     OnboardCameraSource,
     Places,
-    StationsBeacons,
+    StationBeacons,
 )
 from console.trackers.source import Frame
 from quadlab.commands.processes import check_tracker
@@ -32,7 +32,7 @@ from quadrotor.records import beacon_ids_of
 from tests.console.trackers.test_tracker_process import AHEAD_NS, Bench
 from tests.waiting import wait_for
 from vehicle_link import topics
-from vehicle_link.messages import decode
+from vehicle_link.messages import decode, encode, new
 from vehicle_link.topics import PICTURE, TOPICS, decode_picture
 from vehicle_link.transport.node import Node
 
@@ -47,7 +47,7 @@ TAGS = "size = 0.2\n[camera]\nposition = [0.05, 0, -0.03]\nturn = [0, -90, 0]\n"
 PICTURES, RATE = 120, 4.0
 
 
-class Told:
+class Notification:
     def __init__(self, places: Places) -> None:
         self.places = places
 
@@ -75,7 +75,7 @@ def write(path: Path, pictures: list[Any], rate: float = RATE) -> None:
 
 def first(files: Path, video: str, places: Places) -> Frame:
     source = OnboardCameraSource(
-        files / video, files / "camera.yaml", files / "beacons.toml", Told(places)
+        files / video, files / "camera.yaml", files / "beacons.toml", Notification(places)
     )
     return next(source.frames())
 
@@ -103,7 +103,7 @@ def test_a_black_picture_is_told_and_the_next_one_read(files: Path) -> None:
     grey = CAMERA.picture(PLACE, np.eye(3), np.zeros(3), np.zeros(3))
     write(files / "dark.avi", [np.zeros_like(grey), grey])
     source = OnboardCameraSource(
-        files / "dark.avi", files / "camera.yaml", files / "beacons.toml", Told(BEACONS)
+        files / "dark.avi", files / "camera.yaml", files / "beacons.toml", Notification(BEACONS)
     )
     with pytest.raises(MeasurementError, match="the picture is black"):
         next(source.frames())
@@ -137,7 +137,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     bench.close()
 
 
-def test_a_video_becomes_the_vehicles_bearings_and_its_silence_is_told(
+def test_a_video_becomes_the_vehicles_bearings_and_its_end_frees_the_station(
     bench: Bench, files: Path
 ) -> None:
     statuses: list[Any] = []
@@ -149,7 +149,7 @@ def test_a_video_becomes_the_vehicles_bearings_and_its_silence_is_told(
     session, ending = bench.page.session, threading.Event()
 
     def source() -> OnboardCameraSource:
-        beacons = StationsBeacons(session, "quad1")
+        beacons = StationBeacons(session, "quad1")
         return OnboardCameraSource(
             files / "hover.avi", files / "camera.yaml", files / "beacons.toml", beacons, view
         )
@@ -181,7 +181,7 @@ def test_a_video_becomes_the_vehicles_bearings_and_its_silence_is_told(
     assert statuses[-1].is_camera
     assert statuses[-1].tags_share == 1.0
     assert statuses[-1].residual > 3.0  # pixels: the layout is another
-    words = camera_words(statuses[-1])
+    words = figures_text(statuses[-1])
     assert re.fullmatch(
         r"\d pictures/s, mean grey level \d+ of 255, tags in 100% of them, \d+\.\d\d pixels from "
         "their places",
@@ -189,7 +189,12 @@ def test_a_video_becomes_the_vehicles_bearings_and_its_silence_is_told(
     )
     ending.set()
     thread.join(20)
-    wait_for(lambda: bench.told("camera on board: its process is silent"))
+    wait_for(lambda: bench.told("camera on board: its process was ended"))
+    assert bench.station._tracker.camera_alarm, "while it is not known that the vehicle is disarmed"
+    disarmed = encode(new("quadlab_msgs/VehicleStatus", armed=False))
+    bench.at_vehicle.advertise(TOPICS["status"]).put(disarmed)
+    wait_for(lambda: bench.told("bearings are emulated again"))
+    wait_for(lambda: "camera" not in bench.station._alarms.keyed())
 
 
 def test_the_process_prints_how_well_the_camera_sees_once_nothing_is_wrong(
@@ -201,7 +206,7 @@ def test_the_process_prints_how_well_the_camera_sees_once_nothing_is_wrong(
 
     def source() -> OnboardCameraSource:
         video, lens, tags = (files / one for one in ("quick.avi", "camera.yaml", "beacons.toml"))
-        return OnboardCameraSource(video, lens, tags, Told(BEACONS), view)
+        return OnboardCameraSource(video, lens, tags, Notification(BEACONS), view)
 
     tracker = BearingsTracker("a camera", source, {"quad1": "quad1"}, bench.page.session, view=view)
     thread = threading.Thread(target=tracker.run, args=(ending,), daemon=True)

@@ -209,7 +209,7 @@ def test_a_line_that_is_none_is_told_and_the_next_frame_taken(
 ) -> None:
     good = laboratory.lines
     laboratory.lines = ["hello, mocap"]
-    wait_for(lambda: bench.told("a line that is no body: 'hello, mocap'"))
+    wait_for(lambda: bench.told("an invalid line: 'hello, mocap'"))
     laboratory.lines = good
     before = len(bench.poses)
     wait_for(lambda: len(bench.poses) > before + 10)
@@ -240,7 +240,7 @@ def test_poses_of_a_ros_2_node_are_frames_of_their_topic(bench: Bench) -> None:
     poses = node.publisher("cf7/pose", "geometry_msgs/PoseStamped")
     assert poses.wait(10)
     sample = pose_sample(5_000_000_123, PLACE, (0.6, 0.0, 0.0, 0.8))
-    poses.put(topics.encode_poses(sample)[0])
+    poses.put(topics.pose_messages(sample).tobytes())
     frame = next(source.frames())
     source.close()
     node.close()

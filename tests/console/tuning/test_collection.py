@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.tuning.collection import FRUITLESS_MAX, Collection
-from console.tuning.log_window import LogWindow
+from console.link.forwarding import forward_service
+from console.tuning.collection import EMPTY_ANSWERS_MAX, Collection
 from quadrotor.errors import StorageError
 from tests.support.narrowing import now
 from vehicle_link.messages import new
@@ -62,7 +62,7 @@ def test_after_a_failure_it_is_asked_again_from_the_same_place() -> None:
 def test_it_gives_up_after_some_failures_and_keeps_what_came() -> None:
     collection = Collection(NAMES, START, END)
     collection.add(answer(1000, 1499))
-    for _ in range(FRUITLESS_MAX - 1):
+    for _ in range(EMPTY_ANSWERS_MAX - 1):
         assert collection.failed("the link is lost")
     assert not collection.failed("the link is lost")
     assert now(collection).done
@@ -122,7 +122,7 @@ def test_two_lost_ticks_are_a_gap_one_is_counted_and_jitter_is_neither() -> None
 def test_an_answer_that_does_not_fit_the_question_is_refused(change: Any) -> None:
     wrong = answer(1000, 1002)
     vars(wrong).update(change)
-    with pytest.raises(StorageError, match="are no answer to 2 columns"):
+    with pytest.raises(StorageError, match="do not answer a request for 2 columns"):
         Collection(NAMES, START, END).add(wrong)
 
 
@@ -156,7 +156,7 @@ class FakeNode:
 
 def test_the_station_passes_questions_on_last_of_all_and_not_over_a_lost_link() -> None:
     node, state = FakeNode(), [LinkState.GOOD]
-    LogWindow(node, lambda: state[0])  # type: ignore[arg-type]
+    forward_service(node, "onboard_log", lambda: state[0], 1.0)  # type: ignore[arg-type]
     assert node.priority == "background"
     request = new(f"{TYPE}_Request", requester="anna", columns=["a"])
     assert node.handler(request).file == "f.mcap"

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from bearing_sim.rendered_camera import Pattern, RenderedCamera
 from estimation.tags.detector import TagDetector
 from estimation.tags.intrinsics import Intrinsics
 from estimation.tags.tag_layout import CameraPlace, TagLayout, TagPlace
+from quadrotor.records import Array
 from quadrotor.rotations import quaternion_from_euler, quaternion_to_matrix, rotation_exp
-
-Array = npt.NDArray[np.float64]
 
 SIZE = 0.12
 MATRIX = np.array([[600.0, 0.0, 322.0], [0.0, 602.0, 238.0], [0.0, 0.0, 1.0]])

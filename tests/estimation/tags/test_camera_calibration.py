@@ -70,7 +70,7 @@ def test_the_command_writes_what_it_found_and_no_file_twice(
     command = camera.Camera(out, BOARD.square, BOARD.marker, "7x5", video=video)
     assert command.run() == 0
     assert load_intrinsics(out).matrix[0, 0] == pytest.approx(600.0, abs=3.0)
-    with pytest.raises(UsageError, match="is there already"):
+    with pytest.raises(UsageError, match="exists already"):
         command.run()
     with pytest.raises(UsageError, match="7by5"):
         replace(command, board="7by5").run()

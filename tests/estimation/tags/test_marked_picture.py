@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from estimation.tags.detector import TagDetector
-from estimation.tags.marked_picture import UNUSED, USED, WIDEST, marked_picture
+from estimation.tags.detector import UNUSED, USED, WIDEST, TagDetector, marked_picture
 from tests.estimation.tags.rendered import CAMERA, LENS, a_scene
 
 GREY = CAMERA.take(a_scene(np.array([0.0, 0.1, 0.9]), np.eye(3)), np.random.default_rng(1))

@@ -14,10 +14,9 @@ import pytest
 from estimation.tags.intrinsics import Intrinsics
 from estimation.tags.tag_bearings import BeaconTags, Mount, TagBearings, load_beacon_tags
 from quadrotor.errors import MeasurementError
+from quadrotor.records import Array
 from quadrotor.rotations import rotation_exp
 from tests.estimation.tags.rendered import CAMERA, LENS, MATRIX, tag
-
-Array = npt.NDArray[np.float64]
 
 SIZE = 0.15
 PLACES = {1: (-0.3, 0.2, 0.0), 2: (0.3, 0.2, 0.0), 3: (0.3, -0.2, 0.0), 7: (-0.3, -0.2, 0.1)}

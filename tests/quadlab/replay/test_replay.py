@@ -19,10 +19,9 @@ from flight_log import LogWriter, read_attachments, read_log
 from quadlab.__main__ import main
 from quadlab.replay import log as log_module
 from quadlab.replay.errors import Truth, angles, errors
-from quadlab.replay.flown import flown_choices
-from quadlab.replay.lines import plan_runs
+from quadlab.replay.lines import flown_choices, plan_runs
 from quadlab.replay.log import Recording, read_recording
-from quadlab.replay.measurements import MeasurementStore, emulated_bearings, emulated_poses
+from quadlab.replay.measurements import MeasurementStore, emulated
 from quadlab.replay.run import replay
 from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
@@ -34,6 +33,7 @@ from quadrotor.records import STATE
 from vehicle.flight.kernels import prepare
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link import topics
+from vehicle_link.messages.cdr_layout import payloads_of
 
 ON_BEARINGS = 9.0
 """Duration of the flight on bearings, s."""
@@ -140,7 +140,7 @@ def as_flown(recording: Recording, truth: Truth) -> list[bool]:
     """Return whether each replayed state is the message in the log, byte for byte."""
     [run] = plan_runs(recording, (), (), (), None)
     replayed = replay(recording, run, MeasurementStore(recording, truth).of(run))
-    again = topics.encode_odometries(recording.imu["stamp_ns"], replayed.states)
+    again = payloads_of(topics.odometry_messages(recording.imu["stamp_ns"], replayed.states))
     logged = [message.payload for message in read_log(recording.path, {"/quad1/state"})]
     return [one == other for one, other in zip(again, logged, strict=True)]
 
@@ -183,12 +183,12 @@ def test_noise_of_the_same_seed_makes_the_recorded_measurements(
     recording: Recording, truth: Truth
 ) -> None:
     samples_ns = recording.imu["stamp_ns"]
-    frames = emulated_bearings(truth, samples_ns, recording.parameters.bearings)
+    frames = emulated(recording.parameters.bearings, truth, samples_ns)
     assert len(frames) == len(recording.bearings) > 100
     for made, recorded in zip(frames, recording.bearings, strict=True):
         assert made.arrival_ns == recorded.arrival_ns
         assert made.measurement.tobytes() == recorded.measurement.tobytes()
-    poses = emulated_poses(truth, samples_ns, recording.parameters.tracker)
+    poses = emulated(recording.parameters.tracker, truth, samples_ns)
     assert [(ns, pose.tobytes()) for ns, pose in poses] == [
         (ns, pose.tobytes()) for ns, pose in recording.poses
     ]

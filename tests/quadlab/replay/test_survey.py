@@ -86,7 +86,7 @@ def test_a_base_station_that_is_elsewhere_is_found_without_the_truth() -> None:
 def test_a_survey_of_few_sweeps_is_refused() -> None:
     recording, _ = circling(0.4)
     [run] = plan_runs(recording, (), ["error_state"], (), "sweeps")
-    with pytest.raises(MeasurementError, match=r"\b\d+ sweeps .* it takes 100"):
+    with pytest.raises(MeasurementError, match=r"\b\d+ sweeps .* which needs 100"):
         survey_stations(recording, run)
 
 

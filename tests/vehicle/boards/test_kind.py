@@ -8,14 +8,14 @@ import pytest
 
 from quadrotor.errors import UsageError
 from vehicle.boards.betaflight.options import BetaflightOptions
-from vehicle.boards.board import Takes
+from vehicle.boards.board import CommandKind
 from vehicle.boards.kind import find_kind
 
 THEIRS = """
-from vehicle.boards.board import Takes, Traits
+from vehicle.boards.board import CommandKind, Traits
 from vehicle.boards.kind import Kind
 
-KIND = Kind(Traits("theirs", (Takes.RATES,)), lambda *_: None, rate=100)
+KIND = Kind(Traits("theirs", (CommandKind.RATES,)), lambda *_: None, rate=100)
 WRONG = "a board"
 """
 
@@ -32,9 +32,9 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_ours_are_there_with_what_they_take() -> None:
-    assert find_kind("mikrokopter").traits.direct is Takes.MOTORS
+    assert find_kind("mikrokopter").traits.direct is CommandKind.MOTORS
     betaflight = find_kind("betaflight")
-    assert betaflight.traits.direct is Takes.RATES
+    assert betaflight.traits.direct is CommandKind.RATES
     assert (betaflight.options, betaflight.rate) == (BetaflightOptions, 250)
 
 

@@ -26,7 +26,7 @@ class Flight(WatchedFlight):
 
     @property
     def off(self) -> Record:
-        found: Record = self.stack.controller.disturbance  # type: ignore[attr-defined]
+        found: Record = self.stack.law.controller.disturbance
         return found
 
     def away(self, seconds: float) -> float:
@@ -39,7 +39,7 @@ class Flight(WatchedFlight):
 
 def test_switched_on_in_flight_it_finds_wind_and_weak_motor_without_a_jump() -> None:
     flight = Flight().hover()
-    assert flight.stack.steering.observer.idle
+    assert flight.stack.law.observer.idle
     assert not flight.off["force_w"].any()
     before = flight.away(1.0)
     flight.taken.clear()

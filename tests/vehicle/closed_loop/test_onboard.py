@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.onboard.compiled_step import onboard_step, onboard_steps
 from control.controller import GeometricController
 from control.parameters import AttitudeGains, ControlParameters
 from control.trajectories.figure_eight import FigureEight
@@ -12,7 +13,7 @@ from estimation.complementary import ComplementaryEstimator
 from estimation.parameters import EstimationParameters
 from quadrotor.records import ACTUATORS, IMU_SAMPLE, POSE_SAMPLE, Record, new_reference, new_state
 from quadrotor.vehicle_model import VehicleModel
-from vehicle.closed_loop.onboard import new_onboard, new_settings, onboard_step, onboard_steps
+from vehicle.closed_loop.onboard import new_onboard, new_settings
 
 PERIOD, TICKS = 0.002, 2000
 

@@ -7,6 +7,7 @@ import shutil
 import numpy as np
 import pytest
 
+from benchmarks.onboard.compiled_step import onboard_steps
 from benchmarks.onboard.onboard import PERIOD, recorded, started
 from benchmarks.peers.cpp_twin import CppTwin
 from control.parameters import ControlParameters
@@ -14,7 +15,7 @@ from control.trajectories.figure_eight import FigureEight
 from estimation.parameters import EstimationParameters
 from quadrotor.vehicle_model import VehicleModel
 from vehicle.closed_loop.batch import Scenario, fly_batch, prepare
-from vehicle.closed_loop.onboard import new_onboard, new_settings, onboard_steps
+from vehicle.closed_loop.onboard import new_onboard, new_settings
 
 pytestmark = pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
 

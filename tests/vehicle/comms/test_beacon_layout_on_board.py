@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bearing_sim.beacon_set import KnownBeacons
 from bearing_sim.beacons import PRESETS
-from bearing_sim.known_beacons import KnownBeacons
 from quadrotor.errors import MeasurementError
 from quadrotor.records import bearings_sample, new_state
 from vehicle.comms.bearing_pose import bearing_pose
@@ -42,8 +42,8 @@ def test_a_new_layout_counts_at_once_and_a_wrong_one_changes_nothing() -> None:
     inbound = Inbound(None, VehicleClock(), print, print, print)  # type: ignore[arg-type]
     inbound.prepare().join()
     assert solved(inbound._beacons, "paper") == pytest.approx(PLACE, abs=1e-6)
-    inbound.lay_out("wide")
+    inbound.set_layout("wide")
     assert solved(inbound._beacons, "wide") == pytest.approx(PLACE, abs=1e-6)
     with pytest.raises(MeasurementError):
-        inbound.lay_out("1 0 0 0")
+        inbound.set_layout("1 0 0 0")
     assert solved(inbound._beacons, "wide") == pytest.approx(PLACE, abs=1e-6)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from vehicle.comms.deferred_events import MOST, SETTLED, SILENT, Unheard
+from vehicle.comms.deferred_events import CAPACITY, CONNECTED_FOR, SILENT_AFTER, DeferredEvents
 from vehicle.processes.mailbox import ERROR, INFO, WARN, Event
 from vehicle_link.topics import DELAYED_PREFIX
 
@@ -12,42 +12,42 @@ BRAKING, LANDING = Event(1, WARN, "braking: a"), Event(2, ERROR, "emergency land
 
 
 def test_warnings_of_a_silence_are_told_once_when_it_is_over_and_settled() -> None:
-    unheard = Unheard()
+    unheard = DeferredEvents()
     assert unheard.due(0.0, 0.05) is None
-    assert unheard.said(BRAKING, 0.4)
-    assert unheard.said(LANDING, 2.4)
+    assert unheard.defer(BRAKING, 0.4)
+    assert unheard.defer(LANDING, 2.4)
     assert unheard.due(5.0, 5.0) is None
     assert unheard.due(10.0, 0.05) is None, "nobody may listen yet"
-    assert unheard.due(10.0 + SETTLED - 0.1, 0.05) is None
-    told = unheard.due(10.0 + SETTLED, 0.05)
+    assert unheard.due(10.0 + CONNECTED_FOR - 0.1, 0.05) is None
+    told = unheard.due(10.0 + CONNECTED_FOR, 0.05)
     assert told == (ERROR, f"{DELAYED_PREFIX}{BRAKING.text}; {LANDING.text}")
     assert unheard.due(99.0, 0.05) is None
 
 
 def test_a_link_that_comes_and_goes_is_waited_for() -> None:
-    unheard = Unheard()
-    unheard.said(LANDING, 2.4)
+    unheard = DeferredEvents()
+    unheard.defer(LANDING, 2.4)
     assert unheard.due(10.0, 0.0) is None
-    assert unheard.due(12.0, SILENT + 0.1) is None
+    assert unheard.due(12.0, SILENT_AFTER + 0.1) is None
     assert unheard.due(12.5, 0.0) is None
-    assert unheard.due(10.0 + SETTLED, 0.0) is None
-    assert unheard.due(12.5 + SETTLED, 0.0) is not None
+    assert unheard.due(10.0 + CONNECTED_FOR, 0.0) is None
+    assert unheard.due(12.5 + CONNECTED_FOR, 0.0) is not None
 
 
 def test_what_was_heard_or_is_no_warning_or_before_any_station_is_not_kept() -> None:
-    unheard = Unheard()
-    assert not unheard.said(LANDING, 0.05)
-    assert not unheard.said(Event(1, INFO, "touched down"), 5.0)
-    assert not unheard.said(LANDING, math.inf)
+    unheard = DeferredEvents()
+    assert not unheard.defer(LANDING, 0.05)
+    assert not unheard.defer(Event(1, INFO, "touched down"), 5.0)
+    assert not unheard.defer(LANDING, math.inf)
     unheard.due(0.0, 0.0)
-    assert unheard.due(SETTLED, 0.0) is None
+    assert unheard.due(CONNECTED_FOR, 0.0) is None
 
 
 def test_of_many_the_newest_are_told() -> None:
-    unheard = Unheard()
-    for k in range(MOST + 5):
-        unheard.said(Event(k, WARN, f"<{k}>"), 1.0)
+    unheard = DeferredEvents()
+    for k in range(CAPACITY + 5):
+        unheard.defer(Event(k, WARN, f"<{k}>"), 1.0)
     unheard.due(0.0, 0.0)
-    level, text = unheard.due(SETTLED, 0.0) or (0, "")
+    level, text = unheard.due(CONNECTED_FOR, 0.0) or (0, "")
     assert level == WARN
-    assert ("<4>" in text, "<5>" in text, f"<{MOST + 4}>" in text) == (False, True, True)
+    assert ("<4>" in text, "<5>" in text, f"<{CAPACITY + 4}>" in text) == (False, True, True)

@@ -37,7 +37,7 @@ class Ways:
         self.lane = CommsLane(node, 0, lambda topic, _: self.order.append(f"told {topic}"))
         self.by_lane = self.lane._lane._deliver
         for topic in (POSE, BEAT):
-            self.lane.take(topic, partial(self._hand_on, topic))
+            self.lane.subscribe(topic, partial(self._hand_on, topic))
         self.lane._subscribe(node, POSE)
 
     def serve(self, *_: Any) -> None: ...

@@ -381,14 +381,14 @@ class Receiver:
         sample["stamp_ns"] = self.clock.now_ns() - age_ns
         sample["position_w"] = (1.0, 2.0, 3.0)
         sample["quaternion_wb"] = (0.0, 1.0, 0.0, 0.0)
-        self.inbound.take("tracker_pose", topics.encode_poses(sample)[0])
+        self.inbound.handle("tracker_pose", topics.pose_messages(sample).tobytes())
 
     def bearings(self, position_w: np.ndarray, ids: list[int], age_ns: int = 0) -> None:
         places = dict(zip(PAPER_BEACONS.ids.tolist(), PAPER_BEACONS.positions_w, strict=True))
         lines = np.array([places.get(i, np.zeros(3)) - position_w for i in ids])
         lines /= np.linalg.norm(lines, axis=1)[:, None]
         payload = topics.encode_bearings(self.clock.now_ns() - age_ns, ids, lines, 0.02)
-        self.inbound.take("bearings", payload)
+        self.inbound.handle("bearings", payload)
 
 
 @pytest.fixture
@@ -406,7 +406,7 @@ def test_a_fresh_pose_reaches_flight_and_log(receiver: Receiver) -> None:
 
 def test_the_position_of_a_marker_reaches_flight_and_log(receiver: Receiver) -> None:
     sent = pose_sample(START_NS - 30 * MS, (1.0, 2.0, 3.0), NO_ATTITUDE)
-    receiver.inbound.take("tracker_position", topics.encode_positions(sent)[0])
+    receiver.inbound.handle("tracker_position", topics.position_messages(sent).tobytes())
     (taken,) = receiver.flight.measured()
     assert taken.tobytes() == sent.tobytes()
     assert receiver.logged == ["tracker_position"]
@@ -440,7 +440,7 @@ def test_complaints_come_once_in_five_seconds_with_their_number(receiver: Receiv
 
 def test_sticks_reach_flight(receiver: Receiver) -> None:
     payload = topics.encode_joy(START_NS, (0.5, 0.0, -0.25, 0.0), True)
-    receiver.inbound.take("joy", payload)
+    receiver.inbound.handle("joy", payload)
     assert receiver.flight.received() == [mailbox.Joy(START_NS, (0.5, 0.0, -0.25, 0.0), True)]
 
 
@@ -452,11 +452,11 @@ def reference(age_ns: int = 0, frame: str = "world", **fields: object) -> bytes:
 @pytest.mark.parametrize("frame", ["world", ""])
 def test_a_reference_of_a_ros_node_reaches_flight_and_log(receiver: Receiver, frame: str) -> None:
     payload = reference(10 * MS, frame, position={"x": 1.0, "y": 2.0, "z": 3.0}, yaw=0.5)
-    receiver.inbound.take("external_reference", payload, b"node")
+    receiver.inbound.handle("external_reference", payload, b"node")
     numbers = (1.0, 2.0, 3.0, *(12 * [0.0]), 0.5, 0.0, 0.0)
     assert receiver.flight.received() == [mailbox.ExternalReference(START_NS - 10 * MS, numbers)]
     assert receiver.logged == ["external_reference"]
-    receiver.inbound.take("external_reference", payload, b"another node")
+    receiver.inbound.handle("external_reference", payload, b"another node")
     assert receiver.flight.received() == []
     assert receiver.said == [
         "external_reference: a second sender is ignored; stop one of the two (station, ROS 2 node)"
@@ -476,7 +476,7 @@ def test_a_reference_of_a_ros_node_reaches_flight_and_log(receiver: Receiver, fr
 def test_a_reference_that_cannot_be_flown_is_said_and_left(
     receiver: Receiver, payload: bytes, said: str
 ) -> None:
-    receiver.inbound.take("external_reference", payload)
+    receiver.inbound.handle("external_reference", payload)
     assert (receiver.flight.received(), receiver.logged) == ([], [])
     assert len(receiver.said) == 1
     assert said in receiver.said[0]
@@ -484,7 +484,7 @@ def test_a_reference_that_cannot_be_flown_is_said_and_left(
 
 def test_a_heartbeat_counts_when_it_comes_whatever_its_stamp(receiver: Receiver) -> None:
     assert receiver.inbound.station_silence == float("inf")
-    receiver.inbound.take("station_heartbeat", topics.encode_heartbeat(1, 12345))
+    receiver.inbound.handle("station_heartbeat", topics.encode_heartbeat(1, 12345))
     assert receiver.flight.received() == [mailbox.Heartbeat(START_NS)]
     receiver.time.monotonic += SECOND
     assert receiver.inbound.station_silence == 1.0
@@ -531,6 +531,6 @@ def test_too_few_bearings_are_said_and_still_reach_flight(
 
 def test_rubbish_is_said_and_harms_nothing(receiver: Receiver) -> None:
     for topic in receiver.inbound.handlers:
-        receiver.inbound.take(topic, b"\x00\x01\x00\x00rubbish")
+        receiver.inbound.handle(topic, b"\x00\x01\x00\x00rubbish")
     assert (receiver.flight.received(), receiver.flight.measured()) == ([], [])
     assert len(receiver.said) == len(receiver.inbound.handlers)

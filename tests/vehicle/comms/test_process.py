@@ -30,7 +30,7 @@ from tests.support.station import StationLink
 from tests.waiting import LIMIT as BOUND
 from tests.waiting import free_port, wait_for
 from vehicle.calibration.store import CalibrationStore
-from vehicle.onboard_log.recovery import torn_logs
+from vehicle.onboard_log.repair import torn_logs
 from vehicle_link import messages, telemetry, topics
 from vehicle_link.messages import Message
 from vehicle_link.parameters.messages import from_value, to_parameters
@@ -173,7 +173,7 @@ class FakeStation:
         sample["stamp_ns"] = stamp_ns
         sample["position_w"] = state["position_w"]
         sample["quaternion_wb"] = state["quaternion_wb"]
-        self._poses.put(topics.encode_poses(sample)[0], stamp_ns)
+        self._poses.put(topics.pose_messages(sample).tobytes(), stamp_ns)
 
     def _beat(self) -> None:
         number = 0

@@ -9,7 +9,7 @@ import pytest
 
 from flight_log.provenance import provenance
 from quadrotor.errors import RefusedError
-from vehicle.comms.self_checks import HEARD, SelfChecks, self_checks
+from vehicle.comms.self_checks import ARMED_VALID, SelfChecks, self_checks
 from vehicle_link.checks import Check, from_messages
 from vehicle_link.messages import new
 from vehicle_link.security.authority import ensure_certificates
@@ -24,7 +24,7 @@ def lines(answer: Any) -> dict[str, Check]:
 def test_rights_disk_certificate_and_version_are_looked_at(tmp_path: Path) -> None:
     ensure_certificates(tmp_path / "certificates")
     checks = SelfChecks(tmp_path)
-    checks.heard(False)
+    checks.note_armed(False)
     answer = checks.answer(REQUEST)
     found = lines(answer)
     assert {
@@ -51,7 +51,7 @@ def test_a_vehicle_without_its_certificate_says_so(tmp_path: Path) -> None:
 
 def test_an_armed_vehicle_refuses(tmp_path: Path) -> None:
     checks = SelfChecks(tmp_path)
-    checks.heard(True)
+    checks.note_armed(True)
     with pytest.raises(RefusedError, match="on the ground"):
         checks.answer(REQUEST)
 
@@ -63,8 +63,8 @@ def test_while_the_flight_loop_is_silent_the_disk_is_left_alone_and_said_so(
     now = 0.0
     checks = SelfChecks(tmp_path, clock=lambda: now)
     if told is not None:
-        checks.heard(told)
-    now = 2.0 * HEARD
+        checks.note_armed(told)
+    now = 2.0 * ARMED_VALID
     answer = checks.answer(REQUEST)
     assert answer.accepted
     disk = lines(answer)["log's disk"]
@@ -83,7 +83,7 @@ class FullLog:
 def test_a_log_that_stopped_fails_until_the_next_flight_is_logged(tmp_path: Path) -> None:
     log = FullLog()
     checks = SelfChecks(tmp_path, log=log)
-    checks.heard(False)
+    checks.note_armed(False)
     found = lines(checks.answer(REQUEST))
     assert (found["onboard log"].state, found["onboard log"].found) == ("ok", "nothing was lost")
     assert found["log's disk"].state == "fail", "by the limit of this vehicle's log"

@@ -10,7 +10,7 @@ from vehicle.estimators.barometric_height import FARTHEST, PASCALS_PER_METRE, Ba
 
 def settled() -> BarometricHeight:
     altitude = BarometricHeight()
-    altitude.stand(96_000.0, 0.002)
+    altitude.set_ground(96_000.0, 0.002)
     for _ in range(2000):
         altitude.step(96_000.0 - PASCALS_PER_METRE, GRAVITY, 0.002)
     return altitude

@@ -136,12 +136,12 @@ def test_two_beacons_that_are_off_are_told_without_a_name_or_with_one_of_theirs(
 def test_it_is_told_once_at_the_beginning_and_once_at_the_end() -> None:
     said: list[tuple[str, int]] = []
     suspect = SuspectBeacon(lambda line, level: said.append((line, level)))
-    suspect.look(None, False, "")
+    suspect.check(None, False, "")
     for angle in (0.07, 0.08, 0.09):
-        suspect.look(Offset(3, angle), True, "")
+        suspect.check(Offset(3, angle), True, "")
     assert (suspect.flags, suspect.status) == (int(Flag.BEACON_OFF), (3, 0.09, True))
     for _ in range(3):
-        suspect.look(None, False, "")
+        suspect.check(None, False, "")
     assert (suspect.flags, suspect.status[0]) == (0, UNIDENTIFIED)
     assert [level for _, level in said] == [mailbox.WARN, mailbox.INFO]
     assert all("beacon 3" in line for line, _ in said)
@@ -150,8 +150,8 @@ def test_it_is_told_once_at_the_beginning_and_once_at_the_end() -> None:
 def test_a_beacon_that_can_be_named_later_is_told_again() -> None:
     said: list[str] = []
     suspect = SuspectBeacon(lambda line, level: said.append(line))
-    suspect.look(Offset(None, 0.07), False, "")
+    suspect.check(Offset(None, 0.07), False, "")
     assert suspect.status == (UNIDENTIFIED, 0.07, False)
-    suspect.look(Offset(4, 0.07), False, "3 would be left")
+    suspect.check(Offset(4, 0.07), False, "3 would be left")
     assert len(said) == 2
     assert "3 would be left" in said[1]

@@ -174,7 +174,7 @@ class Bench:
             self.navigation.step(self.imu, 0.002, self.state, self.estimate)
             for external in self.navigation.externals:
                 self.said += external.news(False)
-            change = self.rescue.look(now_ns)
+            change = self.rescue.check(now_ns)
             if change is not None:
                 self.said.append(f"tick {self.ticks}: {change.why}")
                 self.set(change.values)
@@ -297,17 +297,17 @@ def test_as_a_shadow_it_may_be_far_off_and_is_handed_over_to_only_when_near(link
     bench = Bench(BESIDE, link)
     link.spoil = {"position_w": (0.4, 0.0, 1.0)}
     bench.run(1.5)
-    assert str(bench.navigation.seats.shadow) == "own on poses"
+    assert str(bench.navigation.running.shadow) == "own on poses"
     assert "0.400 m" in refusal(lambda: bench.change(FLOWN))
     link.spoil = {}
     bench.run(0.01)
     bench.change(FLOWN)
     bench.run(0.1)
-    assert str(bench.navigation.seats.active) == "own on poses"
+    assert str(bench.navigation.running.active) == "own on poses"
     assert bench.parameters.shadow == "complementary"
     bench.change({"estimation.estimator": "complementary"})
     bench.run(0.1)
-    assert str(bench.navigation.seats.active) == "complementary on poses"
+    assert str(bench.navigation.running.active) == "complementary on poses"
     assert not [line for line in bench.said if "disengaged" in line or "stopped" in line]
 
 
@@ -316,7 +316,7 @@ def test_a_shadow_that_fails_is_dropped_and_nothing_else_changes(link: Here) -> 
     bench.run(0.1)
     link.spoil = {"position_w": (math.nan, 0.0, 1.0)}
     bench.run(0.004)
-    assert bench.navigation.seats.shadow is None
+    assert bench.navigation.running.shadow is None
     assert "shadow own stopped: it answered position_w [nan" in bench.said[-1]
     assert link.closed
     assert bench.parameters.estimator == "complementary"
@@ -329,15 +329,15 @@ def test_the_built_in_one_beneath_may_be_chosen_in_flight_at_any_time(link: Here
         lambda: bench.change({"estimation.plugin.built_in": "error_state"})
     )
     bench.change({"estimation.estimator": "complementary"})
-    assert str(bench.navigation.seats.active) == "complementary on poses"
+    assert str(bench.navigation.running.active) == "complementary on poses"
     assert link.closed
     assert "is started on the ground" in refusal(lambda: bench.change(BESIDE))
 
 
 def test_on_bearings_the_reserve_is_the_built_in_one(link: Here) -> None:
     bench = Bench({**FLOWN, "estimation.source": "bearings"}, link)
-    assert str(bench.navigation.seats.active) == "own on bearings"
-    assert str(bench.navigation.seats.reserve) == "complementary on poses"
+    assert str(bench.navigation.running.active) == "own on bearings"
+    assert str(bench.navigation.running.reserve) == "complementary on poses"
 
 
 def test_a_law_is_no_estimator_and_a_name_that_is_not_there_is_refused(tmp_path: Path) -> None:

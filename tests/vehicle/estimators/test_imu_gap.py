@@ -79,7 +79,7 @@ def test_a_gap_of_a_fifth_of_a_second_at_a_metre_a_second_costs_next_to_nothing(
 
 def test_the_barometric_height_climbs_on_over_a_gap() -> None:
     height, pressure = BarometricHeight(), 101_325.0
-    height.stand(pressure, 0.002)
+    height.set_ground(pressure, 0.002)
     height.climb = 1.0
     height.step(pressure - GAP * PASCALS_PER_METRE, GRAVITY, GAP)
     assert height.height == pytest.approx(GAP, abs=1e-9)
@@ -88,6 +88,6 @@ def test_the_barometric_height_climbs_on_over_a_gap() -> None:
 
 def test_one_reading_after_a_gap_does_not_throw_the_barometric_height_beyond_it() -> None:
     height, pressure = BarometricHeight(), 101_325.0
-    height.stand(pressure, 0.002)
+    height.set_ground(pressure, 0.002)
     height.step(pressure - PASCALS_PER_METRE, GRAVITY, 1.0)
     assert 0.0 < height.height < 1.0

@@ -136,7 +136,7 @@ def test_poses_that_are_all_too_old_are_flown_on_for_a_second_at_most(estimator:
 
 
 # ---------------------------------------------------------------------- the watch alone
-class Told:
+class Notification:
     """A watch with measurements given by hand."""
 
     def __init__(self) -> None:
@@ -150,12 +150,12 @@ class Told:
         self.estimate["agreement"] = agreement
         self.estimate["measurements_refused"] += refused
         self.estimate["position_innovation_w"][0, 0] = far
-        self.watch.look(self.estimate, self.now_ns)
+        self.watch.check(self.estimate, self.now_ns)
         return Flag(self.watch.flags)
 
 
 def test_a_jump_and_its_end_take_two_lines_however_long_it_lasts() -> None:
-    told = Told()
+    told = Notification()
     told.look(Agreement.REFUSED, 1, 0.5)
     for _ in range(40):
         flags = told.look(Agreement.JUMPED, 1, 0.5)
@@ -168,7 +168,7 @@ def test_a_jump_and_its_end_take_two_lines_however_long_it_lasts() -> None:
 
 
 def test_drift_is_flagged_as_such() -> None:
-    told = Told()
+    told = Notification()
     assert told.look(Agreement.DRIFTED, 0, 0.2) == Flag.ESTIMATE_DRIFTED
     told.look(Agreement.USED)
     assert len(told.lines) == 1
@@ -177,7 +177,7 @@ def test_drift_is_flagged_as_such() -> None:
 
 
 def test_outliers_that_go_on_take_a_line_in_five_seconds() -> None:
-    told = Told()
+    told = Notification()
     for _ in range(QUIET_NS // 20_000_000 - 1):
         told.look(Agreement.REFUSED, 1, 0.4)
         assert told.look(Agreement.USED) == Flag.MEASUREMENTS_REFUSED
@@ -190,7 +190,7 @@ def test_outliers_that_go_on_take_a_line_in_five_seconds() -> None:
 
 
 def test_another_estimator_begins_without_flags_and_with_its_own_count() -> None:
-    told = Told()
+    told = Notification()
     told.look(Agreement.REFUSED, 7, 0.4)
     told.watch.begin()
     assert told.watch.flags == 0

@@ -7,13 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from control.parameters import ControlParameters
 from quadrotor.errors import OutOfBoundsError, RefusedError
 from quadrotor.parameters import ParameterStore
-from quadrotor.records import Record
-from quadrotor.vehicle_model import GRAVITY, VehicleModel
+from quadrotor.vehicle_model import GRAVITY
 from tests.support.lab import Lab, flight_parameters
-from vehicle.flight.control_law import Steering
 from vehicle.flight.flown_mass import USED_BY
 from vehicle.parameters import new_parameters
 
@@ -34,7 +31,7 @@ class Flight(Lab):
         stack = self.stack
         height = self.robot.truth["position_w"][0, 2] - stack.reference["position_w"][0, 2]
         self.rows.append(
-            (stack.steering.mass, float(stack.record["actuators"]["wrench"][0, 0]), float(height))
+            (stack.law.mass, float(stack.record["actuators"]["wrench"][0, 0]), float(height))
         )
 
     def land(self) -> None:
@@ -63,7 +60,7 @@ def test_then_law_feed_forward_and_touch_down_go_by_one_estimate(flight: Flight)
     stack = flight.stack
     mass = stack.mass.mass
     assert mass == pytest.approx(TRUE_MASS, rel=0.01)
-    assert stack.steering.mass == mass
+    assert stack.law.mass == mass
     assert stack.behaviors.hover_thrust == mass * GRAVITY
     assert stack.behaviors.model["mass"][0] == mass
     assert stack.record["actuators"]["wrench"][0, 0] == pytest.approx(mass * GRAVITY, rel=0.01)
@@ -112,10 +109,10 @@ def test_a_payload_sags_less_and_is_weighed_within_12_s(flight: Flight) -> None:
 
 def test_each_arming_begins_anew(flight: Flight) -> None:
     flight.land()
-    assert flight.stack.steering.mass == pytest.approx(TRUE_MASS + 0.3, rel=0.05)
+    assert flight.stack.law.mass == pytest.approx(TRUE_MASS + 0.3, rel=0.05)
     flight.arm()
     flight.wait(0.1)
-    assert flight.stack.steering.mass == 1.0
+    assert flight.stack.law.mass == 1.0
     with pytest.raises(RefusedError, match="while armed"):
         flight.change({USED_BY: "model"})
 
@@ -123,14 +120,14 @@ def test_each_arming_begins_anew(flight: Flight) -> None:
 def test_on_the_ground_the_law_goes_back_to_the_model(flight: Flight) -> None:
     flight.stack.modes.move(type(flight.stack.mode).READY, "disarmed")
     flight.change({USED_BY: "model"})
-    assert flight.stack.steering.mass == TRUE_MASS
+    assert flight.stack.law.mass == TRUE_MASS
     assert flight.stack.behaviors.hover_thrust == TRUE_MASS * GRAVITY
 
 
 def test_zero_begins_with_the_model_s_mass() -> None:
     flight = Flight({}).ready()
     flight.change({USED_BY: "estimate", "model.mass": 1.5})
-    assert flight.stack.steering.mass == flight.stack.mass.mass == 1.5
+    assert flight.stack.law.mass == flight.stack.mass.mass == 1.5
 
 
 def test_an_initial_mass_beyond_the_clamps_is_refused() -> None:
@@ -138,26 +135,3 @@ def test_an_initial_mass_beyond_the_clamps_is_refused() -> None:
     with pytest.raises(OutOfBoundsError, match=r"mass.initial = 0.3 kg is not between"):
         store.set({"mass.initial": 0.3})
     assert store.get("mass.initial") == 0.0
-
-
-class Plugin:
-    """Law that knows the mass only from `configure`."""
-
-    tilt_limited = False
-
-    def __init__(self) -> None:
-        self.masses: list[float] = []
-
-    def configure(self, parameters: ControlParameters, model: Record) -> None:
-        self.masses.append(float(model["mass"][0]))
-
-    def __getattr__(self, _: str) -> Any:
-        raise AttributeError
-
-
-def test_a_plugin_law_is_configured_anew_at_every_gram() -> None:
-    plugin = Plugin()
-    steering = Steering(ControlParameters(), VehicleModel(), plugin)
-    for mass in (1.3083, 1.3089, 1.3091, 1.35):
-        steering.weigh(mass)
-    assert plugin.masses == [1.308, 1.3091, 1.35]

@@ -44,7 +44,7 @@ class FakeStack:
     def __init__(self) -> None:
         self.record: Record = new_tick()
         self.store = ParameterStore(Root().model_copy(deep=True))
-        self.outbox: list[mailbox.Told] = []
+        self.outbox: list[mailbox.Notification] = []
         self.motor_state_wanted = MotorState.OFF
         self.command_timeout_ms = 250
         self.lost_ports = 0
@@ -183,7 +183,7 @@ BEARINGS = bearings_sample(8, (3, 1), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), 0.02)
 class Compiled:
     """Part compiled in the background, loaded when it is ready."""
 
-    arrived = False
+    has_compiled = False
     loads = 0
 
     def load(self) -> list[str]:
@@ -207,7 +207,7 @@ def test_what_was_compiled_beside_is_loaded_on_the_ground_and_only_there(
     made.stack.mode = Mode.READY
     loop.once()
     assert later.loads == 0
-    later.arrived = True
+    later.has_compiled = True
     for mode in (Mode.STARTING, Mode.ARMED, Mode.EMERGENCY_LAND):
         made.stack.mode = mode
         loop.once()
@@ -448,7 +448,7 @@ def test_what_is_no_serial_device_is_not_waited_for(tmp_path: Path) -> None:
 def test_a_port_that_is_missing_for_longer_than_a_simulator_starts_is_told_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("vehicle.flight.process.TOLD_AFTER_S", 0.1)
+    monkeypatch.setattr("vehicle.flight.process.REPORTED_AFTER_S", 0.1)
     with pytest.raises(LinkError, match="plug it in"):
         open_ports(["/nowhere/mcu0"], patience_s=2.0)
     (line,) = capsys.readouterr().err.splitlines()

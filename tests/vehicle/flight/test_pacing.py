@@ -31,7 +31,7 @@ class Line:
                 self.deadlines.met(waiting.pop(0) * PERIOD, now)
                 heard = True
             if not heard:
-                self.deadlines.look(now)
+                self.deadlines.check(now)
 
 
 def test_samples_in_time_miss_no_period() -> None:
@@ -54,7 +54,7 @@ def test_a_silence_goes_on_counting_and_its_end_counts_nothing_twice() -> None:
     deadlines = Deadlines(PERIOD)
     for k in range(10):
         deadlines.met(k * PERIOD, k * PERIOD + DELAY)
-    deadlines.look(19 * PERIOD + DELAY)
+    deadlines.check(19 * PERIOD + DELAY)
     assert deadlines.missed == 9  # of the samples 10 … 18, a period after each was due
     deadlines.met(20 * PERIOD, 20 * PERIOD + DELAY)
     assert deadlines.missed == 10
@@ -68,9 +68,9 @@ def test_a_first_sample_that_came_late_does_not_hide_later_ones() -> None:
     missed = deadlines.missed
     for k in range(8, 50):
         deadlines.met(k * PERIOD, k * PERIOD)
-    deadlines.look(51 * PERIOD - 1)
+    deadlines.check(51 * PERIOD - 1)
     assert deadlines.missed == missed
-    deadlines.look(51 * PERIOD + PERIOD // 100)
+    deadlines.check(51 * PERIOD + PERIOD // 100)
     assert deadlines.missed == missed + 1
 
 

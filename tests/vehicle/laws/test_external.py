@@ -78,7 +78,7 @@ def fly(tmp_path: Path) -> Iterator[Callable[..., Lab]]:
 
     yield made
     for lab in labs:
-        lab.stack.steering.close()
+        lab.stack.law.close()
 
 
 def good(harm: str = "pass") -> str:
@@ -93,7 +93,7 @@ def test_a_law_of_a_file_hovers_where_it_should_and_nothing_is_compiled_in_its_f
     assert before >= 1
     lab.hovering(settling=4.0)
     assert len(apply_wrench.signatures) == before  # type: ignore[attr-defined]
-    external = lab.stack.steering.external
+    external = lab.stack.law.external
     assert external is not None
     assert external.flown
     assert external.missed == 0
@@ -117,9 +117,10 @@ def test_a_harmful_law_is_taken_out_and_the_built_in_one_flies_on(
     lab.wait_until(lambda _: "disengaged" in lab.said, what="the rescue", timeout=15)
     lab.wait(2.0)
     assert lab.parameter("control.law") == "geometric"
-    assert lab.stack.steering.external is None
+    assert lab.stack.law.external is None
     line = next(text for text in lab.kept.texts if "disengaged" in text)
     assert why in line
+    assert [c.name for c in lab.kept.changes if c.requester == "vehicle"] == ["control.law"]
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.1)
 
 
@@ -145,14 +146,14 @@ def test_a_file_that_is_no_law_is_told_before_arming(
 def test_a_law_runs_beside_takes_over_in_flight_and_hands_back(fly: Callable[..., Lab]) -> None:
     lab = fly(good(), **{"control.shadow_law": "mine"})
     lab.hovering(settling=2.0)
-    external = lab.stack.steering.external
+    external = lab.stack.law.external
     assert external is not None
     assert [external.flown] == [False]
     assert 0.0 < external.difference < 1.0
     lab.change({"control.law": "mine"})
     lab.wait(3.0)
     assert [external.flown] == [True]
-    assert lab.stack.steering.external is external
+    assert lab.stack.law.external is external
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.05)
     lab.change({"control.law": "geometric"})
     lab.wait(2.0)
@@ -239,6 +240,6 @@ def test_parameters_of_a_flight_may_name_a_law_before_it_begins(tmp_path: Path) 
     parameters.control.law = "mine"
     lab = Lab(parameters, plugins=tmp_path)
     lab.hovering()
-    assert lab.stack.steering.external is not None
-    assert lab.stack.steering.external.flown
-    lab.stack.steering.close()
+    assert lab.stack.law.external is not None
+    assert lab.stack.law.external.flown
+    lab.stack.law.close()

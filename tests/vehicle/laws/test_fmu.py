@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from quadlab.fmu_export.archive import export_fmu
+from quadlab.fmu_export.description import export_fmu
 from quadlab.fmu_export.models import LAW
 from quadrotor.errors import UsageError
 from tests.support.lab import Lab, flight_parameters
@@ -63,7 +63,7 @@ def fly(tmp_path: Path) -> Iterator[Callable[[str], Lab]]:
 
     yield made
     for lab in labs:
-        lab.stack.steering.close()
+        lab.stack.law.close()
 
 
 @pytest.mark.parametrize("build", [exported, made_by_pythonfmu3])
@@ -75,7 +75,7 @@ def test_an_fmu_flies_the_vehicle(
 
     assert validate_fmu(str(path)) == []
     lab = fly(path.stem).hovering(settling=4.0)
-    external = lab.stack.steering.external
+    external = lab.stack.law.external
     assert external is not None, lab.said
     assert external.flown
     assert external.missed == 0

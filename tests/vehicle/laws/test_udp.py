@@ -60,14 +60,14 @@ def lab() -> Iterator[Callable[[str], Lab]]:
 
     yield made
     for one in labs:
-        one.stack.steering.close()
+        one.stack.law.close()
 
 
 def test_a_program_of_another_make_flies_the_vehicle(
     peer: Callable[[int], str], lab: Callable[[str], Lab]
 ) -> None:
     flown = lab(peer(1_000_000)).hovering(settling=4.0)
-    external = flown.stack.steering.external
+    external = flown.stack.law.external
     assert external is not None
     assert external.flown
     assert external.missed == 0

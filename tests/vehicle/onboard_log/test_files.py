@@ -19,7 +19,7 @@ from tests.support.ticks import START_NS, STEP_NS, level_ticks
 from vehicle.onboard_log.file import Batch, Message
 from vehicle.onboard_log.files import PART_BYTES, OnboardFiles
 from vehicle.onboard_log.onboard_log import OnboardLog
-from vehicle.onboard_log.recovery import recover_logs, torn_logs
+from vehicle.onboard_log.repair import recover_logs, torn_logs
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.idempotent import answering
@@ -53,7 +53,10 @@ class Vehicle:
             free=lambda _: 10**10,
         )
         self.files = OnboardFiles(
-            self.log.folder, self.log.files, free=lambda _: 10**10, mending=lambda: self.log.mending
+            self.log.folder,
+            self.log.files,
+            free=lambda _: 10**10,
+            repair=lambda: self.log.repair.state,
         )
 
     def fly(self, first: int, count: int, *, late_ns: int = 1_000_000) -> None:

@@ -18,14 +18,13 @@ from quadrotor.errors import LinkError
 from quadrotor.records import TICK, Record
 from tests.support.narrowing import now
 from tests.support.ticks import START_NS, level_ticks
-from vehicle.onboard_log import disk_sync as onboard_sync
+from vehicle.onboard_log import file as onboard_sync
 from vehicle.onboard_log import onboard_log
 from vehicle.onboard_log.file import Batch
-from vehicle.onboard_log.onboard_log import OnboardLog, microcontroller_facts
+from vehicle.onboard_log.onboard_log import OnboardLog
 from vehicle.onboard_log.parameters import OnboardLogParameters
-from vehicle.onboard_log.recovery import recover_logs, torn_logs
+from vehicle.onboard_log.repair import recover_logs, torn_logs
 from vehicle_link import topics
-from vehicle_link.serial.identity import Identity
 
 FREE_BYTES_MIN = OnboardLogParameters().stop_bytes
 MS = 1_000_000
@@ -264,7 +263,7 @@ def test_a_file_that_is_no_log_is_reported_and_left(tmp_path: Path) -> None:
     assert path.read_bytes().startswith(b"not a log")
 
 
-class Told:
+class Notification:
     """Events of the log, which a test can wait for."""
 
     def __init__(self) -> None:
@@ -294,7 +293,7 @@ def old_log(folder: Path, name: str) -> Path:
 
 
 def test_old_logs_are_removed_on_the_ground_and_not_in_flight(tmp_path: Path) -> None:
-    first, told = old_log(tmp_path, "first"), Told()
+    first, told = old_log(tmp_path, "first"), Notification()
     limits = OnboardLogParameters(keep_size=0.5)
     log = OnboardLog(
         tmp_path, "quad1", {}, told, limits=lambda: limits, free=lambda _: 10 * FREE_BYTES_MIN
@@ -332,7 +331,7 @@ def test_what_does_not_reach_the_disk_stops_the_log(
         sync = onboard_sync.DiskSync(path, 0.001)
         sync._thread.join(BOUND)
     assert sync.problem == "torn does not reach the disk: Input/output error"
-    told = Told()
+    told = Notification()
     log = OnboardLog(tmp_path, "quad1", {}, told, free=lambda _: 10 * FREE_BYTES_MIN)
     log._store([Batch(ticks(0, 10, armed=True), START_NS)])
     assert log._file is not None
@@ -351,7 +350,7 @@ def test_a_flight_is_logged_even_without_its_parameters(tmp_path: Path) -> None:
     def unknown() -> bytes:
         raise LinkError("the flight process did not report its parameters")
 
-    told = Told()
+    told = Notification()
     log = OnboardLog(
         tmp_path, "quad1", {"parameters.json": unknown}, told, free=lambda _: 10 * FREE_BYTES_MIN
     )
@@ -368,7 +367,7 @@ def test_robot_and_firmware_are_in_the_file(tmp_path: Path) -> None:
         "quad1",
         {},
         lambda *_: None,
-        facts=microcontroller_facts(Identity(7, 3)),
+        facts={"robot_id": "7", "firmware_revision": "3"},
         free=lambda _: 10 * FREE_BYTES_MIN,
     )
     log.ticks(ticks(0, 10, armed=True), START_NS)
@@ -449,7 +448,7 @@ def test_a_file_of_a_writer_killed_before_its_first_record_is_removed(
 def test_a_folder_removed_in_flight_is_told_within_a_second_and_a_new_file_begins(
     tmp_path: Path,
 ) -> None:
-    told = Told()
+    told = Notification()
     log = OnboardLog(tmp_path, "quad1", {}, told, free=lambda _: 10 * FREE_BYTES_MIN)
     log.start()
 
@@ -530,7 +529,7 @@ def test_a_log_torn_by_a_full_disk_is_mended_on_the_ground(
             raise OSError(28, "No space left on device")
         return write(descriptor, data)
 
-    write, told, free = os.write, Told(), [10 * FREE_BYTES_MIN]
+    write, told, free = os.write, Notification(), [10 * FREE_BYTES_MIN]
     log = OnboardLog(tmp_path, "quad1", {}, told, free=lambda _: free[0])
     log._store([Batch(ticks(0, 10, armed=True), START_NS)])
     with monkeypatch.context() as failing:
@@ -542,23 +541,23 @@ def test_a_log_torn_by_a_full_disk_is_mended_on_the_ground(
     )
     (path,) = log.folder.iterdir()
     assert not is_closed(path)
-    log._mending._clock = lambda: math.inf  # no pause is too long
-    log._look_after(on_ground=False)
-    assert log._mending._process is None, "never while armed"
+    log.repair._clock = lambda: math.inf  # no pause is too long
+    log._maintain(on_ground=False)
+    assert log.repair._process is None, "never while armed"
     free[0] = 0
     log._store([Batch(ticks(20, 300, armed=False), START_NS)])
-    log._look_after(on_ground=True)
-    assert "is repaired once 500 MB are free on the vehicle's disk (0 MB are" in log.mending
+    log._maintain(on_ground=True)
+    assert "is repaired once 500 MB are free on the vehicle's disk (0 MB are" in log.repair.state
     free[0] = 10 * FREE_BYTES_MIN
-    log._look_after(on_ground=True)
-    assert log.mending == "is being repaired"
+    log._maintain(on_ground=True)
+    assert log.repair.state == "is being repaired"
     assert [written.path for written in log.files()] == [path]
-    process = now(log)._mending._process
+    process = now(log).repair._process
     assert process is not None
     end = time.monotonic() + 3 * BOUND
     while not process.poll(1.0):
         assert time.monotonic() < end
-    log._look_after(on_ground=True)
+    log._maintain(on_ground=True)
     assert is_closed(path)
     assert len(list(read_log(path, ["/quad1/imu"]))) == 10
     assert log.files() == [], "its places are those of the torn file"

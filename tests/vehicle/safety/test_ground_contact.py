@@ -43,7 +43,7 @@ def flown(lift_per_newton: float, seconds: float = 4.0) -> GroundContact:
     for k in range(round(seconds / STEP)):
         swing = 1.0 + 0.05 * np.sin(0.01 * k)
         thrust = swing * GRAVITY / lift_per_newton
-        ground.feel(lift_per_newton * thrust, thrust, SHARE, STEP)
+        ground.observe(lift_per_newton * thrust, thrust, SHARE, STEP)
     return ground
 
 
@@ -53,12 +53,12 @@ def test_the_ground_shows_in_the_lift_whatever_the_model_says(lift_per_newton: f
     assert ground.carried == 0.0
     hover = GRAVITY / lift_per_newton
     for _ in range(100):  # 8 % less thrust would be the beginning of contact: not enough yet
-        ground.feel(GRAVITY, hover / 1.08, SHARE, STEP)
+        ground.observe(GRAVITY, hover / 1.08, SHARE, STEP)
     assert ground.carried == 0.0
     for k in range(100):
-        ground.feel(GRAVITY, hover / 1.15, SHARE, STEP)
+        ground.observe(GRAVITY, hover / 1.15, SHARE, STEP)
         assert ground.carried == pytest.approx((k + 1) * STEP)
-    ground.feel(GRAVITY / 1.15, hover / 1.15, SHARE, STEP)  # it was a gust
+    ground.observe(GRAVITY / 1.15, hover / 1.15, SHARE, STEP)  # it was a gust
     assert ground.carried == 0.0
 
 
@@ -68,11 +68,11 @@ def test_a_fall_a_climb_and_motors_at_rest_are_not_the_ground() -> None:
     for thrust in (0.3 * hover, 1.8 * hover, 0.0, float("nan")):
         for _ in range(500):
             lift = 0.77 * thrust if thrust > 0.0 else 0.0
-            ground.feel(lift, thrust, SHARE, STEP)
+            ground.observe(lift, thrust, SHARE, STEP)
         assert ground.carried == 0.0
 
 
 def test_nothing_is_compared_before_a_second_of_flight() -> None:
     ground = flown(0.77, seconds=0.9)
-    ground.feel(GRAVITY, 0.5 * GRAVITY / 0.77, SHARE, STEP)
+    ground.observe(GRAVITY, 0.5 * GRAVITY / 0.77, SHARE, STEP)
     assert ground.carried == 0.0

@@ -10,9 +10,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from quadrotor.records import STATE, Record
-from quadrotor.rigid_body import derivative
 from quadrotor.rotations import euler_from_quaternion, quaternion_from_euler, quaternion_to_matrix
 from quadrotor.vehicle_model import mixing_matrix, reference_of_thrust
+from tests.support.dynamics import derivative
 from vehicle.simulator.air import blow, ground_gain
 from vehicle.simulator.battery import open_voltage
 from vehicle.simulator.parameters import SimulatorParameters

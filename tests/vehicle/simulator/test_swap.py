@@ -96,12 +96,12 @@ def test_a_charge_that_is_set_acts_at_once_also_when_it_is_the_same_number() -> 
     robot.simulated.configure(robot.parameters.model_copy(update={"battery_charge": 0.5}))
     assert robot.simulated.battery_voltage == half
     live = LiveParameters(SimulatorParameters())
-    assert live.take_charge() is None
+    assert live.pop_charge() is None
     live.change({CHARGE: 1.0}, "anna")
-    assert live.take_charge() == 1.0
-    assert live.take_charge() is None
+    assert live.pop_charge() == 1.0
+    assert live.pop_charge() is None
     live.change({"simulator.gust": 1.0}, "anna")
-    assert live.take_charge() is None
+    assert live.pop_charge() is None
 
 
 def test_the_loop_does_what_is_asked_and_who_asks_hears_of_it() -> None:

@@ -12,36 +12,36 @@ from quadrotor.errors import LinkError, MeasurementError
 from quadrotor.records import NO_ATTITUDE, POSE_SAMPLE, TICK, Record, beacon_ids_of
 from quadrotor.rotations import rotate_inverse
 from vehicle_link.messages import TYPESTORE, decode, encode, header, new, stamp_of, stored_name
+from vehicle_link.messages.cdr_layout import payloads_of
 from vehicle_link.parameters.change import ParameterChange
 from vehicle_link.parameters.messages import decode_change
 from vehicle_link.topics import (
     SERVICES,
     TOPICS,
-    decode_actuators,
+    actuator_messages,
     decode_bearings,
+    decode_external_reference,
     decode_heartbeat,
     decode_imu,
     decode_joy,
     decode_odometry,
     decode_pose,
     decode_position,
-    decode_reference,
-    encode_actuators,
     encode_batteries,
     encode_bearing_pose,
     encode_bearings,
     encode_estimators,
     encode_event,
     encode_heartbeat,
-    encode_imus,
     encode_joy,
     encode_parameter_change,
-    encode_poses,
-    encode_positions,
     encode_pressures,
-    encode_references,
-    encode_states,
     encode_status,
+    imu_messages,
+    pose_messages,
+    position_messages,
+    reference_messages,
+    state_messages,
 )
 
 SEED = 1977
@@ -65,7 +65,7 @@ def _ticks(count: int = 4) -> Record:
 
 def test_state_survives_as_odometry() -> None:
     ticks = _ticks()
-    for tick, payload in zip(ticks, encode_states(ticks), strict=True):
+    for tick, payload in zip(ticks, payloads_of(state_messages(ticks)), strict=True):
         stamp, state = decode_odometry(payload)
         assert stamp == tick["imu"]["stamp_ns"]
         for name in state.dtype.names or ():
@@ -74,7 +74,7 @@ def test_state_survives_as_odometry() -> None:
 
 def test_odometry_twist_is_in_body_axes_and_its_quaternion_in_ros_order() -> None:
     ticks = _ticks(1)
-    message = decode(encode_states(ticks)[0], "nav_msgs/Odometry")
+    message = decode(state_messages(ticks).tobytes(), "nav_msgs/Odometry")
     state = ticks["state"][0]
     q = message.pose.pose.orientation
     np.testing.assert_array_equal([q.w, q.x, q.y, q.z], state["quaternion_wb"])
@@ -87,7 +87,7 @@ def test_odometry_twist_is_in_body_axes_and_its_quaternion_in_ros_order() -> Non
 
 def test_odometry_of_a_foreign_node_is_read_too() -> None:
     ticks = _ticks(1)
-    message = decode(encode_states(ticks)[0], "nav_msgs/Odometry")
+    message = decode(state_messages(ticks).tobytes(), "nav_msgs/Odometry")
     message.header.frame_id = "map"
     stamp, state = decode_odometry(encode(message))
     assert stamp == STAMP
@@ -98,22 +98,27 @@ def test_odometry_of_a_foreign_node_is_read_too() -> None:
 def test_reference_imu_and_actuators_survive_exactly() -> None:
     ticks = _ticks(2)
     for i in range(2):
-        stamp, reference = decode_reference(encode_references(ticks)[i])
+        stamp, reference = decode_external_reference(payloads_of(reference_messages(ticks))[i])
         assert stamp == ticks["imu"]["stamp_ns"][i]
         assert reference[0] == ticks["reference"][i]
-        assert decode_imu(encode_imus(ticks)[i])[0] == ticks["imu"][i]
-        stamp, actuators = decode_actuators(encode_actuators(ticks)[i])
-        assert stamp == ticks["imu"]["stamp_ns"][i]
-        assert actuators[0] == ticks["actuators"][i]
+        assert decode_imu(payloads_of(imu_messages(ticks))[i])[0] == ticks["imu"][i]
+        sent = ticks["actuators"][i]
+        message = decode(payloads_of(actuator_messages(ticks))[i], "quadlab_msgs/Actuators")
+        torque = message.torque
+        assert stamp_of(message) == ticks["imu"]["stamp_ns"][i]
+        assert [message.thrust, torque.x, torque.y, torque.z] == sent["wrench"].tolist()
+        for field in ("thrusts", "motor_references"):
+            assert getattr(message, field).tolist() == sent[field].tolist()
+        assert message.scaling == sent["scaling"]
 
 
 def test_frames_follow_the_vehicle() -> None:
-    payload = encode_imus(_ticks(1), "quad7")[0]
+    payload = imu_messages(_ticks(1), "quad7").tobytes()
     assert decode(payload, "sensor_msgs/Imu").header.frame_id == "quad7/body"
 
 
 def test_imu_says_that_it_has_no_orientation() -> None:
-    message = decode(encode_imus(_ticks(1))[0], "sensor_msgs/Imu")
+    message = decode(imu_messages(_ticks(1)).tobytes(), "sensor_msgs/Imu")
     assert message.orientation_covariance[0] == -1.0
 
 
@@ -212,7 +217,7 @@ def _pose_samples() -> Record:
 
 def test_poses_survive() -> None:
     samples = _pose_samples()
-    for sample, payload in zip(samples, encode_poses(samples), strict=True):
+    for sample, payload in zip(samples, payloads_of(pose_messages(samples)), strict=True):
         assert decode_pose(payload)[0] == sample
 
 
@@ -244,17 +249,17 @@ def test_a_pose_the_estimator_could_not_use_is_refused(
     samples = _pose_samples()[:1]
     samples["position_w"], samples["quaternion_wb"] = position, quaternion
     with pytest.raises(MeasurementError, match="finite numbers and a unit quaternion"):
-        decode_pose(encode_poses(samples)[0])
+        decode_pose(pose_messages(samples).tobytes())
 
 
 def test_positions_of_a_marker_survive_and_bad_ones_are_refused() -> None:
     samples = _pose_samples()
     samples["quaternion_wb"] = NO_ATTITUDE
-    for sample, payload in zip(samples, encode_positions(samples), strict=True):
+    for sample, payload in zip(samples, payloads_of(position_messages(samples)), strict=True):
         assert decode_position(payload)[0] == sample
     samples["position_w"][0, 1] = math.nan
     with pytest.raises(MeasurementError, match="nan"):
-        decode_position(encode_positions(samples)[0])
+        decode_position(position_messages(samples[:1]).tobytes())
 
 
 def test_bearing_pose_keeps_covariance() -> None:

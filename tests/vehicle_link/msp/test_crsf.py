@@ -7,8 +7,8 @@ import math
 import pytest
 
 from quadrotor.errors import OutOfBoundsError
-from vehicle_link.msp.checksum import crc8
 from vehicle_link.msp.crsf import encode_channels
+from vehicle_link.msp.frames import crc8
 
 
 def counts_of(frame: bytes) -> list[int]:

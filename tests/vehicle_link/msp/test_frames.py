@@ -7,8 +7,7 @@ import random
 import pytest
 
 from quadrotor.errors import OutOfBoundsError
-from vehicle_link.msp.checksum import crc8
-from vehicle_link.msp.frames import ERROR, REPLY, REQUEST, Message, MessageDecoder, encode
+from vehicle_link.msp.frames import ERROR, REPLY, REQUEST, Message, MessageDecoder, crc8, encode
 
 
 def test_the_checksum_is_that_of_the_catalogue() -> None:

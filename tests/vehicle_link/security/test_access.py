@@ -22,7 +22,7 @@ from vehicle_link.security.authority import ROLES, TlsFiles, check_certificate, 
 from vehicle_link.security.certificates import certificate_builder, load_certificate
 from vehicle_link.security.enrolment import issue_station, issue_vehicle
 from vehicle_link.security.whoami import WhoAmI, serve_whoami
-from vehicle_link.serial.identity import THE_ONE
+from vehicle_link.serial.ids import THE_ONE
 from vehicle_link.time_sync import TIME_SYNC, serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node

@@ -81,7 +81,7 @@ class Vehicle(_Beating):
         self._thread.start()
 
     def _heard(self, name: str, received: Received) -> None:
-        self.inbound.take(name, received.payload, received.gid)
+        self.inbound.handle(name, received.payload, received.gid)
 
     def _taken(self, topic: str, payload: bytes, stamp_ns: int) -> None:
         self.poses.append(float(topics.decode_pose(payload)["position_w"][0, 0]))
@@ -100,9 +100,9 @@ class Station(_Beating):
         loopback = free_port(socket.SOCK_STREAM)
         super().__init__(hub_session(loopback), "station")
         self.link = LinkMonitor("quad1", new_instance())
-        self.instance, self.number = self.link.standing.instance, number
+        self.instance, self.number = self.link.permission.instance, number
         self.outbox = Outbox(
-            self.node, "quad1", lambda *row: None, time.time_ns, self.link.standing
+            self.node, "quad1", lambda *row: None, time.time_ns, self.link.permission
         )
         self.subscribe("vehicle_heartbeat", lambda got: self.link.beat(got.payload))
         self._place = f"127.0.0.1:{port}", tls, loopback
@@ -114,7 +114,7 @@ class Station(_Beating):
         return Radio(endpoint or own, tls, loopback, lambda: 0.0)
 
     def beat(self, count: int) -> None:
-        if self.link.standing.beats:
+        if self.link.permission.sends_heartbeats:
             self.outbox.heartbeat(count)
         place = np.array([float(self.number), 0.0, 0.0])
         self.outbox.pose(PoseMeasurement(time.time_ns(), place, np.array([1.0, 0.0, 0.0, 0.0])))

@@ -18,7 +18,7 @@ import pytest
 
 from quadrotor.errors import LinkError
 from vehicle_link import clock
-from vehicle_link.lane import newest_only, vehicle_lane
+from vehicle_link.lane import replay_window, vehicle_lane
 from vehicle_link.lane.datagram import (
     A_HELLO,
     HELLO,
@@ -31,8 +31,7 @@ from vehicle_link.lane.datagram import (
     Sealer,
     key_id_of,
 )
-from vehicle_link.lane.newest_only import NewestOnly
-from vehicle_link.lane.replay_window import SIZE, ReplayWindow
+from vehicle_link.lane.replay_window import SIZE, NewestOnly, ReplayWindow
 from vehicle_link.lane.station_lane import StationLane
 from vehicle_link.lane.vehicle_lane import VehicleLane
 from vehicle_link.lockstep import Page
@@ -151,7 +150,7 @@ def test_an_order_is_not_undone_by_an_older_one_that_comes_later() -> None:
     assert newest.is_newer("joy", Received(b"", 1, 0, 0, b"another's"))
     for k in range(100):
         assert newest.is_newer("joy", Received(b"", 1, 0, 0, b"%d" % k))
-    assert len(newest._newest["joy"]) == newest_only.KEPT
+    assert len(newest._newest["joy"]) == replay_window.KEPT
 
 
 # --------------------------------------------------------------------- two ends

@@ -181,7 +181,7 @@ def cookie(site: Any) -> Cookie:
 
     The session is opened once, and again after it has ended.
     """
-    door, sessions = site.gate._people.door, site.gate._people.sessions
+    tokens, sessions = site.gate._people.tokens, site.gate._people.sessions
     name = site.gate._people.cookie.name
     made: dict[str, str] = {}
 
@@ -189,10 +189,10 @@ def cookie(site: Any) -> Cookie:
         if caller == "expired":
             long_ago = time.time() - SESSION_AGE - 1.0
             old = Sessions(sessions._database, lambda: long_ago)
-            return str(door.sign(old.open("admin 7", ADMIN)))
+            return str(tokens.sign(old.open("admin 7", ADMIN)))
         role = Role(caller) if caller in set(Role) else ADMIN
         session = sessions.open(f"{role.value} 7", role)
-        value = str(door.sign(session))
+        value = str(tokens.sign(session))
         if caller == "ended":
             sessions.end(session)
         if caller == "forged":
@@ -203,7 +203,7 @@ def cookie(site: Any) -> Cookie:
     def make(caller: str) -> str | None:
         if caller == "nobody":
             return None
-        is_over = caller in set(Role) and door.session(made.get(caller)) is None
+        is_over = caller in set(Role) and tokens.session(made.get(caller)) is None
         if is_over or caller not in made or caller == "expired":  # the server drops those
             made[caller] = value_of(caller)
         return f"{name}={made[caller]}"

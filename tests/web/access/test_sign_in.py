@@ -14,30 +14,52 @@ from typing import Any
 import httpx
 import pytest
 import websockets.exceptions
+from sqlalchemy import delete
 
 from console.catalogue.catalogue import Catalogue
 from web.access.accounts import Accounts
-from web.access.attempts import FREE
-from web.access.database import AccessDatabase
+from web.access.database import AccessDatabase, AccountRow, SessionRow
 from web.access.passwords import Passwords
 from web.access.roles import Role
 from web.access.sign_in import LARGEST_FORM
+from web.access.sign_in_limiter import FORGOTTEN, FREE
 
 WORDS = "correct horse battery"
 OTHER = "another staple here"
 PAGE = {"Accept": "text/html,*/*"}
 
 
-@pytest.fixture
-def place(tmp_path: Path, serve: Any) -> Iterator[Any]:
-    """Yield a site with anna (admin), oleg (operator) and vera (viewer)."""
-    catalogue = Catalogue(tmp_path)
-    with serve(tmp_path, catalogue) as running:
-        accounts = outside(tmp_path)
-        for name, role in (("anna", Role.ADMIN), ("oleg", Role.OPERATOR), ("vera", Role.VIEWER)):
-            accounts.add(name, role, WORDS)
+@contextlib.contextmanager
+def opened(data: Path, serve: Any) -> Iterator[Any]:
+    catalogue = Catalogue(data)
+    with serve(data, catalogue) as running:
         yield running
     catalogue.close()
+
+
+@pytest.fixture(scope="module")
+def shared_site(tmp_path_factory: pytest.TempPathFactory, serve: Any) -> Iterator[Any]:
+    with opened(tmp_path_factory.mktemp("sign_in"), serve) as running:
+        yield running
+
+
+@pytest.fixture
+def place(shared_site: Any) -> Any:
+    """Return the site with anna (admin), oleg (operator) and vera (viewer), all signed out."""
+    furnish(shared_site)
+    return shared_site
+
+
+def furnish(place: Any) -> None:
+    database = AccessDatabase(place.data / "web")
+    with database.session() as transaction:
+        transaction.execute(delete(AccountRow))
+        transaction.execute(delete(SessionRow))
+    database.close()
+    place.clock[0] += 2.0 * FORGOTTEN
+    accounts = outside(place.data)
+    for name, role in (("anna", Role.ADMIN), ("oleg", Role.OPERATOR), ("vera", Role.VIEWER)):
+        accounts.add(name, role, WORDS)
 
 
 def outside(data: Path) -> Accounts:
@@ -119,12 +141,10 @@ def test_the_form_comes_back_with_the_line_and_the_name_but_never_the_password(p
 
 
 def test_without_accounts_no_password_is_asked_for(tmp_path: Path, serve: Any) -> None:
-    catalogue = Catalogue(tmp_path)
-    with serve(tmp_path, catalogue) as running, running.browser() as client:
+    with opened(tmp_path, serve) as running, running.browser() as client:
         assert 'name="password"' not in client.get("/", headers=PAGE).text
         outside(tmp_path).add("anna", None, WORDS)
         assert 'name="password"' in client.get("/login").text
-    catalogue.close()
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://127.0.0.1"])
@@ -176,9 +196,17 @@ def test_a_header_does_not_change_whose_attempts_are_counted(place: Any) -> None
     assert log_in(place, "anna", **{"X-Forwarded-For": "192.0.2.99"}).status_code == 429
 
 
+@pytest.fixture
+def fresh_site(tmp_path: Path, serve: Any) -> Iterator[Any]:
+    with opened(tmp_path, serve) as running:
+        furnish(running)
+        yield running
+
+
 def test_every_sign_in_is_told_and_no_password_is(
-    place: Any, caplog: pytest.LogCaptureFixture
+    fresh_site: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
+    place = fresh_site
     caplog.set_level(logging.INFO, "quadlab.web")
     log_in(place, "anna", OTHER)
     log_in(place, OTHER, "typed in the wrong field")
@@ -358,7 +386,7 @@ def test_an_admin_sees_and_manages_users(place: Any) -> None:
         ("DELETE", "/api/users/anna", None, 409, "last admin"),
         ("PUT", "/api/users/anna/role", {"role": "viewer"}, 409, "last admin"),
         ("PUT", "/api/users/oleg/role", {"role": "boss"}, 422, "role"),
-        ("POST", "/api/users", {"name": "B", "password": WORDS}, 400, "no name for a user"),
+        ("POST", "/api/users", {"name": "B", "password": WORDS}, 400, "not a valid user name"),
         ("POST", "/api/users", {"name": "bob", "password": "short"}, 409, "at least 10"),
         ("POST", "/api/users", {"name": "oleg", "password": WORDS}, 409, "has an account"),
         ("POST", "/api/users/viewer%209/end_sessions", None, 409, "no one is signed in"),

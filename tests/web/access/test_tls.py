@@ -22,17 +22,18 @@ from console.catalogue.catalogue import Catalogue
 from quadrotor.errors import UsageError
 from vehicle_link.security.authority import WEB_DAYS, check_certificate, ensure_web_certificate
 from vehicle_link.security.certificates import load_certificate
-from web.access.cookie import SessionCookie
-from web.access.reach import check_reach, is_loopback
+from web.access.listen_address import check_listen_address, is_loopback
+from web.access.people import SessionCookie
 from web.access.tls import given_tls, own_names, private_tls, shown_host
 from web.assembly import allowed_hosts
 from web.live.sockets import plain_transport
 
 
-@pytest.fixture
-def tls_site(tmp_path: Path, serve: Any) -> Iterator[Any]:
-    catalogue = Catalogue(tmp_path)
-    with serve(tmp_path, catalogue, tls=private_tls(tmp_path, ())) as running:
+@pytest.fixture(scope="module")
+def tls_site(tmp_path_factory: pytest.TempPathFactory, serve: Any) -> Iterator[Any]:
+    data = tmp_path_factory.mktemp("tls")
+    catalogue = Catalogue(data)
+    with serve(data, catalogue, tls=private_tls(data, ())) as running:
         yield running
     catalogue.close()
 
@@ -212,19 +213,19 @@ def test_a_key_locked_by_a_password_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.9", "::1", "localhost"])
 def test_loopback_needs_nothing(host: str) -> None:
     assert is_loopback(host)
-    check_reach(host, has_tls=False, accounts=0)
+    check_listen_address(host, has_tls=False, accounts=0)
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.7", ""])
 def test_elsewhere_needs_tls_and_an_account(host: str) -> None:
-    check_reach(host, has_tls=True, accounts=1)
+    check_listen_address(host, has_tls=True, accounts=1)
     for has_tls, accounts, said in (
         (False, 1, r"needs TLS \(add --tls\);"),
         (True, 0, r"needs at least one account \(quadlab user add NAME\);"),
         (False, 0, r"add --tls.*quadlab user add"),
     ):
         with pytest.raises(UsageError, match=said):
-            check_reach(host, has_tls=has_tls, accounts=accounts)
+            check_listen_address(host, has_tls=has_tls, accounts=accounts)
 
 
 def test_hosts_are_those_we_are_reached_by() -> None:

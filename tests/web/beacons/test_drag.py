@@ -69,7 +69,7 @@ class Table:
         server.viser.scene.reset()
         self.scene = BeaconScene(server, Live(decode))
         self.moved: list[tuple[int, tuple[float, float, float], str]] = []
-        self.scene.on_moved = lambda *move: self.moved.append(move)
+        self.scene.on_moved(lambda *move: self.moved.append(move))
         self.scene.show(BeaconView(drag=True))
         self.page = Upstream(server, Session("operator 3", Role.OPERATOR))
         self.page.takes(encode(CAMERA))
@@ -131,7 +131,7 @@ def test_nothing_moves_in_the_view_before_it_is_confirmed(table: Table) -> None:
 
 
 def test_a_refused_move_leaves_beacon_and_handle_where_they_were(table: Table) -> None:
-    table.scene.on_moved = lambda *_: table.scene.put_back()
+    table.scene.on_moved(lambda *_: table.scene.put_back())
     table.drag("start", (1.0, 1.0, 0.1))
     table.drag("update", (1.5, 1.0, 0.1))
     table.frames(2)
@@ -302,7 +302,7 @@ def test_two_beacons_may_be_dragged_at_once(drags: BeaconDrags) -> None:
     for id, who in ((1, "operator 1"), (2, "operator 2")):
         drags.take(Drag("", "start", toward((0.0, 0.0, 0.0)), EYE, who), id, (0.0,) * 3, up, 1.0)
         drags.take(Drag("", "update", toward((0.3, 0.0, 0.0)), EYE, who), id, (0.0,) * 3, up, 1.1)
-    drags.hand_on(1.1)
+    drags.pass_on(1.1)
     assert moved == {1: "operator 1", 2: "operator 2"}
 
 
@@ -313,6 +313,6 @@ def test_a_beacon_that_is_gone_is_not_wanted_any_more(drags: BeaconDrags) -> Non
         drags.take(Drag("", phase, pointer, EYE, "a"), 7, (0.0, 0.0, 0.0), up, 1.0)  # type: ignore[arg-type]
     places = {7: (0.0, 0.0, 0.0)}
     assert drags.wanted(places, 1.0)[7] == pytest.approx((0.3, 0.0, 0.0))
-    drags.hand_on(1.0)
+    drags.pass_on(1.0)
     assert drags.wanted({}, 1.0) == {}
     assert drags.wanted(places, 1.0) == {}

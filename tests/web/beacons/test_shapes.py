@@ -27,21 +27,7 @@ from web.beacons.shapes import (
     matrix_of,
     on_plane,
     turns_from_z,
-    wxyz_of_matrix,
 )
-
-
-def quaternions() -> np.ndarray:
-    q = np.random.default_rng(7).normal(size=(200, 4))
-    q /= np.linalg.norm(q, axis=1)[:, None]
-    return np.vstack([q, np.eye(4)])
-
-
-def test_a_matrix_gives_its_quaternion_back() -> None:
-    for q in quaternions():
-        back = np.array(wxyz_of_matrix(matrix_of(q)))
-        assert back[0] >= 0.0
-        np.testing.assert_allclose(back * np.sign(back @ q), q, atol=1e-12)
 
 
 def test_turns_bring_z_where_they_should() -> None:

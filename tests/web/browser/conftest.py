@@ -157,6 +157,21 @@ def page(open_page: Any, site: Any, flying: Any) -> Any:
     return open_page(site)
 
 
+@pytest.fixture(scope="module")
+def kept_page(chromium: Any, site: Any) -> Iterator[Any]:
+    """Yield one signed-in page for all tests of a module that need no fresh one."""
+    problems: list[str] = []
+    own = chromium.new_context(viewport={"width": 1440, "height": 900})
+    own.set_default_timeout(BOUND)
+    made = own.new_page()
+    made.on("pageerror", lambda error: problems.append(f"{error}\n{error.stack}"))
+    made.goto(f"{site.base}/?token={site.token}")
+    made.wait_for_selector("#behaviors button")
+    yield made
+    own.close()
+    assert problems == []
+
+
 @pytest.fixture
 def look(page: Any) -> Look:
     return Look(page)

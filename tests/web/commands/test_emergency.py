@@ -12,7 +12,7 @@ import pytest
 
 from quadrotor.errors import LinkError, RefusedError
 from vehicle_link.messages import decode, encode, new
-from web.commands.emergency import PATIENCE, TRIES, EmergencyDesk
+from web.commands.emergency import PATIENCE, TRIES, EmergencyCommands
 from web.live.latest import Live
 
 SILENT = LinkError("the vehicle did not answer within 1 s")
@@ -31,7 +31,7 @@ class Bench:
         self.may_answer = asyncio.Event()
         self.may_answer.set()
         self.live = Live(decode, lambda: self.now)
-        self.desk = EmergencyDesk(
+        self.desk = EmergencyCommands(
             self,
             self.live,
             self.published.append,

@@ -1,4 +1,4 @@
-"""Sticks act only while their button is held, never by themselves, and for one hand at a time."""
+"""Sticks act only while their button is held, never by themselves, and for one switch at a time."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from web.commands.sticks import (
     REMEMBERED,
     SILENCE,
     Axes,
+    DeadManSwitch,
     Frame,
-    Hand,
     StickOutput,
     read_frame,
 )
@@ -43,23 +43,23 @@ HELD = given(held=True)
 
 
 def test_a_button_held_from_the_start_does_not_count() -> None:
-    hand = Hand()
-    assert not hand.take(HELD, 0.00)
-    assert not hand.take(HELD, 0.02)
-    assert "release the button" in hand.why
-    assert not hand.take(given(), 0.04)
-    assert hand.take(HELD, 0.06)
+    switch = DeadManSwitch()
+    assert not switch.take(HELD, 0.00)
+    assert not switch.take(HELD, 0.02)
+    assert "release the button" in switch.why
+    assert not switch.take(given(), 0.04)
+    assert switch.take(HELD, 0.06)
 
 
 def test_after_a_silence_the_button_must_be_released_again() -> None:
-    hand = Hand()
-    hand.take(given(), 0.0)
-    assert hand.take(HELD, 0.02)
-    assert not hand.take(HELD, 0.02 + SILENCE + 0.01)
-    assert "silent for 0.26 s" in hand.why
-    assert not hand.take(HELD, 0.04 + SILENCE)
-    hand.take(given(), 0.06 + SILENCE)
-    assert hand.take(HELD, 0.08 + SILENCE)
+    switch = DeadManSwitch()
+    switch.take(given(), 0.0)
+    assert switch.take(HELD, 0.02)
+    assert not switch.take(HELD, 0.02 + SILENCE + 0.01)
+    assert "silent for 0.26 s" in switch.why
+    assert not switch.take(HELD, 0.04 + SILENCE)
+    switch.take(given(), 0.06 + SILENCE)
+    assert switch.take(HELD, 0.08 + SILENCE)
 
 
 @pytest.mark.parametrize("axis", range(4))
@@ -67,25 +67,25 @@ def test_after_a_silence_the_button_must_be_released_again() -> None:
 def test_the_button_counts_only_from_centred_sticks(axis: int, value: float) -> None:
     a, b, c, d = (value if i == axis else 0.0 for i in range(4))
     pushed = (a, b, c, d)
-    hand = Hand()
-    hand.take(given(), 0.0)
-    assert not hand.take(given(pushed, held=True), 0.02)
-    assert "centre all sticks" in hand.why
-    assert not hand.take(HELD, 0.04), "centred while held: still not"
-    hand.take(given(), 0.06)
-    assert hand.take(HELD, 0.08)
-    assert hand.take(given(pushed, held=True), 0.10), "once on, the sticks may go anywhere"
+    switch = DeadManSwitch()
+    switch.take(given(), 0.0)
+    assert not switch.take(given(pushed, held=True), 0.02)
+    assert "centre all sticks" in switch.why
+    assert not switch.take(HELD, 0.04), "centred while held: still not"
+    switch.take(given(), 0.06)
+    assert switch.take(HELD, 0.08)
+    assert switch.take(given(pushed, held=True), 0.10), "once on, the sticks may go anywhere"
 
 
 def test_what_was_refused_from_outside_needs_a_release_too() -> None:
-    hand = Hand()
-    hand.take(given(), 0.0)
-    assert hand.take(HELD, 0.02)
-    hand.refuse("another has control")
-    assert not hand.take(HELD, 0.04)
-    assert hand.why == "another has control"
-    hand.take(given(), 0.06)
-    assert hand.take(HELD, 0.08)
+    switch = DeadManSwitch()
+    switch.take(given(), 0.0)
+    assert switch.take(HELD, 0.02)
+    switch.refuse("another has control")
+    assert not switch.take(HELD, 0.04)
+    assert switch.why == "another has control"
+    switch.take(given(), 0.06)
+    assert switch.take(HELD, 0.08)
 
 
 def test_a_frame_is_read_and_its_axes_clamped() -> None:
@@ -121,8 +121,8 @@ class Desk:
         self.published.append((axes, enabled, requester))
         return len(self.published)
 
-    def send(self, hand: object, axes: Axes, requester: str = "ada") -> bool:
-        return self.output.send(hand, axes, requester, lambda *told: self.answers.append(told))
+    def send(self, switch: object, axes: Axes, requester: str = "ada") -> bool:
+        return self.output.send(switch, axes, requester, lambda *told: self.answers.append(told))
 
 
 def test_one_hand_keeps_the_sticks_until_it_lets_go() -> None:

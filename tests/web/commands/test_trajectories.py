@@ -11,7 +11,7 @@ import pytest
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.messages import decode, encode, header, new
-from web.commands.trajectories import TrajectoryDesk
+from web.commands.trajectories import TrajectoryMonitor
 from web.live.latest import Live
 
 CIRCLE: dict[str, ParameterValue] = {"trajectory": "circle", "laps": 2, "period": 8.0}
@@ -37,11 +37,11 @@ def live() -> Live:
 
 
 @pytest.fixture
-def desk(monkeypatch: pytest.MonkeyPatch, live: Live, scene: Scene) -> TrajectoryDesk:
+def monitor(monkeypatch: pytest.MonkeyPatch, live: Live, scene: Scene) -> TrajectoryMonitor:
     """One that computes in this process."""
     monkeypatch.setattr("web.commands.trajectories.run", lambda job, *given, **_: job(*given))
     replica = SimpleNamespace(values=lambda: {"behavior.volume_x_max": 2.5})
-    return TrajectoryDesk(live, cast(Any, replica), cast(Any, scene))
+    return TrajectoryMonitor(live, cast(Any, replica), cast(Any, scene))
 
 
 def fly(live: Live, behavior: str, seconds: float) -> None:
@@ -51,42 +51,42 @@ def fly(live: Live, behavior: str, seconds: float) -> None:
 
 
 def test_it_starts_at_the_reference_in_flight_and_above_the_vehicle_on_the_ground(
-    desk: TrajectoryDesk, live: Live, scene: Scene
+    monitor: TrajectoryMonitor, live: Live, scene: Scene
 ) -> None:
     pose = {"pose": {"position": (0.4, 0.3, 0.05), "orientation": (0.0, 0.0, 0.0, 1.0)}}
     live.put("state", encode(new("nav_msgs/Odometry", header=header(0), pose=pose)))
-    found = asyncio.run(desk.look(CIRCLE))
+    found = asyncio.run(monitor.preview(CIRCLE))
     assert (found["duration"], found["refusal"]) == (19.0, "")
     live.put("reference", encode(new("quadlab_msgs/Reference", position=(1.0, 0.0, 1.5))))
     fly(live, "HOVER", 0.0)
-    asyncio.run(desk.look(CIRCLE))
+    asyncio.run(monitor.preview(CIRCLE))
     starts = [points[0].tolist() for points, _ in scene.plans]
     assert starts == [pytest.approx([0.4, 0.3, 1.0]), pytest.approx([1.0, 0.0, 1.5])]
 
 
 def test_one_that_is_refused_is_drawn_as_such_and_one_that_is_none_is_not_drawn(
-    desk: TrajectoryDesk, scene: Scene
+    monitor: TrajectoryMonitor, scene: Scene
 ) -> None:
-    found = asyncio.run(desk.look({"trajectory": "circle", "radius": 3.0, "period": 30.0}))
+    found = asyncio.run(monitor.preview({"trajectory": "circle", "radius": 3.0, "period": 30.0}))
     assert "flight volume" in found["refusal"]
     assert scene.plans[-1][1] is False
     with pytest.raises(OutOfBoundsError):
-        asyncio.run(desk.look({"trajectory": "circle", "radius": 99.0}))
+        asyncio.run(monitor.preview({"trajectory": "circle", "radius": 99.0}))
     assert scene.plans[-1][0] is None
 
 
 def test_the_summary_tells_how_far_it_is_by_the_vehicles_clock(
-    desk: TrajectoryDesk, live: Live
+    monitor: TrajectoryMonitor, live: Live
 ) -> None:
-    asyncio.run(desk.look(CIRCLE))
+    asyncio.run(monitor.preview(CIRCLE))
     fly(live, "HOVER", 0.0)
-    desk.started(CIRCLE)
-    assert desk.summary() is None
+    monitor.started(CIRCLE)
+    assert monitor.summary() is None
     fly(live, "FOLLOW_TRAJECTORY", 1.0)
-    assert desk.summary() == {"elapsed": 0.0, "duration": 19.0, "laps": 2}
+    assert monitor.summary() == {"elapsed": 0.0, "duration": 19.0, "laps": 2}
     fly(live, "FOLLOW_TRAJECTORY", 5.5)
-    assert desk.summary() == {"elapsed": 4.5, "duration": 19.0, "laps": 2}
+    assert monitor.summary() == {"elapsed": 4.5, "duration": 19.0, "laps": 2}
     fly(live, "HOVER", 20.0)
-    assert desk.summary() is None
+    assert monitor.summary() is None
     fly(live, "FOLLOW_TRAJECTORY", 30.0)  # started by another program
-    assert desk.summary() is None
+    assert monitor.summary() is None

@@ -28,16 +28,6 @@ RESULT = {
 }
 
 
-class NoFiles:
-    """No experiments of users."""
-
-    def described(self) -> list[Any]:
-        return []
-
-    def find(self, name: str) -> None:
-        return None
-
-
 @pytest.fixture
 def describing(station: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Return a station with the real description of its experiments."""
@@ -45,7 +35,7 @@ def describing(station: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
 
     def call(service: str, request: Any) -> Any:
         if service == "experiment" and request.action == "describe" and not station.away:
-            return describe("quad1", NoFiles())
+            return describe("quad1", [])
         return plain(service, request)
 
     monkeypatch.setattr(station, "_call_blocking", call)

@@ -16,7 +16,7 @@ import websockets.exceptions
 
 from vehicle_link.messages import encode, header, new, ros_name
 from vehicle_link.topics.table import TOPICS
-from web.access import door
+from web.access import sign_in_tokens
 from web.foxglove import client as one_client
 from web.foxglove.catalogue import CHANNELS
 
@@ -186,7 +186,7 @@ def test_a_link_opens_the_viewers_which_only_watch(
 ) -> None:
     made = admin.post("/api/foxglove/link").json()
     assert made["url"].startswith(f"ws://{site.host}/v/quad1/foxglove?token=")
-    assert 0 < made["expires"] - time.time() <= door.LINK_AGE
+    assert 0 < made["expires"] - time.time() <= sign_in_tokens.LINK_AGE
     for address in made["viewers"].values():
         query = parse_qs(urlsplit(address).query)
         assert query["ds"] == ["foxglove-websocket"]
@@ -241,7 +241,7 @@ def test_nothing_is_opened_without_a_session_or_with_a_wrong_token(
         with contextlib.suppress(websockets.exceptions.ConnectionClosedError):
             list(socket)
         assert socket.close_code == 4401
-    monkeypatch.setattr(door, "LINK_AGE", -1)
+    monkeypatch.setattr(sign_in_tokens, "LINK_AGE", -1)
     expired = refusal(site, link(admin), cookie=None, **protocol)
     assert expired[0] == 401
     assert "expired" in expired[1]

@@ -7,11 +7,10 @@ from typing import Any
 
 import pytest
 
-from console.link.outbox import RECORDED
-from console.link.subscriptions import AS_IT_COMES
-from console.link.telemetry_topics import ENCODERS
+from console.link.outbox import ENCODERS, RECORDED
+from console.link.subscriptions import RECORDED_AS_RECEIVED
 from vehicle_link.messages import decode, encode, new
-from vehicle_link.messages.numbers import number_at, numbers
+from vehicle_link.messages.units import number_at, numbers
 from vehicle_link.topics import TOPICS
 from web.live.latest import STALE, Live
 from web.signals import COMPARED, INDEX, NAMED, SIGNALS, described, snapshot
@@ -19,7 +18,7 @@ from web.signals.plain import MEMBERS
 
 TEXT = {"events", "parameter_changes"}
 """Topics with lines, not values over time."""
-LOGGED = ({*AS_IT_COMES, *RECORDED, *ENCODERS}) - TEXT
+LOGGED = ({*RECORDED_AS_RECEIVED, *RECORDED, *ENCODERS}) - TEXT
 
 
 def values(live: Live, wanted: frozenset[str] | None = None) -> dict[str, float]:

@@ -68,7 +68,7 @@ def test_lost_and_repeated_packets_are_borne_and_too_many_lost_are_told() -> Non
     found = spectra(signals_of(once_more, some, "quad1"), ["imu.angular_velocity.y"])
     line = found["spectra"][0]
     assert line["frequency"][int(np.argmax(line["density"]))] == pytest.approx(TURNS, abs=1.0)
-    with pytest.raises(MeasurementError, match="samples are there"):
+    with pytest.raises(MeasurementError, match="samples were received"):
         spectra(
             signals_of(
                 packets[: 100 * size] + packets[200 * size :],

@@ -53,14 +53,14 @@ def test_velocity_is_turned_from_body_to_world_axes() -> None:
 
 def test_angles_are_those_of_known_rotations() -> None:
     from quadrotor.plain_rotations import roll_pitch_yaw
-    from web.signals.signal import quaternion
+    from web.beacons.shapes import wxyz_of
 
     half = math.radians(10.0)
     for axis, index in (("x", 0), ("y", 1), ("z", 2)):
         q = new("geometry_msgs/Quaternion", w=math.cos(half), **{axis: math.sin(half)})
         expected = [0.0, 0.0, 0.0]
         expected[index] = math.radians(20.0)
-        np.testing.assert_allclose(roll_pitch_yaw(*quaternion(q)), expected, atol=1e-12)
+        np.testing.assert_allclose(roll_pitch_yaw(*wxyz_of(q)), expected, atol=1e-12)
 
 
 def test_the_tracking_error_is_state_minus_reference() -> None:

@@ -13,8 +13,8 @@ from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameters import ParameterValue
 from tests.support.parameters import described
 from vehicle_link.parameters.change import ParameterChange
-from web.parameters.changes import GainPath
 from web.parameters.replica import PageParameters
+from web.parameters.writer import ParameterWriter
 
 KP, KV, RATES, STATION = "control.kp", "control.kv", "control.rates", "station.delay"
 
@@ -72,12 +72,12 @@ def test_a_restart_begins_a_generation_in_which_lower_revisions_count() -> None:
 
 def test_a_station_that_restarts_unseen_is_known_by_its_own_news() -> None:
     replica = replica_of()
-    replica.told(ParameterChange(0, STATION, 0.0, 0.5, "x", 30, 1))
-    replica.told(ParameterChange(0, STATION, 0.0, 0.6, "x", 29, 1))
+    replica.note_change(ParameterChange(0, STATION, 0.0, 0.5, "x", 30, 1))
+    replica.note_change(ParameterChange(0, STATION, 0.0, 0.6, "x", 29, 1))
     assert replica.value(STATION) == 0.5, "late, of the same process"
-    replica.told(ParameterChange(0, STATION, 0.0, 0.7, "x", 1, 2))
+    replica.note_change(ParameterChange(0, STATION, 0.0, 0.7, "x", 1, 2))
     assert replica.value(STATION) == 0.7
-    replica.told(ParameterChange(0, KP, 4.0, 6.0, "x", 1, 3))
+    replica.note_change(ParameterChange(0, KP, 4.0, 6.0, "x", 1, 3))
     assert replica.value(KP) == 6.0
 
 
@@ -106,13 +106,13 @@ class Vehicle:
 
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("web.parameters.changes.SHORTEST_PERIOD", 0.001)
+    monkeypatch.setattr("web.parameters.writer.SHORTEST_PERIOD", 0.001)
 
 
-def flying() -> tuple[GainPath, Vehicle, PageParameters]:
+def flying() -> tuple[ParameterWriter, Vehicle, PageParameters]:
     replica = replica_of()
     vehicle = Vehicle(replica)
-    return GainPath(replica, vehicle, airborne=lambda: True), vehicle, replica
+    return ParameterWriter(replica, vehicle, airborne=lambda: True), vehicle, replica
 
 
 def test_a_slider_walks_where_one_step_is_too_large() -> None:

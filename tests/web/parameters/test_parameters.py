@@ -19,8 +19,8 @@ from quadrotor.errors import (
 )
 from quadrotor.parameters import ParameterDescription, ParameterValue
 from tests.support.parameters import described
-from web.parameters.changes import GainPath
 from web.parameters.replica import PageParameters
+from web.parameters.writer import ParameterWriter
 
 
 def check(one: ParameterDescription, value: object) -> ParameterValue:
@@ -88,13 +88,13 @@ class SlowVehicle:
         return dict(values), len(self.calls)
 
 
-def path_of(vehicle: SlowVehicle, *names: str) -> tuple[GainPath, PageParameters, list[Any]]:
+def path_of(vehicle: SlowVehicle, *names: str) -> tuple[ParameterWriter, PageParameters, list[Any]]:
     told: list[Any] = []
     replica = PageParameters(told.append)
     names = names or ("gains.kp",)
     replica.load(dict.fromkeys(names, 4.0), 0, descriptions=[described(name) for name in names])
     told.clear()
-    return GainPath(replica, vehicle), replica, told
+    return ParameterWriter(replica, vehicle), replica, told
 
 
 def test_a_fast_slider_is_coalesced_and_its_last_value_arrives() -> None:

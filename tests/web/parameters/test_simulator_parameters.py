@@ -11,9 +11,9 @@ import pytest
 from quadrotor.errors import LinkError
 from quadrotor.parameters import ParameterStore, ParameterValue
 from vehicle.simulator.live_parameters import SimulatorTree
-from web.parameters.changes import GainPath
 from web.parameters.follower import ParameterFollower
 from web.parameters.replica import PageParameters
+from web.parameters.writer import ParameterWriter
 
 GUST, DRAG, LAYOUT = "simulator.gust", "simulator.drag", "station.bearings.layout"
 WORLD = ParameterStore(SimulatorTree())
@@ -65,7 +65,7 @@ class Vehicle:
 def changed(vehicle: Vehicle, values: Mapping[str, Any]) -> dict[str, ParameterValue]:
     replica = PageParameters(lambda _: None)
     replica.load(WORLD.values(), 0, descriptions=WORLD.descriptions())
-    path = GainPath(replica, vehicle)
+    path = ParameterWriter(replica, vehicle)
     applied, _ = asyncio.run(path.change(values, "ada"))
     assert {name: replica.value(name) for name in applied} == applied
     return applied
@@ -87,7 +87,7 @@ class Mixed(PageParameters):
 @pytest.mark.parametrize("refused", ["", GUST])
 def test_what_is_mixed_goes_apart_the_world_last(refused: str) -> None:
     vehicle = Vehicle(refused)
-    path = GainPath(Mixed(lambda _: None), vehicle)
+    path = ParameterWriter(Mixed(lambda _: None), vehicle)
     change = path.change({GUST: 2.0, LAYOUT: "wide"}, "ada")
     if refused:
         with pytest.raises(LinkError, match="all but the simulator's values were applied"):

@@ -13,10 +13,11 @@ import pytest
 
 from benchmarks.logs.recorded_run import STEP_NS, MadeRun, position_at, write_run
 from flight_log import LogWriter, read_log
-from flight_log.message_times import common_stamps, gaps
+from flight_log.run import common_stamps, gaps
 from quadrotor.errors import LogFormatError, MeasurementError, OutOfBoundsError
-from vehicle_link.messages import decode, encode, header, new
+from vehicle_link.messages import decode, encode, header, new, time_message
 from vehicle_link.topics import PICTURE, encode_picture
+from web.replay import timeline
 from web.replay.build import build_replay
 from web.replay.reader import Replay
 from web.replay.samples import BIN, coarser
@@ -345,6 +346,20 @@ def test_of_each_mark_the_newest_text_counts_at_the_marks_own_time(tmp_path: Pat
         {"t": t, "text": text, "who": "anna"}
         for t, text in ((2.0, ""), (3.0, "a door"), (4.0, "wind"))
     ]
+
+
+def test_events_that_are_left_out_of_the_time_line_are_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(timeline, "MOST_LINES", 3)
+    log = tmp_path / "a.mcap"
+    with LogWriter(log, {"vehicle": "quad1"}, {}) as writer:
+        for k in range(5):
+            event = encode(new("rcl_interfaces/Log", stamp=time_message(SECOND + k), msg=f"{k}"))
+            writer.write("/quad1/events", "rcl_interfaces/Log", event, SECOND + k, SECOND + k)
+    index = shown(log).described()
+    assert [one["text"] for one in index["events"]] == ["0", "1", "2"]
+    assert index["problems"] == {"events": "only the first 3 of 5 messages are listed"}
 
 
 def test_a_picture_is_the_newest_one_at_an_instant_to_the_byte(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from console.catalogue.catalogue import Catalogue
-from console.catalogue.completeness import Completeness, keep_completeness
+from console.catalogue.completeness import Completeness, store_completeness
 from vehicle_link.messages import header, new
 
 RUN = "20260131T093042Z_quad1"
@@ -120,7 +120,7 @@ def test_a_run_tells_how_it_compares_with_the_vehicle_s_log(
     assert operator.get("/api/runs").json()[0]["completeness"] is None
     catalogue = Catalogue(site.data)
     why = "the vehicle's log of it was overwritten"
-    keep_completeness(catalogue, RUN, Completeness("missing", 0.0, 0.8, 62.0, why))
+    store_completeness(catalogue, RUN, Completeness("missing", 0.0, 0.8, 62.0, why))
     catalogue.close()
     found = operator.get("/api/runs").json()[0]["completeness"]
     assert (found["state"], found["missing"]) == ("missing", 0.8)

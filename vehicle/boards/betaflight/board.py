@@ -29,7 +29,7 @@ from vehicle.boards.betaflight.messages import (
 )
 from vehicle.boards.betaflight.options import BetaflightOptions
 from vehicle.boards.betaflight.sticks import TRAITS, Sticks
-from vehicle.boards.board import BodyRates, Command, RawSample, Takes
+from vehicle.boards.board import BodyRates, Command, CommandKind, RawSample
 from vehicle.boards.kind import Kind
 from vehicle_link import clock
 from vehicle_link.msp.crsf import encode_channels
@@ -181,7 +181,7 @@ class BetaflightBoard:
     def command(self, command: Command) -> None:
         """Send a command with the next `service`. Raises OutOfBoundsError, LinkError."""
         if isinstance(command, tuple):
-            raise OutOfBoundsError(TRAITS.missing(Takes.MOTORS))
+            raise OutOfBoundsError(TRAITS.missing(CommandKind.MOTORS))
         self._command = command
         self._send_sticks()
 

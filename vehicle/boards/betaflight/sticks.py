@@ -10,19 +10,19 @@ import math
 
 from quadrotor.errors import OutOfBoundsError
 from vehicle.boards.betaflight.options import BetaflightOptions
-from vehicle.boards.board import BodyRates, Takes, Traits
+from vehicle.boards.board import BodyRates, CommandKind, Traits
 from vehicle_link.serial.attitude_command import AttitudeCommand
 
 TRAITS = Traits(
     "betaflight",
-    (Takes.RATES, Takes.ANGLES),
+    (CommandKind.RATES, CommandKind.ANGLES),
     {
         "imu.accelerometer_scale": 1.0 / 256.0,
         "imu.accelerometer_zero": 0.0,
         "imu.gyroscope_scale": 2000.0 / 32768.0,
         "imu.gyroscope_zero": 0.0,
     },
-    tells_pressure=False,
+    reports_pressure=False,
 )
 MIDDLE, HALF, LOW, HIGH = 1500.0, 500.0, 1000.0, 2000.0
 """Pulse widths, in µs."""

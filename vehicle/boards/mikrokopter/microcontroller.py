@@ -18,11 +18,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-import msgspec
-
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.parameters import Parameters
-from vehicle.boards.board import Command, RawSample, Takes, Traits
+from vehicle.boards.board import Command, CommandKind, RawSample, Traits
 from vehicle.boards.kind import Kind
 from vehicle.boards.mikrokopter.clock import MicrocontrollerClock
 from vehicle.boards.mikrokopter.motor_bus import MotorBus
@@ -40,15 +38,22 @@ from vehicle_link.serial.exchange import (
     set_value,
 )
 from vehicle_link.serial.frames import Frame
-from vehicle_link.serial.identity import THE_ONE, Identity
-from vehicle_link.serial.ids import MIRROR, PRESSURE_OFFSET, FlightControlMode, Id, MotorState
+from vehicle_link.serial.ids import (
+    MIRROR,
+    PRESSURE_OFFSET,
+    THE_ONE,
+    FlightControlMode,
+    Id,
+    Identity,
+    MotorState,
+)
 from vehicle_link.serial.port import Port
 
 REPEAT_COMMAND_S = 0.006
 KEEP_COMMAND_S = 0.04
 """Oldest command that is sent: an old one must not keep the microcontroller from landing."""
 
-TRAITS = Traits("mikrokopter", (Takes.MOTORS, Takes.ANGLES))
+TRAITS = Traits("mikrokopter", (CommandKind.MOTORS, CommandKind.ANGLES))
 
 _MOTOR_STATES = tuple(MotorState)
 _MODES = frozenset(FlightControlMode)
@@ -90,7 +95,6 @@ class Microcontroller:
         self.newest_ms = [-1] * len(ports)
         self._ports = MicrocontrollerPorts(ports, self.failures)
         self._clock = MicrocontrollerClock(epoch_ns)
-        self._newest_ns = -1
         period_us = sample_period_us(rate)
         self._stamps = FineStamps(1000 * period_us)
         self._command: Sequence[int] = _STOPPED
@@ -168,12 +172,9 @@ class Microcontroller:
             return []
         if samples and self._motor_state_read in _RESTING:
             self._correct_clock(max(sample.stamp_ns for sample in samples))
-        if len(samples) == 1 and samples[0].stamp_ns > self._newest_ns:  # the usual case
-            self._newest_ns = samples[0].stamp_ns
-            samples[0] = self._refined(samples[0])
-            return samples
-        samples.sort()
-        return self._in_order(samples)
+        samples = self._stamps.in_order(samples)
+        self.late = self._stamps.late
+        return samples
 
     def command(self, command: Command) -> None:
         """Send motor references or an attitude, changing the flight control mode if needed.
@@ -185,7 +186,7 @@ class Microcontroller:
         elif isinstance(command, AttitudeCommand):
             self._command, self._mode = command.encode(), FlightControlMode.NEAR_HOVERING
         else:
-            raise OutOfBoundsError(TRAITS.missing(Takes.RATES))
+            raise OutOfBoundsError(TRAITS.missing(CommandKind.RATES))
         self._is_new = True
         self._send_command()
 
@@ -267,22 +268,6 @@ class Microcontroller:
                 "as it was until `quadlab vehicle` is started again"
             )
 
-    def _in_order(self, samples: list[RawSample]) -> list[RawSample]:
-        kept = []
-        for sample in samples:
-            if sample.stamp_ns > self._newest_ns:
-                self._newest_ns = sample.stamp_ns
-                kept.append(self._refined(sample))
-            else:
-                self.late += 1
-        return kept
-
-    def _refined(self, sample: RawSample) -> RawSample:
-        stamp_ns = self._stamps.refine(sample.stamp_ns)
-        if stamp_ns == sample.stamp_ns:  # always, at a period of whole milliseconds
-            return sample
-        return msgspec.structs.replace(sample, stamp_ns=stamp_ns)
-
     def _take_reply(self, frame: Frame) -> None:
         reply = decode_reply(frame)
         if reply is None:
@@ -294,7 +279,7 @@ class Microcontroller:
             self.flight_control_mode = FlightControlMode(answer)
         self._handshake.settle(key, answer)
         self._motors.settle(key, answer)
-        line = self._bus.take(key, answer)
+        line = self._bus.receive(key, answer)
         if line is not None:
             self.failures.append(line)
 

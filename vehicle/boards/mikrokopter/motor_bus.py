@@ -48,7 +48,7 @@ class MotorBus:
         self._turn = (self._turn + 1) % len(MOTORS)
         return encode_request(command, REFERENCES[self._turn])
 
-    def take(self, id: int, value: object) -> str | None:
+    def receive(self, id: int, value: object) -> str | None:
         """Handle an answer of the microcontroller; return a line when it changed `missing`."""
         if id not in REFERENCES or not isinstance(value, int):
             return None

@@ -6,6 +6,10 @@ step. The samples themselves are one period apart, which the flight stack has ch
 
 from __future__ import annotations
 
+import msgspec
+
+from vehicle.boards.board import RawSample
+
 MS = 1_000_000
 
 
@@ -14,11 +18,30 @@ class FineStamps:
 
     Args:
         period_ns: the sample period requested from the microcontroller.
+
+    Attributes:
+        late: number of samples dropped because they were older than the newest one.
     """
 
     def __init__(self, period_ns: int) -> None:
         self._period_ns = period_ns
         self._last_ns: int | None = None
+        self._newest_ns = -1
+        self.late = 0
+
+    def in_order(self, samples: list[RawSample]) -> list[RawSample]:
+        """Return the samples with fine stamps, oldest first, without the late ones."""
+        samples.sort()
+        kept = []
+        for sample in samples:
+            if sample.stamp_ns <= self._newest_ns:
+                self.late += 1
+                continue
+            self._newest_ns = sample.stamp_ns
+            stamp_ns = self.refine(sample.stamp_ns)
+            same = stamp_ns == sample.stamp_ns  # always, at a period of whole milliseconds
+            kept.append(sample if same else msgspec.structs.replace(sample, stamp_ns=stamp_ns))
+        return kept
 
     def refine(self, stamp_ns: int) -> int:
         """Return the time of the next sample, always within a millisecond of its stamp.

@@ -23,8 +23,7 @@ from vehicle_link.serial.devices import PATIENCE_S, await_devices
 from vehicle_link.serial.discovery import Device, Finding
 from vehicle_link.serial.exchange import Answer, Exchange, ask, decode_reply, mirror
 from vehicle_link.serial.frames import Frame, FrameDecoder
-from vehicle_link.serial.identity import THE_ONE, Identity
-from vehicle_link.serial.ids import MIRROR, Id
+from vehicle_link.serial.ids import MIRROR, THE_ONE, Id, Identity
 from vehicle_link.serial.port import SerialPort
 from vehicle_link.serial.values import to_si
 
@@ -119,7 +118,7 @@ class _Line:
     asked: int = 0
     battery: int | None = None
 
-    def ask(self, now_s: float) -> None:
+    def request(self, now_s: float) -> None:
         """Send one request at a time, the next one when it is answered or lost."""
         lost = self.asked_s is not None and now_s - self.asked_s > ANSWER_LIMIT_S
         if now_s >= self.due_s and (self.asked_s is None or lost):
@@ -127,7 +126,7 @@ class _Line:
             self.asked += 1
             self.port.write(encode_request(_STOPPED, Id.BATTERY))
 
-    def take(self, frame: Frame) -> None:
+    def receive(self, frame: Frame) -> None:
         self.frames += 1
         values = decode_data(frame)
         if values is not None:
@@ -158,9 +157,9 @@ def _measure(paths: Sequence[str]) -> tuple[list[_Line], tuple[int, str]]:
         deadline_s = time.monotonic() + MEASURED_S
         while (now_s := time.monotonic()) < deadline_s:
             for line in lines:
-                line.ask(now_s)
+                line.request(now_s)
             for line, frame in _receive(lines):
-                line.take(frame)
+                line.receive(frame)
     finally:
         for line in lines:
             line.port.close()
@@ -177,7 +176,7 @@ def _choose_mirror(lines: Sequence[_Line]) -> None:
 def _look_at_motors(lines: Sequence[_Line]) -> tuple[int, str]:
     """Return the number of motors that answered, and what is wrong with their controllers."""
     bus, exchange = MotorBus(), Exchange([ask(id) for id in REFERENCES])
-    _until_answered(lines, exchange, bus.take)
+    _until_answered(lines, exchange, bus.receive)
     return len(REFERENCES) - len(exchange.open), bus.why
 
 

@@ -12,28 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
-from vehicle.simulator.firmware.attitude import vertical
-from vehicle.simulator.firmware.constants import (
-    CARRIED_SHARE,
-    CARRIED_TIME,
-    CLIMB_GAIN,
-    COSINE_MIN,
-    FLARE_HEIGHT,
-    LEAST_WEIGHT,
-    LIFT_COUNT,
-    LIFT_MAX,
-    MOTOR_OFFSET,
-    MOTOR_SQUARE,
-    OVERTURNED,
-    SETTLING_CLIMB,
-    SINK,
-    SINK_ERROR_MAX,
-    SINK_FLARE,
-    SLOW_SHARE,
-    STANDING,
-    SUPPORT_MAX,
-    SUPPORT_UNIT,
-)
+from vehicle.simulator.firmware import constants as k
+from vehicle.simulator.firmware.estimation import vertical
 from vehicle.simulator.firmware.fixed import bounded, by16
 from vehicle.simulator.firmware.hovering import hold_angles
 from vehicle_link.serial.ids import Id
@@ -52,10 +32,10 @@ def watch_thrust(p: Item) -> None:
     for i in range(4):
         reference = p.references[i]
         if reference > 0:
-            speed = (reference << 7) + MOTOR_OFFSET
-            total += (((speed * speed) >> 16) * MOTOR_SQUARE) >> 12
+            speed = (reference << 7) + k.MOTOR_OFFSET
+            total += (((speed * speed) >> 16) * k.MOTOR_SQUARE) >> 12
     p.thrust += by16((total << 12) - p.thrust, p.gains.thrust)
-    if p.thrust > STANDING and not (p.landing and p.climb > SETTLING_CLIMB):
+    if p.thrust > k.STANDING and not (p.landing and p.climb > k.SETTLING_CLIMB):
         given = _given(p, p.thrust >> 12)
         p.support += by16((given << 16) - p.support, p.gains.support)
 
@@ -64,7 +44,7 @@ def watch_thrust(p: Item) -> None:
 def _given(p: Item, thrust: int) -> int:
     """Return the specific force along z_B over what a thrust (2^-12 N) gives, 2^-12."""
     force: int = max(0, p.force_b[2])
-    return min(SUPPORT_MAX, force * SUPPORT_UNIT // thrust)
+    return min(k.SUPPORT_MAX, force * k.SUPPORT_UNIT // thrust)
 
 
 @compiled(inner=True)
@@ -72,18 +52,18 @@ def descend(p: Item, registers: Registers) -> None:
     """Run one period of the descent of a PROGRAM; set `landed` at its end."""
     second = p.gains.second
     cosine = vertical(p)[2]
-    wanted = SINK_FLARE if p.height - p.ground < FLARE_HEIGHT else SINK
+    wanted = k.SINK_FLARE if p.height - p.ground < k.FLARE_HEIGHT else k.SINK
     p.sink += bounded(wanted - p.sink, 2 * second)  # 2 m/s^2, from the initial climb rate
-    error = bounded(-p.sink - p.climb, SINK_ERROR_MAX)
-    least, most = LIFT_COUNT * registers[_EMERGENCY_THRUST], LIFT_COUNT * LIFT_MAX
+    error = bounded(-p.sink - p.climb, k.SINK_ERROR_MAX)
+    least, most = k.LIFT_COUNT * registers[_EMERGENCY_THRUST], k.LIFT_COUNT * k.LIFT_MAX
     p.lift = min(most, max(least, p.lift + by16(error, p.gains.lift)))
-    thrust = min(most, max(least, p.lift + by16(error << 6, CLIMB_GAIN))) >> 12
-    hold_angles(p, registers, (0, 0, 0), (thrust << 14) // max(COSINE_MIN, cosine))
-    given = _given(p, max(p.thrust >> 12, LEAST_WEIGHT))
-    learnt = ((p.support >> 16) * CARRIED_SHARE) >> 10
-    carries = given > learnt and p.climb > -by16(p.sink << 1, SLOW_SHARE)
+    thrust = min(most, max(least, p.lift + by16(error << 6, k.CLIMB_GAIN))) >> 12
+    hold_angles(p, registers, (0, 0, 0), (thrust << 14) // max(k.COSINE_MIN, cosine))
+    given = _given(p, max(p.thrust >> 12, k.LEAST_WEIGHT))
+    learnt = ((p.support >> 16) * k.CARRIED_SHARE) >> 10
+    carries = given > learnt and p.climb > -by16(p.sink << 1, k.SLOW_SHARE)
     p.carried = p.carried + second if carries else max(0, p.carried - second)
-    if p.carried > CARRIED_TIME or cosine < OVERTURNED:
+    if p.carried > k.CARRIED_TIME or cosine < k.OVERTURNED:
         stop(p)
 
 
@@ -93,7 +73,7 @@ def begin_descent(p: Item) -> None:
     p.landing, p.landed, p.carried = 1, 0, 0
     p.lift, p.sink = p.thrust, -p.climb
     p.angle_integral[0] = p.angle_integral[1] = 0
-    if p.thrust < STANDING:
+    if p.thrust < k.STANDING:
         stop(p)
 
 

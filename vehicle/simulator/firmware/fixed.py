@@ -6,15 +6,7 @@ A product keeps 32 of its 48 bits. `firmware/core/fixed.h` has the same function
 from __future__ import annotations
 
 from quadrotor.compiled import compiled
-from vehicle.simulator.firmware.constants import (
-    ATAN_1,
-    ATAN_3,
-    ATAN_5,
-    ATAN_7,
-    ATAN_9,
-    HALF_TURN,
-    QUARTER_TURN,
-)
+from vehicle.simulator.firmware import constants as k
 
 
 @compiled(inner=True)
@@ -51,13 +43,13 @@ def angle_of(y: int, x: int) -> int:
         return 0
     t = min(32767, (low << 15) // high)
     square = (t * t) >> 15
-    out = ATAN_7 + ((ATAN_9 * square) >> 15)
-    out = ATAN_5 + ((out * square) >> 15)
-    out = ATAN_3 + ((out * square) >> 15)
-    out = ATAN_1 + ((out * square) >> 15)
+    out = k.ATAN_7 + ((k.ATAN_9 * square) >> 15)
+    out = k.ATAN_5 + ((out * square) >> 15)
+    out = k.ATAN_3 + ((out * square) >> 15)
+    out = k.ATAN_1 + ((out * square) >> 15)
     out = (t * out + 0x4000) >> 15
     if abs(y) > abs(x):
-        out = QUARTER_TURN - out
+        out = k.QUARTER_TURN - out
     if x < 0:
-        out = HALF_TURN - out
+        out = k.HALF_TURN - out
     return -out if y < 0 else out

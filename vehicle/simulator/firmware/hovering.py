@@ -12,25 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
-from vehicle.simulator.firmware.constants import (
-    ACCELERATION_MAX,
-    INTEGRAL_MAX,
-    INTEGRATED,
-    MILLI_PITCH,
-    MILLI_ROLL,
-    MILLI_YAW,
-    RATE_GAIN,
-    REFERENCE_MAX,
-    REFERENCE_OFFSET,
-    REFERENCE_SLOPE,
-    SHARE_PITCH,
-    SHARE_ROLL,
-    SHARE_YAW,
-    THRUST_HOVER,
-    THRUST_MAX,
-    THRUST_MIN,
-    YAW_CHANGE_MAX,
-)
+from vehicle.simulator.firmware import constants as k
 from vehicle.simulator.firmware.fixed import bounded, by16, root
 from vehicle_link.serial.ids import Id
 
@@ -68,27 +50,28 @@ def hold_angles(p: Item, registers: Registers, wanted: tuple[int, int, int], thr
     x = _acceleration(roll, integral[0], rate[0], kp, ki, kd)
     y = _acceleration(pitch, integral[1], rate[1], kp, ki, kd)
     change = bounded(
-        by16(rate[2] - p.rate_before, registers[_GAIN_YAW_ACCELERATION]), YAW_CHANGE_MAX
+        by16(rate[2] - p.rate_before, registers[_GAIN_YAW_ACCELERATION]), k.YAW_CHANGE_MAX
     )
     p.rate_before = rate[2]
-    z = by16(by16((wanted[2] - rate[2]) << 4, registers[_GAIN_YAW]), RATE_GAIN)
-    z = bounded(z - change * p.gains.yaw_slope, ACCELERATION_MAX)
+    z = by16(by16((wanted[2] - rate[2]) << 4, registers[_GAIN_YAW]), k.RATE_GAIN)
+    z = bounded(z - change * p.gains.yaw_slope, k.ACCELERATION_MAX)
     scaling = _allocate(
-        p, thrust, by16(x, SHARE_ROLL), by16(y, SHARE_PITCH), by16(z << 2, SHARE_YAW)
+        p, thrust, by16(x, k.SHARE_ROLL), by16(y, k.SHARE_PITCH), by16(z << 2, k.SHARE_YAW)
     )
-    if scaling == _ALL and abs(roll) + abs(pitch) < INTEGRATED:
-        integral[0] = bounded(integral[0] + ((roll * p.gains.integral + 0x80) >> 8), INTEGRAL_MAX)
-        integral[1] = bounded(integral[1] + ((pitch * p.gains.integral + 0x80) >> 8), INTEGRAL_MAX)
-    registers[_TORQUE] = bounded(by16(x, MILLI_ROLL), 32767)
-    registers[_TORQUE + 1] = bounded(by16(y, MILLI_PITCH), 32767)
-    registers[_TORQUE + 2] = bounded(by16(z, MILLI_YAW), 32767)
+    if scaling == _ALL and abs(roll) + abs(pitch) < k.INTEGRATED:
+        gain, most = p.gains.integral, k.INTEGRAL_MAX
+        integral[0] = bounded(integral[0] + ((roll * gain + 0x80) >> 8), most)
+        integral[1] = bounded(integral[1] + ((pitch * gain + 0x80) >> 8), most)
+    registers[_TORQUE] = bounded(by16(x, k.MILLI_ROLL), 32767)
+    registers[_TORQUE + 1] = bounded(by16(y, k.MILLI_PITCH), 32767)
+    registers[_TORQUE + 2] = bounded(by16(z, k.MILLI_YAW), 32767)
 
 
 @compiled(inner=True)
 def _acceleration(error: int, integral: int, rate: int, kp: int, ki: int, kd: int) -> int:
     """Return the angular acceleration about one axis, in the unit of the gains."""
     held = by16(error << 8, kp) + (by16(integral, ki) >> 7)
-    return bounded(held - by16(by16(rate << 4, kd), RATE_GAIN), ACCELERATION_MAX)
+    return bounded(held - by16(by16(rate << 4, kd), k.RATE_GAIN), k.ACCELERATION_MAX)
 
 
 @compiled(inner=True)
@@ -98,15 +81,15 @@ def _allocate(p: Item, thrust: int, roll: int, pitch: int, yaw: int) -> int:
     Made feasible by uniform scaling of everything except gravity (control.allocation, end of Sec.
     4).
     """
-    rest = (thrust >> 2) - THRUST_HOVER
+    rest = (thrust >> 2) - k.THRUST_HOVER
     a, b = rest - pitch + yaw, rest + roll - yaw
     c, d = rest + pitch + yaw, rest - roll - yaw
     most, least = max(a, b, c, d), min(a, b, c, d)
     scaling = _ALL
-    if most > THRUST_MAX - THRUST_HOVER:
-        scaling = ((THRUST_MAX - THRUST_HOVER) << 15) // most
-    if least < THRUST_MIN - THRUST_HOVER:
-        scaling = min(scaling, ((THRUST_HOVER - THRUST_MIN) << 15) // -least)
+    if most > k.THRUST_MAX - k.THRUST_HOVER:
+        scaling = ((k.THRUST_MAX - k.THRUST_HOVER) << 15) // most
+    if least < k.THRUST_MIN - k.THRUST_HOVER:
+        scaling = min(scaling, ((k.THRUST_HOVER - k.THRUST_MIN) << 15) // -least)
     p.references[0] = _reference(a, scaling)
     p.references[1] = _reference(b, scaling)
     p.references[2] = _reference(c, scaling)
@@ -117,6 +100,6 @@ def _allocate(p: Item, thrust: int, roll: int, pitch: int, yaw: int) -> int:
 @compiled(inner=True)
 def _reference(rest: int, scaling: int) -> int:
     scaled = rest if scaling == _ALL else by16(rest << 1, scaling)
-    thrust = min(THRUST_MAX, max(THRUST_MIN, THRUST_HOVER + scaled))
-    reference = ((root(thrust << 16) * REFERENCE_SLOPE) >> 15) - REFERENCE_OFFSET
-    return min(REFERENCE_MAX, (reference + 0x80) >> 8)
+    thrust = min(k.THRUST_MAX, max(k.THRUST_MIN, k.THRUST_HOVER + scaled))
+    reference = ((root(thrust << 16) * k.REFERENCE_SLOPE) >> 15) - k.REFERENCE_OFFSET
+    return min(k.REFERENCE_MAX, (reference + 0x80) >> 8)

@@ -8,25 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
-from vehicle.simulator.firmware.attitude import estimate_attitude
-from vehicle.simulator.firmware.constants import (
-    CONVERTER_MAX,
-    CONVERTER_ZERO,
-    FORCE_MAX,
-    HEIGHT_SLOPE,
-    SHOW_ANGLE,
-    SHOW_DRIFT,
-    SHOW_FORCE,
-    SHOW_RATE,
-    SHOW_THRUST,
-    WANTED_ANGLE,
-    WANTED_THRUST,
-    WANTED_YAW_RATE,
-)
+from vehicle.simulator.firmware import constants as k
 from vehicle.simulator.firmware.descent import begin_descent, descend, stop, watch_thrust
+from vehicle.simulator.firmware.estimation import estimate_attitude, estimate_climb
 from vehicle.simulator.firmware.fixed import bounded, by16
 from vehicle.simulator.firmware.hovering import hold_angles
-from vehicle.simulator.firmware.vertical import estimate_climb
 from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 
 Item = Any
@@ -63,7 +49,7 @@ def period(p: Item, registers: Registers, command: Bytes) -> None:
     state = registers[_STATE]
     p.turning = 1 if state in (_ON, _EMERGENCY) else 0
     estimate_attitude(p, omega_b, force_b)
-    estimate_climb(p, -HEIGHT_SLOPE * registers[_PRESSURE])
+    estimate_climb(p, -k.HEIGHT_SLOPE * registers[_PRESSURE])
     p.awake = 1
     if state == _EMERGENCY:
         if p.state != _EMERGENCY:
@@ -90,11 +76,11 @@ def period(p: Item, registers: Registers, command: Bytes) -> None:
 def _obey(p: Item, registers: Registers, command: Bytes) -> None:
     """Carry out a near-hovering command: pitch, roll (deg × 4), yaw rate (deg/s), thrust."""
     wanted = (
-        _signed(command[1]) * WANTED_ANGLE,
-        _signed(command[0]) * WANTED_ANGLE,
-        _signed(command[2]) * WANTED_YAW_RATE,
+        _signed(command[1]) * k.WANTED_ANGLE,
+        _signed(command[0]) * k.WANTED_ANGLE,
+        _signed(command[2]) * k.WANTED_YAW_RATE,
     )
-    hold_angles(p, registers, wanted, (command[3] * WANTED_THRUST) >> 6)
+    hold_angles(p, registers, wanted, (command[3] * k.WANTED_THRUST) >> 6)
 
 
 @compiled(inner=True)
@@ -105,27 +91,27 @@ def _signed(byte: int) -> int:
 @compiled(inner=True)
 def _force(registers: Registers, axis: int) -> int:
     offset: int = registers[_OFFSET + axis]
-    return bounded(registers[_ACCELEROMETER + axis] - CONVERTER_ZERO - offset, FORCE_MAX)
+    return bounded(registers[_ACCELEROMETER + axis] - k.CONVERTER_ZERO - offset, k.FORCE_MAX)
 
 
 @compiled(inner=True)
 def _rate(registers: Registers, axis: int) -> int:
     count: int = registers[_GYROSCOPE + axis]
-    return min(CONVERTER_MAX, max(0, count)) - CONVERTER_ZERO
+    return min(k.CONVERTER_MAX, max(0, count)) - k.CONVERTER_ZERO
 
 
 @compiled(inner=True)
 def _show(p: Item, registers: Registers) -> None:
     """Write the estimates into the readable registers; units are in vehicle_link.serial.values."""
-    registers[_ROLL] = by16(p.roll, SHOW_ANGLE)
-    registers[_PITCH] = by16(p.pitch, SHOW_ANGLE)
+    registers[_ROLL] = by16(p.roll, k.SHOW_ANGLE)
+    registers[_PITCH] = by16(p.pitch, k.SHOW_ANGLE)
     for i in range(3):
-        registers[_RATE + i] = (by16(p.rate_b[i], SHOW_RATE) + 0x400) >> 11
-        registers[_DRIFT + i] = (by16(p.drift[i], SHOW_DRIFT) + 0x8000) >> 16
-        registers[_ACCELERATION + i] = (p.force_b[i] * SHOW_FORCE + 0x800) >> 12
+        registers[_RATE + i] = (by16(p.rate_b[i], k.SHOW_RATE) + 0x400) >> 11
+        registers[_DRIFT + i] = (by16(p.drift[i], k.SHOW_DRIFT) + 0x8000) >> 16
+        registers[_ACCELERATION + i] = (p.force_b[i] * k.SHOW_FORCE + 0x800) >> 12
     registers[_ROLL_RATE] = registers[_RATE]
     registers[_PITCH_RATE] = registers[_RATE + 1]
     registers[_YAW_RATE] = registers[_RATE + 2]
-    registers[_THRUST] = (by16(p.thrust, SHOW_THRUST) + 0x40000) >> 19
+    registers[_THRUST] = (by16(p.thrust, k.SHOW_THRUST) + 0x40000) >> 19
     for i in range(4):
         registers[_MOTOR_1 + i] = MISSING if p.missing >> i & 1 else p.references[i]

@@ -115,9 +115,9 @@ class ServedSystems:
         self._servers = []
 
     def _run(self) -> None:
-        from vehicle.simulator.truth import hurry
+        from vehicle.simulator.truth import set_real_time
 
-        hurry(True)
+        set_real_time(True)
         while not self._stop.is_set():
             try:
                 item = self._truth.get(timeout=POLL)

@@ -6,7 +6,7 @@ import { Chart } from "../charts/chart.js";
 import { LiveSignals } from "../charts/live_signals.js";
 import { pointingByKeys } from "../charts/pointer.js";
 import { TimeAxis } from "../charts/time_axis.js";
-import { element } from "../core/dom.js";
+import { element, optionsOf } from "../core/dom.js";
 import { fixed } from "../core/format.js";
 
 const ERROR = "comparison.position_error.";
@@ -29,8 +29,8 @@ export class ErrorChart extends Chart {
       localStorage.setItem("chart.beacons.window", span.value);
     };
     const span = element("select", { ariaLabel: "seconds shown", onchange: choose },
-      ...WINDOWS.map((one) => element("option", { value: one, selected: one === axis.window }, `${one} s`)));
-    this.log = element("button", { title: "logarithmic scale, 1 mm up", onclick: () => this.setLog(!this.isLog) },
+      ...optionsOf(WINDOWS.map((one) => [String(one), `${one} s`]), String(axis.window)));
+    this.log = element("button", { title: "logarithmic scale, from 1 mm", onclick: () => this.setLog(!this.isLog) },
       "log");
     this.tools.append(span, this.log);
     this.setLog(localStorage.getItem("chart.beacons.log") === "true");

@@ -1,7 +1,7 @@
 // Errors against the truth, a row for each estimate compared; the name chooses it as the ghost.
 
 import { colorOf, OFFERED, partsOf, wordsOf } from "./estimate_names.js";
-import { element, setText } from "../core/dom.js";
+import { attempt, element, setText } from "../core/dom.js";
 import { duration, fixed, NONE } from "../core/format.js";
 
 const COMPARED = "station.comparison.estimators";
@@ -69,7 +69,7 @@ export class Errors {
       const [estimator, gains] = partsOf(name);
       groups.set(estimator, [...(groups.get(estimator) ?? []), this.box(name, present.includes(name), gains || "default")]);
     }
-    this.boxes.replaceChildren(element("span", {}, "Compared at the station, not flown on"), ...[...groups].map(([estimator, boxes]) => element("div", {}, element("span", {}, estimator), ...boxes)));
+    this.boxes.replaceChildren(element("span", {}, "Compared at the station, not used in flight"), ...[...groups].map(([estimator, boxes]) => element("div", {}, element("span", {}, estimator), ...boxes)));
   }
 
   box(name, checked, text) {
@@ -84,14 +84,7 @@ export class Errors {
     box.checked = !wanted; // until it is confirmed
     const names = wanted ? [...present, name] : present.filter((other) => other !== name);
     const order = (one) => (OFFERED.includes(one) ? OFFERED.indexOf(one) : OFFERED.length);
-    this.reason.hidden = true;
-    try {
-      await this.gains.set({ [COMPARED]: names.sort((a, b) => order(a) - order(b)).join(" ") });
-      this.parameters();
-    } catch (error) {
-      this.reason.textContent = error.message;
-      this.reason.hidden = false;
-    }
+    if (await attempt(this.reason, () => this.gains.set({ [COMPARED]: names.sort((a, b) => order(a) - order(b)).join(" ") }))) this.parameters();
   }
 }
 

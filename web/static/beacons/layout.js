@@ -2,10 +2,9 @@
 // draft, marked as such, until it is applied. A refused draft is put aside with its reason.
 
 import { request } from "../core/api.js";
-import { element, setIfChanged } from "../core/dom.js";
+import { element, optionsOf, setIfChanged, showNote } from "../core/dom.js";
 import { icon } from "../icons/icons.js";
-import { exact } from "../core/format.js";
-import { here } from "../core/vehicle_path.js";
+import { exact, parseNumber } from "../core/format.js";
 
 // As it is, with three decimals at least, so that the points stand under each other.
 const metres = (value) => { const text = exact(value); return /^-?\d+(\.\d{0,2})?$/.test(text) ? value.toFixed(3) : text; };
@@ -27,7 +26,7 @@ export class Layout {
     this.apply = button("Apply", "send the layout as typed to station and vehicle", () => this.send(this.rows()));
     this.discard = button("Discard", "back to the confirmed layout", () => this.edit(null));
     this.add = button("Add beacon", "", () => this.edit([...this.texts(), this.another()]));
-    this.again = button("Edit again", "take the refused draft up again", () => this.edit(this.refused));
+    this.again = button("Edit again", "edit the refused draft again", () => this.edit(this.refused));
     const open = button("Load CSV", "a file with the header id,x,y,z, positions in m", () => this.file.click());
     const save = element("a", { className: "button", href: "/api/beacons/file", download: "beacons.csv", title: "the confirmed layout" }, "Save CSV");
     for (const one of [this.apply, this.discard, this.add, this.again, open]) one.disabled = !isOperator;
@@ -44,14 +43,14 @@ export class Layout {
   show(rows, presets, preset) {
     this.confirmed = rows;
     if (Object.keys(presets).length + 1 !== this.preset.options.length) {
-      this.preset.replaceChildren(element("option", { value: "", disabled: true }, "own"), ...Object.keys(presets).map((name) => element("option", { value: name }, name)));
+      this.preset.replaceChildren(element("option", { value: "", disabled: true }, "own"), ...optionsOf(Object.keys(presets)));
     }
     this.name = preset;
     this.draw();
   }
 
   texts() { return (this.draft ?? this.confirmed.map(textsOf)).map((row) => [...row]); }
-  rows() { return this.texts().map((row) => row.map((text) => (text.trim() === "" ? NaN : Number(text.replace(",", ".").replace("−", "-"))))); }
+  rows() { return this.texts().map((row) => row.map(parseNumber)); }
 
   // One more where it will do: beside the others, at their mean height.
   another() {
@@ -77,12 +76,7 @@ export class Layout {
     const [file] = this.file.files ?? [];
     this.file.value = "";
     if (!file) return;
-    await this.attempt(async () => {
-      const response = await fetch(here(`/api/beacons?name=${encodeURIComponent(file.name.slice(0, 100))}`), { method: "PUT", headers: { "Content-Type": "text/csv" }, body: file });
-      const answer = await response.json().catch(() => ({}));
-      if (!response.ok) throw new Error(answer.error ?? `error ${response.status}`);
-      return answer;
-    });
+    await this.attempt(() => request("PUT", `/api/beacons?name=${encodeURIComponent(file.name.slice(0, 100))}`, file, "text/csv"));
   }
 
   async attempt(act) {
@@ -103,8 +97,7 @@ export class Layout {
   refuse(reason, keepsDraft = false) {
     if (!keepsDraft) { this.refused = this.draft; this.draft = null; }
     this.draw();
-    this.reason.textContent = reason;
-    this.reason.hidden = false;
+    showNote(this.reason, reason);
   }
 
   draw() {
@@ -137,7 +130,7 @@ export class Layout {
       });
       return input;
     });
-    const remove = element("button", { className: "remove", disabled: !this.isOperator, title: `leave beacon ${texts[0]} out`, onclick: () => this.edit(this.texts().filter((_, i) => i !== index)) }, icon("close"));
+    const remove = element("button", { className: "remove", disabled: !this.isOperator, title: `remove beacon ${texts[0]}`, onclick: () => this.edit(this.texts().filter((_, i) => i !== index)) }, icon("close"));
     return element("tr", {}, ...inputs.map((input) => element("td", {}, input)), element("td", {}, remove));
   }
 

@@ -49,7 +49,7 @@ export class Residuals {
     for (const [id, { line, fill, value }] of this.rows) {
       const angle = seen.get(id) ?? null, isOld = isStale || angle === null;
       line.classList.toggle("stale", isOld);
-      line.title = isStale ? "no comparison comes" : angle === null ? "not in the newest frame of bearings" : "";
+      line.title = isStale ? "no comparison received" : angle === null ? "not in the newest frame of bearings" : "";
       if (angle === null || !sigma) { line.classList.remove("beyond"); continue; } // the last value stays, grey
       const share = angle / (3 * sigma);
       fill.style.width = `${(100 * Math.min(1, share / FULL)).toFixed(1)}%`;

@@ -1,7 +1,7 @@
 // What the vehicle flies on, and the way onto bearings and back: three steps in plain words.
 
 import { partsOf } from "./estimate_names.js";
-import { element, setText } from "../core/dom.js";
+import { attempt, element, optionsOf, setText } from "../core/dom.js";
 
 const P = { estimator: "estimation.estimator", source: "estimation.source", shadow: "estimation.shadow", shadowSource: "estimation.shadow_source" };
 const SOURCES = { poses: "the tracker's poses", bearings: "bearings to the beacons", both: "poses and bearings together" };
@@ -44,12 +44,12 @@ export class Session {
   parameters() {
     const choices = this.gains.rows.get(P.shadow)?.description.choices.filter((name) => name !== "none") ?? [];
     if (choices.join() !== [...this.estimator.options].map((option) => option.value).join()) {
-      this.estimator.replaceChildren(...choices.map((name) => element("option", { value: name }, partsOf(name)[0])));
+      this.estimator.replaceChildren(...optionsOf(choices.map((name) => [name, partsOf(name)[0]])));
       this.estimator.value = choices.includes("error_state") ? "error_state" : choices[0];
     }
     const options = [["", "as set"], ["default", "for the tracker"], ...Object.keys(this.presets).map((name) => [name, name])];
     if (options.length !== this.preset.options.length) {
-      this.preset.replaceChildren(...options.map(([value, text]) => element("option", { value }, text)));
+      this.preset.replaceChildren(...optionsOf(options));
       this.preset.value = "resolved" in this.presets ? "resolved" : "";
     }
     this.draw();
@@ -73,13 +73,9 @@ export class Session {
   }
 
   async attempt(values) {
-    this.reason.hidden = true;
     this.busy = true;
     this.draw();
-    try { await this.gains.set(values); } catch (error) {
-      this.reason.textContent = error.message;
-      this.reason.hidden = false;
-    }
+    await attempt(this.reason, () => this.gains.set(values));
     this.busy = false;
     this.draw();
   }

@@ -1,7 +1,7 @@
 // Where a recorded flight says that the beacons are: asked for, judged, accepted or rejected.
 
 import { get, request } from "../core/api.js";
-import { element, hide, setText } from "../core/dom.js";
+import { attempt, element, hide, optionsOf, setText, showNote, tableHead } from "../core/dom.js";
 
 const POLL = 1000; // ms, while a survey is under way
 const NEWEST = 20; // runs to choose from
@@ -24,8 +24,7 @@ export class Survey {
     this.said = element("p", { className: "said", role: "status", hidden: true });
     this.reason = element("div", { className: "reason", role: "alert", hidden: true });
     this.body = element("tbody");
-    const head = ["id", "x [m]", "y [m]", "z [m]", "moved [mm]", "± [mm]"].map((title) => element("th", {}, title));
-    this.table = element("table", { className: "layout surveyed", hidden: true }, element("thead", {}, element("tr", {}, ...head)), this.body);
+    this.table = element("table", { className: "layout surveyed", hidden: true }, tableHead("id", "x [m]", "y [m]", "z [m]", "moved [mm]", "± [mm]"), this.body);
     this.left = element("p", { className: "empty", hidden: true });
     this.acts = element("div", { className: "line", hidden: true }, element("i"), this.reject, this.accept);
     place.append(element("h2", {}, "Survey from a flight"),
@@ -37,7 +36,7 @@ export class Survey {
   async load() {
     const [runs, state] = await Promise.all([get("/api/runs").catch(() => []), get("/api/beacons/survey").catch(() => null)]);
     const ids = (Array.isArray(runs) ? runs : runs.runs ?? []).map(({ id }) => id).slice(0, NEWEST), chosen = this.run.value;
-    this.run.replaceChildren(...ids.map((id) => element("option", { value: id }, id)));
+    this.run.replaceChildren(...optionsOf(ids));
     if (ids.includes(chosen)) this.run.value = chosen;
     if (state) this.show(state);
   }
@@ -45,10 +44,8 @@ export class Survey {
   hide() { clearTimeout(this.timer); }
 
   async ask(action, body = {}) {
-    try { this.show(await request("POST", `/api/beacons/survey${action}`, body)); } catch (error) { this.refuse(error.message); }
+    await attempt(this.reason, async () => { this.show(await request("POST", `/api/beacons/survey${action}`, body)); });
   }
-
-  refuse(text) { setText(this.reason, text); hide(this.reason, !text); }
 
   async poll() {
     const state = await get("/api/beacons/survey").catch(() => null);
@@ -60,15 +57,14 @@ export class Survey {
   show({ state, progress, reason, run_id: run, decision, proposal }) {
     const isUnderWay = state === "waiting" || state === "working";
     const words = isUnderWay ? `Surveying ${run}: ${Math.round(100 * progress)} %` : proposal ? `${run}: ${SAID[decision]}` : "";
-    setText(this.said, words);
-    hide(this.said, !words);
-    this.refuse(state === "failed" ? `${run}: ${reason}` : "");
+    showNote(this.said, words);
+    showNote(this.reason, state === "failed" ? `${run}: ${reason}` : "");
     this.begin.disabled = !this.isOperator || isUnderWay || !this.run.options.length;
     for (const one of [this.accept, this.reject]) one.disabled = !this.isOperator;
     for (const one of [this.table, this.left]) hide(one, !proposal);
     hide(this.acts, !proposal || Boolean(decision));
     if (proposal) {
-      setText(this.left, `Not predicted of the bearings: ${proposal.before.toFixed(2)} mrad rms with the flight's layout, ${proposal.after.toFixed(2)} mrad with this one.`);
+      setText(this.left, `Residual of the bearings: ${proposal.before.toFixed(2)} mrad rms with the flight's layout, ${proposal.after.toFixed(2)} mrad with this one.`);
       this.body.replaceChildren(...proposal.beacons.map(({ id, position, moved, deviation }) => element("tr", {},
         ...[String(id), ...position.map((metres) => metres.toFixed(3)), moved.map((one) => one.toFixed(0)).join(", "), deviation === null ? "–" : deviation.toFixed(0)].map((text) => element("td", {}, text)))));
     }

@@ -2,7 +2,7 @@
 
 import { request } from "../core/api.js";
 import { wordsOf } from "./estimate_names.js";
-import { element } from "../core/dom.js";
+import { attempt, element, optionsOf } from "../core/dom.js";
 import { exact } from "../core/format.js";
 
 const SWITCHES = [
@@ -47,7 +47,7 @@ export class BeaconView {
   estimates(names) {
     const all = [...new Set(["none", "one frame", ...names, this.view.estimate].filter(Boolean))];
     if (all.join() === [...this.ghost.options].map((option) => option.value).join()) return;
-    this.ghost.replaceChildren(...all.map((name) => element("option", { value: name }, wordsOf(name))));
+    this.ghost.replaceChildren(...optionsOf(all.map((name) => [name, wordsOf(name)])));
     this.draw();
   }
 
@@ -71,13 +71,8 @@ export class BeaconView {
   }
 
   async change(part) {
-    this.reason.hidden = true;
     // What is shown comes as an event, in its order with the map's: the answer may be older.
-    try { await request("PUT", "/api/beacons/view", part); } catch (error) {
-      this.reason.textContent = error.message;
-      this.reason.hidden = false;
-      this.draw();
-    }
+    if (!await attempt(this.reason, () => request("PUT", "/api/beacons/view", part))) this.draw();
   }
 
   draw() {

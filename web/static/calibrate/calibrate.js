@@ -7,7 +7,7 @@ import { CalibrationResult } from "./result.js";
 import { CalibrationRun } from "./run.js";
 import { CALIBRATIONS, labelOf, RUNNING } from "./labels.js";
 import { OptionForm } from "../experiments/options.js";
-import { $, element, setIfChanged, setText } from "../core/dom.js";
+import { $, element, setIfChanged, setText, showNote } from "../core/dom.js";
 import { words } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";
 
@@ -63,7 +63,7 @@ export class Calibrate {
   async loadKnown() {
     try {
       const { experiments } = await get("/api/experiments"), known = experiments.filter(({ calibration }) => calibration);
-      if (!known.length) throw new Error("The station knows no calibrations.");
+      if (!known.length) throw new Error("The station offers no calibrations.");
       if (JSON.stringify(known) === JSON.stringify(this.known)) return;
       this.known = known;
     } catch (error) { this.list.empty(error.message); return; }
@@ -96,7 +96,7 @@ export class Calibrate {
 
   begin() {
     this.reason.hidden = true;
-    if (this.hindrance) { this.refuse(this.hindrance); return; }
+    if (this.blockedReason) { this.refuse(this.blockedReason); return; }
     let options;
     try { options = this.form.values(); } catch (error) { this.refuse(error.message); return; }
     this.kept.set(this.name, options);
@@ -110,15 +110,14 @@ export class Calibrate {
   }
 
   refuse(text) {
-    this.reason.textContent = text;
-    this.reason.hidden = false;
+    showNote(this.reason, text);
     this.reason.scrollIntoView({ block: "nearest" });
   }
 
   // Why none can begin now; "" when one can.
-  get hindrance() {
+  get blockedReason() {
     const { status, control } = this.events.summary, { status: experiment } = this, holder = control?.holder ?? "";
-    if (!this.isOperator) return "Viewers watch; an operator calibrates.";
+    if (!this.isOperator) return "Viewers cannot calibrate; ask an operator.";
     if (!this.events.connected) return "No connection to this page's server.";
     if (!this.known.length) return "No calibrations received from the station.";
     if (this.chosen?.problem) return "This file cannot run; the reason is given above.";
@@ -146,13 +145,13 @@ export class Calibrate {
       this.reason.hidden = true;
     }
     this.run.draw(runs ? status : null, isOld);
-    this.result.draw(isOurs && !runs ? status : null, this.events.summary.proposal ?? null, { isOld, history: this.history, options: (options) => this.putOptions(status.name, options), hindrance: this.hindrance });
+    this.result.draw(isOurs && !runs ? status : null, this.events.summary.proposal ?? null, { isOld, history: this.history, options: (options) => this.putOptions(status.name, options), blockedReason: this.blockedReason });
     this.choice.hidden = runs;
     this.list.show(this.known, this.name, (name) => this.recordsOf(name));
-    const { hindrance } = this;
-    this.start.disabled = Boolean(hindrance);
+    const { blockedReason } = this;
+    this.start.disabled = Boolean(blockedReason);
     this.form.disable(!this.isOperator);
-    setText(this.line, hindrance);
+    setText(this.line, blockedReason);
     const { chosen } = this;
     this.past.place.hidden = !chosen;
     if (chosen) this.past.show(labelOf(chosen.name), this.recordsOf(chosen.calibration), this.problem);

@@ -2,7 +2,7 @@
 
 import { isChanged, sign } from "./record.js";
 import { CALIBRATIONS, day, labelOf, when, who } from "./labels.js";
-import { element } from "../core/dom.js";
+import { element, tableHead } from "../core/dom.js";
 import { NONE } from "../core/format.js";
 
 export class CalibrationList {
@@ -11,7 +11,7 @@ export class CalibrationList {
     this.gains = gains; this.choose = choose;
     this.body = element("tbody");
     this.table = element("table", { className: "calibrations", hidden: true },
-      element("thead", {}, element("tr", {}, ...["calibration", "in force since", "by", ""].map((text) => element("th", { scope: "col" }, text)))), this.body);
+      tableHead("calibration", "in force since", "by", ""), this.body);
     this.note = element("p", { className: "empty" }, "Loading from the station.");
     this.place = element("div", {}, this.table, this.note);
     this.drawn = "";

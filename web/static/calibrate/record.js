@@ -3,7 +3,7 @@
 import { motorFit } from "./fit.js";
 import { residualBars } from "./residuals.js";
 import { BEYOND, compared, figure, GOOD } from "./labels.js";
-import { element } from "../core/dom.js";
+import { element, tableHead } from "../core/dom.js";
 import { digitsOf, exact, words } from "../core/format.js";
 
 // record: of the API. gains: what is in use now; before: the record of the same name before this one;
@@ -24,8 +24,8 @@ function values(record, gains, before, isKept) {
   ];
   if (!rows.length) return null;
   return element("table", { className: "found" },
-    element("caption", {}, isKept ? "What it was and became" : "What it would become"),
-    element("thead", {}, element("tr", {}, ...["", "before", "new", "change", ""].map((text) => element("th", { scope: "col" }, text)))),
+    element("caption", {}, isKept ? "Values before and after" : "Proposed values"),
+    tableHead("", "before", "new", "change", ""),
     element("tbody", {}, ...rows.map((row) => element("tr", {}, element("th", { scope: "row", title: row.name }, row.label),
       ...compared(row.before, row.value, row.most).map((text) => element("td", {}, text)), element("td", { className: "unit" }, row.unit)))));
 }
@@ -34,7 +34,7 @@ function quality(figures) {
   if (!figures.length) return null;
   return element("table", { className: "quality" },
     element("caption", {}, "How good it is"),
-    element("thead", {}, element("tr", {}, ...["", "value", "at most", "", ""].map((text) => element("th", { scope: "col" }, text)))),
+    tableHead("", "value", "at most", "", ""),
     element("tbody", {}, ...figures.map(({ name, value, unit, limit, good }) => element("tr", { className: good ? "" : "beyond" }, element("th", { scope: "row" }, name),
       element("td", {}, figure(value)), element("td", {}, limit === null ? "" : exact(Number(limit.toPrecision(4)))), element("td", { className: "unit" }, unit), element("td", { className: "verdict" }, ...(limit === null ? [] : [sign(good)]))))));
 }

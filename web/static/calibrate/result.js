@@ -35,8 +35,8 @@ export class CalibrationResult {
     this.away = undefined; // what was closed, or was decided before this page came
   }
 
-  // status: of a calibration that ended, or null; hindrance: why none can be repeated now.
-  draw(status, proposal, { isOld, history, options, hindrance }) {
+  // status: of a calibration that ended, or null; blockedReason: why none can be repeated now.
+  draw(status, proposal, { isOld, history, options, blockedReason }) {
     const hasEnded = Boolean(status) && status.phase !== "idle";
     this.id = hasEnded ? `${status.name} ${status.run_id} ${status.elapsed}` : "";
     if (hasEnded && this.away === undefined) this.away = status.decision ? this.id : "";
@@ -46,11 +46,11 @@ export class CalibrationResult {
     const { decision } = status, record = proposal?.problem ? null : proposal, isOpen = Boolean(record) && !decision;
     this.place.classList.toggle("old", isOld);
     for (const button of [this.accept, this.reject]) { button.hidden = !isOpen; button.disabled = !this.isOperator || isOld; }
-    this.accept.title = isOld ? "no data from the station for a while" : record && !record.good ? "a figure is beyond its limit; the vehicle takes it over all the same" : "the vehicle takes all values over, or none";
+    this.accept.title = isOld ? "no data from the station for a while" : record && !record.good ? "a figure is beyond its limit; the vehicle applies the values anyway" : "the vehicle applies all values or none";
     this.accept.classList.toggle("caution", Boolean(record) && !record.good);
     this.accept.textContent = record && !record.good ? "Accept anyway" : "Accept";
-    this.repeat.disabled = Boolean(hindrance);
-    this.repeat.title = hindrance || "hold for 0.8 s: the same again, with the options below";
+    this.repeat.disabled = Boolean(blockedReason);
+    this.repeat.title = blockedReason || "hold for 0.8 s: the same again, with the options below";
     const kept = decision === "accepted" && record ? history?.find((one) => one.name === record.name && one.run_id === status.run_id) : null;
     const before = record && history?.find((one) => one.name === record.name && one !== kept);
     const key = JSON.stringify([this.id, decision, status.phase, status.reason, kept?.stamp_ns, before?.stamp_ns, Boolean(record)]);
@@ -62,9 +62,9 @@ export class CalibrationResult {
     if (isNew) this.report.show(status.run_id ? { id: status.run_id } : null);
     this.title.textContent = `${labelOf(status.name)}: ${words(status.phase)}`;
     this.title.className = `verdict ${status.phase}`;
-    this.reason.textContent = proposal?.problem ? `The result makes no sense: ${proposal.problem}` : status.reason || (!record && status.phase === "passed" ? "It proposes nothing." : "");
+    this.reason.textContent = proposal?.problem ? `The result cannot be used: ${proposal.problem}` : status.reason || (!record && status.phase === "passed" ? "It proposes nothing." : "");
     const said = record && !Object.keys(record.values).length ? IN_USE : SAID;
-    this.said.textContent = !record ? "The calibration before stays in force." : !decision && !this.isOperator ? "An operator accepts or rejects it." : said[decision];
+    this.said.textContent = !record ? "The previous calibration stays in force." : !decision && !this.isOperator ? "An operator accepts or rejects it." : said[decision];
     const run = encodeURIComponent(status.run_id);
     this.links.replaceChildren(...(status.run_id ? [element("a", { href: `/report/${run}`, target: "_blank" }, "Report"), element("a", { href: `/replay/${run}` }, "Replay")] : []));
     this.content.replaceChildren(...(record ? [recordView(kept ?? record, { gains: { rows: this.gains.rows, value: (name) => this.valueBefore(name) }, before, isKept: Boolean(kept) })] : []));

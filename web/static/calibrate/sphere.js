@@ -1,7 +1,7 @@
 // Which way was up in the poses held so far, on a sphere about the vehicle: body x forward, y left,
 // z up. Points behind the sphere are hollow; the next pose is a ring, the vehicle now a cross.
 
-import { element } from "../core/dom.js";
+import { element, svg } from "../core/dom.js";
 
 const POSE = /^pose (\d+) ([xyz])$/, NEXT = /^next ([xyz])$/;
 const SIZE = 190, RADIUS = 72;
@@ -75,11 +75,7 @@ function mark({ up, kind, number }) {
   const group = svg("g", { class: `${kind} ${side}`, transform: at });
   if (kind === "now") group.append(svg("path", { d: "M-5 0H5M0 -5V5" }));
   else group.append(svg("circle", { r: kind === "next" ? 7 : 4 }));
-  if (number) {
-    const label = svg("text", { x: 6, y: -5 });
-    label.textContent = number;
-    group.append(label);
-  }
+  if (number) group.append(svg("text", { x: 6, y: -5 }, number));
   return group;
 }
 
@@ -90,15 +86,8 @@ function backdrop() {
     return [svg("path", { d: path(false), class: "ring behind" }), svg("path", { d: path(true), class: "ring" })];
   };
   const axes = AXES.flatMap(([name, direction, axis]) => {
-    const [x, y] = project(direction), label = svg("text", { x: centre + 1.16 * x, y: centre + 1.16 * y + 3, class: `axis-${axis}`, "text-anchor": "middle" });
-    label.textContent = name;
+    const [x, y] = project(direction), label = svg("text", { x: centre + 1.16 * x, y: centre + 1.16 * y + 3, class: `axis-${axis}`, "text-anchor": "middle" }, name);
     return [svg("line", { x1: centre, y1: centre, x2: centre + x, y2: centre + y, class: `axis ${axis}` }), label];
   });
   return [svg("circle", { cx: centre, cy: centre, r: RADIUS, class: "outline" }), ...ring((a) => [Math.cos(a), Math.sin(a), 0]), ...ring((a) => [0, Math.cos(a), Math.sin(a)]), ...ring((a) => [Math.cos(a), 0, Math.sin(a)]), ...axes];
-}
-
-function svg(tag, attributes = {}) {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  return made;
 }

@@ -1,11 +1,11 @@
 // A camera's picture as it comes, with the tags marked in it, and how well the camera sees.
 // The socket is open only while the picture is on the screen: else no picture is made.
 
-import { element, hide, setText } from "../core/dom.js";
+import { element, hide, setText, showNote } from "../core/dom.js";
 import { Socket } from "../core/sockets.js";
 
 const PERIOD = 500; // ms
-const QUIET = 3; // s without a picture, until it is told
+const QUIET = 3; // s without a picture, until it is status
 const SILENT = 1.5; // s without a status of the camera's process
 
 export class CameraPicture {
@@ -37,19 +37,17 @@ export class CameraPicture {
   }
 
   draw() {
-    const told = this.events.summary[this.camera], isCamera = Boolean(told?.sees);
+    const status = this.events.summary[this.camera], isCamera = Boolean(status?.sees);
     hide(this.place, !isCamera);
     if (isCamera && this.isSeen) this.open(); else this.close();
     if (!this.socket) return;
     const silent = !(this.events.age(`${this.camera}_status`) < SILENT);
     const waited = (performance.now() - Math.max(this.painted, this.opened)) / 1e3, isQuiet = waited > QUIET;
-    setText(this.sees, silent ? "The camera's process is silent: start quadlab tracker, or read its lines." : told.sees);
-    setText(this.problem, silent || this.camera === "tracker" ? "" : told.problem); // the tracker's stands above
-    hide(this.problem, !this.problem.textContent);
-    setText(this.quiet, isQuiet ? `No picture for ${Math.floor(waited)} s` : this.refused ?? "");
-    hide(this.quiet, !this.quiet.textContent);
+    setText(this.sees, silent ? "No data from the camera's process: start quadlab tracker, or check its output." : status.sees);
+    showNote(this.problem, silent || this.camera === "tracker" ? "" : status.problem); // the tracker's is shown above
+    showNote(this.quiet, isQuiet ? `No picture for ${Math.floor(waited)} s` : this.refused ?? "");
     this.place.classList.toggle("stale", isQuiet || silent);
-    this.canvas.ariaLabel = `picture of ${this.words}, tags marked: ${isQuiet ? this.quiet.textContent : told.sees}`;
+    this.canvas.ariaLabel = `picture of ${this.words}, tags marked: ${isQuiet ? this.quiet.textContent : status.sees}`;
   }
 
   open() {

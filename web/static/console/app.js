@@ -29,7 +29,7 @@ import { tabs } from "./tabs.js";
 import { Tune } from "../tune/tune.js";
 import { addVehicleStrip } from "../core/vehicle_strip.js";
 import { View } from "./scene_view.js";
-import { $ } from "../core/dom.js";
+import { $, showNote } from "../core/dom.js";
 
 async function start() {
   const [session, description, behaviors] = await Promise.all([get("/api/session"), get("/api/signals"), get("/api/behaviors")]);
@@ -72,6 +72,5 @@ async function start() {
 
 start().catch((error) => {
   $("answer").className = "bad";
-  $("answer").hidden = false;
-  $("answer").textContent = `The page could not start: ${error.message}`;
+  showNote($("answer"), `The page could not start: ${error.message}`);
 });

@@ -1,7 +1,7 @@
 // Event marks: `m`, or the button beside Record, marks this moment in the log; what it was can be typed afterwards.
 
 import { get, request } from "../core/api.js";
-import { element } from "../core/dom.js";
+import { element, showNote } from "../core/dom.js";
 import { duration, fixed } from "../core/format.js";
 import { onKey } from "../core/keys.js";
 
@@ -24,7 +24,7 @@ export class Marks {
     place.after(this.list);
     note.append(this.note);
     if (isOperator) onKey("m", "mark this moment in the log", (event) => this.press(event));
-    events.on("mark", (mark) => this.heard(mark));
+    events.on("mark", (mark) => this.show(mark));
     events.on("summary", ({ station }) => { if (station) this.follow(station); });
   }
 
@@ -41,7 +41,7 @@ export class Marks {
   // Those made before this page was opened.
   async load(run) {
     const marks = await get(`/api/runs/${encodeURIComponent(run)}/marks`).catch(() => []);
-    for (const mark of marks) this.heard(mark);
+    for (const mark of marks) this.show(mark);
   }
 
   // The time of the press is that of the event, however late its handler runs.
@@ -58,15 +58,14 @@ export class Marks {
   clock(time) { return `${duration(time)}.${fixed(time % 1, 1).slice(2, 3)}`; }
 
   tell(text, isWarning = false) {
-    this.note.textContent = text;
-    this.note.hidden = false;
+    showNote(this.note, text);
     this.note.classList.toggle("warn", isWarning);
     clearTimeout(this.fading);
     this.fading = setTimeout(() => { this.note.hidden = true; }, isWarning ? 2 * FADE : FADE);
   }
 
   // A new mark or a new text, whoever's.
-  heard({ id, run_id: run, time, text, requester }) {
+  show({ id, run_id: run, time, text, requester }) {
     if (this.run !== undefined && run !== this.run) return;
     const known = this.lines.get(id);
     if (known) { if (known !== document.activeElement) known.value = text; return; }

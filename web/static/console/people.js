@@ -1,18 +1,10 @@
 // Who is signed in, with a small menu: signing out, invitations, and for admins the users.
 
 import { get, request } from "../core/api.js";
-import { $, element } from "../core/dom.js";
-import { duration } from "../core/format.js";
+import { $, element, showNote } from "../core/dom.js";
+import { ago } from "../core/format.js";
 import { Invitation } from "../core/invitation.js";
-
-const ROLES = ["viewer", "operator", "admin"];
-
-function seen({ last_seen: stamp, sessions }) {
-  if (!stamp) return "never";
-  const age = Date.now() / 1e3 - stamp;
-  if (sessions && age < 60) return "now";
-  return age < 3600 ? `${Math.max(1, Math.round(age / 60))} min ago` : age < 48 * 3600 ? `${duration(age).split(":")[0]} h ago` : new Date(stamp * 1e3).toISOString().slice(0, 10);
-}
+import { endButton, roleSelect } from "../setup/users.js";
 
 export class People {
   list; note;
@@ -53,11 +45,8 @@ export class People {
   }
 
   row(user) {
-    const { name, role, account, sessions } = user;
-    const change = (value) => this.attempt(async () => { await request("PUT", `/api/users/${encodeURIComponent(name)}/role`, { role: value }); }, true);
-    const roles = element("select", { ariaLabel: `role of ${name}`, onchange: (event) => change(event.target.value) }, ...ROLES.map((one) => element("option", { value: one, selected: one === role }, one)));
-    const end = element("button", { disabled: !sessions, title: "sign this user out everywhere now", onclick: () => this.attempt(() => request("POST", `/api/users/${encodeURIComponent(name)}/end_sessions`), true) }, "End sessions");
-    return element("div", { className: "user" }, element("span", { className: "name", title: account ? "" : "signed in by a link" }, name), account ? roles : element("span", { className: "dim" }, role), element("span", { className: "dim" }, seen(user)), end);
+    const { name, role, account, last_seen: stamp } = user, act = (ask) => this.attempt(ask, true);
+    return element("div", { className: "user" }, element("span", { className: "name", title: account ? "" : "signed in by a link" }, name), account ? roleSelect(user, act) : element("span", { className: "dim" }, role), element("span", { className: "dim" }, ago(stamp)), endButton(user, act, "End sessions"));
   }
 
   async attempt(action, refresh = false) {
@@ -72,8 +61,7 @@ export class People {
 
   tell(text) {
     if ($("people").hidden) return;
-    this.note.hidden = false;
-    this.note.textContent = text;
+    showNote(this.note, text);
   }
 
   invite(role) {

@@ -35,7 +35,7 @@ export class Simulation {
     const isSimulated = this.gains.value(SIGN) !== undefined, isOn = Boolean(this.events.summary.status?.armed);
     if (this.place.hidden === isSimulated) this.place.hidden = !isSimulated;
     if (!isSimulated) return;
-    const may = this.isOperator && !isOn, why = this.isOperator ? ON : "viewers watch";
+    const may = this.isOperator && !isOn, why = this.isOperator ? ON : "viewers cannot do this; ask an operator";
     put(this.swap, may, "install a full battery", why);
     put(this.reset, may, "hold for 0.8 s: returns the vehicle to its start position with a full battery", why);
   }

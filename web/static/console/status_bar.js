@@ -78,14 +78,14 @@ export class StatusBar {
 
   // The pill, the line in words, and the button of the moment.
   drawState(status) {
-    const { preflight, trajectory } = this.events.summary, isHeard = Boolean(status) && this.fresh("status");
-    const seen = { status, isHeard, preflight: this.events.age("preflight") < 2 ? preflight : null, airborne: this.airborneFor(status, isHeard),
-      source: this.gains.value("estimation.source"), height: this.height, error: this.error, problems: this.problems(status), trajectory: isHeard ? trajectory : null };
+    const { preflight, trajectory } = this.events.summary, hasContact = Boolean(status) && this.fresh("status");
+    const seen = { status, hasContact, preflight: this.events.age("preflight") < 2 ? preflight : null, airborne: this.airborneFor(status, hasContact),
+      source: this.gains.value("estimation.source"), height: this.height, error: this.error, problems: this.problems(status), trajectory: hasContact ? trajectory : null };
     const { word, tone } = pillOf(seen);
     setText($("doing"), word);
     for (const id of ["pill", "bar"]) setIfChanged($(id).dataset, "tone", tone);
     setIfChanged($("pill"), "title", status ? `${words(status.mode)}, ${words(status.behavior)}, ${words(status.control_mode)}` : "");
-    setText($("flown-on"), isHeard && status.airborne ? flownOn(seen) : "");
+    setText($("flown-on"), hasContact && status.airborne ? flownOn(seen) : "");
     setText($("in-words"), lineOf(seen));
     setIfChanged($("progress"), "hidden", !trajectory);
     if (trajectory) $("progress").style.width = `${100 * trajectory.elapsed / trajectory.duration}%`;
@@ -93,8 +93,8 @@ export class StatusBar {
   }
 
   // s in the air; null of a flight that was under way when this page came.
-  airborneFor(status, isHeard) {
-    if (!isHeard) return null;
+  airborneFor(status, hasContact) {
+    if (!hasContact) return null;
     if (!status.airborne) { sessionStorage.removeItem(this.kept); this.sawGround = true; return null; }
     if (this.sawGround && !sessionStorage.getItem(this.kept)) sessionStorage.setItem(this.kept, String(Date.now()));
     const since = Number(sessionStorage.getItem(this.kept));

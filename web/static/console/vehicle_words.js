@@ -8,7 +8,7 @@ import { duration, fixed, words } from "../core/format.js";
  * What a word about the vehicle rests on.
  * @typedef {object} Seen
  * @property {any} status the newest of the vehicle, or null
- * @property {boolean} isHeard whether that status is of now
+ * @property {boolean} hasContact whether that status is of now
  * @property {any} [preflight] the newest check list, while the station publishes it
  * @property {number | null} [airborne] s in the air, as far as this page knows
  * @property {string} [source] estimation.source
@@ -44,9 +44,9 @@ export function flownOn({ status, source = "" }) {
 
 // The pill: tone is off, idle, ready, armed, flying, warn or alarm.
 /** @param {Seen} seen */
-export function pillOf({ status, isHeard, preflight, airborne = null }) {
+export function pillOf({ status, hasContact, preflight, airborne = null }) {
   const mode = modeOf(status);
-  if (!isHeard) return { word: status ? "NO CONTACT" : "NO DATA YET", tone: status ? "warn" : "off" };
+  if (!hasContact) return { word: status ? "NO CONTACT" : "NO DATA YET", tone: status ? "warn" : "off" };
   if (isAlone(status)) return { word: "LANDING ALONE", tone: "alarm" };
   if (mode === "cut") return { word: "MOTORS CUT", tone: "warn" };
   if (mode === "emergency_land") return { word: "EMERGENCY LANDING", tone: "warn" };
@@ -89,8 +89,8 @@ const clockOf = (trajectory) => (trajectory ? `${duration(trajectory.elapsed)} o
 // The line in words; "" while nothing is known, which another notice tells.
 /** @param {Seen} seen */
 export function lineOf(seen) {
-  const { status, isHeard, preflight, height = NaN, error = NaN, problems = [] } = seen;
-  if (!isHeard) return "";
+  const { status, hasContact, preflight, height = NaN, error = NaN, problems = [] } = seen;
+  if (!hasContact) return "";
   const mode = modeOf(status), flags = status.flags ?? [];
   const found = [...flags.filter((/** @type {string} */ flag) => !CALM.has(flag)).map(words), ...problems];
   if (mode === "cut") return "Motors cut. Hold Disarm to acknowledge it";

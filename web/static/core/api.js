@@ -2,33 +2,25 @@
 
 import { here } from "./vehicle_path.js";
 
-/** @param {string} method @param {string} path @param {unknown} [body] @returns {Promise<any>} */
-export async function request(method, path, body) {
-  let response;
-  try {
-    response = await fetch(here(path), {
-      method,
-      headers: body === undefined ? {} : { "Content-Type": "application/json" },
-      body: body === undefined ? undefined : JSON.stringify(body),
-    });
-  } catch {
-    throw new Error("this page's server does not answer; is it running?");
-  }
-  const content = await response.json().catch(() => ({}));
-  if (!response.ok) {
-    throw Object.assign(new Error(content.error ?? `error ${response.status}`), { status: response.status });
-  }
-  return content;
+/** @param {string} path @param {RequestInit} [how] */
+async function answer(path, how) {
+  const response = await fetch(here(path), how).catch(() => { throw new Error("this page's server does not answer; is it running?"); });
+  if (response.ok) return response;
+  const { error = `error ${response.status}` } = await response.json().catch(() => ({}));
+  throw Object.assign(new Error(error), { status: response.status });
+}
+
+// body: sent as JSON, or as it is where `type` names its content type.
+/** @param {string} method @param {string} path @param {any} [body] @returns {Promise<any>} */
+export async function request(method, path, body, type = "") {
+  const headers = { "Content-Type": type || "application/json" };
+  const response = await answer(path, body === undefined ? { method } : { method, headers, body: type ? body : JSON.stringify(body) });
+  return response.json().catch(() => ({}));
 }
 
 // An answer of numbers.
 /** @param {string} path @returns {Promise<ArrayBuffer>} */
-export async function binary(path) {
-  const response = await fetch(here(path));
-  if (response.ok) return response.arrayBuffer();
-  const content = await response.json().catch(() => ({}));
-  throw new Error(content.error ?? `error ${response.status}`);
-}
+export const binary = async (path) => (await answer(path)).arrayBuffer();
 
 /** @param {string} path */
 export const get = (path) => request("GET", path);

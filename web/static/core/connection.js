@@ -1,7 +1,7 @@
 // A strip that shows when a page has lost its server, and why it cannot start.
 
 import { get } from "./api.js";
-import { $, element } from "./dom.js";
+import { $, element, showNote } from "./dom.js";
 
 // "Signed out" in `place` where that is why the server does not answer; whether it is.
 export async function showSignedOut(place, isWanted = () => true) {
@@ -26,8 +26,5 @@ export function followConnection(socket, note = "") {
 
 /** @param {() => Promise<void>} start */
 export function begin(start) {
-  start().catch((error) => {
-    $("offline").hidden = false;
-    $("offline").textContent = `The page could not start: ${error.message}`;
-  });
+  start().catch((error) => showNote($("offline"), `The page could not start: ${error.message}`));
 }

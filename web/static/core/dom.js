@@ -14,6 +14,21 @@ export const setText = (place, text) => setIfChanged(place, "textContent", text)
 /** @type {(place: any, isHidden: boolean) => void} */
 export const hide = (place, isHidden) => setIfChanged(place, "hidden", isHidden);
 
+// A text in a place that is hidden while there is none: a reason, a note.
+/** @type {(place: any, text: string) => void} */
+export function showNote(place, text) {
+  setText(place, text);
+  hide(place, !text);
+}
+
+// Does something that may fail, with the reason in `place`; whether it went well.
+/** @type {(place: any, act: () => unknown) => Promise<boolean>} */
+export async function attempt(place, act) {
+  showNote(place, "");
+  try { await act(); } catch (error) { showNote(place, /** @type {Error} */ (error).message); }
+  return place.hidden;
+}
+
 /**
  * A new element: attributes and properties by name, "onclick" and the like as listeners.
  * @template {keyof HTMLElementTagNameMap} K
@@ -33,3 +48,22 @@ export function element(tag, attributes = {}, ...children) {
   made.append(...children);
   return made;
 }
+
+/** @type {(tag: string, attributes?: Record<string, any>, ...children: (Node | string)[]) => any} */
+export function svg(tag, attributes = {}, ...children) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, typeof value === "number" ? String(Number(value.toFixed(1))) : value);
+  made.append(...children);
+  return made;
+}
+
+// The head of a table: a text for each column.
+/** @type {(...columns: string[]) => HTMLElement} */
+export const tableHead = (...columns) => element("thead", {}, element("tr", {}, ...columns.map((text) => element("th", { scope: "col" }, text))));
+
+// The options of a select, each a value or [value, text].
+/** @type {(choices: Iterable<string | string[]>, chosen?: string) => HTMLOptionElement[]} */
+export const optionsOf = (choices, chosen) => [...choices].map((one) => {
+  const [value, text = value] = [one].flat();
+  return element("option", { value, selected: value === chosen }, text);
+});

@@ -26,12 +26,27 @@ export function duration(value) {
   return hours ? `${hours}:${clock}` : clock;
 }
 
+// How long ago a time was, in s since 1970.
+/** @param {number | null | undefined} stamp */
+export function ago(stamp) {
+  if (!stamp) return "never";
+  const age = Math.max(0, Date.now() / 1e3 - stamp);
+  if (age < 5) return "now";
+  if (age < 120) return `${Math.round(age)} s ago`;
+  if (age < 7200) return `${Math.round(age / 60)} min ago`;
+  return age < 48 * 3600 ? `${Math.round(age / 3600)} h ago` : new Date(stamp * 1e3).toISOString().slice(0, 10);
+}
+
 /** @param {number | null | undefined} value */
 export function bytes(value) {
   if (!known(value)) return NONE;
   if (value < 1e6) return `${(value / 1e3).toFixed(value < 1e4 ? 1 : 0)} kB`;
   return value < 1e9 ? `${(value / 1e6).toFixed(value < 1e7 ? 1 : 0)} MB` : `${(value / 1e9).toFixed(2)} GB`;
 }
+
+// A number as people type it, also with a decimal comma; NaN for anything else.
+/** @param {string} text */
+export const parseNumber = (text) => (text.trim() === "" ? NaN : Number(text.trim().replace(",", ".").replace("−", "-")));
 
 // As many digits as a step of this size needs.
 /** @param {number} step */

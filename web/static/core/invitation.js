@@ -29,7 +29,7 @@ export class Invitation {
     this.forget();
     this.role = role;
     this.place.hidden = false;
-    this.note.textContent = "Asking for a link …";
+    this.note.textContent = "Requesting a link …";
     try {
       this.link.value = (await request("POST", "/api/invitations", { role })).url;
       this.note.textContent = `A link for one ${role}, for one use.`;

@@ -1,7 +1,7 @@
 // The light or dark theme: the system's, or the one chosen by hand. A cookie keeps the choice, so that the
 // server makes even the sign-in page by it. And what core/tokens.css says, for what is drawn on a canvas.
 
-import { element } from "./dom.js";
+import { element, optionsOf } from "./dom.js";
 
 const COOKIE = "quadlab_theme"; // as in web/theme.py
 const CHOICES = [["", "System"], ["light", "Light"], ["dark", "Dark"]];
@@ -64,7 +64,7 @@ function choose(choice) {
 
 export const themeChoice = () => element("label", { className: "theme" }, "Theme",
   element("select", { onchange: ({ target }) => choose(target.value) },
-    ...CHOICES.map(([value, label]) => element("option", { value, selected: value === chosen() }, label))));
+    ...optionsOf(CHOICES, chosen())));
 
 // A frame's document, of our own origin, has the page's theme.
 /** @param {HTMLIFrameElement} frame */

@@ -10,7 +10,7 @@ const OLD = 1; // s: longer ago, and contact with the vehicle is lost
 const LOST = 1000; // ms without web's message
 
 // {word, tone: "", flying, warn or off} of one of /ws/fleet's `vehicles`.
-export function standing(vehicle) {
+export function stateOf(vehicle) {
   if (vehicle.age === null) return { word: "no data yet", tone: "off" };
   if (vehicle.age > OLD || vehicle.link?.state === "lost") return { word: "no contact", tone: "warn" };
   const mode = vehicle.mode?.toLowerCase() ?? "";
@@ -55,7 +55,7 @@ class VehicleStrip {
   show(vehicle) {
     const chip = this.chips.get(vehicle.name);
     if (!chip) return;
-    const { word, tone } = standing(vehicle), alarms = vehicle.alarms.length;
+    const { word, tone } = stateOf(vehicle), alarms = vehicle.alarms.length;
     setText(chip.sign, SIGNS[tone]);
     setText(chip.word, word);
     setText(chip.more, `${vehicle.battery === null ? "" : `${fixed(vehicle.battery, 1)} V`}${alarms ? ` · ${alarms} alarm${alarms > 1 ? "s" : ""}` : ""}`);

@@ -34,10 +34,10 @@ get("/api/session").then(({ label, role, vehicle, vehicles }) => {
 }).catch(() => {});
 
 setInterval(() => {
-  const { status, emergency_land: chosen } = events.summary, age = events.age("status"), isHeard = events.connected && age <= 1;
-  const text = !events.connected ? "no connection to this page's server; reconnecting. Presses are sent all the same" : !isHeard ? "no data from the vehicle; commands are tried all the same" : `${words(status.mode)}${landing(status) ? `: ${landing(status)}` : `, ${words(status.behavior)}`}`;
+  const { status, emergency_land: chosen } = events.summary, age = events.age("status"), hasContact = events.connected && age <= 1;
+  const text = !events.connected ? "no connection to this page's server; reconnecting. Presses are sent all the same" : !hasContact ? "no data from the vehicle; commands are tried all the same" : `${words(status.mode)}${landing(status) ? `: ${landing(status)}` : `, ${words(status.behavior)}`}`;
   setText($("state"), ours + text);
-  $("state").className = !isHeard ? "" : isAlone(status) ? "landing alone" : landing(status) ? "landing" : "";
+  $("state").className = !hasContact ? "" : isAlone(status) ? "landing alone" : landing(status) ? "landing" : "";
   if (pressed(chosen)) setText($("emergency-land").lastElementChild, pressed(chosen));
   const { tone, said, running } = sent.pressState; // who flies stands above
   setText($("said"), said);

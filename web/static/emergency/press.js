@@ -22,13 +22,13 @@ export class EmergencyPress {
     this.label = label;
     this.own = null; // our last press, until the web process tells of it
     this.last = null; // our last press; answers to older ones are about what was
-    this.told = null; // what the web process told last, with `since` on our clock
-    events.on("hello", ({ emergency }) => this.hear(emergency));
-    events.on("emergency", ({ press }) => this.hear(press));
+    this.reported = null; // what the web process told last, with `since` on our clock
+    events.on("hello", ({ emergency }) => this.report(emergency));
+    events.on("emergency", ({ press }) => this.report(press));
   }
 
-  hear(press) {
-    this.told = press ? { ...press, since: performance.now() - 1e3 * press.age } : null;
+  report(press) {
+    this.reported = press ? { ...press, since: performance.now() - 1e3 * press.age } : null;
     if (press?.id === this.own?.id) this.own = null;
   }
 
@@ -44,7 +44,7 @@ export class EmergencyPress {
         ]);
         own.id = id; // of another's press, if ours came while that was under way
         own.phase = "accepted";
-        if (this.told?.id === id && this.own === own) this.own = null;
+        if (this.reported?.id === id && this.own === own) this.own = null;
         if (!this.events.connected) this.ask(own);
         return;
       } catch (error) {
@@ -66,16 +66,16 @@ export class EmergencyPress {
     while (isAsked() && performance.now() - own.since < 15_000) {
       const summary = await get("/api/summary").catch(() => null);
       if (!isAsked()) return; // a newer press, or the events, know better by now
-      if (summary?.emergency) this.hear(summary.emergency);
-      if (this.told && !["sent", "accepted"].includes(this.told.phase)) return;
+      if (summary?.emergency) this.report(summary.emergency);
+      if (this.reported && !["sent", "accepted"].includes(this.reported.phase)) return;
       await pause(ASK);
     }
   }
 
   get shown() {
-    const own = this.own, told = this.told;
+    const own = this.own, reported = this.reported;
     if (own?.phase === "accepted" && performance.now() - own.since > UNTOLD) this.own = null; // of a land under a cut
-    return own && (!told || own.since >= told.since || own.phase === "sent") ? own : told;
+    return own && (!reported || own.since >= reported.since || own.phase === "sent") ? own : reported;
   }
 
   // {tone: idle, waiting, done, failed or landing, with "alone" while the microcontroller lands;

@@ -1,7 +1,7 @@
 // What happens, behind one bell on every page: newest on top, a line that comes again only counted, with the
 // number of those that came since it was last open.
 
-import { element, setIfChanged, setText } from "../core/dom.js";
+import { element, optionsOf, setIfChanged, setText } from "../core/dom.js";
 import { exact } from "../core/format.js";
 import { icon } from "../icons/icons.js";
 
@@ -21,7 +21,7 @@ export class EventCenter {
     this.newest = element("span", { className: "unseen", ariaLive: "polite" });
     this.list = element("ol", { id: "events", tabIndex: 0, ariaLabel: "events, newest first" });
     const choose = element("select", { ariaLabel: "events shown", onchange: ({ target }) => { this.list.dataset.shown = target.value; } },
-      ...SHOWN.map(([value, label]) => element("option", { value }, label)));
+      ...optionsOf(SHOWN));
     this.panel = element("section", { id: "event-center", popover: "auto", ariaLabel: "events" },
       element("header", {}, element("h1", {}, "Events"), choose), this.list);
     this.bell = element("button", { id: "bell", popovertarget: "event-center" }, icon("bell"), this.number);

@@ -1,15 +1,14 @@
 // The Fly tab's experiments: options, start by a hold (it arms), finish, stop, and the verdict.
 
 import { get, request } from "../core/api.js";
-import { isCalibration } from "../calibrate/labels.js";
+import { isCalibration, RUNNING } from "../calibrate/labels.js";
 import { figures } from "./figures.js";
 import { Guide } from "./guide.js";
 import { OptionForm } from "./options.js";
-import { element, setText } from "../core/dom.js";
+import { element, optionsOf, setText } from "../core/dom.js";
 import { duration, words } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";
 
-const RUNNING = ["flying", "finishing", "evaluating"];
 const HELP = "Any command of a person, or a deflected stick, takes over and ends it.";
 const BY_HAND = "Flown by hand: hold Shift, or a shoulder button of the pad.";
 const RETRY = 3000, NEW = 10_000; // ms, while the station does not tell its experiments, and afterwards
@@ -54,7 +53,7 @@ export class ExperimentSection {
     this.again = performance.now() + (this.known ? NEW : RETRY);
     try {
       const { experiments } = await get("/api/experiments"), text = JSON.stringify(experiments);
-      if (!experiments.length) throw new Error("The station knows no experiments.");
+      if (!experiments.length) throw new Error("The station offers no experiments.");
       if (text === this.text) return;
       this.text = text;
       this.known = experiments.filter(({ calibration }) => !calibration);
@@ -65,7 +64,7 @@ export class ExperimentSection {
       return;
     }
     const before = this.select.value, typed = this.form.taken();
-    this.select.replaceChildren(...this.known.map(({ name, problem }) => element("option", { value: name }, problem ? `${name}: broken` : words(name))));
+    this.select.replaceChildren(...optionsOf(this.known.map(({ name, problem }) => [name, problem ? `${name}: broken` : words(name)])));
     const running = this.known.find(({ name }) => name === this.status?.name);
     this.select.value = (running ?? this.known.find(({ name }) => name === before) ?? this.known.find(({ name }) => name === "bearings") ?? this.known[0])?.name ?? "";
     this.showOptions();

@@ -1,6 +1,6 @@
 // The metrics of an experiment's verdict: names in words, units by their endings, and a table.
 
-import { element } from "../core/dom.js";
+import { element, tableHead } from "../core/dom.js";
 import { words } from "../core/format.js";
 
 const UNITS = [["_m_s2", "m/s²"], ["_deg_s", "°/s"], ["_m_s", "m/s"], ["_deg", "°"], ["_count", "counts"], ["_kg", "kg"], ["_N", "N"], ["_m", "m"], ["_s", "s"]];
@@ -12,7 +12,7 @@ export const nameOf = (name) => words(name.slice(0, name.length - endOf(name)[0]
 export const number = (value) => (value === null || value === undefined ? "" : String(Number(Number(value).toPrecision(3))));
 
 export function figures(metrics) {
-  return element("table", { className: "figures" }, element("thead", {}, element("tr", {}, ...["", "value", "at most", ""].map((text) => element("th", {}, text)))),
+  return element("table", { className: "figures" }, tableHead("", "value", "at most", ""),
     element("tbody", {}, ...metrics.map(({ name, value, limit }) => {
       const above = limit !== null && limit !== undefined && !(value <= limit);
       return element("tr", { className: above ? "above" : "" }, ...[nameOf(name), number(value), number(limit), unitOf(name)].map((text) => element("td", {}, text)));

@@ -1,6 +1,6 @@
 // The options of one experiment as a form: bounds, choices and units come from the station.
 
-import { element } from "../core/dom.js";
+import { element, optionsOf } from "../core/dom.js";
 import { exact, words } from "../core/format.js";
 
 export class OptionForm {
@@ -51,11 +51,7 @@ export class OptionForm {
 function input(option) {
   const bounds = option.minimum !== null && option.maximum !== null ? `, ${exact(option.minimum)} to ${exact(option.maximum)} ${option.unit}` : "";
   const common = { title: `${option.description}${bounds}`, ariaLabel: option.name };
-  if (option.choices.length) {
-    const select = element("select", common, ...option.choices.map((choice) => element("option", { value: choice }, words(choice))));
-    select.value = option.default;
-    return select;
-  }
+  if (option.choices.length) return element("select", common, ...optionsOf(option.choices.map((choice) => [choice, words(choice)]), option.default));
   if (option.type === "bool") return element("input", { ...common, type: "checkbox", checked: option.default });
   if (option.type === "str") return element("input", { ...common, type: "text", value: option.default, placeholder: "none" });
   return element("input", { ...common, type: "number", value: option.default, min: option.minimum ?? "", max: option.maximum ?? "", step: "any" });

@@ -3,7 +3,7 @@
 import { landed } from "./land.js";
 import { element, setText } from "../core/dom.js";
 import { duration, fixed, NONE, seconds, words } from "../core/format.js";
-import { standing } from "../core/vehicle_strip.js";
+import { stateOf } from "../core/vehicle_strip.js";
 
 const COLUMNS = [
   ["vehicle", ""], ["state", ""], ["mode", ""], ["behaviour", ""], ["link", "state of the link and age of the newest telemetry at the station"], ["battery", ""],
@@ -37,7 +37,7 @@ export class FleetTable extends EventTarget {
   }
 
   fill({ row, cells }, vehicle) {
-    const { word, tone } = standing(vehicle), { link } = vehicle, isOld = vehicle.age === null || vehicle.age > OLD;
+    const { word, tone } = stateOf(vehicle), { link } = vehicle, isOld = vehicle.age === null || vehicle.age > OLD;
     row.classList.toggle("stale", isOld);
     put(cells.state, isOld && vehicle.age !== null ? `${word}, ${seconds(vehicle.age)}` : word, tone);
     put(cells.mode, words(vehicle.mode));

@@ -1,7 +1,7 @@
 // Several values that would change, each with a tick: what is and what would be. Nothing is sent
 // before Apply; then all ticked ones at once, or none.
 
-import { element } from "../core/dom.js";
+import { attempt, element } from "../core/dom.js";
 import { exact } from "../core/format.js";
 
 export class Diff {
@@ -24,12 +24,12 @@ export class Diff {
       this.place.append(element("div", { className: "diff-head" }, element("label", {}, this.all, " all"), this.apply), this.reason);
     }
     this.place.append(element("ul", {}, ...lines.map((line) => this.line(line))));
-    this.heard = ({ detail }) => this.confirmed(detail);
-    gains.addEventListener("confirmed", this.heard);
+    this.onConfirmed = ({ detail }) => this.confirmed(detail.name);
+    gains.addEventListener("confirmed", this.onConfirmed);
     this.count();
   }
 
-  stop() { this.gains.removeEventListener("confirmed", this.heard); }
+  stop() { this.gains.removeEventListener("confirmed", this.onConfirmed); }
 
   line({ name, unit, now, new: value, reason }) {
     const box = element("input", { type: "checkbox", checked: !reason, disabled: Boolean(reason), onchange: () => this.count(), ariaLabel: `${name} to ${exact(value)}` });
@@ -63,16 +63,12 @@ export class Diff {
 
   async send() {
     this.busy = true;
-    this.reason.hidden = true;
     this.count();
-    try {
+    await attempt(this.reason, async () => {
       const applied = await this.gains.set(Object.fromEntries(this.chosen.map(([name, { value }]) => [name, value])), true);
       this.stop();
       this.done(applied);
-    } catch (error) {
-      this.reason.textContent = error.message;
-      this.reason.hidden = false;
-    }
+    });
     this.busy = false;
     this.count();
   }

@@ -1,7 +1,7 @@
 // Values to a TOML file and back; a file is compared first, and the chosen lines are applied.
 
-import { element } from "../core/dom.js";
-import { here } from "../core/vehicle_path.js";
+import { request } from "../core/api.js";
+import { attempt, element } from "../core/dom.js";
 
 const PATH = "/api/parameters/file";
 
@@ -16,23 +16,17 @@ export class Files {
       element("p", { className: "facts" }, "A TOML file with unit, bounds, default and meaning of each as comments."),
       element("p", { className: "links" }, element("a", { href: PATH, download: "" }, "All values"), element("a", { href: `${PATH}?which=modified`, download: "" }, "Modified values")),
       element("h2", {}, "Load"),
-      element("p", { className: "facts" }, gains.isOperator ? "It is compared first; you choose what is applied." : "You watch; an operator may load one."),
+      element("p", { className: "facts" }, gains.isOperator ? "It is compared first; you choose what is applied." : "Viewers cannot load a file; ask an operator."),
       this.input, this.reason);
   }
 
   async load() {
     const [file] = this.input.files ?? [];
     if (!file) return;
-    this.reason.hidden = true;
-    try {
-      const response = await fetch(here(PATH), { method: "POST", body: await file.arrayBuffer(), headers: { "Content-Type": "application/toml" } });
-      const content = await response.json().catch(() => ({}));
-      if (!response.ok) throw new Error(content.error ?? `error ${response.status}`);
-      this.show({ title: `Load ${file.name}`, empty: "The file has nothing that would change.", ...content });
-    } catch (error) {
-      this.reason.textContent = error.message;
-      this.reason.hidden = false;
-    }
+    await attempt(this.reason, async () => {
+      const content = await request("POST", PATH, file, "application/toml");
+      this.show({ title: `Load ${file.name}`, empty: "Loading this file would change nothing.", ...content });
+    });
     this.input.value = ""; // the same file again is a change again
   }
 }

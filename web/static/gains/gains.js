@@ -1,8 +1,9 @@
 // The Gains tab: every parameter from the vehicle's own descriptions.
 
-import { get, request } from "../core/api.js";
+import { get } from "../core/api.js";
 import { $, element } from "../core/dom.js";
 import { exact } from "../core/format.js";
+import { Parameters } from "./parameters.js";
 import { GainRow } from "./row.js";
 import { unfold } from "./detail.js";
 import { ParameterPanel } from "./panel.js";
@@ -10,38 +11,31 @@ import { ParameterTree } from "./tree.js";
 
 const GESTURE = 1500; // ms between two values of one motion of the hand
 
-// Fires `read` when the parameters have been read anew, `confirmed` (detail: name) for each news.
-export class Gains extends EventTarget {
+export class Gains extends Parameters {
   constructor(events, isOperator) {
-    super();
-    this.isOperator = isOperator;
+    super(events, isOperator);
     this.rows = new Map();
     this.mine = []; // this page's own changes, for Undo
     this.tree = new ParameterTree($("gains"));
     this.panel = new ParameterPanel(this, $("parameter-panel"), [$("gains"), $("gains-search")]);
-    events.on("hello", () => this.load());
-    events.on("parameters", () => this.load());
-    events.on("parameter", (news) => this.news(news));
+    this.addEventListener("read", () => this.showAll());
+    this.addEventListener("confirmed", ({ detail }) => this.show(detail));
     events.on("summary", ({ status }) => this.status(status));
     $("search").addEventListener("input", () => this.filter());
     $("modified").addEventListener("change", () => this.filter());
     $("undo").addEventListener("click", () => this.undo());
   }
 
-  async load() {
-    const read = await get("/api/parameters").catch(() => null);
-    if (read === null) return; // web is away; the hello of its return loads again
-    const { parameters, generation } = read;
+  showAll() {
+    const parameters = [...this.known.values()];
     if (parameters.length === 0) {
       $("gains").replaceChildren(element("p", { className: "empty" }, "The vehicle's parameters have not been read yet. They appear here when it is connected."));
       this.rows.clear();
       return;
     }
-    const known = parameters.length === this.rows.size && parameters.every(({ name }) => this.rows.has(name));
-    if (!known) this.build(parameters);
-    for (const { name, value, revision } of parameters) this.rows.get(name).confirm(value, [generation, revision]);
+    if (parameters.length !== this.rows.size || !parameters.every(({ name }) => this.rows.has(name))) this.build(parameters);
+    for (const { name, value } of parameters) this.rows.get(name).confirm(value);
     this.filter();
-    this.dispatchEvent(new Event("read"));
     this.readFlight();
   }
 
@@ -69,21 +63,10 @@ export class Gains extends EventTarget {
     this.isArmed = status.armed;
   }
 
-  news({ name, value, generation, revision }) {
-    const row = this.rows.get(name), before = row?.confirmed;
-    if (!row?.confirm(value, [generation, revision])) return;
-    if (this.isArmed && row.flightValue === undefined && before !== value) row.flightBegan(before);
-    this.dispatchEvent(new CustomEvent("confirmed", { detail: name }));
-  }
-
-  // The confirmed value, undefined when there is no such parameter.
-  value(name) { return this.rows.get(name)?.confirmed; }
-
-  // Several at once, all or nothing; in flight in steps where one is too large, if `walks`.
-  async set(values, walks = false) {
-    const { applied, revisions, generation } = await request("PUT", "/api/parameters", { values, walks });
-    for (const [name, value] of Object.entries(applied)) this.news({ name, value, generation, revision: revisions[name] });
-    return applied;
+  show({ name, before }) {
+    const row = this.rows.get(name), value = this.value(name);
+    row?.confirm(value);
+    if (this.isArmed && row?.flightValue === undefined && before !== value) row?.flightBegan(before);
   }
 
   async change(name, value, walks = false) {

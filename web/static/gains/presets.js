@@ -1,7 +1,7 @@
 // Sets of values under a name: the built-in ones and those somebody saved.
 
 import { get, request } from "../core/api.js";
-import { element } from "../core/dom.js";
+import { element, optionsOf } from "../core/dom.js";
 import { timeOf } from "./timeline.js";
 
 const PATH = "/api/parameters/presets";
@@ -17,7 +17,7 @@ export class Presets {
     this.name = element("input", { placeholder: "name", ariaLabel: "name of the new preset", maxLength: 60 });
     this.scope = element("select", { ariaLabel: "what the new preset holds" });
     const form = element("form", { className: "tools", onsubmit: (event) => { event.preventDefault(); this.save(false); } }, this.name, this.scope,
-      element("button", { disabled: !gains.isOperator, title: "keep the confirmed values under this name" }, "Save"));
+      element("button", { disabled: !gains.isOperator, title: "save the confirmed values under this name" }, "Save"));
     place.append(this.answer, this.list, element("h2", {}, "Save the present values"), form);
     this.fillScope();
     this.read();
@@ -25,7 +25,7 @@ export class Presets {
 
   fillScope() {
     const components = [...new Set([...this.gains.rows.keys()].map((name) => name.split(".")[0]))];
-    this.scope.replaceChildren(...components.map((name) => element("option", { value: name }, name)), element("option", { value: MODIFIED }, "all modified"));
+    this.scope.replaceChildren(...optionsOf([...components, [MODIFIED, "all modified"]]));
   }
 
   async read() {

@@ -2,8 +2,8 @@
 // The cell shows what the vehicle confirmed and never what was just sent; the thumb is the hand's
 // while it holds it, with the confirmed value as a mark beside it, then follows the confirmed value.
 
-import { element } from "../core/dom.js";
-import { digitsOf, exact } from "../core/format.js";
+import { element, optionsOf } from "../core/dom.js";
+import { digitsOf, exact, parseNumber } from "../core/format.js";
 import { GainSender } from "./sender.js";
 
 const MOST_STEPS = 1e6; // of a slider; a seed is typed
@@ -19,13 +19,12 @@ export class GainRow {
   constructor(description, isOperator, send, modifiedChanged, unfold = null) {
     this.description = description;
     this.confirmed = description.value;
-    this.order = [-1, -1];
     this.flightValue = undefined; // at the start of this flight, when it has changed since
     this.modifiedChanged = modifiedChanged;
     this.unfold = unfold;
     this.locked = !isOperator || description.read_only;
     this.text = [description.name, description.description, description.unit].join(" ").toLowerCase();
-    this.path = new GainSender(send, () => this.draw());
+    this.sender = new GainSender(send, () => this.draw());
     this.drawn = ""; // the reason
     this.place = element("div", { className: "gain" });
     this.build();
@@ -48,8 +47,8 @@ export class GainRow {
       ? element("button", { className: "fold", title, ariaExpanded: "false", onclick: () => this.toggle() }, short)
       : element("span", { title }, short);
     this.label = label;
-    this.mark = this.button("mark", "●", () => this.path.set(initial), `${name}: modified; back to the default ${exact(initial)}`);
-    this.flightMark = this.button("mark flight", "◆", () => this.path.set(this.flightValue), "");
+    this.mark = this.button("mark", "●", () => this.sender.set(initial), `${name}: modified; back to the default ${exact(initial)}`);
+    this.flightMark = this.button("mark flight", "◆", () => this.sender.set(this.flightValue), "");
     this.reason = element("div", { className: "reason", hidden: true, role: "status" });
     this.place.append(element("div", { className: "label" }, label, this.mark, this.flightMark), ...this.editor(name));
     if (this.isNumber) this.place.append(element("span", { className: "unit" }, unit));
@@ -67,7 +66,7 @@ export class GainRow {
     this.tick = element("i", { className: "confirmed", title: "confirmed by the vehicle" });
     this.slider.addEventListener("pointerdown", () => { this.held = true; this.draw(); });
     for (const type of ["pointerup", "pointercancel", "lostpointercapture", "change", "blur"]) this.slider.addEventListener(type, () => { this.held = false; this.draw(); });
-    this.slider.addEventListener("input", () => { this.path.set(this.rounded(Number(this.slider.value)), true); });
+    this.slider.addEventListener("input", () => { this.sender.set(this.rounded(Number(this.slider.value)), true); });
     return element("div", { className: "travel" }, element("span", {}, exact(minimum)), element("div", { className: "track" }, this.slider, this.tick), element("span", {}, exact(maximum)));
   }
 
@@ -77,11 +76,11 @@ export class GainRow {
   editor(name) {
     const { type, choices } = this.description;
     if (type === "bool") {
-      this.box = element("input", { type: "checkbox", disabled: this.locked, ariaLabel: name, onchange: () => this.path.set(this.box.checked) });
+      this.box = element("input", { type: "checkbox", disabled: this.locked, ariaLabel: name, onchange: () => this.sender.set(this.box.checked) });
       return [this.box, element("span")];
     }
     if (choices.length) {
-      this.box = element("select", { disabled: this.locked, ariaLabel: name, onchange: () => this.path.set(this.box.value) }, ...choices.map((choice) => element("option", { value: choice }, choice)));
+      this.box = element("select", { disabled: this.locked, ariaLabel: name, onchange: () => this.sender.set(this.box.value) }, ...optionsOf(choices));
       return [this.box];
     }
     this.box = element("input", { className: this.isNumber ? "value" : "value text", disabled: this.locked, ariaLabel: `${name}, value`, inputMode: this.isNumber ? "decimal" : "text", spellcheck: false });
@@ -100,27 +99,23 @@ export class GainRow {
     const { minimum, maximum } = this.description;
     const value = Math.min(maximum ?? Infinity, Math.max(minimum ?? -Infinity, this.rounded(this.confirmed + steps * this.step)));
     this.typing = false; // the cell shows the confirmed value, as it comes
-    this.path.set(value, true);
+    this.sender.set(value, true);
   }
 
   enter(text) {
-    if (!this.isNumber) { this.path.set(text); return; }
-    const number = Number(text.replace(",", ".").replace("−", "-"));
-    if (text === "" || !Number.isFinite(number)) this.fail(`${text || "nothing"} is not a number`);
-    else this.path.set(number);
+    if (!this.isNumber) { this.sender.set(text); return; }
+    const number = parseNumber(text);
+    if (!Number.isFinite(number)) this.fail(`${text || "nothing"} is not a number`);
+    else this.sender.set(number);
   }
 
-  // order: [generation, revision], without which it counts; false when something newer is known.
-  confirm(value, order = this.order) {
-    if (order[0] < this.order[0] || (order[0] === this.order[0] && order[1] < this.order[1])) return false;
-    this.order = order;
-    this.path.heard();
-    if (value === this.confirmed) return true;
+  confirm(value) {
+    this.sender.noteConfirmed();
+    if (value === this.confirmed) return;
     const was = this.isModified;
     this.confirmed = value;
     this.draw();
     if (was !== this.isModified) this.modifiedChanged(this);
-    return true;
   }
 
   // The value at the start of this flight; undefined when it has not changed since.
@@ -131,9 +126,9 @@ export class GainRow {
   }
 
   fail(reason) {
-    this.path.reason = reason;
-    this.path.refused = undefined;
-    this.path.to("refused");
+    this.sender.reason = reason;
+    this.sender.refused = undefined;
+    this.sender.to("refused");
   }
 
   toggle() {
@@ -147,7 +142,7 @@ export class GainRow {
   }
 
   draw() {
-    const { state } = this.path, shown = state === "idle" ? "" : state;
+    const { state } = this.sender, shown = state === "idle" ? "" : state;
     if (this.shown !== shown) {
       this.place.classList.remove("waiting", "late", "refused");
       if (shown) this.place.classList.add(shown);
@@ -168,13 +163,13 @@ export class GainRow {
   }
 
   drawReason() {
-    const { reason, refused } = this.path;
+    const { reason, refused } = this.sender;
     if (reason === this.drawn) return;
     this.drawn = reason;
     this.reason.hidden = !reason;
     const limit = this.description.flight_step, steps = Math.ceil(Math.abs(refused - this.confirmed) / limit);
     const walks = limit && reason.includes("in flight") && steps > 1
-      ? [" ", element("button", { className: "link", onclick: () => this.path.set(refused, true) }, `Go there in ${steps} steps`)] : [];
+      ? [" ", element("button", { className: "link", onclick: () => this.sender.set(refused, true) }, `Go there in ${steps} steps`)] : [];
     this.reason.replaceChildren(reason, ...walks);
   }
 

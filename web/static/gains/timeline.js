@@ -1,7 +1,7 @@
 // The history of parameter changes: who, when, old and new value, in which flight; each can be restored.
 
 import { get } from "../core/api.js";
-import { element } from "../core/dom.js";
+import { attempt, element, showNote } from "../core/dom.js";
 import { exact } from "../core/format.js";
 
 const GESTURE = 2; // s between two values of one motion
@@ -19,16 +19,16 @@ export class TimeLine {
     this.list = element("ol", { className: "timeline" });
     this.more = element("button", { className: "link", hidden: true, onclick: () => { this.limit = Math.min(MOST, this.limit * 2); this.read(); } }, "Older");
     this.place.append(this.reason, this.list, this.more);
-    this.heard = ({ detail }) => this.confirmed(detail);
+    this.onConfirmed = ({ detail }) => this.confirmed(detail.name);
   }
 
   start() {
-    this.gains.addEventListener("confirmed", this.heard);
+    this.gains.addEventListener("confirmed", this.onConfirmed);
     this.read();
   }
 
   stop() {
-    this.gains.removeEventListener("confirmed", this.heard);
+    this.gains.removeEventListener("confirmed", this.onConfirmed);
     clearTimeout(this.timer);
     this.timer = null;
   }
@@ -42,7 +42,7 @@ export class TimeLine {
   async read() {
     const query = new URLSearchParams({ limit: String(this.limit), ...(this.name ? { name: this.name } : {}) });
     let read;
-    try { read = await get(`/api/parameters/history?${query}`); } catch (error) { this.say(error.message); return; }
+    try { read = await get(`/api/parameters/history?${query}`); } catch (error) { showNote(this.reason, error.message); return; }
     this.more.hidden = read.changes.length < this.limit || this.limit >= MOST;
     const entries = gestures(read.changes);
     this.list.replaceChildren(...entries.map((entry) => this.entry(entry)));
@@ -67,14 +67,8 @@ export class TimeLine {
   }
 
   async putBack(changes) {
-    this.say("");
-    try { await this.gains.set(Object.fromEntries(changes.map(([name, { old }]) => [name, old])), true); } catch (error) { this.say(error.message); }
+    await attempt(this.reason, () => this.gains.set(Object.fromEntries(changes.map(([name, { old }]) => [name, old])), true));
     this.read();
-  }
-
-  say(text) {
-    this.reason.textContent = text;
-    this.reason.hidden = !text;
   }
 }
 

@@ -1,5 +1,6 @@
 // The page's icons: lines of the text's colour on 20 × 20.
 
+import { svg } from "../core/dom.js";
 
 /** @param {number} x @param {number} y @param {number} r */
 const ring = (x, y, r) => `M${x - r} ${y}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0`;
@@ -51,9 +52,5 @@ export const ICONS = Object.keys(PATHS);
 
 /** @param {string} name */
 export function icon(name) {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", "svg"), path = document.createElementNS(made.namespaceURI, "path");
-  for (const [key, value] of Object.entries({ class: "icon", viewBox: "0 0 20 20", "aria-hidden": "true" })) made.setAttribute(key, value);
-  path.setAttribute("d", PATHS[name]);
-  made.append(path);
-  return made;
+  return svg("svg", { class: "icon", viewBox: "0 0 20 20", "aria-hidden": "true" }, svg("path", { d: PATHS[name] }));
 }

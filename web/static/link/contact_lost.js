@@ -19,9 +19,9 @@ const SURE = 1.2; // s of silence until it is known that station and link are no
 const HEADS = {
   silent: "no data from the vehicle",
   page: "this page's server does not answer",
-  station: "the base station is gone",
+  station: "the base station does not answer",
   link: "no link to the vehicle",
-  flight: "the vehicle's flight process is gone; its computer still answers",
+  flight: "the vehicle's flight process has stopped; its computer still answers",
 };
 const NOT_YET = { station: "No data from the base station yet", link: "No data from the vehicle yet" };
 
@@ -55,8 +55,8 @@ export class Contact {
     const { events, ages } = this, { link } = events.summary;
     if (this.closed !== null) return performance.now() - this.closed > 1e3 * SERVER ? "page" : this.cause;
     const station = Math.min(ages.age("link_status"), ages.age("station_status"));
-    const isHeard = ages.age("state") < (this.safety("link_timeout") ?? TIMEOUT) || ages.age("status") < STATUS && link?.state === "good";
-    if (isHeard) return "";
+    const hasContact = ages.age("state") < (this.safety("link_timeout") ?? TIMEOUT) || ages.age("status") < STATUS && link?.state === "good";
+    if (hasContact) return "";
     if (!events.summary.status && performance.now() - this.began < 1e3 * NEVER) return "";
     if (!(station < STATION)) return station < GONE ? "silent" : "station";
     if (link && link.state !== "good") return "link";

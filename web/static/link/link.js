@@ -1,7 +1,7 @@
 // The Link tab: how the radio to the vehicle does, and this page's own way to the station.
 
 import { REACTIONS } from "./contact_text.js";
-import { element, setText } from "../core/dom.js";
+import { element, setText, showNote } from "../core/dom.js";
 import { duration, fixed } from "../core/format.js";
 import { here } from "../core/vehicle_path.js";
 import { viewerButtons } from "../core/viewers.js";
@@ -58,7 +58,7 @@ export class LinkPanel {
     const said = element("p", { className: "said", role: "status", hidden: true });
     const say = (...content) => { said.replaceChildren(...content); said.hidden = false; };
     const layout = element("a", { href: here("/api/foxglove/layout"), download: "", title: "3D view, plots, events and parameters, to import there" }, "Layout");
-    place.append(element("h2", {}, "The flight, live in other programs"), element("div", { className: "links" }, ...viewerButtons(() => "/api/foxglove/link", say), layout), said);
+    place.append(element("h2", {}, "View the flight in other programs"), element("div", { className: "links" }, ...viewerButtons(() => "/api/foxglove/link", say), layout), said);
   }
 
   // Always, so that the tab has its five minutes when it is opened.
@@ -68,7 +68,7 @@ export class LinkPanel {
       const isMeasured = name !== "round_trip" && name !== "clock_offset" || link?.round_trip > 0;
       strip.add(time, link && !isOld && isMeasured ? link[name] ?? NaN : NaN);
     }
-    this.loop.hear();
+    this.loop.sample();
     if (!document.hidden) this.samplePage(time);
   }
 
@@ -93,12 +93,9 @@ export class LinkPanel {
     setText(this.since, link && !isOld ? `for ${spoken(link.state_duration)}` : "");
     setText(this.outages, link ? outages(link) : "");
     setText(this.way, link ? way(link) : "");
-    this.problem.hidden = !link?.problem || isOld;
-    setText(this.problem, link?.problem ? `⚠ Not commanded from here: ${link.problem}.` : "");
+    showNote(this.problem, link?.problem && !isOld ? `⚠ Not commanded from here: ${link.problem}.` : "");
     setText(this.reaction, this.reactionText());
-    const verdict = this.verdictText(link, isOld);
-    this.verdict.hidden = !verdict;
-    setText(this.verdict, verdict);
+    showNote(this.verdict, this.verdictText(link, isOld));
   }
 
   reactionText() {

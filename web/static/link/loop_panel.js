@@ -41,7 +41,7 @@ export class LoopPanel {
   }
 
   // Always, so that growth is known when the tab is opened. Fewer than before: it started anew.
-  hear() {
+  sample() {
     const { status } = this.events.summary, now = performance.now() / 1e3;
     for (const one of this.counts) {
       const value = status?.[one.name];

@@ -9,27 +9,27 @@ const AGAIN = 2000; // ms, while the station has not looked yet
 const PLACES = [["station", "Station"], ["vehicle", "Vehicle"], ["page", "Page"], ["browser", "This browser"]];
 
 export class CheckSection {
-  // shown(checks): told of what was found.
+  // shown(checks): called with the results.
   constructor(place, summary, isOperator, shown) {
     this.shown = shown;
     this.summary = summary;
-    this.again = element("button", { disabled: !isOperator, title: isOperator ? "station, vehicle and page run their checks again; on the ground only" : "viewers cannot do this; ask an operator", onclick: () => this.look(() => request("POST", "/api/setup/checks", {})) }, "Check again");
+    this.again = element("button", { disabled: !isOperator, title: isOperator ? "station, vehicle and page run their checks again; on the ground only" : "viewers cannot do this; ask an operator", onclick: () => this.run(() => request("POST", "/api/setup/checks", {})) }, "Check again");
     this.when = element("span", { className: "hint", role: "status" });
     this.lists = element("div", { className: "places" });
     place.append(element("div", { className: "acts" }, this.again, this.when), this.lists);
     this.isOperator = isOperator;
-    this.look(() => get("/api/setup/checks"));
+    this.run(() => get("/api/setup/checks"));
   }
 
-  async look(ask) {
+  async run(ask) {
     this.again.disabled = true;
-    this.when.textContent = "looking …";
+    this.when.textContent = "checking …";
     clearTimeout(this.timer);
     try {
       const { checked, checks } = await ask();
       this.show([...checks, ...browserChecks()]);
-      this.when.textContent = checked ? `looked at ${moment(checked).slice(11)}` : "the station has not looked yet";
-      if (!checked) this.timer = setTimeout(() => this.look(() => get("/api/setup/checks")), AGAIN);
+      this.when.textContent = checked ? `checked at ${moment(checked).slice(11)}` : "the station has not run its checks yet";
+      if (!checked) this.timer = setTimeout(() => this.run(() => get("/api/setup/checks")), AGAIN);
     } catch (error) {
       this.when.textContent = error.message;
     }

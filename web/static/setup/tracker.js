@@ -1,9 +1,9 @@
 // The tracking system: what comes from it, how old it is at the vehicle, and its parameters.
 
 import { CameraPicture } from "../camera/picture.js";
-import { element } from "../core/dom.js";
+import { element, showNote } from "../core/dom.js";
 import { fixed, NONE } from "../core/format.js";
-import { Fields } from "./parameters.js";
+import { Fields } from "./fields.js";
 
 const PERIOD = 500; // ms
 const LABELS = [["rate", "Rate"], ["delay", "Delay"], ["drop_out", "Share lost"], ["position_noise", "Position noise"], ["attitude_noise", "Attitude noise"]];
@@ -36,13 +36,12 @@ export class TrackerSection {
       ["At the vehicle", pose ? `${pose.found} (${pose.wanted})` : NONE],
     ];
     const silent = tracker && !(this.events.age("tracker_status") < 1.5);
-    const problem = silent ? "The tracker process is silent: start quadlab tracker, or read its lines." : tracker?.problem ?? "";
+    const problem = silent ? "No data from the tracker process: start quadlab tracker, or check its output." : tracker?.problem ?? "";
     const key = JSON.stringify([rows, problem, tracker?.latency_counts]);
     if (key === this.drawn) return;
     this.drawn = key;
     this.facts.replaceChildren(...rows.flatMap(([label, text]) => [element("dt", {}, label), element("dd", {}, text)]));
-    this.problem.textContent = problem;
-    this.problem.hidden = !problem;
+    showNote(this.problem, problem);
     this.simulated.hidden = Boolean(tracker);
     this.drawLatencies(tracker?.latency_counts ?? []);
   }
@@ -56,16 +55,16 @@ export class TrackerSection {
     ];
   }
 
-  system(told) {
-    const stamped = told.latency_counts.some((count) => count > 0);
+  system(tracker) {
+    const stamped = tracker.latency_counts.some((count) => count > 0);
     return [
-      ["Source", told.system],
-      ["This vehicle's body", `${told.body}${told.withheld ? " (its poses are withheld)" : ""}`],
-      ["Frames", `${fixed(told.frame_rate, 0)} Hz`],
-      ["Bodies seen", told.seen.map((name, k) => `${name} ${fixed(told.rates[k], 0)} Hz`).join(", ") || "none"],
-      ["Latency", stamped ? `median ${fixed(1e3 * told.latency, 1)} ms, 99 % below ${fixed(1e3 * told.latency_p99, 1)} ms` : "not known: no stamps of the system"],
-      ["Drift of its clock", stamped ? `${fixed(1e6 * told.clock_drift, 0)} µs/s` : NONE],
-      ["Since the start", `${told.gaps} gaps, ${told.jumps} jumps, clock set ${told.clock_jumps} times`],
+      ["Source", tracker.system],
+      ["This vehicle's body", `${tracker.body}${tracker.withheld ? " (its poses are withheld)" : ""}`],
+      ["Frames", `${fixed(tracker.frame_rate, 0)} Hz`],
+      ["Bodies seen", tracker.seen.map((name, k) => `${name} ${fixed(tracker.rates[k], 0)} Hz`).join(", ") || "none"],
+      ["Latency", stamped ? `median ${fixed(1e3 * tracker.latency, 1)} ms, 99 % below ${fixed(1e3 * tracker.latency_p99, 1)} ms` : "not known: no stamps of the system"],
+      ["Drift of its clock", stamped ? `${fixed(1e6 * tracker.clock_drift, 0)} µs/s` : NONE],
+      ["Since the start", `${tracker.gaps} gaps, ${tracker.jumps} jumps, clock set ${tracker.clock_jumps} times`],
     ];
   }
 

@@ -1,12 +1,19 @@
 // Who may use this station: an admin manages accounts; all others see who is signed in.
 
 import { get, request } from "../core/api.js";
-import { element } from "../core/dom.js";
+import { element, optionsOf, showNote, tableHead } from "../core/dom.js";
 import { Invitation } from "../core/invitation.js";
-import { ago } from "./vehicles.js";
+import { ago } from "../core/format.js";
 
 const ROLES = ["viewer", "operator", "admin"];
 const PERIOD = 10_000; // ms
+
+const pathOf = (name) => `/api/users/${encodeURIComponent(name)}`;
+
+// The choice of a user's role; act(request, said) sends it.
+export const roleSelect = ({ name, role }, act) => element("select", { ariaLabel: `role of ${name}`, title: "changing the role signs the user out", onchange: ({ target }) => act(() => request("PUT", `${pathOf(name)}/role`, { role: target.value }), `${name} is ${target.value} now`) }, ...optionsOf(ROLES, role));
+
+export const endButton = ({ name, sessions }, act, text) => element("button", { disabled: !sessions, title: "sign this user out everywhere now", ariaLabel: `end the sessions of ${name}`, onclick: () => act(() => request("POST", `${pathOf(name)}/end_sessions`), `${name} is signed out`) }, text);
 
 export class UserSection {
   newRole;
@@ -17,7 +24,7 @@ export class UserSection {
     this.body = element("tbody");
     this.note = element("p", { className: "note", role: "status", hidden: true });
     const columns = ["name", "role", "signed in", "last seen", ...(this.isAdmin ? [""] : [])];
-    place.append(element("table", { className: "list" }, element("thead", {}, element("tr", {}, ...columns.map((text) => element("th", { scope: "col" }, text)))), this.body), this.note);
+    place.append(element("table", { className: "list" }, tableHead(...columns), this.body), this.note);
     if (this.isAdmin) place.append(this.form(), this.invitations());
     else place.append(element("p", { className: "hint" }, "Users are added and changed by admins."));
     this.refresh();
@@ -33,29 +40,24 @@ export class UserSection {
   }
 
   row(user) {
-    const { name, role, account, sessions, last_seen } = user, path = `/api/users/${encodeURIComponent(name)}`;
+    const { name, role, account, sessions, last_seen } = user, act = (ask, said) => this.act(ask, said);
     const mine = name === this.session.label ? " (you)" : "";
-    const cells = [element("b", {}, name, element("small", {}, `${mine}${account ? "" : " by a link"}`)), account && this.isAdmin ? this.roles(user, path) : role, String(sessions), ago(last_seen)];
+    const cells = [element("b", {}, name, element("small", {}, `${mine}${account ? "" : " by a link"}`)), account && this.isAdmin ? roleSelect(user, act) : role, String(sessions), ago(last_seen)];
     const acts = [];
     if (this.isAdmin) {
-      acts.push(element("button", { disabled: !sessions, title: "sign this user out everywhere now", ariaLabel: `end the sessions of ${name}`, onclick: () => this.act(() => request("POST", `${path}/end_sessions`), `${name} is signed out`) }, "Sign out"));
-      if (account) acts.push(this.remove(name, path));
+      acts.push(endButton(user, act, "Sign out"));
+      if (account) acts.push(this.remove(name));
     }
     return element("tr", {}, ...cells.map((cell) => element("td", {}, cell)), ...(this.isAdmin ? [element("td", { className: "acts" }, ...acts)] : []));
   }
 
-  roles({ name, role }, path) {
-    return element("select", { ariaLabel: `role of ${name}`, title: "changing the role signs the user out", onchange: ({ target }) => this.act(() => request("PUT", `${path}/role`, { role: target.value }), `${name} is ${target.value} now`) },
-      ...ROLES.map((one) => element("option", { value: one, selected: one === role }, one)));
-  }
-
   // The first press asks, the second does: a slip costs an account otherwise.
-  remove(name, path) {
+  remove(name) {
     const button = element("button", { ariaLabel: `delete ${name}` }, "Delete");
     const calm = () => { button.textContent = "Delete"; button.classList.remove("caution"); button.ariaLabel = `delete ${name}`; };
     button.addEventListener("blur", calm);
     button.addEventListener("click", () => {
-      if (button.classList.contains("caution")) { button.blur(); this.act(() => request("DELETE", path), `${name} is deleted`); return; }
+      if (button.classList.contains("caution")) { button.blur(); this.act(() => request("DELETE", pathOf(name)), `${name} is deleted`); return; }
       button.textContent = "Really delete";
       button.ariaLabel = `really delete ${name}`;
       button.classList.add("caution");
@@ -66,7 +68,7 @@ export class UserSection {
   form() {
     const name = element("input", { name: "name", required: true, maxLength: 32, pattern: "[a-z][a-z0-9_.\\-]*", title: "lower-case letters, digits and _ . -, beginning with a letter", autocomplete: "off", spellcheck: false });
     const password = element("input", { name: "password", type: "password", required: true, minLength: 10, maxLength: 1000, title: "ten characters or more", autocomplete: "new-password" });
-    const role = this.newRole = element("select", { name: "role", disabled: true }, ...ROLES.map((one) => element("option", { value: one, selected: one === "operator" }, one)));
+    const role = this.newRole = element("select", { name: "role", disabled: true }, ...optionsOf(ROLES, "operator"));
     const labelled = (label, input) => element("label", {}, element("span", {}, label), input);
     const form = element("form", { className: "add" }, element("h3", {}, "Add a user"), labelled("Name", name), labelled("Password", password), labelled("Role", role), element("button", {}, "Add"));
     form.addEventListener("submit", async (event) => {
@@ -104,8 +106,7 @@ export class UserSection {
   }
 
   tell(text, good = false) {
-    this.note.textContent = text;
     this.note.classList.toggle("good", good);
-    this.note.hidden = false;
+    showNote(this.note, text);
   }
 }

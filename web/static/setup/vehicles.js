@@ -1,21 +1,12 @@
 // The vehicles this station knows, and what its control law believes of the connected one.
 
 import { get } from "../core/api.js";
-import { element } from "../core/dom.js";
-import { exact, words } from "../core/format.js";
+import { element, tableHead } from "../core/dom.js";
+import { ago, exact, words } from "../core/format.js";
 
 const PERIOD = 5000; // ms between two looks at the list
 const MODEL = [["mass", "Mass"], ["arm", "Arm"], ["inertia_xx", "Inertia about x"], ["inertia_yy", "Inertia about y"], ["inertia_zz", "Inertia about z"], ["torque_ratio", "Torque per thrust"], ["motor_time_constant", "Motor lag"], ["battery_nominal", "Battery, nominal"]];
 const ESTIMATE = [["control.law", "Control law"], ["estimation.estimator", "Estimator"]];
-
-export function ago(stamp) {
-  if (!stamp) return "never";
-  const age = Math.max(0, Date.now() / 1e3 - stamp);
-  if (age < 5) return "now";
-  if (age < 120) return `${Math.round(age)} s ago`;
-  if (age < 7200) return `${Math.round(age / 60)} min ago`;
-  return age < 48 * 3600 ? `${Math.round(age / 3600)} h ago` : new Date(stamp * 1e3).toISOString().slice(0, 10);
-}
 
 export class VehicleSection {
   constructor(place, session, events, parameters) {
@@ -26,10 +17,10 @@ export class VehicleSection {
     this.reached = element("dl", { className: "facts" });
     this.model = element("dl", { className: "facts" });
     place.append(
-      element("table", { className: "list" }, element("thead", {}, element("tr", {}, ...["name", "link", "state", "runs", "last seen"].map((text) => element("th", { scope: "col" }, text)))), this.body), this.reached,
+      element("table", { className: "list" }, tableHead("name", "link", "state", "runs", "last seen"), this.body), this.reached,
       element("h3", {}, `Model of ${session.vehicle} in the control law`), this.model,
       element("p", { className: "hint" }, "Edit on the ", element("a", { href: "/#tab=gains&search=model." }, "Gains tab"), ", under model, with bounds, history and undo."));
-    parameters.addEventListener("change", () => this.showModel());
+    for (const type of ["read", "confirmed"]) parameters.addEventListener(type, () => this.showModel());
     this.showModel();
     this.refresh();
     this.timer = setInterval(() => this.refresh(), PERIOD);

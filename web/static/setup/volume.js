@@ -1,9 +1,8 @@
 // The flight volume: its walls as numbers, and the box to scale from above and from the side.
 
-import { element } from "../core/dom.js";
-import { Fields } from "./parameters.js";
+import { element, svg } from "../core/dom.js";
+import { Fields } from "./fields.js";
 
-const SVG = "http://www.w3.org/2000/svg";
 const NAME = (axis, end) => `behavior.volume_${axis}_${end}`;
 const LABELS = ["x", "y", "z"].flatMap((axis) => [[NAME(axis, "min"), `${axis} from`], [NAME(axis, "max"), `${axis} to`]]);
 const WIDTH = 320, HEIGHT = 240, MARGIN = 26; // of a drawing, px
@@ -44,9 +43,9 @@ function box(value) {
 }
 
 function drawing(title, across, up) {
-  const svg = make("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img" });
+  const picture = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img" });
   const caption = element("figcaption", {}, `${title}: `, element("span", { className: `axis-${across}` }, across), " to the right, ", element("span", { className: `axis-${up}` }, up), " up");
-  const figure = element("figure", {}, svg, caption);
+  const figure = element("figure", {}, picture, caption);
   const draw = (spans, scale, confirmed, wanted) => {
     const middle = (axis) => (spans[axis][0] + spans[axis][1]) / 2;
     const x = (value) => WIDTH / 2 + scale * (value - middle(across)), y = (value) => HEIGHT / 2 - scale * (value - middle(up));
@@ -55,25 +54,18 @@ function drawing(title, across, up) {
     for (const [axis, at, line] of [[across, x, (p) => ({ x1: p, x2: p, y1: 6, y2: HEIGHT - 18 })], [up, y, (p) => ({ y1: p, y2: p, x1: 24, x2: WIDTH - 4 })]]) {
       const [from, to] = spans[axis];
       for (let value = Math.ceil(from / step) * step; value <= to + 1e-9; value += step) {
-        parts.push(make("line", { ...line(at(value)), class: Math.abs(value) < 1e-9 ? `zero axis-${axis}` : "grid" }));
-        const text = make("text", axis === across ? { x: at(value), y: HEIGHT - 6, "text-anchor": "middle" } : { x: 20, y: at(value) + 4, "text-anchor": "end" });
-        text.textContent = String(Number(value.toFixed(1))).replace("-", "−");
-        parts.push(text);
+        parts.push(svg("line", { ...line(at(value)), class: Math.abs(value) < 1e-9 ? `zero axis-${axis}` : "grid" }));
+        const place = axis === across ? { x: at(value), y: HEIGHT - 6, "text-anchor": "middle" } : { x: 20, y: at(value) + 4, "text-anchor": "end" };
+        parts.push(svg("text", place, String(Number(value.toFixed(1))).replace("-", "−")));
       }
     }
     for (const [one, kind] of [[confirmed, "confirmed"], [wanted, "wanted"]]) {
       if (!one) continue;
       const [left, right] = one[across], [low, high] = one[up];
-      parts.push(make("rect", { class: kind, x: x(Math.min(left, right)), y: y(Math.max(low, high)), width: scale * Math.abs(right - left), height: scale * Math.abs(high - low) }));
+      parts.push(svg("rect", { class: kind, x: x(Math.min(left, right)), y: y(Math.max(low, high)), width: scale * Math.abs(right - left), height: scale * Math.abs(high - low) }));
     }
-    svg.replaceChildren(...parts);
-    svg.setAttribute("aria-label", confirmed ? `flight volume ${title}: ${[across, up].map((axis) => `${axis} ${confirmed[axis].join(" to ")} m`).join(", ")}` : "flight volume, not known yet");
+    picture.replaceChildren(...parts);
+    picture.setAttribute("aria-label", confirmed ? `flight volume ${title}: ${[across, up].map((axis) => `${axis} ${confirmed[axis].join(" to ")} m`).join(", ")}` : "flight volume, not known yet");
   };
   return { figure, draw };
-}
-
-function make(tag, attributes) {
-  const made = document.createElementNS(SVG, tag);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, typeof value === "number" ? value.toFixed(1) : value);
-  return made;
 }

@@ -1,7 +1,7 @@
 // Setting up a pad: each function is given a stick by moving it, or a button by pressing it. The
 // sticks are off meanwhile, so that nothing tried out here flies.
 
-import { element } from "../core/dom.js";
+import { element, optionsOf } from "../core/dom.js";
 import { fixed } from "../core/format.js";
 import { AXES, BUTTONS, DEAD_ZONE, EXPO, PRESETS, forget, isPressed, mappingOf, preset, presetOf, readPad, remember } from "./mapping.js";
 
@@ -10,7 +10,7 @@ const FUNCTIONS = {
   left: ["Left", "Push the stick for left to the left, all the way"],
   up: ["Up", "Push the stick for up upwards, all the way"],
   yaw: ["Turn left", "Push the stick for turning to the left, all the way"],
-  deadMan: ["Sticks on (hold)", "Press the button that is to be held while flying"],
+  deadMan: ["Sticks on (hold)", "Press the button that you will hold while flying"],
   land: ["Emergency land", "Press the button for emergency land"],
   cut: ["Cut (hold 0.5 s)", "Press the button for cutting the motors"],
 };
@@ -25,7 +25,7 @@ export class StickEditor {
     this.wanted = null; // the function that waits for a stick or button
     this.rows = Object.entries(FUNCTIONS).map(([name, [label]]) => this.row(name, label));
     this.title = element("h2");
-    this.modes = element("select", { ariaLabel: "preset", onchange: () => this.choose() }, ...[...PRESETS, ""].map((name) => element("option", { value: name }, name || "own")));
+    this.modes = element("select", { ariaLabel: "preset", onchange: () => this.choose() }, ...optionsOf([...PRESETS, ["", "own"]]));
     this.deadZone = this.slider("dead zone", DEAD_ZONE, "deadZone", "travel around the centre that counts as centred");
     this.expo = this.slider("expo", EXPO, "expo", "0: straight; 1: fine around the centre");
     this.hint = element("p", { className: "hint", role: "status" });
@@ -115,7 +115,7 @@ export class StickEditor {
 
   draw() {
     const { pad } = this;
-    this.title.textContent = pad ? pad.id : "No pad: press a button of it";
+    this.title.textContent = pad ? pad.id : "No gamepad yet: press one of its buttons";
     if (!pad) { if (this.wanted) this.detect(null); return; }
     if (this.shownPad !== pad.id) { this.shownPad = pad.id; this.show(); }
     const mapping = this.sticks.mapping ?? GUESS;

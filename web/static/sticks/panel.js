@@ -17,7 +17,7 @@ const OTHERS = "another has control"; // as web and station say it
 const IDLE = 10; // ticks of the clock
 
 export function addSticks(place, { events, isOperator, fly, emergency, gains, label }) {
-  if (!isOperator) { place.append(element("p", { className: "note" }, "Viewers have no sticks.")); return null; }
+  if (!isOperator) { place.append(element("p", { className: "note" }, "Viewers cannot use the sticks.")); return null; }
   return new StickPanel(place, events, fly, emergency, gains, label);
 }
 
@@ -94,7 +94,7 @@ class StickPanel {
       if (!this.status) return "On, but no data from the vehicle.";
       if (landing(this.status)) return `On, but ${landing(this.status)}.`;
       if (OBEYING[this.behavior]) return `On: ${commanded(this.behavior, sticks.sent, this.limit, this.holds)}.`;
-      return this.isFlying ? `On, but ${words(this.behavior)} does not obey sticks: start ${Object.values(OBEYING).join(" or ")}.` : "On, but they fly only in the air: arm and take off.";
+      return this.isFlying ? `On, but ${words(this.behavior)} does not use the sticks: start ${Object.values(OBEYING).join(" or ")}.` : "On, but sticks work only in flight: arm and take off first.";
     }
     if (sticks.held && sticks.why) return /release|press/.test(sticks.why) ? `Off: ${sticks.why}.` : `Off: ${this.reason(sticks.why)}. ${this.step}`;
     if (sticks.editing) return "Off while the pad is being set up.";

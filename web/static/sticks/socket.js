@@ -3,7 +3,7 @@
 
 import { Socket } from "../core/sockets.js";
 
-export const CAUSES = { released: 0, blur: 1, hidden: 2, unplugged: 3, stalled: 4, late: 5, left: 6, editing: 7 };
+export const CAUSES = ["released", "blur", "hidden", "unplugged", "stalled", "late", "left", "editing"]; // by number
 const KEPT = 100; // round trips: 2 s
 
 export class StickLink extends EventTarget {
@@ -13,7 +13,7 @@ export class StickLink extends EventTarget {
     this.waiting = new Map(); // number → when it was sent
     this.trips = []; // ms
     this.socket = new Socket("/ws/stick");
-    this.socket.addEventListener("message", ({ data }) => this.hear(JSON.parse(data)));
+    this.socket.addEventListener("message", ({ data }) => this.receive(JSON.parse(data)));
     this.socket.addEventListener("close", () => {
       this.waiting.clear();
       this.trips.length = 0;
@@ -24,19 +24,19 @@ export class StickLink extends EventTarget {
   get connected() { return this.socket.connected; }
 
   // Returns the frame's number.
-  send(axes, held, cause = 0) {
+  send(axes, held, cause = "released") {
     const frame = new DataView(new ArrayBuffer(28));
     axes.forEach((value, i) => frame.setFloat32(4 * i, value, true));
     frame.setFloat32(16, held ? 1 : 0, true);
     frame.setUint32(20, ++this.number, true);
-    frame.setUint32(24, cause, true);
+    frame.setUint32(24, CAUSES.indexOf(cause), true);
     if (held) this.waiting.set(this.number, performance.now());
     this.socket.send(frame.buffer);
     return this.number;
   }
 
   // {n, by, on, why}
-  hear(answer) {
+  receive(answer) {
     const sent = this.waiting.get(answer.n);
     if (sent !== undefined && answer.by === "station") {
       this.trips.push(performance.now() - sent);

@@ -4,7 +4,7 @@
 // the station and the vehicle have watchdogs of their own.
 
 import { StickKeys } from "./keyboard.js";
-import { CAUSES, StickLink } from "./socket.js";
+import { StickLink } from "./socket.js";
 import { mappingOf, readPad } from "./mapping.js";
 
 const STALLED = 250; // ms between two ticks
@@ -53,7 +53,7 @@ export class Sticks {
     this.keys.clear();
     this.cutSince = null;
     if (this.on) {
-      this.link.send(CENTRE, false, CAUSES[cause]);
+      this.link.send(CENTRE, false, cause);
       this.dropped = DROPS[cause];
     }
     this.refuse(DROPS[cause]);
@@ -111,7 +111,7 @@ export class Sticks {
     this.centred = centred;
     if (!this.link && (held || this.pad)) this.connect();
     if (!held) {
-      if (this.on) this.link.send(CENTRE, false, CAUSES.released);
+      if (this.on) this.link.send(CENTRE, false);
       if (this.on || this.why) this.refuse("");
     } else if (this.on) {
       if (this.link.overdue > LATE) this.drop("late");
@@ -127,7 +127,7 @@ export class Sticks {
   // A press of the button: whether it counts.
   begin(centred) {
     const why = this.editing ? "close the set-up of the pad first"
-      : document.hidden || !document.hasFocus() ? "this page has not the focus: click into it first"
+      : document.hidden || !document.hasFocus() ? "this page does not have the focus: click into it first"
       : !centred ? "centre all sticks and keys, then press again" : "";
     if (why) { this.refuse(why); return; }
     this.on = true;
@@ -143,7 +143,7 @@ export class Sticks {
       if (!this.on || detail.n <= this.since) return;
       this.note = detail.why;
       if (detail.on) return;
-      this.link.send(CENTRE, false, CAUSES.released);
+      this.link.send(CENTRE, false);
       this.dropped = detail.why;
       this.refuse(detail.why);
     });

@@ -1,8 +1,8 @@
 // The Tune tab: a step or doublet on one axis, drawn and judged from the vehicle's own log.
 
-import { get, request } from "../core/api.js";
+import { command, get, request } from "../core/api.js";
 import { flightButton } from "../core/flight_button.js";
-import { element, setText } from "../core/dom.js";
+import { attempt, element, optionsOf, setText, showNote } from "../core/dom.js";
 import { exact, words } from "../core/format.js";
 import { colorsOf, TunePlot } from "./plot.js";
 import { TuneRuns } from "./runs.js";
@@ -41,7 +41,7 @@ export class Tune {
   }
 
   build() {
-    const choice = (name, values) => element("select", { ariaLabel: name, onchange: () => this.change(name) }, ...values.map((value) => element("option", { value }, value)));
+    const choice = (name, values) => element("select", { ariaLabel: name, onchange: () => this.change(name) }, ...optionsOf(values));
     const number = (name, value, min, max, step) => element("input", { type: "number", ariaLabel: name, value, min, max, step, oninput: () => this.draw() });
     this.axis = choice("axis", AXES);
     this.shape = choice("shape", SHAPES);
@@ -139,14 +139,14 @@ export class Tune {
   }
 
   // Why no test can begin now; "" when one can.
-  get hindrance() {
+  get blockedReason() {
     const { status, control } = this.events.summary, holder = control?.holder ?? "";
-    if (!this.isOperator) return "Viewers watch; an operator flies tests.";
+    if (!this.isOperator) return "Viewers cannot run tests; ask an operator.";
     if (BUSY.includes(this.status.phase)) return "A test is under way.";
     if (!this.events.connected || !(this.events.age("status") < 1)) return "The vehicle's status is old; a test needs the link.";
     if (holder && holder !== this.session.label) return `${holder} has control; ask for it to fly a test.`;
     if (!status?.airborne) return "The vehicle is on the ground: take off first.";
-    if (status.behavior !== "hover") return `The vehicle does ${words(status.behavior)}; a test starts from hover.`;
+    if (status.behavior !== "hover") return `The vehicle's behaviour is ${words(status.behavior)}; a test starts from hover.`;
     return this.wrong;
   }
 
@@ -162,37 +162,30 @@ export class Tune {
   }
 
   async run() {
-    this.reason.hidden = true;
-    if (this.hindrance) { this.refuse(this.hindrance); return; }
+    if (this.blockedReason) { this.refuse(this.blockedReason); return; }
     this.start.disabled = true;
-    try { await request("POST", "/api/tuning/run", this.plan); } catch (error) { this.refuse(error.message); }
+    await attempt(this.reason, () => request("POST", "/api/tuning/run", this.plan));
     this.draw();
   }
 
-  async brake() {
-    try { await request("POST", "/api/commands/start_behavior", { name: "brake" }); } catch (error) { this.refuse(error.message); }
-  }
+  brake() { attempt(this.reason, () => command("start_behavior", { name: "brake" })); }
 
   async putBack(run) {
-    this.reason.hidden = true;
-    try {
+    await attempt(this.reason, async () => {
       const { applied, left } = await request("POST", `/api/tuning/runs/${encodeURIComponent(run.id)}/gains`, {});
       const names = Object.entries(applied).map(([name, value]) => `${name.split(".").slice(-2).join(".")} ${exact(value)}`);
       this.said = `Restored: ${names.join(", ")}${left.length ? `; unchanged: ${left.join(", ")}` : ""}`;
-    } catch (error) { this.refuse(error.message); }
+    });
     this.draw();
   }
 
-  refuse(text) {
-    this.reason.textContent = text;
-    this.reason.hidden = false;
-  }
+  refuse(text) { showNote(this.reason, text); }
 
   draw() {
-    const { status } = this, isBusy = BUSY.includes(status.phase), hindrance = this.hindrance;
+    const { status } = this, isBusy = BUSY.includes(status.phase), blockedReason = this.blockedReason;
     if (isBusy) this.said = "";
-    this.start.disabled = Boolean(hindrance);
-    this.start.title = hindrance || "jump, hold, jump back; ends in hover where it began";
+    this.start.disabled = Boolean(blockedReason);
+    this.start.title = blockedReason || "jump, hold, jump back; ends in hover where it began";
     this.stop.disabled = !this.isOperator || status.phase !== "flying";
     const percent = isBusy ? Math.round(100 * status.share) : 0;
     this.bar.style.width = `${percent}%`;
@@ -200,7 +193,7 @@ export class Tune {
     this.progress.classList.toggle("old", !this.events.connected);
     this.line.classList.toggle("amber", status.phase === "failed" || Boolean(status.phase === "done" && status.text));
     const last = status.phase === "idle" || (status.phase === "done" && !status.text) ? "" : `${SHOWN[status.phase]}${status.text ? `: ${status.text}` : ""}`;
-    setText(this.line, isBusy ? last : this.said || [last, hindrance].filter(Boolean).join(". ").replaceAll("..", "."));
+    setText(this.line, isBusy ? last : this.said || [last, blockedReason].filter(Boolean).join(". ").replaceAll("..", "."));
     for (const input of [this.axis, this.shape, this.amplitude, this.duration, this.repeats]) input.disabled = isBusy || !this.isOperator;
     this.amplitude.classList.toggle("invalid", this.wrong.startsWith("Amplitude"));
   }

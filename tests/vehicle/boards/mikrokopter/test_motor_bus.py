@@ -52,17 +52,17 @@ def test_all_four_are_asked_for_in_turn() -> None:
 
 def test_a_change_is_one_line_and_its_end_another() -> None:
     bus = MotorBus()
-    assert bus.take(Id.MOTOR_REFERENCE_1, 0) is None
-    line = bus.take(Id.MOTOR_REFERENCE_2, NO_ANSWER)
+    assert bus.receive(Id.MOTOR_REFERENCE_1, 0) is None
+    line = bus.receive(Id.MOTOR_REFERENCE_2, NO_ANSWER)
     assert line is not None
     assert "no answer from the controller of motor left on the motors' bus" in line
-    assert bus.take(Id.MOTOR_REFERENCE_2, NO_ANSWER) is None
-    line = bus.take(Id.MOTOR_REFERENCE_4, NO_ANSWER)
+    assert bus.receive(Id.MOTOR_REFERENCE_2, NO_ANSWER) is None
+    line = bus.receive(Id.MOTOR_REFERENCE_4, NO_ANSWER)
     assert line is not None
     assert "controllers of motors left and right" in line
-    assert bus.take(Id.BATTERY, NO_ANSWER) is None
-    bus.take(Id.MOTOR_REFERENCE_2, 0)
-    line = bus.take(Id.MOTOR_REFERENCE_4, 12)
+    assert bus.receive(Id.BATTERY, NO_ANSWER) is None
+    bus.receive(Id.MOTOR_REFERENCE_2, 0)
+    line = bus.receive(Id.MOTOR_REFERENCE_4, 12)
     assert line is not None
     assert "answer again" in line
     assert bus.missing == ()

@@ -13,7 +13,7 @@ import pytest
 
 from console.catalogue.catalogue import Catalogue
 from console.trackers.camera_figures import Figures
-from estimation.tags.marked_picture import marked_picture
+from estimation.tags.detector import marked_picture
 from tests.support.runs import run_entry
 from vehicle_link.messages import decode, new
 from vehicle_link.topics import PICTURE, encode_picture
@@ -359,7 +359,7 @@ def test_the_cameras_picture_is_shown_while_the_tab_is_open_and_its_silence_is_t
     look.text("#beacons-camera .reason", "^tag 3 is seen twice$")
     # No more pictures arrive, and then no more statuses.
     look.text("#beacons-camera .quiet", r"^No picture for [3-9] s$")
-    look.text("#beacons-camera figcaption", "process is silent")
+    look.text("#beacons-camera figcaption", "No data from the camera's process")
     look.has_class("#beacons-camera", "stale")
     tab.click("[data-tab=fly]")
     until(lambda: station.forwarded == set())

@@ -169,7 +169,7 @@ def test_a_result_stands_beside_what_was_and_is_in_force_once_accepted(
     see.has_class("#open-calibrate", "waits")
     tab.click(".outcome button:text-is('Accept')")
     see.text(".outcome .said", "^✓ Accepted. It is in force")
-    see.text(".outcome caption >> nth=0", "^What it was and became$")
+    see.text(".outcome caption >> nth=0", "^Values before and after$")
     see.text(f"{FOUND} >> nth=0", r"^xx1\.00001\.0042\+0\.42 %$")
     see.text(f"{ROWS} >> nth=1", "^Accelerometertoday .*within$")
     assert bench.station.store.get("imu.accelerometer_xx") == 1.0042
@@ -204,7 +204,7 @@ def test_a_viewer_looks_and_what_is_old_is_grey(
 ) -> None:
     page = open_tab(site.cookies_of(viewer))
     see = look_at(page)
-    see.text(LINE, "^Viewers watch; an operator calibrates.$")
+    see.text(LINE, "^Viewers cannot calibrate; ask an operator.$")
     bench.status = calibrating.told("accelerometer", instruction="Hold it", question="Ready?")
     see.text(".run .instruction", "^Hold it$")
     buttons = page.locator(f"{TAB} button >> visible=true").all()

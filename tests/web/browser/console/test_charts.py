@@ -211,7 +211,10 @@ def test_a_derived_signal_is_charted_over_another_and_stays_after_a_reload(
 
 
 # ---------------------------------------------------------------------- pause, zoom, cursor
-def test_the_space_bar_pauses_and_still_presses_a_focused_button(page: Any, look: Any) -> None:
+def test_the_space_bar_pauses_and_still_presses_a_focused_button(
+    kept_page: Any, look_at: Any, flying: Any
+) -> None:
+    page, look = kept_page, look_at(kept_page)
     look.text("#chart-0 .legend output >> nth=0", r"\d")
     page.mouse.click(700, 300)
     page.evaluate("document.activeElement.blur()")
@@ -228,46 +231,10 @@ def test_the_space_bar_pauses_and_still_presses_a_focused_button(page: Any, look
     look.text("#charts .bar button >> nth=0", "^Pause$")
 
 
-def test_drag_and_wheel_zoom_within_bounds_and_a_double_click_comes_back(
-    page: Any, look: Any
-) -> None:
-    look.text("#chart-0 .legend output >> nth=0", r"\d")
-    box = page.locator("#chart-0 .plot").bounding_box()
-    page.mouse.move(box["x"] + 200, box["y"] + 60)
-    page.mouse.down()
-    page.mouse.move(box["x"] + 300, box["y"] + 70, steps=3)
-    page.mouse.up()
-    look.text("#charts .state", r"paused .*, \d+(\.\d)? s shown")
-    shown = re.search(r", ([\d.]+) s shown", page.inner_text("#charts .state"))
-    assert shown is not None
-    assert 2.0 < float(shown[1]) < 15.0
-    page.mouse.dblclick(box["x"] + 200, box["y"] + 60)
-    look.text("#charts .state", r"^paused for \d\d:\d\d$")
-    page.click("#charts .bar button >> nth=0")
-    page.mouse.move(box["x"] + 200, box["y"] + 60)
-    page.mouse.wheel(0, -3000)
-    look.value("#charts select >> nth=0", "5")
-    page.mouse.wheel(0, 6000)
-    look.value("#charts select >> nth=0", "600")
-
-
-def test_the_cursor_is_shared_and_its_values_are_read_out(
-    page: Any, look: Any, flying: Any
-) -> None:
-    look.text("#chart-0 .legend output >> nth=0", r"^1\.000$")
-    page.focus("#chart-0 .plot")
-    page.keyboard.press("Space")
-    page.keyboard.press("ArrowLeft")
-    for chart in ("#chart-0", "#chart-1"):
-        page.wait_for_selector(f"{chart} .cursor:not([hidden])", state="attached")
-    look.text("#chart-1 .legend output >> nth=2", r"\d|–")
-    page.keyboard.press("Escape")
-    page.wait_for_selector("#chart-1 .cursor[hidden]", state="attached")
-
-
 def test_a_hidden_page_draws_nothing_and_has_it_all_when_it_is_back(
-    page: Any, look: Any, until: Callable[..., None]
+    kept_page: Any, look_at: Any, flying: Any, until: Callable[..., None]
 ) -> None:
+    page, look = kept_page, look_at(kept_page)
     look.text("#chart-0 .legend output >> nth=0", r"\d")
     page.evaluate("""() => {
       window.strokes = 0;
@@ -289,6 +256,45 @@ def test_a_hidden_page_draws_nothing_and_has_it_all_when_it_is_back(
     ), "it would draw six times in this time"
     page.evaluate("window.away = false")
     until(lambda: page.evaluate("window.strokes") > 0)
+
+
+def test_the_cursor_is_shared_and_its_values_are_read_out(
+    kept_page: Any, look_at: Any, flying: Any
+) -> None:
+    page, look = kept_page, look_at(kept_page)
+    look.text("#chart-0 .legend output >> nth=0", r"^1\.000$")
+    page.focus("#chart-0 .plot")
+    page.keyboard.press("Space")
+    page.keyboard.press("ArrowLeft")
+    for chart in ("#chart-0", "#chart-1"):
+        page.wait_for_selector(f"{chart} .cursor:not([hidden])", state="attached")
+    look.text("#chart-1 .legend output >> nth=2", r"\d|–")
+    page.keyboard.press("Escape")
+    page.wait_for_selector("#chart-1 .cursor[hidden]", state="attached")
+
+
+def test_drag_and_wheel_zoom_within_bounds_and_a_double_click_comes_back(
+    kept_page: Any, look_at: Any, flying: Any
+) -> None:
+    page, look = kept_page, look_at(kept_page)
+    look.text("#chart-0 .legend output >> nth=0", r"\d")
+    box = page.locator("#chart-0 .plot").bounding_box()
+    page.mouse.move(box["x"] + 200, box["y"] + 60)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 300, box["y"] + 70, steps=3)
+    page.mouse.up()
+    look.text("#charts .state", r"paused .*, \d+(\.\d)? s shown")
+    shown = re.search(r", ([\d.]+) s shown", page.inner_text("#charts .state"))
+    assert shown is not None
+    assert 2.0 < float(shown[1]) < 15.0
+    page.mouse.dblclick(box["x"] + 200, box["y"] + 60)
+    look.text("#charts .state", r"^paused for \d\d:\d\d$")
+    page.click("#charts .bar button >> nth=0")
+    page.mouse.move(box["x"] + 200, box["y"] + 60)
+    page.mouse.wheel(0, -3000)
+    look.value("#charts select >> nth=0", "5")
+    page.mouse.wheel(0, 6000)
+    look.value("#charts select >> nth=0", "600")
 
 
 # ---------------------------------------------------------------------- choice and layouts

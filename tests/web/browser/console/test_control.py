@@ -4,6 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
+
+@pytest.fixture
+def page(kept_page: Any, flying: Any) -> Any:
+    return kept_page
+
 
 def test_the_page_says_who_has_control_and_asks_for_it(page: Any, look: Any, station: Any) -> None:
     me = page.inner_text("#who")
@@ -36,7 +43,11 @@ def test_control_that_is_not_known_is_not_shown_as_free(page: Any, look: Any, st
     look.text("#control", "not known")  # after 2 s without a report of the station
 
 
-def test_a_first_visit_explains_itself_and_the_help_is_one_key_away(page: Any, look: Any) -> None:
+def test_a_first_visit_explains_itself_and_the_help_is_one_key_away(
+    open_page: Any, site: Any, flying: Any, look_at: Any
+) -> None:
+    page = open_page(site)
+    look = look_at(page)
     look.text("#help-panel", "Your first flight.*Hold Arm")
     assert page.is_enabled("#emergency-land")  # nothing covers the bar
     page.click("#emergency-land", trial=True)

@@ -17,16 +17,6 @@ RUN = "20260131T093042Z_quad1"
 START, FINISH, STOP = (f"#experiment .act button >> nth={n}" for n in range(3))
 
 
-class NoFiles:
-    """No experiments of users."""
-
-    def described(self) -> list[Any]:
-        return []
-
-    def find(self, name: str) -> None:
-        return None
-
-
 @pytest.fixture
 def section(
     page: Any, station: Any, until: Callable[..., None], monkeypatch: pytest.MonkeyPatch
@@ -36,7 +26,7 @@ def section(
 
     def call(service: str, request: Any) -> Any:
         if service == "experiment" and request.action == "describe":
-            return describe("quad1", NoFiles())
+            return describe("quad1", [])
         return plain(service, request)
 
     fly = station.fly

@@ -13,6 +13,11 @@ from web.live.latest import STALE
 MARK = "getComputedStyle(document.querySelector('{}'), '::before').content"
 
 
+@pytest.fixture
+def page(kept_page: Any, flying: Any) -> Any:
+    return kept_page
+
+
 def marked(page: Any, selector: str) -> bool:
     """Return whether an element carries the mark of old values, in addition to its colour."""
     return bool(page.evaluate(MARK.format(selector)) == '"○"')
@@ -180,9 +185,10 @@ def test_the_link_tab_tells_figures_state_outages_and_the_loop_on_board(
 
 
 def test_a_link_is_plotted_while_the_tab_was_closed(
-    page: Any, look: Any, link: Any, until: Callable[..., None]
+    open_page: Any, site: Any, flying: Any, look_at: Any, link: Any, until: Callable[..., None]
 ) -> None:
-    look.text("#link", "ms")
+    page = open_page(site)
+    look_at(page).text("#link", "ms")
     page.wait_for_timeout(600)  # samples arrive five times a second
     page.click("[data-tab=link]")
     drawn = """() => { const c = document.querySelector('#tab-link canvas');

@@ -54,7 +54,7 @@ def test_a_test_begins_in_hover_only_and_the_page_says_why_not(
     seen.text(LINE, "on the ground: take off first")
     assert tab.is_disabled(RUN)
     vehicle.airborne, vehicle.behavior = True, "fly_to"
-    seen.text(LINE, "The vehicle does fly to; a test starts from hover")
+    seen.text(LINE, "The vehicle's behaviour is fly to; a test starts from hover")
     vehicle.behavior = "hover"
     tune_site.station.control("operator 9")
     seen.text(LINE, "operator 9 has control; ask for it")
@@ -140,7 +140,7 @@ def test_a_viewer_sees_tests_and_flies_none(
     page.goto(url)
     page.wait_for_selector("#behaviors button")
     page.click("[data-tab=tune]")
-    look_at(page).text(LINE, "Viewers watch")
+    look_at(page).text(LINE, "Viewers cannot run tests")
     look_at(page).text(".figures-of-tests thead", "A")
     for button in (RUN, BRAKE, ".gains-of-tests button >> nth=0", ".tests .remove >> nth=0"):
         assert page.is_disabled(button)

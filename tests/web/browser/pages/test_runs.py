@@ -14,8 +14,8 @@ import pytest
 from sqlalchemy import delete
 
 from console.catalogue.catalogue import Catalogue
-from console.catalogue.completeness import Completeness, keep_completeness
-from console.catalogue.marks import Mark, keep_mark
+from console.catalogue.completeness import Completeness, store_completeness
+from console.catalogue.marks import Mark, store_mark
 from console.catalogue.notes import notes_history, write_notes
 from console.catalogue.tables import RunRow
 from console.catalogue.tags import change_tags, tags_of
@@ -339,7 +339,7 @@ def test_two_runs_can_be_laid_over_each_other_and_enter_replays_one(
 
 
 def test_marks_lead_into_the_replay(runs: Catalogue, runs_page: Any, sees: Any) -> None:
-    keep_mark(runs, Mark(THIRD, "mark-0001", 5, 12.345, "gust from the door", "anna"))
+    store_mark(runs, Mark(THIRD, "mark-0001", 5, 12.345, "gust from the door", "anna"))
     runs_page.click("#run-2 .start")
     sees.value("#detail .marks input", "gust from the door")
     link = runs_page.locator("#detail .marks a")
@@ -432,7 +432,7 @@ def test_a_run_shows_what_it_lacks_and_how_far_filling_it_is(
         (THIRD, Completeness("complete", 0.0, 0.0, 63.0, f"31500 ticks, compared with {log}")),
     ):
         runs.update(name, complete=True, recovered=False)
-        keep_completeness(runs, name, found)
+        store_completeness(runs, name, found)
     page = open_runs()
     sees = look_at(page)
     restored = r"complete \(3.2 s restored\)"

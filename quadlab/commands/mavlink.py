@@ -1,0 +1,136 @@
+"""`quadlab mavlink`: lets ground stations and programs that speak MAVLink fly the vehicle."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from quadlab.commands.option_types import File, Flag, Folder
+from quadlab.data_folder import open_data_folder
+from quadlab.vehicle_names import THE_VEHICLE, check_name
+from quadrotor.errors import LinkError, UsageError
+
+if TYPE_CHECKING:
+    from quadlab.mavlink.gateway import Gateway
+    from quadlab.mavlink.link import Link, Peer
+    from quadlab.station_client import StationClient
+
+LIBRARY = "pymavlink"
+USUAL = ("udpout:127.0.0.1:14550", "udpout:127.0.0.1:14540")
+
+
+@dataclass
+class Mavlink:
+    """Let QGroundControl, MAVSDK and others fly the vehicle over MAVLink 2."""
+
+    connection: Annotated[
+        tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="CONNECTION")
+    ] = USUAL
+    """udpin:ADDRESS:PORT listens there, udpout:ADDRESS:PORT sends there; the usual ones are where
+    QGroundControl and MAVSDK listen"""
+    viewers: Flag = False
+    """send telemetry only: nobody may command, except an emergency landing"""
+    passphrase: File = None
+    """a file with the passphrase of signed messages; others are refused"""
+    unsigned: Flag = False
+    """accept unsigned messages from other computers, too: anybody in the network can fly"""
+    origin: Annotated[str, tyro.conf.arg(metavar="LAT,LON,ALT")] = "47.397742,8.545594,0"
+    """where on Earth the world's origin is said to be"""
+    data: Folder = None
+    """data folder, of the runs to download"""
+    loopback_port: int = 7447
+    """TCP port of the station's session on loopback; --link-port of `quadlab up`"""
+    name: str = THE_VEHICLE
+    """namespace of the vehicle's topics"""
+
+    def run(self) -> int:
+        check_name(self.name)
+        if importlib.util.find_spec(LIBRARY) is None:
+            raise UsageError(
+                f"MAVLink needs the package {LIBRARY}; install it with `scripts/setup mavlink`"
+            )
+        from quadlab.mavlink.link import check_reach, parse_endpoint
+
+        endpoints = [parse_endpoint(word) for word in self.connection or USUAL]
+        secret = "" if self.passphrase is None else _passphrase(self.passphrase)
+        check_reach(endpoints, self.unsigned or bool(secret))
+        from quadlab.mavlink.frames import parse_origin
+        from quadlab.mavlink.link import Link
+        from quadlab.station_client import StationClient
+        from vehicle_link import clock
+        from vehicle_link.lockstep import page_at
+        from vehicle_link.termination_signal import EndSignal
+        from vehicle_link.transport.session import loopback_session
+
+        origin = parse_origin(self.origin)
+        stopping = EndSignal()
+        session: Any = None
+        while session is None:
+            try:
+                session = loopback_session(self.loopback_port)
+            except LinkError as error:
+                say(f"{error}; trying again")
+                if stopping.wait(1.0):
+                    return 0
+        if clock.page() is None:
+            clock.follow(page_at(self.loopback_port))
+
+        def open_link(has_left: Callable[[Peer], None]) -> Link:
+            return Link(endpoints, secret, say, has_left)
+
+        client = StationClient(session, self.name, "mavlink")
+        try:
+            gateway = self._gateway(
+                client, lambda who: StationClient(session, self.name, who), open_link, origin
+            )
+            say(f"{self.name} at {', '.join(self.connection or USUAL)}")
+            gateway.run(stopping)
+        finally:
+            client.close()
+            session.close()
+        return 0
+
+    def _gateway(
+        self,
+        client: StationClient,
+        connect: Callable[[str], StationClient],
+        open_link: Callable[[Callable[[Peer], None]], Link],
+        origin: Any,
+    ) -> Gateway:
+        from console.catalogue.catalogue import Catalogue
+        from quadlab.mavlink.gateway import Gateway
+        from quadlab.mavlink.logs import Logs
+        from quadlab.mavlink.vehicle import Vehicle
+
+        return Gateway(
+            open_link,
+            Vehicle(client),
+            connect,
+            Logs(Catalogue(open_data_folder(self.data)), self.name),
+            client.advertise("external_reference"),
+            client.listen("parameter_changes"),
+            client.listen("events"),
+            origin,
+            viewers=self.viewers,
+            say=say,
+        )
+
+
+def say(line: str) -> None:
+    """Print a line of this process."""
+    print(f"mavlink: {line}", flush=True)
+
+
+def _passphrase(file: Path) -> str:
+    try:
+        words = file.read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"--passphrase {file} cannot be read: {error}") from None
+    if len(words) < 8:
+        raise UsageError(f"--passphrase {file} has {len(words)} characters; give 8 or more")
+    return words

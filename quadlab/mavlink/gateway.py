@@ -1,0 +1,357 @@
+"""The gateway: what arrives from ground stations, and what each message does.
+
+One thread reads, answers and sends; requests to the station wait in the threads of `operators`, and
+their answers are delivered here. The gateway only asks: the station's lease and the vehicle decide.
+"""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from quadlab.mavlink.commands import Wanted, behavior, wanted_of
+from quadlab.mavlink.dialect import mavlink
+from quadlab.mavlink.frames import Origin
+from quadlab.mavlink.link import MOST, Link, Peer
+from quadlab.mavlink.logs import Logs
+from quadlab.mavlink.missions import MissionFlight, Missions
+from quadlab.mavlink.offboard import Offboard, Sender, set_point_of
+from quadlab.mavlink.operators import UNANSWERED, Connect, Operator
+from quadlab.mavlink.parameter_server import ParameterServer
+from quadlab.mavlink.telemetry import Telemetry
+from quadlab.mavlink.vehicle import Vehicle
+from quadrotor.errors import RefusedError, StorageError
+from vehicle_link.clock import monotonic_ns
+from vehicle_link.parameters.messages import to_parameters
+from vehicle_link.termination_signal import Ending
+
+PERIOD = 0.01
+"""Longest wait, in s, for a message before what is due is sent."""
+AT_ONCE = 20
+"""Messages of a list or a log that are sent to one ground station in one turn."""
+REPEATED = 1.0
+"""Seconds in which the same command again is a repetition: it gets the same answer."""
+ANSWERS_MOST = 100
+NOT_FLOWN = {
+    "SET_ATTITUDE_TARGET": "set-points of attitude are not flown; send position or velocity",
+    "MANUAL_CONTROL": "sticks are not taken over MAVLink; use the page's",
+    "LOG_ERASE": "runs are deleted on the Runs page alone",
+}
+VIEWER = "ground stations are viewers here; start quadlab mavlink without --viewers to let them fly"
+
+Answered = Callable[[str], None]
+"""Called with the reason of a refusal, or ""."""
+
+
+@dataclass
+class Answer:
+    """The answer to a command; its result is None while it is awaited."""
+
+    sent: bytes
+    result: int | None
+    at: float
+
+
+class Gateway:
+    """Composes the parts.
+
+    Args:
+        open_link: opens the sockets; is given what to call when a ground station has left.
+        connect: returns a client of the station for a requester.
+        references: publisher of external references.
+        changes, events: queues of the messages of parameter_changes and events.
+        viewers: nobody may command; emergencies that land are open to all.
+        say: prints a line.
+    """
+
+    def __init__(
+        self,
+        open_link: Callable[[Callable[[Peer], None]], Link],
+        vehicle: Vehicle,
+        connect: Connect,
+        logs: Logs,
+        references: Sender,
+        changes: queue.SimpleQueue[Any],
+        events: queue.SimpleQueue[Any],
+        origin: Origin,
+        *,
+        viewers: bool,
+        say: Callable[[str], None],
+    ) -> None:
+        self._vehicle, self._connect, self._origin = vehicle, connect, origin
+        self._logs, self._events, self._viewers, self._print = logs, events, viewers, say
+        self._results: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._operators: dict[str, Operator] = {}
+        self._parameters = ParameterServer(changes, self.say)
+        self._offboard = Offboard(vehicle, references, self._offboard_ended)
+        self._telemetry = Telemetry(vehicle, origin)
+        self._missions = Missions(origin, self._may_upload, self.say)
+        self._flight: MissionFlight | None = None
+        self._answers: dict[tuple[str, int], Answer] = {}
+        self._link = open_link(self._left)
+        self._handlers: dict[str, Callable[[Peer, Any], None]] = {
+            "COMMAND_LONG": self._command,
+            "COMMAND_INT": self._command,
+            "SET_POSITION_TARGET_LOCAL_NED": self._set_point,
+            "SET_POSITION_TARGET_GLOBAL_INT": self._set_point,
+            "PARAM_REQUEST_LIST": self._list_parameters,
+            "PARAM_REQUEST_READ": self._read_parameter,
+            "PARAM_SET": self._set_parameter,
+            "LOG_REQUEST_LIST": self._list_logs,
+            "LOG_REQUEST_DATA": self._send_log,
+            "LOG_REQUEST_END": self._end_log,
+            "TIMESYNC": self._time,
+        }
+
+    def run(self, stopping: Ending) -> None:
+        """Run until `stopping`."""
+        try:
+            while not stopping.wait(0.0):
+                self.turn(PERIOD)
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """Send no more references, and give up control."""
+        self._offboard.end()
+        for operator in self._operators.values():
+            operator.close()
+        self._link.close()
+
+    def turn(self, wait: float) -> None:
+        """Handle what has arrived, within `wait` s, and send what is due."""
+        for peer, message in self._link.receive(wait):
+            self._take(peer, message)
+        while not self._results.empty():
+            self._results.get()()
+        self._link.forget_silent()
+        now = time.monotonic()
+        self._missions.tick(now)
+        if self._flight is not None:
+            self._flight.tick(now)
+        while not self._events.empty():
+            event = self._events.get()
+            for message in self._telemetry.texts(str(event.msg), int(event.level)):
+                self._tell(message)
+        for message in self._parameters.changed():
+            self._tell(message)
+        for peer in self._link.peers:
+            self._telemetry.send_due(peer, now)
+            self._send_waiting(peer)
+
+    def say(self, peer: Peer, line: str, level: int = 30) -> None:
+        """Print a line about a ground station, and send it there as text."""
+        self._link.complain(peer, line, f"{peer.name}: {line}")
+        for message in self._telemetry.texts(line, level):
+            peer.send(message)
+
+    def _tell(self, message: Any) -> None:
+        for peer in self._link.peers:
+            peer.send(message)
+
+    # ------------------------------------------------------------------ messages
+    def _take(self, peer: Peer, message: Any) -> None:
+        kind = message.get_type()
+        if kind.startswith("MISSION_"):
+            self._missions.take(peer, message, time.monotonic())
+        elif kind in NOT_FLOWN and peer.is_new(kind, time.monotonic()):
+            self.say(peer, NOT_FLOWN[kind])
+        elif (handler := self._handlers.get(kind)) is not None:
+            try:
+                handler(peer, message)
+            except (RefusedError, StorageError) as error:
+                if not kind.startswith("SET_") or peer.is_new(str(error), time.monotonic()):
+                    self.say(peer, str(error))
+
+    def _command(self, peer: Peer, message: Any) -> None:
+        command, sent = message.command, bytes(message.get_payload())
+        known, now = self._answers.get((peer.name, command)), time.monotonic()
+        if known is not None and (
+            known.result is None or (known.sent == sent and now - known.at < REPEATED)
+        ):
+            self._acknowledge(peer, command, known.result)
+            return
+        if len(self._answers) > ANSWERS_MOST:
+            awaited = {key: one for key, one in self._answers.items() if one.result is None}
+            self._answers = awaited
+        answer = self._answers[peer.name, command] = Answer(sent, None, now)
+
+        def finish(result: int, reason: str = "") -> None:
+            answer.result, answer.at = result, time.monotonic()
+            self._acknowledge(peer, command, result)
+            if reason:
+                self.say(peer, reason)
+
+        def answered(reason: str) -> None:
+            failed = reason.startswith(UNANSWERED)
+            bad = mavlink.MAV_RESULT_FAILED if failed else mavlink.MAV_RESULT_DENIED
+            finish(bad if reason else mavlink.MAV_RESULT_ACCEPTED, reason)
+
+        try:
+            wanted = wanted_of(message, self._origin)
+            if wanted is None or not self._do(peer, wanted, answered):
+                finish(mavlink.MAV_RESULT_UNSUPPORTED)
+        except RefusedError as error:
+            answered(str(error))
+        if answer.result is None:
+            self._acknowledge(peer, command, None)
+
+    def _acknowledge(self, peer: Peer, command: int, result: int | None) -> None:
+        shown = mavlink.MAV_RESULT_IN_PROGRESS if result is None else result
+        peer.send(mavlink.MAVLink_command_ack_message(command, shown, 255, 0, peer.system, 0))
+
+    def _do(self, peer: Peer, wanted: Wanted, then: Answered) -> bool:
+        """Do what is wanted; `then` is called at once or later. Return whether it is known.
+
+        Raises RefusedError.
+        """
+        service, fields = wanted
+        if service in ("message", "period"):
+            does = self._telemetry.send if service == "message" else self._telemetry.set_period
+            is_known = does(peer, **fields)
+            if is_known:
+                then("")
+            return is_known
+        if self._viewers and fields.get("action") != "land":
+            raise RefusedError(VIEWER)
+        if service == "mission":
+            self._fly_mission(peer, then)
+        elif service == "external":
+            self._with_parameters(peer, partial(self._fly_offboard, peer, then), then)
+        else:
+            if service == "start_behavior":
+                fields = {**fields, "arguments": to_parameters(fields["arguments"])}
+            self._operator(peer.name).ask(lambda _, reason: then(reason), service, **fields)
+        return True
+
+    def _operator(self, name: str) -> Operator:
+        if name not in self._operators:
+            if len(self._operators) >= MOST:
+                raise RefusedError(f"{MOST} ground stations command already; close one")
+            self._operators[name] = Operator(name, self._connect, self._results)
+        return self._operators[name]
+
+    # ------------------------------------------------------------------ flights
+    def _set_point(self, peer: Peer, message: Any) -> None:
+        if self._viewers:
+            raise RefusedError(VIEWER)
+        self._offboard.take(peer.name, set_point_of(message, self._origin, monotonic_ns()))
+
+    def _fly_offboard(self, peer: Peer, then: Answered) -> None:
+        """Send references, then ask for the behavior that flies them."""
+
+        def answered(_: Any, reason: str) -> None:
+            if reason:
+                self._offboard.end()
+            else:
+                self._offboard.accepted()
+            then(reason)
+
+        try:
+            self._offboard.begin(peer.name, self._parameters.values)
+            self._operator(peer.name).start(answered, self._offboard.ask)
+        except RefusedError as error:
+            then(str(error))
+
+    def _offboard_ended(self, who: str, line: str) -> None:
+        """Tell the end of an offboard flight; called in its thread."""
+
+        def tell() -> None:
+            for peer in self._link.peers:
+                if peer.name == who:
+                    self.say(peer, line)
+
+        self._results.put(tell)
+
+    def _fly_mission(self, peer: Peer, then: Answered) -> None:
+        steps = self._missions.steps
+        if not steps:
+            raise RefusedError("there is no mission; upload one first")
+        if self._flight is not None and not self._flight.is_over:
+            raise RefusedError(f"{self._flight.who} flies a mission already")
+        if steps[0].behavior == "take_off" and self._vehicle.behavior not in ("ground", ""):
+            steps = steps[1:]
+
+        def ask(name: str, arguments: dict[str, Any], answered: Answered) -> None:
+            self._do(peer, behavior(name, **arguments), answered)
+
+        said = partial(self.say, peer, level=20)
+        self._flight = MissionFlight(peer.name, steps, self._vehicle, ask, self._tell, said)
+        self._flight.begin(then)
+
+    def _may_upload(self, peer: Peer) -> str:
+        holder = self._vehicle.holder
+        if self._viewers:
+            return VIEWER
+        return "" if holder in ("", peer.name) else f"{holder} has control"
+
+    def _left(self, peer: Peer) -> None:
+        """Release what a ground station holds that has fallen silent; nothing stops a behavior."""
+        self._offboard.left(peer.name)
+        if self._flight is not None and self._flight.who == peer.name:
+            self._flight.end("mission ended: its ground station has left")
+        if (operator := self._operators.pop(peer.name, None)) is not None:
+            operator.close()
+        self._answers = {key: one for key, one in self._answers.items() if key[0] != peer.name}
+
+    # ------------------------------------------------------------------ parameters, logs, time
+    def _with_parameters(
+        self, peer: Peer, then: Callable[[], None], failed: Answered | None = None
+    ) -> None:
+        """Call `then` when the vehicle's parameters are known."""
+        if self._parameters.is_loaded:
+            then()
+            return
+
+        def loaded(answer: Any, reason: str) -> None:
+            if reason:
+                (failed or partial(self.say, peer))(reason)
+                return
+            for name in self._parameters.load(*answer):
+                self._print(f"parameter {name} has no short name of its own and is left out")
+            then()
+
+        self._operator(peer.name).start(
+            loaded, lambda client: (client.descriptions(), client.parameters())
+        )
+
+    def _list_parameters(self, peer: Peer, message: Any) -> None:
+        self._with_parameters(peer, partial(self._parameters.list_to, peer))
+
+    def _read_parameter(self, peer: Peer, message: Any) -> None:
+        self._with_parameters(peer, partial(self._parameters.read, peer, message))
+
+    def _set_parameter(self, peer: Peer, message: Any) -> None:
+        if self._viewers:
+            self._parameters.refuse(peer, message.param_id, VIEWER)
+            return
+        operator = self._operator(peer.name)
+        self._with_parameters(peer, partial(self._parameters.set, peer, operator, message))
+
+    def _list_logs(self, peer: Peer, message: Any) -> None:
+        peer.waiting["logs"] = self._logs.listed(message.start, message.end)
+
+    def _send_log(self, peer: Peer, message: Any) -> None:
+        peer.waiting["log"] = self._logs.pieces(message.id, message.ofs, message.count)
+
+    def _end_log(self, peer: Peer, message: Any) -> None:
+        peer.waiting.pop("log", None)
+
+    def _send_waiting(self, peer: Peer) -> None:
+        for name, messages in list(peer.waiting.items()):
+            try:
+                for _ in range(AT_ONCE):
+                    peer.send(next(messages))
+            except StopIteration:
+                del peer.waiting[name]
+            except StorageError as error:
+                del peer.waiting[name]
+                self.say(peer, str(error))
+
+    def _time(self, peer: Peer, message: Any) -> None:
+        if message.tc1 == 0:
+            peer.send(mavlink.MAVLink_timesync_message(monotonic_ns(), message.ts1))

@@ -1,0 +1,56 @@
+"""Every parameter of the vehicle has one short name, and its values survive four bytes."""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+
+import pytest
+
+from quadlab.mavlink.parameter_names import INT32, decoded, encoded, has_short_name, short_name
+from quadrotor.errors import WrongTypeError
+from quadrotor.parameters import ParameterDescription, ParameterStore
+from vehicle.parameters import new_parameters
+
+STORE = ParameterStore(new_parameters())
+DESCRIPTIONS = STORE.descriptions()
+
+
+def test_no_two_parameters_have_the_same_short_name() -> None:
+    counts = Counter(short_name(one.name) for one in DESCRIPTIONS)
+    assert [name for name, count in counts.items() if count > 1] == []
+    assert all(len(name) <= 16 and name.isascii() for name in counts)
+
+
+def test_a_short_name_is_a_function_of_the_name_alone() -> None:
+    assert short_name("control.position.kp_xy") == "C_POSITION_KP_XY"
+    assert short_name("behavior.trajectory_speed_max") == "B_TRJC_SPEED_MAX"
+
+
+@pytest.mark.parametrize(
+    "one", [d for d in DESCRIPTIONS if has_short_name(d)], ids=lambda one: one.name
+)
+def test_the_default_comes_back_as_it_was(one: ParameterDescription) -> None:
+    sent, kind = encoded(one, one.default)
+    as_received = struct.unpack("<f", struct.pack("<f", sent))[0]
+    found = decoded(one, as_received, kind)
+    if one.type == "float" and len(str(one.default)) > 8:  # more digits than four bytes have
+        assert found == pytest.approx(one.default, rel=1e-6)
+    else:
+        assert found == one.default
+
+
+def test_a_negative_integer_comes_back_as_it_was() -> None:
+    one = next(d for d in DESCRIPTIONS if d.type == "int")
+    for value in (-1, -7, 0, 2**30):
+        sent, kind = encoded(one, value)
+        assert decoded(one, struct.unpack("<f", struct.pack("<f", sent))[0], kind) == value
+
+
+def test_a_number_that_is_no_choice_is_refused_with_the_choices() -> None:
+    one = next(d for d in DESCRIPTIONS if d.name == "estimation.shadow_source")
+    with pytest.raises(WrongTypeError, match=r"is 9; there are 0 same, 1 poses"):
+        decoded(one, struct.unpack("<f", struct.pack("<i", 9))[0], INT32)
+    gain = next(d for d in DESCRIPTIONS if d.name == "control.position.kp_xy")
+    with pytest.raises(WrongTypeError, match="is a float; it was sent as type 6"):
+        decoded(gain, 1.0, INT32)

@@ -1,0 +1,80 @@
+"""Changes of parameters that the vehicle makes by itself.
+
+It leaves an estimator that its measurements contradict, bearings that are not good enough to fly
+on, and a plugin that failed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from control.parameters import GEOMETRIC, NONE
+from vehicle.estimators.bearings_guard import BearingsGuard
+from vehicle.estimators.navigation import Navigation
+from vehicle.estimators.rescue import Rescue
+from vehicle.flight.configuration import Configuration
+from vehicle.flight.control_law import ControlLaw
+from vehicle.flight.mode_machine import ModeMachine
+from vehicle.flight.modes import FLYING, Mode
+from vehicle.flight.tick_record import Outbox, TickRecord
+from vehicle.laws.laws import LAW, SHADOW_LAW
+from vehicle.processes import mailbox
+
+
+@dataclass(kw_only=True, eq=False)
+class AutomaticChanges:
+    """The three checks of one tick, each right after what it judges."""
+
+    tick: TickRecord
+    outbox: Outbox
+    configuration: Configuration
+    modes: ModeMachine
+    navigation: Navigation
+    rescue: Rescue
+    guard: BearingsGuard
+    law: ControlLaw
+
+    def check_estimators(self) -> None:
+        """Change to the shadow estimator, or back from it, when that is due."""
+        navigation, flying = self.navigation, self.modes.mode in FLYING
+        for external in navigation.externals:
+            for line in external.news(flying):
+                self.outbox.say(line)
+        if not (navigation.measured or navigation.externals):
+            return
+        change = self.rescue.check(self.tick.stamp_ns)
+        if change is not None:
+            self.outbox.say(change.why, change.level)
+            self.configuration.apply_own(change.values)
+            navigation.take_over(self.tick.state)
+
+    def check_bearings(self) -> None:
+        """End a flight on bearings as the guard requests."""
+        if not self.guard.on:
+            return
+        change = self.guard.step(armed=self.modes.mode is Mode.ARMED)
+        if change is None:
+            return
+        if change.values:
+            self.outbox.say(change.why, change.level)
+            self.configuration.apply_own(change.values)
+        else:
+            self.modes.land(change.why)
+
+    def check_law(self) -> None:
+        """Report when an external law is ready; disengage one that failed.
+
+        In the tick of the failure the built-in law has already taken over.
+        """
+        law = self.law.external
+        if law is None:
+            return
+        if law.becomes_ready():
+            self.outbox.say(f"law {law.name} is ready")
+        if law.ticks and self.modes.mode not in FLYING:
+            self.outbox.say(law.summary())
+        if law.failure:
+            flies = "took over" if law.flown else "flies on"
+            line = f"law {law.name} disengaged, {GEOMETRIC} {flies}: {law.failure}"
+            self.outbox.say(line, mailbox.WARN)
+            self.configuration.apply_own({LAW: GEOMETRIC, SHADOW_LAW: NONE})
