@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
 from importlib.metadata import PackageNotFoundError, distribution
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import FastAPI, HTTPException, Request, WebSocket
+from fastapi import FastAPI, HTTPException, Query, Request, WebSocket
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, Response
 from starlette.exceptions import HTTPException as StarletteHTTPException
@@ -45,12 +45,14 @@ from web.live import events
 from web.live.pictures import add_pictures
 from web.live.spectra import add_spectra
 from web.live.summary import Summary
+from web.live.telemetry import MOST_SIGNALS, described_expression
 from web.parameters.routes import add_parameters
 from web.replay.routes import add_replay
-from web.requester import Asker, Operator
+from web.requester import Admin, Asker, Operator
 from web.runs.routes import add_runs
 from web.setup.routes import add_setup
 from web.signals import described
+from web.signals.expression import answers
 from web.static_files import FILES, STATIC
 from web.tuning.routes import add_tuning
 from web.vehicle_context import VehicleContext
@@ -121,6 +123,10 @@ def _add_reading(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
     def kill_page() -> HTMLResponse:
         return FILES.document("emergency/kill.html")
 
+    @app.get("/design", include_in_schema=False)
+    def design_page(_: Admin) -> HTMLResponse:
+        return FILES.document("design/design.html")
+
     @app.get("/favicon.ico", include_in_schema=False)
     def icon() -> FileResponse:
         return FileResponse(STATIC / "core/icon.svg", media_type="image/svg+xml")
@@ -146,6 +152,13 @@ def _add_reading(app: FastAPI, context: VehicleContext, fleet: Fleet) -> None:
     def signals() -> Response:
         """Return the signals for charts and table; topics in the order of the ages in a frame."""
         return Response(described(), media_type="application/json")
+
+    @app.get("/api/expressions")
+    def expressions(
+        text: Annotated[list[str], Query(max_length=MOST_SIGNALS)],
+    ) -> list[dict[str, Any]]:
+        """Return the derived signal of each text, or what is wrong with it as `problem`."""
+        return answers(text, described_expression)
 
     @app.get("/api/behaviors")
     def behaviors() -> list[dict[str, Any]]:

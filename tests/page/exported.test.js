@@ -16,8 +16,8 @@ globalThis.quadlabRun = {
 };
 const { binary, command, get } = await import("../../web/static/replay/exported.js");
 
-const asked = async (names, start, end, points) =>
-  unpack(await binary(`/api/replay/a/window?start=${start}&end=${end}&points=${points}${names.map((name) => `&signal=${name}`).join("")}`));
+const asked = async (names, start, end, points, more = "") =>
+  unpack(await binary(`/api/replay/a/window?start=${start}&end=${end}&points=${points}${more}${names.map((name) => `&signal=${name}`).join("")}`));
 
 test("what is packed is what is unpacked", () => {
   const [one, two] = unpack(pack([{ signals: ["a", "b"], times: Float64Array.of(1, 2, 3), columns: [Float32Array.of(4, 5, 6), Float32Array.of(7, NaN, 9)] },
@@ -38,6 +38,12 @@ test("a window that is wide keeps the greatest sample and the gap", async () => 
   assert.equal(kept.length, 100);
   assert.ok(values.includes(5));
   assert.ok(kept[values.findIndex(Number.isNaN)] <= 8.2 && values.some(Number.isNaN));
+});
+
+test("without extremes every n-th sample is kept, of all signals at the same times", async () => {
+  const [{ times: kept, columns: [values] }] = await asked(["state.z"], 0, 10, 50, "&extremes=false");
+  assert.ok(kept.length <= 50 && kept.length > 25);
+  kept.forEach((time, i) => assert.ok(Object.is(values[i], height[times.indexOf(time)])));
 });
 
 test("a value is the newest one with its age, none before the first", async () => {

@@ -16,6 +16,23 @@ test("a layout from outside is checked before it is used", () => {
   for (const given of bad) assert.throws(() => checked(given, SIGNALS));
 });
 
+test("view, limits, statistics and event lines of a chart are kept, and nothing else", () => {
+  const [chart] = checked({ window: 30, charts: [{ signals: ["a"], scales: {}, view: "xy", limits: { m: 1.5, V: 2, N: "x" }, hasFigures: true, hasEvents: 1, more: 3 }] }, SIGNALS).charts;
+  assert.deepEqual(chart, { signals: ["a"], scales: {}, view: "xy", limits: { m: 1.5 }, hasFigures: true });
+  assert.deepEqual(checked({ window: 30, charts: [{ signals: ["a"], view: "pie" }] }, SIGNALS).charts, [{ signals: ["a"], scales: {} }]);
+});
+
+test("a layout with a derived signal that was forgotten is kept without it", () => {
+  assert.deepEqual(checked(layout(["a", "= gone"]), SIGNALS).charts[0].signals, ["a"]);
+});
+
+test("the derived signals of a file that are not known yet can be made first", () => {
+  const layouts = new Layouts(new Map([...SIGNALS, ["= a", { unit: "m" }]]));
+  layouts.save("mine", layout(["= a", "b"]));
+  assert.deepEqual(new Layouts(SIGNALS).derivedOf(layouts.file), ["= a"]);
+  assert.deepEqual(layouts.derivedOf(layouts.file), []);
+});
+
 test("layouts are kept by name in this browser, never over a built-in one", () => {
   const layouts = new Layouts(SIGNALS);
   layouts.save("mine", layout(["a"]));

@@ -40,7 +40,8 @@ class Summary:
         """Return the summary, which is read-only.
 
         It has the newest status messages, ages, the experiment and its proposal, control,
-        pre-flight, the progress of a trajectory, and what Emergency land does.
+        pre-flight, the progress of a trajectory, whether the 3D view shows a planned one, and what
+        Emergency land does.
         """
         now = self._clock()
         if now - self._made > SHARED:
@@ -58,6 +59,7 @@ class Summary:
             "transfers": transfers_summary(context.live),
             "preflight": preflight_summary(context.live),
             "trajectory": context.trajectories.summary(),
+            "planned": context.scene.is_plan_shown,
             "emergency_land": context.replica.value("safety.emergency_land"),
             "pages": context.hub.pages,
         }

@@ -16,14 +16,19 @@ import asyncio
 import math
 import struct
 from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any
 
 import msgspec
+import numpy as np
 from fastapi import WebSocket
 
+from quadrotor.errors import OutOfBoundsError
 from vehicle_link.clock import wall_time
 from web.live.conversation import converse
 from web.live.latest import STALE, Live
-from web.signals import INDEX, SIGNALS, snapshot, topics_for
+from web.signals import INDEX, SIGNALS, UNITS, snapshot, topics_for
+from web.signals.expression import Expression, Step, is_expression, parse
 
 RATE = 25.0  # Hz
 MOST_SIGNALS = 96  # state table, four charts and the Beacons tab together
@@ -31,6 +36,8 @@ NEVER = 65535
 
 
 class Subscription(msgspec.Struct, forbid_unknown_fields=True):
+    """Selection of a page; a derived signal's name is its expression (web.signals.expression)."""
+
     id: int
     signals: list[str]
 
@@ -39,7 +46,7 @@ class Ping(msgspec.Struct, forbid_unknown_fields=True):
     ping: float
 
 
-def parse(text: str) -> Subscription | Ping:
+def parse_request(text: str) -> Subscription | Ping:
     """Parse a request of the page. Raises ValueError.
 
     Unknown names are refused, so that a page of another version notices.
@@ -50,7 +57,12 @@ def parse(text: str) -> Subscription | Ping:
         wanted = msgspec.json.decode(text, type=Subscription)
     except msgspec.DecodeError as error:
         raise ValueError(f"a subscription is {{id, signals}}: {error}") from error
-    unknown = [name for name in wanted.signals if name not in INDEX]
+    try:
+        for name in filter(is_expression, wanted.signals):
+            expression_of(name)
+    except OutOfBoundsError as error:
+        raise ValueError(str(error)) from error
+    unknown = [name for name in wanted.signals if name not in INDEX and not is_expression(name)]
     if unknown:
         raise ValueError(f"unknown signal {unknown[0]!r}; /api/signals lists them")
     if len(wanted.signals) > MOST_SIGNALS:
@@ -60,10 +72,28 @@ def parse(text: str) -> Subscription | Ping:
     return wanted
 
 
+@lru_cache(256)
+def expression_of(text: str) -> Expression:
+    """Return the live derived signal of a text. Raises OutOfBoundsError."""
+    return parse(text, UNITS)
+
+
 def topics_of(signals: Sequence[str]) -> list[str]:
     """Return the topics whose ages a frame of these signals has, in its order."""
-    found = {SIGNALS[INDEX[name]].topic for name in signals}
+    found = {topic_of(name) for name in signals}
     return [topic for topic in STALE if topic in found]
+
+
+def topic_of(name: str) -> str:
+    """Return a signal's topic; that of a derived one is its first input's."""
+    first = expression_of(name).inputs[0] if is_expression(name) else name
+    return SIGNALS[INDEX[first]].topic
+
+
+def described_expression(text: str) -> dict[str, Any]:
+    """Return the live derived signal of a text for the page. Raises OutOfBoundsError."""
+    expression = expression_of(text)
+    return expression.described(topic_of(expression.name))
 
 
 def frame(identity: int, stamp: float, ages: Sequence[float], values: Sequence[float]) -> bytes:
@@ -75,12 +105,11 @@ def frame(identity: int, stamp: float, ages: Sequence[float], values: Sequence[f
 
 
 class _Page:
-    """Subscription of one page, with the places of its signals in the snapshot."""
+    """Subscription of one page."""
 
     def __init__(self, wanted: Subscription) -> None:
         self.identity = wanted.id
-        self.names = frozenset(wanted.signals)
-        self.places = [INDEX[name] for name in wanted.signals]
+        self.signals = wanted.signals
         self.topics = topics_of(wanted.signals)
 
 
@@ -92,6 +121,8 @@ class TelemetryFeed:
         self._clock = clock
         self._tick = asyncio.Condition()
         self._values: list[float] = []
+        self._derived: dict[str, tuple[Expression, Step]] = {}  # those that pages request
+        self._derived_values: dict[str, float] = {}
         self._ages: dict[str, float] = {}
         self._stamp = 0.0
         self._pages: dict[WebSocket, _Page] = {}
@@ -107,7 +138,10 @@ class TelemetryFeed:
 
     @property
     def _wanted(self) -> frozenset[str]:
-        return frozenset().union(*(page.names for page in self._pages.values()))
+        names = {name for page in self._pages.values() for name in page.signals}
+        derived = {name for name in names if is_expression(name)}
+        inputs = {one for name in derived for one in expression_of(name).inputs}
+        return frozenset(names - derived | inputs)
 
     async def run(self) -> None:
         loop = asyncio.get_running_loop()
@@ -120,8 +154,29 @@ class TelemetryFeed:
             self._values = snapshot(self._live, self._wanted)
             self._ages = {topic: self._live.age(topic) for topic in STALE}
             self._stamp = self._clock()
+            self._derive()
             async with self._tick:
                 self._tick.notify_all()
+
+    def _derive(self) -> None:
+        """Compute the derived signals, each once for all pages."""
+        names = {name for page in self._pages.values() for name in page.signals}
+        kept = {name: one for name, one in self._derived.items() if name in names}
+        for name in filter(is_expression, names - set(kept)):
+            expression = expression_of(name)
+            kept[name] = expression, expression.start()
+        self._derived = kept
+        time = np.array([self._stamp])
+        self._derived_values = {
+            name: float(
+                step(time, {one: np.array([self._values[INDEX[one]]]) for one in of.inputs})[0]
+            )
+            for name, (of, step) in kept.items()
+        }
+
+    def _value(self, name: str) -> float:
+        place = INDEX.get(name)
+        return self._derived_values.get(name, math.nan) if place is None else self._values[place]
 
     async def serve(self, socket: WebSocket) -> None:
         await socket.accept()
@@ -129,7 +184,7 @@ class TelemetryFeed:
 
         async def listen() -> None:
             while (event := await socket.receive())["type"] != "websocket.disconnect":
-                asked = parse(event.get("text") or "")
+                asked = parse_request(event.get("text") or "")
                 if isinstance(asked, Ping):
                     await socket.send_text(f'{{"pong":{asked.ping!r}}}')
                 else:
@@ -141,7 +196,7 @@ class TelemetryFeed:
                 async with self._tick:
                     await self._tick.wait()
                 ages = [self._ages[topic] for topic in page.topics]
-                values = [self._values[place] for place in page.places]
+                values = [self._value(name) for name in page.signals]
                 await socket.send_bytes(frame(page.identity, self._stamp, ages, values))
 
         try:

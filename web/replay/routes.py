@@ -22,10 +22,11 @@ from web.static_files import FILES
 
 ONBOARD = "onboard"
 MOST_SIGNALS = 64
-MOST_POINTS = 4000
+MOST_POINTS = 200_000
 BINARY = "application/octet-stream"
 
 Names = Annotated[list[str], Query(alias="signal", max_length=MOST_SIGNALS)]
+Texts = Annotated[list[str], Query(max_length=MOST_SIGNALS)]
 Seconds = Annotated[float, Query(ge=-1e7, le=1e7, allow_inf_nan=False)]
 
 
@@ -59,6 +60,10 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
     @app.get("/replay/{run_id}", include_in_schema=False)
     def page(run_id: str) -> HTMLResponse:
         return FILES.document("replay/replay.html")
+
+    @app.get("/compare", include_in_schema=False)
+    def compare_page() -> HTMLResponse:
+        return FILES.document("compare/compare.html")
 
     @app.get("/api/replay")
     def logs() -> list[dict[str, Any]]:
@@ -96,10 +101,23 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
         end: Seconds,
         signal: Names,
         points: Annotated[int, Query(ge=2, le=MOST_POINTS)] = 1000,
+        extremes: bool = True,
     ) -> Response:
         """Return signals between two instants (s) for a chart, see web/replay/reader.py."""
-        found = store.opened(find(run_id)).window(signal, start, end, points)
+        found = store.opened(find(run_id)).window(signal, start, end, points, extremes)
         return Response(found, media_type=BINARY)
+
+    @app.get("/api/replay/{run_id}/statistics")
+    def statistics(
+        run_id: str, start: Seconds, end: Seconds, signal: Names
+    ) -> dict[str, dict[str, float | None]]:
+        """Return count, mean, rms, min and max of all samples between two instants (s)."""
+        return store.opened(find(run_id)).statistics(signal, start, end)
+
+    @app.get("/api/replay/{run_id}/expressions")
+    def expressions(run_id: str, text: Texts) -> list[dict[str, Any]]:
+        """Return the derived signal of each text, or what is wrong with it as `problem`."""
+        return store.opened(find(run_id)).expressions(text)
 
     @app.get("/api/replay/{run_id}/spectrum")
     def spectrum(run_id: str, start: Seconds, end: Seconds, signal: Names) -> dict[str, Any]:

@@ -20,7 +20,8 @@ from vehicle_link.jobs import run
 from web.replay.build import build_replay
 from web.replay.reader import Replay
 
-MOST_OPEN = 6
+MOST_OPEN = 16
+"""Replays that stay open; the page that compares runs shows up to twelve."""
 WAITING = 20
 """Replays that may wait for their turn; each has a thread."""
 LOOK = 0.01

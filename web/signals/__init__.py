@@ -28,6 +28,7 @@ __all__ = [
     "NAMED",
     "NAMED_SOURCES",
     "SIGNALS",
+    "UNITS",
     "Signal",
     "Source",
     "describe",
@@ -51,6 +52,7 @@ SIGNALS: tuple[Signal, ...] = tuple(s for source in _SOURCES for s in source.sig
 NAMED = sum(len(source.signals) for source in NAMED_SOURCES)
 """Number of leading SIGNALS that have their own names."""
 INDEX: dict[str, int] = {signal.name: i for i, signal in enumerate(SIGNALS)}
+UNITS: dict[str, str] = {signal.name: signal.unit for signal in SIGNALS}
 _NOTHING = [math.nan] * len(SIGNALS)
 
 

@@ -87,6 +87,11 @@ class Scene:
             self._plan_until = time.monotonic() + PLAN_SHOWN
         self._plan.visible = points is not None
 
+    @property
+    def is_plan_shown(self) -> bool:
+        """Return whether a path that may be flown next is shown."""
+        return bool(self._plan.visible)
+
     def set_volume(self, box: Box) -> None:
         """Set the flight volume, ((x low, high), (y low, high), (z low, high)) in m."""
         if box == self._volume_box:

@@ -135,6 +135,14 @@ class Room:
         run, later = self.runs_made
         self._go(f"/replay/{run}?with={later}#t=9", "main[data-shown]")
 
+    def compare(self) -> None:
+        run, later = self.runs_made
+        self._go(f"/compare?run={run}&run={later}", "#parameters h2")
+        self.page.wait_for_selector("#signals .plot canvas >> nth=5")
+
+    def design(self) -> None:
+        self._go("/design", "section[data-theme=dark] h2")
+
     def setup(self) -> None:
         self._go("/setup", "#checks li")
         self.page.wait_for_selector("#volume rect.confirmed >> nth=0")

@@ -19,7 +19,7 @@ from vehicle_link.lockstep import Page
 from vehicle_link.messages import decode, encode, new
 from web.live import events
 from web.live.latest import STALE, Live
-from web.live.telemetry import MOST_SIGNALS, NEVER, RATE, Ping, frame, parse, topics_of
+from web.live.telemetry import MOST_SIGNALS, NEVER, RATE, Ping, frame, parse_request, topics_of
 from web.signals import INDEX, SIGNALS, describe, snapshot
 
 QUARTER = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))  # x, y, z, w: 90 degrees of yaw
@@ -116,6 +116,7 @@ def test_what_a_page_costs_a_second(signals: int, most: int) -> None:
         '{"ping": "now"}',
         '{"ping": 1, "id": 2}',
         '{"id": 1, "signals": ["no.such"]}',
+        '{"id": 1, "signals": ["= abs(no.such)"]}',
         '{"id": -1, "signals": []}',
         '{"id": 70000, "signals": []}',
         '{"id": 1, "signals": [3]}',
@@ -124,7 +125,7 @@ def test_what_a_page_costs_a_second(signals: int, most: int) -> None:
 )
 def test_a_bad_subscription_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"."):
-        parse(text)
+        parse_request(text)
 
 
 def test_frames_follow_the_subscription(site: Any, operator: httpx.Client, station: Any) -> None:
@@ -146,8 +147,30 @@ def test_frames_follow_the_subscription(site: Any, operator: httpx.Client, stati
             drain(page)
 
 
+def test_a_derived_signal_comes_in_the_frames_and_a_wrong_one_says_why(
+    site: Any, operator: httpx.Client, station: Any
+) -> None:
+    texts = ["twice [kg] = 2*mass", "= integral(mass)", "= abs(no.such)"]
+    twice, rate, wrong = operator.get("/api/expressions", params={"text": texts}).json()
+    assert (twice["label"], twice["unit"], twice["topic"]) == ("twice", "kg", "estimator")
+    assert "no signal no.such" in wrong["problem"]
+    names = [twice["name"], rate["name"], "thrust"]
+    with site.websocket("/ws/telemetry", site.cookie(operator)) as page:
+        page.send(json.dumps({"id": 9, "signals": names}))
+        sums: list[float] = []
+        while len(sums) < 3:
+            station.fly()
+            raw = page.recv(timeout=10.0)
+            found = struct.unpack_from("<3f", raw, len(raw) - 12)
+            if struct.unpack_from("<H", raw) == (9,) and np.isfinite(found).all():
+                assert found[0] == pytest.approx(2 * 1.31)
+                sums.append(found[1])
+    assert sums == sorted(sums)
+    assert sums[2] > sums[0]
+
+
 def test_a_page_can_time_its_own_link(site: Any, operator: httpx.Client) -> None:
-    assert parse('{"ping":12.5}') == Ping(12.5)
+    assert parse_request('{"ping":12.5}') == Ping(12.5)
     with site.websocket("/ws/telemetry", site.cookie(operator)) as page:
         page.send('{"ping":12.5}')
         while not isinstance(answer := page.recv(timeout=10.0), str):

@@ -19,7 +19,8 @@ from vehicle_link.messages import decode, encode, header, new, time_message
 from vehicle_link.topics import PICTURE, encode_picture
 from web.replay import timeline
 from web.replay.build import build_replay
-from web.replay.reader import BIN, Replay, coarser
+from web.replay.reader import Replay
+from web.replay.samples import BIN, coarser
 from web.replay.track import PARTS, WIDTH
 from web.signals import NAMED_SOURCES, Source
 
@@ -129,6 +130,61 @@ def test_silence_is_a_gap_at_every_resolution(
     before, after = times[times < parted], times[times > parted]
     assert before.max() <= 11.0
     assert after.min() >= 12.5 - 1e-6
+
+
+def test_an_expression_is_computed_from_every_sample_at_every_resolution(
+    replay: Replay, samples: tuple[Any, Any]
+) -> None:
+    times, heights = samples
+    [square] = replay.expressions(["square [m²] = state.position.z^2"])
+    assert (square["unit"], square["topic"]) == ("m²", "state")
+    for points in (20, 4000):
+        [(_, _, [column])] = unpacked(replay.window([square["name"]], 0.0, 24.0, points))
+        assert np.nanmax(column) == pytest.approx(np.max(heights**2), rel=1e-6)
+        assert np.nanmin(column) == pytest.approx(np.min(heights**2), rel=1e-6)
+    [value, _] = replay.at([square["name"]], 5.0)[square["name"]]
+    assert value == pytest.approx(heights[times <= 5.0][-1] ** 2, rel=1e-6)
+    spectrum = replay.spectra([square["name"]], 2.0, 9.0)["spectra"][0]
+    assert spectrum["signal"] == square["name"]
+
+
+def test_an_expression_of_two_topics_has_the_times_of_the_first(replay: Replay) -> None:
+    [both] = replay.expressions(["= battery.voltage + 0*state.position.z"])
+    [(_, times, [column])] = unpacked(replay.window([both["name"]], 0.0, 24.0, 4000))
+    [(_, own, [voltage])] = unpacked(replay.window(["battery.voltage"], 0.0, 24.0, 4000))
+    assert np.array_equal(times, own)
+    inside = np.isfinite(column)
+    assert inside.sum() > 0.8 * len(column)
+    np.testing.assert_allclose(column[inside], voltage[inside])
+
+
+def test_a_wrong_expression_is_a_problem_of_its_own(replay: Replay) -> None:
+    good, bad = replay.expressions(["= -mass", "= mess"])
+    assert "problem" not in good
+    assert "did you mean mass" in bad["problem"]
+    with pytest.raises(OutOfBoundsError, match="no signal mess"):
+        replay.window(["= mess"], 0.0, 1.0, 100)
+
+
+def test_statistics_are_of_every_sample_between_two_instants(
+    replay: Replay, samples: tuple[Any, Any]
+) -> None:
+    times, heights = samples
+    inside = heights[(times > 3.0) & (times <= 19.0)]
+    found = replay.statistics(HEIGHT, 3.0, 19.0)["state.position.z"]
+    assert found["count"] == len(inside)
+    assert found["mean"] == pytest.approx(inside.mean())
+    assert found["rms"] == pytest.approx(np.sqrt(np.mean(inside**2)))
+    assert (found["min"], found["max"]) == pytest.approx((inside.min(), inside.max()))
+    assert replay.statistics(HEIGHT, 11.2, 12.2)["state.position.z"]["mean"] is None
+
+
+def test_for_one_signal_over_another_values_of_an_instant_stay_together(replay: Replay) -> None:
+    names = ["state.position.x", "= 2*state.position.x"]
+    [(_, times, [single, double])] = unpacked(replay.window(names, 0.0, 24.0, 50, False))
+    assert 25 < len(times) <= 52
+    known = np.isfinite(single)
+    np.testing.assert_allclose(double[known], 2 * single[known], rtol=1e-6)
 
 
 def test_signals_of_the_same_ticks_share_their_times(replay: Replay) -> None:

@@ -249,5 +249,7 @@ def test_a_planned_path_stays_until_it_has_been_flown(server: ViewServer) -> Non
     live.put("status", encode(new("quadlab_msgs/VehicleStatus", behavior="HOVER", airborne=True)))
     scene.update(at + 501.0)
     assert plan.visible
+    assert scene.is_plan_shown
     scene.update(at + 503.0)
     assert not plan.visible
+    assert not scene.is_plan_shown

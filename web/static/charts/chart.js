@@ -4,7 +4,9 @@
 //   lines(names, styles): [{ name, stroke, dash, … }] of what was chosen; `second` ones have no name
 //   samples(line, from, to): { times, values, from, to, shift, gap } of a time, or undefined
 //   read(output, line, figure): writes the value that belongs to the cursor or to now
+//   figures(line, from, to): statistics of a time, see figures.js; table(names, from, to): groups of columns, see save.js
 
+import { FigureTable } from "./figures.js";
 import { extent, isReference, spread, stylesOf, trace } from "./lines.js";
 import { pointing } from "./pointer.js";
 import { element } from "../core/dom.js";
@@ -13,15 +15,18 @@ import { axisLook, font, paint, theme } from "../core/theme.js";
 
 const PERIOD = 66; // ms between two drawings at most
 const READ = 125; // ms between two readings of the newest values
+const COUNT = 500; // ms between two statistics of what runs
 const EMPTY = [[0, 1], [0, 0]]; // uPlot wants some data; the lines take theirs from the source
 
 export class Chart {
   names; lines; units; ends; outputs; uplot; drawn; pointer; isSeen; grow; less; // of what is selected and drawn
 
-  constructor(place, { axis, source, names = [], scales = {} }) {
+  constructor(place, { axis, source, names = [], scales = {}, limits = {}, hasFigures = false, hasEvents = false }) {
     this.place = place; this.axis = axis; this.source = source;
     this.scales = { ...scales }; // unit → [low, high] where fixed
-    this.due = this.read = 0;
+    this.limits = { ...limits }; // unit → where a line is drawn across
+    this.hasFigures = hasFigures; this.hasEvents = hasEvents;
+    this.due = this.read = this.counted = 0;
     this.pieces = []; // samples of each line
     this.legend = element("div", { className: "legend", role: "group", ariaLabel: "legend", tabIndex: 0 }); // scrolls where it is long
     this.tools = element("div", { className: "right" });
@@ -30,13 +35,34 @@ export class Chart {
     this.plot = element("div", { className: "plot", role: "group", ariaRoleDescription: "chart" }, this.cursor,
       this.head);
     this.shown = new AbortController();
-    place.append(element("header", {}, this.legend, this.tools), this.plot);
+    this.figures = new FigureTable(this);
+    place.append(element("header", {}, this.legend, this.tools), this.figures.place, this.plot);
+    this.set("hasFigures", hasFigures);
     this.select(names);
-    pointing(this);
+    this.attach();
     axis.addEventListener("point", () => { this.moveLines(); this.readOut(); }, { signal: this.shown.signal });
     theme.addEventListener("change", () => { this.uplot?.redraw(false); this.refresh(); }, { signal: this.shown.signal });
     this.sizes = new ResizeObserver(() => this.resize());
     this.sizes.observe(this.plot);
+  }
+
+  attach() { pointing(this); }
+
+  get xName() { return "time_s"; }
+
+  // Whether statistics, or the lines of events, are shown.
+  set(name, value) {
+    this[name] = value;
+    this.figures.place.hidden = !this.hasFigures || !this.source.figures;
+    this.refresh();
+    if (this.axis.paused) this.draw();
+  }
+
+  setLimit(unit, value) {
+    if (Number.isFinite(value)) this.limits[unit] = value;
+    else delete this.limits[unit];
+    this.refresh();
+    if (this.axis.paused) this.draw();
   }
 
   // For good.
@@ -63,7 +89,7 @@ export class Chart {
     const labels = this.labelsOf(names);
     this.lines = this.source.lines(names, this.stylesOf(names))
       .map((line) => ({ ...line, unit: this.signal(line.name).unit,
-        label: line.second ? "" : labels[names.indexOf(line.name)] }));
+        label: line.label ?? (line.second ? "" : labels[names.indexOf(line.name)]) }));
     this.ends = this.lines.map(() => null);
     this.outputs = this.lines.map((line) => (line.label || line.second ? element("output") : null));
     this.legend.replaceChildren(...this.entries());
@@ -85,7 +111,7 @@ export class Chart {
   }
 
   // Draws at the next occasion even where it stands still.
-  refresh() { this.drawn = -1; this.due = 0; }
+  refresh() { this.drawn = -1; this.due = this.counted = 0; }
 
   stylesOf(names) { return stylesOf(names); }
   figure(value) { return fixed(value, Math.abs(value) < 100 ? 3 : 1); }
@@ -112,7 +138,7 @@ export class Chart {
   entries() {
     const entries = [];
     this.lines.forEach((line, i) => {
-      if (line.label) entries.push(this.entry(line, this.outputs[i], this.second(line)));
+      if (line.label && this.isListed(line)) entries.push(this.entry(line, this.outputs[i], this.second(line)));
     });
     if (this.names.some((name) => this.isMerged(name))) {
       const title = "the reference, in the same colours";
@@ -120,6 +146,9 @@ export class Chart {
     }
     return entries;
   }
+
+  isListed(_line) { return true; }
+  pattern(stroke, dash) { return pattern(stroke, dash); }
 
   // The value of the same signal in another run.
   second({ name }) {
@@ -157,7 +186,7 @@ export class Chart {
         scale: `y${units.indexOf(unit)}`, auto: false, stroke: () => paint(stroke), dash, width,
         points: { show: false }, paths: (u, index) => this.path(u, index - 1),
       }))],
-      hooks: { draw: [(u) => { this.drawEnds(u); this.moveLines(); }] },
+      hooks: { drawClear: [(u) => this.drawMarks(u)], draw: [(u) => { this.drawEnds(u); this.moveLines(); }] },
     };
   }
 
@@ -166,12 +195,57 @@ export class Chart {
 
   scale(unit) { return { range: () => this.rangeOf(unit) }; }
 
-  rangeOf(unit) {
-    let low = null, high = null;
+  // Least and greatest of what is shown in a unit; null of nothing.
+  extentOf(unit) {
+    let low = /** @type {number | null} */ (null), high = /** @type {number | null} */ (null);
     this.pieces.forEach((piece, i) => {
       if (piece && this.lines[i]?.unit === unit) [low, high] = extent(piece.values, piece.from, piece.to, low, high);
     });
+    return [low, high];
+  }
+
+  rangeOf(unit) {
+    let [low, high] = this.extentOf(unit);
+    if (unit in this.limits && low !== null && high !== null) [low, high] = [Math.min(low, this.limits[unit]), Math.max(high, this.limits[unit])];
     return this.range(unit, low, high);
+  }
+
+  // Below the lines: where limits are, and when something happened.
+  drawMarks(u) {
+    const { ctx, bbox: { left, top, width, height } } = u, ratio = devicePixelRatio, { min, max } = u.scales.x;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(left, top, width, height);
+    ctx.clip();
+    ctx.font = font(ratio);
+    ctx.lineWidth = ratio;
+    const stroke = (color, dash, [x, y], [across, up]) => {
+      ctx.strokeStyle = ctx.fillStyle = paint(color);
+      ctx.setLineDash(dash.map((length) => length * ratio));
+      ctx.beginPath();
+      ctx.moveTo(x, y);
+      ctx.lineTo(across, up);
+      ctx.stroke();
+    };
+    this.units.forEach((unit, i) => {
+      if (!(unit in this.limits)) return;
+      const y = u.valToPos(this.limits[unit], `y${i}`, true);
+      stroke("var(--amber)", [6, 4], [left, y], [left + width, y]);
+    });
+    let free = -Infinity;
+    ctx.textBaseline = "top";
+    ctx.textAlign = "left";
+    for (const { t, text, kind } of this.hasEvents ? this.axis.events : []) {
+      if (t < min || t > max) continue;
+      const x = Math.round(left + (t - min) / (max - min) * width) + 0.5;
+      stroke(kind === "warn" ? "var(--amber)" : "var(--strong)", [], [x, top], [x, top + height]);
+      if (x < free) continue;
+      const words = text.length > 28 ? `${text.slice(0, 27)}…` : text;
+      ctx.fillStyle = paint(kind === "warn" ? "var(--amber)" : "var(--dim)");
+      ctx.fillText(words, x + 3 * ratio, top + 2 * ratio);
+      free = x + ctx.measureText(words).width + 10 * ratio;
+    }
+    ctx.restore();
   }
 
   path(u, i) {
@@ -230,11 +304,14 @@ export class Chart {
     const max = axis.hasRoom ? to + (to - min) * this.room / Math.max(40, width - this.room) : to;
     this.pieces = this.lines.map((line) => this.source.samples(line, min, max));
     this.due = at + Math.max(PERIOD, 500 * (max - min) / width); // half a pixel later
-    uplot.setScale("x", { min, max });
+    this.show(min, max);
+    if (this.hasFigures && this.source.figures && (axis.paused || at >= this.counted)) { this.counted = at + COUNT; this.figures.draw(); }
     // It runs on under the pointer.
     if (this.pointer !== undefined && !axis.paused) axis.point(this.timeAt(this.pointer));
     if (at - this.read >= READ || axis.paused) { this.read = at; this.readOut(); }
   }
+
+  show(min, max) { this.uplot.setScale("x", { min, max }); }
 
   // css: pixels from the left of the plot
   timeAt(css) {

@@ -6,9 +6,13 @@ import { pointingByKeys } from "./pointer.js";
 import { ChartMenu } from "./signal_menu.js";
 import { LiveSpectrogram, SpectrogramChart } from "./spectrogram.js";
 import { LiveSpectra, SpectrumChart } from "./spectrum.js";
+import { derive } from "./derived.js";
 import { LayoutMenu } from "./layout_menu.js";
 import { BUILT_IN, Layouts, MOST_CHARTS } from "./layouts.js";
 import { TimeAxis } from "./time_axis.js";
+import { viewMenu } from "./view_menu.js";
+import { XyChart } from "./xy.js";
+import { get } from "../core/api.js";
 import { $, element, hide, setText } from "../core/dom.js";
 import { duration } from "../core/format.js";
 import { History } from "./history.js";
@@ -16,27 +20,37 @@ import { icon } from "../icons/icons.js";
 import { onKey } from "../core/keys.js";
 
 const WINDOWS = [5, 10, 30, 60, 120, 300, 600]; // s
+const MOST_EVENTS = 400; // lines
 const RENEW = 1000; // ms between two spectra
-const KINDS = [
-  { name: "spectrum", says: "spectrum of the last 5 s", Source: LiveSpectra, Kind: SpectrumChart },
-  { name: "spectrogram", says: "spectrogram of the first signal", Source: LiveSpectrogram, Kind: SpectrogramChart },
-];
+const LINES = { time: Chart, xy: XyChart };
+const DENSITIES = { spectrum: [LiveSpectra, SpectrumChart], spectrogram: [LiveSpectrogram, SpectrogramChart] };
 const LOOK = 66; // ms; each chart knows when it is due
+
+// What the server says of the texts of derived signals.
+export const liveExpressions = (texts) => get(`/api/expressions?${texts.map((text) => `text=${encodeURIComponent(text)}`).join("&")}`);
+
+// A chart as a layout keeps it: what is usual is left out.
+function lookOf({ names, scales, limits, view, hasFigures, hasEvents }) {
+  return { signals: names, scales: { ...scales }, ...(view === "time" ? {} : { view }), ...(Object.keys(limits).length ? { limits: { ...limits } } : {}),
+    ...(hasFigures ? { hasFigures } : {}), ...(hasEvents ? { hasEvents } : {}) };
+}
 
 export class Charts {
   chosen; add; pause; // made by the tools
 
-  constructor(place, telemetry, description) {
-    this.place = place;
+  // events: of this page; what happens is a line in the charts
+  constructor(place, telemetry, description, events) {
+    this.place = place; this.telemetry = telemetry;
     this.signals = new Map(description.signals.map((signal) => [signal.name, signal]));
     this.history = new History(telemetry);
     this.layouts = new Layouts(this.signals);
-    this.menu = new ChartMenu(description);
+    this.menu = new ChartMenu(description, (text) => this.derive(text));
     this.charts = [];
     this.counter = 0;
     const { name, layout } = this.layouts.last;
     this.axis = new TimeAxis(this.history, layout.window);
     this.axis.usual = 30;
+    this.follow(events);
     this.row = element("div", { className: "row" });
     place.append(this.bar(), this.row);
     this.show(layout, name);
@@ -52,6 +66,20 @@ export class Charts {
     document.addEventListener("tab", ({ detail }) => { if (detail === "charts") this.expand(null); });
   }
 
+  follow(events) {
+    const { axis } = this, add = ({ stamp, text, level }) => { axis.events = [...axis.events.slice(-MOST_EVENTS), { t: stamp, text, kind: level === "info" ? "" : "warn" }]; };
+    events.on("hello", ({ events: lines }) => { axis.events = []; lines.forEach(add); });
+    events.on("event", add);
+  }
+
+  // A signal from now on, in all menus; throws what is wrong with the text.
+  async derive(text) {
+    const signal = await derive(text, liveExpressions);
+    this.signals.set(signal.name, signal);
+    this.telemetry.topicOf.set(signal.name, signal.topic);
+    return signal;
+  }
+
   bar() {
     this.pause = element("button", { title: "pause or resume (space); recording of data goes on",
       onclick: () => this.axis.toggle() }, "Pause");
@@ -64,15 +92,15 @@ export class Charts {
     this.add = element("button", { title: "add a chart", ariaLabel: "add a chart",
       onclick: () => { this.addChart({ signals: [], scales: {} }); this.changed(); } }, icon("add"));
     this.layoutMenu = new LayoutMenu(this.layouts, { current: () => this.layout, shown: () => this.name,
-      show: (name) => this.show(this.layouts.of(name), name), listed: () => this.list() });
+      show: (name) => this.show(this.layouts.of(name), name), listed: () => this.list(),
+      derive: (text) => this.derive(text) });
     return element("div", { className: "bar", role: "toolbar", ariaLabel: "charts" }, this.pause, this.windows,
       this.reset, this.state,
       element("span", { className: "right" }, this.chosen, this.layoutMenu.button, this.add), this.layoutMenu.place);
   }
 
   get layout() {
-    return { window: Math.round(this.axis.window),
-      charts: this.charts.map(({ names, scales }) => ({ signals: names, scales: { ...scales } })) };
+    return { window: Math.round(this.axis.window), charts: this.charts.map(lookOf) };
   }
 
   show(layout, name) {
@@ -107,21 +135,28 @@ export class Charts {
     if (value) this.show(this.layouts.of(value), value);
   }
 
-  addChart({ signals, scales }) {
+  addChart(look) {
     if (this.charts.length >= MOST_CHARTS) return;
     const place = element("section", { className: "chart", id: `chart-${this.charts.length}` });
     this.row.append(place);
-    this.put(this.overTime(place, signals, scales), this.charts.length);
+    this.put(this.make(place, look), this.charts.length);
     this.number();
   }
 
-  overTime(place, names, scales) {
-    const source = new LiveSignals(this.axis, this.signals, `chart ${this.counter++}`);
-    return new Chart(place, { axis: this.axis, source, names, scales });
+  make(place, /** @type {any} */ { signals: names, view = "time", ...look }) {
+    const made = view in LINES ? this.overTime(LINES[view], place, names, look) : this.overFrequency(DENSITIES[view], place, names, look);
+    return Object.assign(made, { view });
   }
 
-  overFrequency({ Source, Kind }, place, names, scales) {
-    const source = new Source(this.signals, this.axis), chart = new Kind(place, { axis: source.axis ?? this.axis, source, scales });
+  overTime(Kind, place, names, look) {
+    const source = new LiveSignals(this.axis, this.signals, `chart ${this.counter++}`);
+    const chart = new Kind(place, { axis: this.axis, source, ...look });
+    chart.select(names);
+    return chart;
+  }
+
+  overFrequency([Source, Kind], place, names, look) {
+    const source = new Source(this.signals, this.axis), chart = new Kind(place, { axis: source.axis ?? this.axis, source, ...look });
     chart.select(names);
     const problem = element("output", { className: "state" });
     chart.tools.append(problem);
@@ -131,26 +166,22 @@ export class Charts {
     return chart;
   }
 
-  // Over frequency, or over time again.
-  toggle(chart, kind) {
+  // The same signals in another view.
+  change(chart, view) {
     if (this.menu.isOpen) this.menu.close();
-    const at = this.charts.indexOf(chart), { place, names, scales, source } = chart;
+    const at = this.charts.indexOf(chart), { place } = chart;
     chart.close();
     place.replaceChildren();
-    const made = source instanceof kind.Source ? this.overTime(place, names, scales) : this.overFrequency(kind, place, names, scales);
     this.charts.splice(at, 1);
-    this.put(made, at);
+    this.put(this.make(place, { ...lookOf(chart), view }), at);
     this.number();
+    this.changed();
   }
 
   // With its buttons, among the others.
   put(chart, at) {
     const { place } = chart;
     pointingByKeys(chart);
-    const kinds = KINDS.map((kind) => element("button", { className: "icon",
-      title: `${kind.says}, from every sample of the flight loop, with the rotors' frequencies; press again to return`,
-      ariaLabel: kind.name, ariaPressed: String(chart.source instanceof kind.Source),
-      onclick: () => this.toggle(chart, kind) }, icon(kind.name)));
     const choose = element("button", { title: "choose signals, set scales", ariaExpanded: "false",
       onclick: () => this.menu.toggle(chart, choose, () => this.changed()) }, "Signals");
     chart.grow = element("button", { className: "icon", title: "expand over the 3D view; Escape restores it",
@@ -158,7 +189,7 @@ export class Charts {
       onclick: () => this.expand(place.classList.contains("expanded") ? null : chart) }, icon("expand"));
     chart.less = element("button", { className: "icon", title: "remove this chart", ariaLabel: "remove chart",
       onclick: () => { this.removeChart(chart); this.changed(); } }, icon("close"));
-    chart.tools.append(choose, ...kinds, chart.grow, chart.less);
+    chart.tools.append(choose, viewMenu(chart, chart.view, (view) => this.change(chart, view), () => this.changed()), chart.grow, chart.less);
     this.charts.splice(at, 0, chart);
   }
 

@@ -4,9 +4,10 @@ import { element } from "../core/dom.js";
 
 export class LayoutMenu {
   // current(): the layout shown; shown(): its name or ""; show(name); listed(): names have changed
-  constructor(layouts, { current, shown, show, listed }) {
+  // derive(text): a derived signal of a file, known from then on
+  constructor(layouts, { current, shown, show, listed, derive }) {
     this.layouts = layouts; this.current = current; this.shown = shown; this.show = show;
-    this.listed = listed;
+    this.listed = listed; this.derive = derive;
     this.button = element("button", { title: "save, remove, export and import layouts", ariaExpanded: "false", onclick: () => this.toggle() }, "Layouts");
     this.name = element("input", { type: "text", maxLength: 40, placeholder: "name", ariaLabel: "name of the layout", onkeydown: (event) => { if (event.key === "Enter") this.save(); } });
     this.remove = element("button", { onclick: () => this.attempt(() => { this.layouts.remove(this.shown()); return "removed"; }) }, "Remove");
@@ -64,8 +65,9 @@ export class LayoutMenu {
   }
 
   async read() {
-    const text = await this.file.files?.[0].text();
+    const text = await this.file.files?.[0].text() ?? "";
     this.file.value = "";
+    try { for (const name of this.layouts.derivedOf(text)) await this.derive(name); } catch (error) { this.say(error.message); return; }
     this.attempt(() => `${this.layouts.take(text).join(", ") || "nothing"} imported`);
   }
 }

@@ -1,10 +1,12 @@
 // Layouts of the charts: those built in, one's own by name in this browser, and as a file.
 
+import { isDerived } from "./derived.js";
 import { LONGEST, SHORTEST } from "./time_axis.js";
 import { MOST, MOST_UNITS } from "./signal_menu.js";
 
 export const MOST_CHARTS = 4;
 const MOST_LAYOUTS = 40, LONGEST_NAME = 40;
+const VIEWS = ["xy", "spectrum", "spectrogram"]; // beside that over time
 const OWN = "charts.layouts", NOW = "charts.now", FORMAT = "quadlab chart layouts, 1";
 
 const xyz = (prefix) => ["x", "y", "z"].map((axis) => `${prefix}.${axis}`);
@@ -28,8 +30,9 @@ export function checked(given, signals) {
   return {
     window: given.window,
     charts: charts.map((chart) => {
-      const names = chart?.signals;
-      if (!Array.isArray(names) || names.length > MOST) fail(`a chart has at most ${MOST} signals`);
+      // A derived signal that was forgotten, or that cannot be computed here, is left out.
+      const names = Array.isArray(chart?.signals) ? chart.signals.filter((name) => signals.has(name) || !isDerived(String(name))) : null;
+      if (!names || names.length > MOST) fail(`a chart has at most ${MOST} signals`);
       const unknown = names.find((name) => !signals.has(name));
       if (unknown !== undefined) fail(`there is no signal ${String(unknown).slice(0, 60)} here`);
       const units = new Set(names.map((name) => signals.get(name).unit));
@@ -38,9 +41,18 @@ export function checked(given, signals) {
       for (const [unit, [low, high]] of Object.entries(chart.scales ?? {}).filter(([, ends]) => Array.isArray(ends))) {
         if (units.has(unit) && low < high) scales[unit] = [Number(low), Number(high)];
       }
-      return { signals: [...new Set(names)], scales };
+      const limits = Object.entries(chart.limits ?? {}).filter(([unit, value]) => units.has(unit) && Number.isFinite(value));
+      return { signals: [...new Set(names)], scales, ...(VIEWS.includes(chart.view) ? { view: chart.view } : {}), ...(limits.length ? { limits: Object.fromEntries(limits) } : {}),
+        ...(chart.hasFigures === true ? { hasFigures: true } : {}), ...(chart.hasEvents === true ? { hasEvents: true } : {}) };
     }),
   };
+}
+
+function parsed(text) {
+  let given;
+  try { given = JSON.parse(text); } catch { throw new Error("this is no JSON file"); }
+  if (given?.format !== FORMAT) throw new Error(`this is no file of ${FORMAT.split(",")[0]}`);
+  return given;
 }
 
 export class Layouts {
@@ -75,12 +87,15 @@ export class Layouts {
 
   // The names that came; layouts of the same name are replaced.
   take(text) {
-    let given;
-    try { given = JSON.parse(text); } catch { throw new Error("this is no JSON file"); }
-    if (given?.format !== FORMAT) throw new Error(`this is no file of ${FORMAT.split(",")[0]}`);
-    const came = this.checkedAll(given.layouts);
+    const given = parsed(text), came = this.checkedAll(given.layouts);
     this.put({ ...this.own, ...came });
     return Object.keys(came);
+  }
+
+  // The derived signals that a file's charts show and that are not known here.
+  derivedOf(text) {
+    const all = Object.values(parsed(text).layouts ?? {}), names = all.flatMap((one) => one?.charts ?? []).flatMap((one) => one?.signals ?? []);
+    return [...new Set(names.map(String))].filter((name) => isDerived(name) && !this.signals.has(name));
   }
 
   put(own) {

@@ -1,5 +1,6 @@
 // The telemetry as a chart's source: what its axis' history holds, running or paused.
 
+import { figuresOf } from "./figures.js";
 import { between, indexAt } from "./history.js";
 
 /** @import { TimeAxis } from "./time_axis.js" */
@@ -24,6 +25,21 @@ export class LiveSignals {
   samples({ name }, min, max) {
     const { source } = this.axis, values = source.column(name);
     return values && { times: source.times, values, ...between(source.times, min, max, source.start, source.end) };
+  }
+
+  /** @param {number} from @param {number} to */
+  inside(from, to) {
+    const { source } = this.axis;
+    return /** @type {[number, number]} */ ([from, to].map((time) => indexAt(source.times, time, source.start, source.end)));
+  }
+
+  /** @param {{ name: string }} line @param {number} from @param {number} to */
+  figures({ name }, from, to) { return figuresOf(this.axis.source.column(name) ?? [], ...this.inside(from, to)); }
+
+  /** @param {string[]} names @param {number} from @param {number} to */
+  table(names, from, to) {
+    const { source } = this.axis, ends = this.inside(from, to);
+    return [{ names, times: source.times.slice(...ends), columns: names.map((name) => source.column(name)?.slice(...ends) ?? []) }];
   }
 
   // At the cursor, else the newest: what is old keeps its last value and is marked as old.

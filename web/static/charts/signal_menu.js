@@ -1,18 +1,22 @@
 // The list of signals, by topic: one for all charts, built when it is looked at.
 
+import { forget, isDerived } from "./derived.js";
 import { element } from "../core/dom.js";
 import { words } from "../core/format.js";
+import { icon } from "../icons/icons.js";
 
 export const MOST = 8, MOST_UNITS = 3; // in one chart
 const FOUND = 80; // results of a search at most
+const EXAMPLE = "speed [m/s] = norm(state.velocity.x, state.velocity.y)";
+const HINT = "LABEL [UNIT] = EXPRESSION; label and unit may be left out. Signals by their names (hover over one), numbers, pi, + - * / ^ and brackets; abs, min, max, norm, sign, sqrt, exp, log, sin, cos, tan, atan2 (rad), deg, rad; diff (rate of change), integral, lowpass(signal, Hz).";
 let ids = 0;
 
 export class ChartMenu {
   // named: how many signals, from the first on, have a name of their own
-  constructor({ signals, named }) {
-    this.signals = signals;
+  // derive(text): a signal derived by an expression, or throws what is wrong with it
+  constructor({ signals, named }, derive) {
+    this.signals = signals; this.derive = derive; // shared with other menus of the page
     this.named = new Set(signals.slice(0, named).map(({ name }) => name));
-    this.byName = new Map(signals.map((signal) => [signal.name, signal]));
     this.search = element("input", { type: "search", placeholder: "Search signals", ariaLabel: "search signals",
       oninput: () => this.list() });
     this.note = element("span", { className: "note", role: "status" });
@@ -54,7 +58,7 @@ export class ChartMenu {
 
   list() {
     const text = this.search.value.trim().toLowerCase();
-    if (!text) this.lists.replaceChildren(...this.topics());
+    if (!text) this.lists.replaceChildren(this.derived(), ...this.topics());
     else {
       const parts = text.split(/\s+/), found = this.signals.filter((signal) => {
         const all = `${signal.name} ${signal.group} ${signal.label} ${signal.unit}`.toLowerCase();
@@ -68,9 +72,42 @@ export class ChartMenu {
     this.limit();
   }
 
+  // Those made by an expression, and a field for another one.
+  derived() {
+    const all = this.signals.filter(({ name }) => isDerived(name));
+    const chosen = all.filter(({ name }) => this.chart.names.includes(name));
+    return this.section("derived by an expression", chosen.length, () => {
+      const problem = element("p", { className: "problem", role: "alert", hidden: true });
+      const field = element("input", { type: "text", maxLength: 300, placeholder: EXAMPLE, ariaLabel: "expression of a derived signal", title: HINT,
+        onkeydown: ({ key }) => { if (key === "Enter") add(); } });
+      const add = async () => {
+        try {
+          const signal = await this.derive(field.value);
+          if (!this.signals.some(({ name }) => name === signal.name)) this.signals.push(signal);
+          if (!this.isFull(signal.unit)) this.choose(signal.name, true);
+          this.list();
+        } catch (error) {
+          problem.textContent = error.message;
+          problem.hidden = false;
+        }
+      };
+      return [element("div", { className: "expression" }, field, element("button", { onclick: add }, "Add")), problem,
+        ...all.map((signal) => element("div", { className: "expression" }, this.box(signal),
+          element("button", { className: "icon", title: `forget ${signal.name}`, ariaLabel: `forget ${signal.name}`, onclick: () => this.forget(signal.name) }, icon("close"))))];
+    });
+  }
+
+  forget(name) {
+    forget(name);
+    if (this.chart.names.includes(name)) this.choose(name, false);
+    this.signals.splice(this.signals.findIndex((one) => one.name === name), 1);
+    this.list();
+  }
+
   topics() {
-    return [...new Set(this.signals.map(({ topic }) => topic))].map((topic) => {
-      const all = this.signals.filter((signal) => signal.topic === topic);
+    const plain = this.signals.filter(({ name }) => !isDerived(name));
+    return [...new Set(plain.map(({ topic }) => topic))].map((topic) => {
+      const all = plain.filter((signal) => signal.topic === topic);
       const named = all.filter(({ name }) => this.named.has(name));
       const chosen = all.filter(({ name }) => this.chart.names.includes(name));
       return this.section(words(topic), chosen.length, () => [
@@ -122,11 +159,16 @@ export class ChartMenu {
     this.changed();
   }
 
+  isFull(unit) {
+    const { names, units } = this.chart;
+    return names.length >= MOST || (units.length >= MOST_UNITS && !units.includes(unit));
+  }
+
   limit() {
     const { names, units } = this.chart, isFull = names.length >= MOST, noUnit = units.length >= MOST_UNITS;
-    for (const box of this.lists.querySelectorAll("input")) {
+    for (const box of this.lists.querySelectorAll("input[type=checkbox]")) {
       const { name } = box.dataset;
-      box.disabled = !box.checked && (isFull || (noUnit && !units.includes(this.byName.get(name).unit)));
+      box.disabled = !box.checked && this.isFull(this.signals.find((one) => one.name === name)?.unit);
       box.parentElement.classList.toggle("off", box.disabled);
     }
     this.note.textContent = isFull ? `${MOST} of ${MOST} signals` : noUnit
@@ -151,12 +193,14 @@ export class ChartMenu {
         this.changed();
       };
       return element("div", {}, element("span", {}, `scale ${unit || "without unit"}`),
-        element("label", {}, auto, "auto"), from, "to", to);
+        element("label", {}, auto, "auto"), from, "to", to, element("label", {}, "line at",
+        element("input", { type: "number", step: "any", value: this.chart.limits[unit] ?? "", placeholder: "none", ariaLabel: `line across the ${unit || "plain"} scale`,
+          onchange: ({ target }) => { this.chart.setLimit(unit, target.valueAsNumber); this.changed(); } })));
     }));
   }
 
   shown(unit) {
-    const { min, max } = this.chart.uplot.scales[`y${this.chart.units.indexOf(unit)}`];
+    const { min, max } = this.chart.uplot.scales[`y${this.chart.units.indexOf(unit)}`] ?? {}; // x of one signal over another has none
     return [min, max].map((value) => Number((value ?? 0).toPrecision(3)));
   }
 }

@@ -137,5 +137,6 @@ export class SpectrumChart extends Chart {
   scale(unit) { return { distr: 3, range: () => this.rangeOf(unit) }; }
   range(unit, low, high) { return this.scales[unit] ?? [Math.max(low || 1e-6, 1e-5 * (high || 1)), 1.3 * (high || 1)]; }
   figure(value) { return value.toPrecision(3); }
+  get xName() { return "frequency_hz"; }
   drawEnds() {} // the legend has room for the names
 }

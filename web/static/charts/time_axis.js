@@ -10,6 +10,8 @@ const STEPS = [0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 
 export class Axis extends EventTarget {
   /** @type {number | null} */
   cursor = null; // s
+  /** @type {{ t: number, text: string, kind: string }[]} */
+  events = []; // in order of time
   version = 0; // counts what makes a chart that stands still draw again
 
   /** @returns {number | null} s, where a replay is */

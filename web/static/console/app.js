@@ -9,7 +9,8 @@ import { Calibrate } from "../calibrate/calibrate.js";
 import { EventCenter } from "../events/event_center.js";
 import { Contact } from "../link/contact_lost.js";
 import { ControlStrip } from "./control_strip.js";
-import { Charts } from "../charts/charts.js";
+import { Charts, liveExpressions } from "../charts/charts.js";
+import { derivedSignals } from "../charts/derived.js";
 import { addEmergency } from "../emergency/emergency.js";
 import { ExperimentSection } from "../experiments/experiments.js";
 import { Fly } from "../fly/fly.js";
@@ -32,6 +33,7 @@ import { $, showNote } from "../core/dom.js";
 
 async function start() {
   const [session, description, behaviors] = await Promise.all([get("/api/session"), get("/api/signals"), get("/api/behaviors")]);
+  description.signals.push(...await derivedSignals(liveExpressions));
   const events = new Events();
   const emergency = addEmergency($("emergency"), events, session); // first, whatever fails below
   const telemetry = new Telemetry(description);
@@ -52,7 +54,7 @@ async function start() {
   new View(events, timeout);
   addSticks($("sticks"), { events, isOperator, fly, emergency, gains, label: session.label });
   new StateTable($("table"), telemetry, description, ages);
-  const charts = new Charts($("charts"), telemetry, description);
+  const charts = new Charts($("charts"), telemetry, description, events);
   new Beacons({ events, history: charts.history, description, gains, isOperator, ages });
   new Tune($("tab-tune"), { events, session, isOperator });
   new Calibrate($("tab-calibrate"), { events, session, telemetry, gains, isOperator, ages });

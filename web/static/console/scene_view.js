@@ -1,7 +1,7 @@
 // The 3D view: viser in an iframe, flags over it, the follow switch.
 
 import { request } from "../core/api.js";
-import { $, element } from "../core/dom.js";
+import { $, element, hide } from "../core/dom.js";
 import { seconds, words } from "../core/format.js";
 import { listenInside } from "../core/keys.js";
 import { themeFrame } from "../core/theme.js";
@@ -23,7 +23,8 @@ export class View {
     $("follow").addEventListener("click", () => this.follow($("follow").getAttribute("aria-pressed") !== "true"));
     events.addEventListener("open", () => this.follow($("follow").getAttribute("aria-pressed") === "true"));
     events.on("summary", ({ age }) => {
-      if (age) $("truth-key").hidden = !(age.truth !== null && age.truth < 1);
+      if (age) hide($("truth-key"), !(age.truth !== null && age.truth < 1));
+      hide($("planned-key"), !events.summary.planned); // a message has only what changed
       this.flags(events);
     });
     timeout.addEventListener("change", () => this.flags(events));

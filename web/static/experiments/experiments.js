@@ -2,9 +2,10 @@
 
 import { get, request } from "../core/api.js";
 import { isCalibration, RUNNING } from "../calibrate/labels.js";
+import { figures } from "./figures.js";
 import { Guide } from "./guide.js";
 import { OptionForm } from "./options.js";
-import { element, optionsOf, setText, tableHead } from "../core/dom.js";
+import { element, optionsOf, setText } from "../core/dom.js";
 import { duration, words } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";
 
@@ -124,17 +125,4 @@ export class ExperimentSection {
       ...(status.reason ? [element("p", { className: "reason" }, status.reason)] : []),
       ...(judged ? [figures(status.metrics)] : []));
   }
-}
-
-const UNITS = [["_m_s2", "m/s²"], ["_deg_s", "°/s"], ["_m_s", "m/s"], ["_deg", "°"], ["_count", "counts"], ["_kg", "kg"], ["_N", "N"], ["_m", "m"], ["_s", "s"]];
-
-// A table of metrics [{name, value, limit}], those above their limit marked; units end their names.
-export function figures(metrics) {
-  const number = (value) => (value === null || value === undefined ? "" : String(Number(Number(value).toPrecision(3))));
-  return element("table", { className: "figures" }, tableHead("", "value", "at most", ""),
-    element("tbody", {}, ...metrics.map(({ name, value, limit }) => {
-      const above = limit !== null && limit !== undefined && !(value <= limit);
-      const [end, unit] = UNITS.find(([ending]) => name.endsWith(ending)) ?? ["", ""];
-      return element("tr", { className: above ? "above" : "" }, ...[words(name.slice(0, name.length - end.length)), number(value), number(limit), unit].map((text) => element("td", {}, text)));
-    })));
 }

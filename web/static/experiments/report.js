@@ -1,7 +1,7 @@
 // The report of one run: verdict, figures, options, plots.
 
 import { get } from "../core/api.js";
-import { figures } from "./experiments.js";
+import { figures } from "./figures.js";
 import { element } from "../core/dom.js";
 import { exact, words } from "../core/format.js";
 import { RunReport } from "../runs/report.js";

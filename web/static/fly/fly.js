@@ -27,7 +27,7 @@ export class Fly {
     this.started = null; // {name, values}: the last behaviour this page started
     this.isOperator = isOperator;
     this.notice = new CommandNotice($("answer"), events);
-    this.preview = new Preview($("plan"), $("planned-key"), (behavior) => this.valuesOf(behavior));
+    this.preview = new Preview($("plan"), (behavior) => this.valuesOf(behavior));
     const plain = element("div", { className: "plain" });
     for (const behavior of behaviors) {
       if (behavior.arguments.length) $("behaviors").append(this.row(behavior));

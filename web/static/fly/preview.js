@@ -11,8 +11,8 @@ const HINT = "Point at a trajectory, or change a field, to see its path in the 3
 
 export class Preview {
   // valuesOf(behavior): {values, problem} of its fields.
-  constructor(note, key, valuesOf) {
-    this.note = note; this.key = key; this.valuesOf = valuesOf;
+  constructor(note, valuesOf) {
+    this.note = note; this.valuesOf = valuesOf;
     this.shown = { arguments: "", at: -Infinity };
     setText(note, HINT);
   }
@@ -37,7 +37,6 @@ export class Preview {
     try {
       const { duration: lasts, speed, refusal } = await request("POST", "/api/trajectories/preview", { arguments: values });
       this.shown = { arguments: asked, at: performance.now() };
-      this.key.hidden = false;
       this.say(refusal ? `${label}: ${refusal.replace(/^follow_trajectory refused: /, "")}` : `${label}: ${duration(lasts)}, up to ${fixed(speed, 2)} m/s; the vehicle can fly it.`, refusal ? "warn" : "good");
     } catch (error) {
       this.shown.arguments = "";

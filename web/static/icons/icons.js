@@ -36,6 +36,7 @@ const PATHS = {
   spectrum: "M3.5 16V9M7.8 16V4M12.2 16v-5M16.5 16v-3",
   spectrogram: "M3 3h14v14H3zM3 7.7h14M3 12.3h14M7.7 3v14M12.3 3v14",
   expand: "M11 3h6v6M9 17H3v-6M17 3l-6 6M3 17l6-6",
+  more: `${ring(4, 10, 1)}${ring(10, 10, 1)}${ring(16, 10, 1)}`,
   add: "M10 4v12M4 10h12",
   close: "M5 5l10 10M15 5L5 15",
   start: "M5 4v12M15 4.5L8 10l7 5.5z",
@@ -46,6 +47,8 @@ const PATHS = {
   play: "M5 4l10 6-10 6z",
   pause: "M7 4v12M13 4v12",
 };
+
+export const ICONS = Object.keys(PATHS);
 
 /** @param {string} name */
 export function icon(name) {

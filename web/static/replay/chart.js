@@ -4,24 +4,31 @@ import { Chart } from "../charts/chart.js";
 import { ChartMenu } from "../charts/signal_menu.js";
 import { Spectrogram, SpectrogramChart } from "../charts/spectrogram.js";
 import { Spectra, SpectrumChart } from "../charts/spectrum.js";
+import { derive } from "../charts/derived.js";
+import { viewMenu } from "../charts/view_menu.js";
+import { XyChart } from "../charts/xy.js";
 import { element } from "../core/dom.js";
 import { RecordedSignals } from "./recorded_signals.js";
 
+const SAMPLES = 2000; // of one signal over another
 const axes = (name) => ["x", "y", "z"].map((axis) => `${name}.${axis}`);
 const FIRST = [[...axes("state.position"), ...axes("reference.position")], axes("error.position")]; // of each chart
 
 // Events: `select`, `drawn` when it is as fine as the screen, `problem` with its text.
 export class ReplayChart extends EventTarget {
-  kinds; tools; // made with the runs
+  menu; // made with the runs
 
   constructor(place, index, clock, range) {
     super();
     this.key = `replay.chart.${index}`; this.index = index; this.place = place; this.range = range;
     this.recorded = new RecordedSignals(clock, range, () => Math.min(2000, Math.max(200, this.chart.plot.clientWidth)));
-    this.spectra = new Spectra(range); this.spectrogram = new Spectrogram(range);
+    this.sampled = new RecordedSignals(clock, range, () => SAMPLES, false);
+    /** @type {Record<string, any[]>} */
+    this.views = { time: [this.recorded, Chart], xy: [this.sampled, XyChart], spectrum: [new Spectra(range), SpectrumChart], spectrogram: [new Spectrogram(range), SpectrogramChart] };
+    this.view = "time";
     this.chart = new Chart(place, { axis: range, source: this.recorded });
-    for (const one of [range, this.spectra.axis]) one.addEventListener("range", () => this.show());
-    for (const source of [this.recorded, this.spectra, this.spectrogram]) {
+    for (const one of [range, this.views.spectrum[0].axis]) one.addEventListener("range", () => this.show());
+    for (const [source] of Object.values(this.views)) {
       source.addEventListener("window", () => { this.chart.refresh(); this.show(); });
       source.addEventListener("problem", ({ detail }) => {
         place.classList.toggle("lost", Boolean(detail));
@@ -36,30 +43,33 @@ export class ReplayChart extends EventTarget {
 
   setRuns(runs) {
     const { signals } = runs[0].description;
-    this.recorded.runs = this.spectra.runs = this.spectrogram.runs = runs;
-    const menu = new ChartMenu({ signals, named: signals.filter(({ known }) => known).length });
-    const choose = element("button", { title: "choose signals", ariaExpanded: "false",
-      onclick: () => menu.toggle(this.chart, choose, () => this.changed()) }, "Signals");
-    const kind = (text, source, title) => element("button", { title: `${title}, with the rotors' frequencies; press again to return`, ariaPressed: "false",
-      onclick: () => { if (menu.isOpen) menu.close(); this.setSource(this.source === source ? this.recorded : source); } }, text);
-    this.kinds = [kind("Spectrum", this.spectra, "density over frequency of what is shown"),
-      kind("Spectrogram", this.spectrogram, "density of the first signal over time and frequency")];
-    this.tools = [...this.kinds, choose];
-    this.chart.tools.append(...this.tools);
+    for (const [source] of Object.values(this.views)) source.runs = runs;
+    this.menu = new ChartMenu({ signals, named: signals.filter(({ known }) => known).length }, async (text) => {
+      const signal = await derive(text, (texts) => runs[0].expressions(texts));
+      await Promise.all(runs.map((run) => run.learn([signal.name])));
+      return signal;
+    });
+    this.addTools();
     this.chart.select(this.stored() ?? this.defaults(runs[0]));
     this.show();
   }
 
-  // Over time, over frequency, or over both.
-  setSource(source) {
-    const { place, range, spectra, spectrogram } = this, { names } = this;
+  addTools() {
+    const { chart, menu } = this;
+    const choose = element("button", { title: "choose signals", ariaExpanded: "false",
+      onclick: () => menu.toggle(this.chart, choose, () => this.changed()) }, "Signals");
+    chart.tools.append(choose, viewMenu(chart, this.view, (view) => this.setView(view), () => this.show()));
+  }
+
+  // Over time, one over another, over frequency, or over both.
+  setView(view) {
+    const { place, range } = this, { names, hasFigures, hasEvents, limits } = this.chart, [source, Kind] = this.views[view];
+    if (this.menu.isOpen) this.menu.close();
     this.chart.close();
     place.replaceChildren();
-    this.chart = source === spectra ? new SpectrumChart(place, { axis: spectra.axis, source })
-      : source === spectrogram ? new SpectrogramChart(place, { axis: range, source })
-        : new Chart(place, { axis: range, source });
-    this.kinds.forEach((button, i) => { button.ariaPressed = String(source === [spectra, spectrogram][i]); });
-    this.chart.tools.append(...this.tools);
+    this.view = view;
+    this.chart = new Kind(place, { axis: source.axis ?? range, source, hasFigures, hasEvents, limits });
+    this.addTools();
     this.chart.select(names);
     this.changed();
   }
@@ -93,7 +103,7 @@ export class ReplayChart extends EventTarget {
 
   // After a run's shift changed: its windows are at other times.
   shifted() {
-    this.recorded.clear();
+    for (const source of [this.recorded, this.sampled]) source.clear();
     this.chart.refresh();
     this.show();
   }
@@ -106,7 +116,7 @@ export class ReplayChart extends EventTarget {
 
   // Values at the play-head, one object of them a run.
   put(values) {
-    this.recorded.values = values;
+    for (const source of [this.recorded, this.sampled]) source.values = values;
     this.chart.readOut();
   }
 }

@@ -28,10 +28,14 @@ const timesOf = (name) => times.get(topics.get(name)) ?? new Float64Array();
 const valueAt = (name, k) => columns.get(name)?.[k] ?? constants.get(name) ?? NaN;
 
 // The least and the greatest of every few samples where there are more than `points` of them twice; a
-// gap in them stays one.
-function cut(names, start, end, points) {
+// gap in them stays one. Without extremes: one of every few samples, all signals' at the same times.
+function cut(names, start, end, points, extremes) {
   const list = timesOf(names[0]);
   const first = Math.max(0, before(list, start) - 1), last = Math.min(list.length, before(list, end) + 1), count = Math.max(0, last - first);
+  if (!extremes) {
+    const step = Math.max(1, Math.ceil(count / points)), picked = Array.from({ length: Math.ceil(count / step) }, (_, i) => first + i * step);
+    return { signals: names, times: Float64Array.from(picked, (k) => list[k]), columns: names.map((name) => Float32Array.from(picked, (k) => valueAt(name, k))) };
+  }
   const size = count <= 2 * points ? 1 : Math.ceil(count / points);
   const kept = size === 1 ? list.slice(first, last) : new Float64Array(2 * Math.ceil(count / size));
   const found = names.map(() => new Float32Array(kept.length));
@@ -75,7 +79,7 @@ export async function binary(path) {
   if (!pathname.endsWith("/window")) throw new Error(GONE);
   const number = (name) => Number(searchParams.get(name)), byTopic = new Map();
   for (const name of searchParams.getAll("signal")) byTopic.set(topics.get(name), [...(byTopic.get(topics.get(name)) ?? []), name]);
-  return pack([...byTopic.values()].map((names) => cut(names, number("start"), number("end"), number("points"))));
+  return pack([...byTopic.values()].map((names) => cut(names, number("start"), number("end"), number("points"), searchParams.get("extremes") !== "false")));
 }
 
 /** @param {string} _method @param {string} _path @returns {Promise<any>} */

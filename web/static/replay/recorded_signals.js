@@ -7,6 +7,7 @@ import { faint } from "../core/theme.js";
 
 const AHEAD = 1; // widths fetched on either side of what is shown
 const COARSE = 3.5; // times the width at which a window is too coarse
+const MOST = 200_000; // samples of a topic in a file
 const OLD = 3; // s
 const RETRY = 1000; // ms
 
@@ -16,8 +17,10 @@ export class RecordedSignals extends EventTarget {
   loaded = new Map(); whole = new Map(); // of each run: the window last asked for, and one of all of it
 
   // points(): how many there are room for
-  constructor(clock, range, points) {
+  // extremes: of many samples a point the least and the greatest, else one of them
+  constructor(clock, range, points, extremes = true) {
     super();
+    this.extremes = extremes;
     this.clock = clock; this.range = range; this.points = points;
   }
 
@@ -46,6 +49,19 @@ export class RecordedSignals extends EventTarget {
     if (!group) return undefined;
     const { times } = group, values = group.columns[group.signals.indexOf(name)];
     return { times, values, shift, gap: Infinity, ...between(times, min + shift, max + shift, 0, times.length) };
+  }
+
+  // Of all samples between two instants.
+  async figures({ name, run }, from, to) {
+    const { [name]: found } = await run.statistics([name], from + run.shift, to + run.shift);
+    return found;
+  }
+
+  // Every sample, up to a bound; a second run's columns begin with its name.
+  async table(names, from, to) {
+    const all = await Promise.all(this.runs.map(async (run, k) => (await run.window(names, from + run.shift, to + run.shift, MOST, false))
+      .map(({ signals, times, columns }) => ({ names: signals.map((name) => (k ? `${run.id} ${name}` : name)), times: times.map((time) => time - run.shift), columns }))));
+    return all.flat();
   }
 
   // The value at the play-head, which the server has told.
@@ -96,7 +112,7 @@ export class RecordedSignals extends EventTarget {
   async window(run, start, end) {
     const { shift } = run, share = (end - start) / Math.max(1e-9, this.range.end - this.range.start);
     const points = Math.min(4000, Math.round(this.points() * Math.max(1, share)));
-    const groups = await run.window(this.names, start + shift, end + shift, points);
+    const groups = await run.window(this.names, start + shift, end + shift, points, this.extremes);
     return shift === run.shift ? { groups, start, end } : null;
   }
 }

@@ -1,5 +1,6 @@
 // The replay page: opens one run or two and hands them to the parts.
 
+import { derivedSignals } from "../charts/derived.js";
 import { get } from "../core/api.js";
 import { $, element } from "../core/dom.js";
 import { head } from "../core/page_header.js";
@@ -36,6 +37,10 @@ async function start() {
   const options = { newer: new URLSearchParams(location.search).has("newer") };
   const runs = [await Run.open(ID, (share) => say(`Reading ${ID}: ${Math.round(100 * share)} %`), options)];
   if (WITH && WITH !== ID) runs.push(await Run.open(WITH, (share) => say(`Reading ${WITH}: ${Math.round(100 * share)} %`)));
+  const [lead, other] = runs, derived = await derivedSignals((texts) => lead.expressions(texts));
+  lead.description.signals.push(...derived);
+  for (const signal of derived) lead.signals.set(signal.name, signal);
+  if (derived.length) await other?.learn(derived.map(({ name }) => name));
   say("");
   for (const section of main.querySelectorAll("section")) section.hidden = false;
   new Page(runs, await others(ID));
@@ -50,6 +55,7 @@ class Page {
   constructor(runs, choices) {
     this.runs = runs;
     const clock = (this.clock = new PlayHead()), range = (this.range = new Range(clock));
+    range.events = runs[0].events;
     this.scene = new ReplayScene($("view"), clock);
     this.pictures = new ReplayPictures($("view"), clock);
     this.charts = [0, 1].map((index) => new ReplayChart($(`chart-${index}`), index, clock, range));

@@ -18,14 +18,21 @@ export class Run {
 
   get duration() { return this.description.duration; }
 
+  // What happened, for charts: log lines, marks and parameter changes.
+  get events() {
+    const { events, marks, changes } = this.description, line = (t, text, kind = "") => ({ t, text, kind });
+    return [...events.map(({ t, text, warn }) => line(t, text, warn ? "warn" : "")), ...marks.map(({ t, text }) => line(t, text || "mark", "warn")),
+      ...changes.map(({ t, name, new: value }) => line(t, `${name} = ${value}`))].sort((a, b) => a.t - b.t);
+  }
+
   // progress(0 … 1) is called while the log is read.
-  static async open(id, progress, { newer = false } = {}) {
+  static async open(id, progress, { newer = false, hasTrack = true } = {}) {
     const path = `/api/replay/${encodeURIComponent(id)}`;
     for (let wanted = newer; ; wanted = false) {
       const answer = await get(`${path}${wanted ? "?newer=true" : ""}`);
       if (answer.state === "ready") {
         const run = new Run(id, answer);
-        await run.loadTrack();
+        if (hasTrack) await run.loadTrack();
         return run;
       }
       progress(answer.progress);
@@ -90,13 +97,26 @@ export class Run {
     return get(`${this.base}/spectrogram?start=${start.toFixed(6)}&end=${end.toFixed(6)}${query([name])}`);
   }
 
+  // { count, mean, rms, min, max } of all samples between two instants of its own time, by name.
+  statistics(names, start, end) {
+    return get(`${this.base}/statistics?start=${start.toFixed(6)}&end=${end.toFixed(6)}${query(this.known(names))}`);
+  }
+
+  // Derived signals, those that it can compute, among its signals.
+  async learn(names) {
+    for (const signal of await this.expressions(names)) if (!signal.problem) this.signals.set(signal.name, signal);
+  }
+
+  // What the server says of the texts of derived signals.
+  expressions(texts) { return get(`${this.base}/expressions?${texts.map((text) => `text=${encodeURIComponent(text)}`).join("&")}`); }
+
   known(names) { return names.filter((name) => this.signals.has(name)); }
 
   // [{signals, times, columns}] between two instants of its own time.
-  async window(names, start, end, points) {
+  async window(names, start, end, points, extremes = true) {
     const wanted = this.known(names);
     if (!wanted.length) return [];
-    return unpack(await binary(`${this.base}/window?start=${start.toFixed(6)}&end=${end.toFixed(6)}&points=${points}${query(wanted)}`));
+    return unpack(await binary(`${this.base}/window?start=${start.toFixed(6)}&end=${end.toFixed(6)}&points=${points}${extremes ? "" : "&extremes=false"}${query(wanted)}`));
   }
 }
 

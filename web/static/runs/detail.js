@@ -64,7 +64,8 @@ export class RunDetail {
     if (several) {
       const pair = [...chosen].sort((a, b) => a.start_ns - b.start_ns).map((one) => encodeURIComponent(one.id));
       const both = pair.length === 2 ? [link(`/replay/${pair[0]}?with=${pair[1]}`, "Overlay in replay", { title: "show both in one replay, aligned at an event" })] : [];
-      this.links.replaceChildren(...both, remove);
+      const compare = link(`/compare?${pair.map((one) => `run=${one}`).join("&")}`, "Compare", { title: "signals aligned at an event, metrics, and parameters that differ" });
+      this.links.replaceChildren(compare, ...both, remove);
       return;
     }
     this.links.replaceChildren(

@@ -100,7 +100,7 @@ def test_a_trajectory_tells_what_it_asks_before_it_starts(
     page.keyboard.press("Escape")  # the help of the first visit
     page.hover(row)
     look.text("#plan", "^Circle: 00:19, up to 0.63 m/s; the vehicle can fly it.$")
-    assert page.is_visible("#planned-key")
+    page.wait_for_selector("#planned-key")
     found = Preview(found.points, 5.0, 3.0, "follow_trajectory refused: too quick; try slower")
     page.fill(f"{row} input >> nth=0", "2")
     look.text("#plan", "^Circle: too quick; try slower$")

@@ -39,6 +39,11 @@ def chart_signals(page: Any, index: int) -> list[str]:
     return list(layout_of(page)["layout"]["charts"][index]["signals"])
 
 
+def choose_view(page: Any, name: str) -> None:
+    page.click("#chart-0 button[aria-label=view]")
+    page.click(f"#chart-0 .menu.view button[name={name}]")
+
+
 HOUR = """async ([names, minutes, rate]) => {
   const { Telemetry } = await import('/static/core/sockets.js');
   const { History } = await import('/static/charts/history.js');
@@ -150,7 +155,7 @@ def test_a_chart_shows_the_spectrum_of_the_last_seconds_and_says_why_it_cannot(
     ticks["state"]["quaternion_wb"][:, 0] = 1.0
     packets = [pack(ticks[k : k + 5], k) for k in range(0, count, 5)]
     site.station.answers.pop("recent_telemetry", None)
-    page.click("#chart-0 button[aria-label='spectrum']")
+    choose_view(page, "spectrum")
     page.wait_for_function(
         "() => document.querySelector('#chart-0 output.state').textContent.includes('needs 2 s')"
     )
@@ -172,14 +177,37 @@ def test_a_chart_shows_the_spectrum_of_the_last_seconds_and_says_why_it_cannot(
         return any(float(text or 0.0) > 0.3 for text in shown)
 
     until(reads_the_line)
-    page.click("#chart-0 button[aria-label='spectrogram']")
+    choose_view(page, "spectrogram")
     page.wait_for_selector("#chart-0 .plot[aria-label$='over time and frequency'] .heat")
     page.wait_for_function(
         "() => document.querySelector('#chart-0 .heat').textContent.includes('m/√Hz')"
     )
-    page.click("#chart-0 button[aria-label='spectrogram']")
+    choose_view(page, "time")
     page.wait_for_selector("#chart-0 .plot[aria-label$='over time'] canvas")
     assert chart_signals(page, 0)[0] == "state.position.x"
+
+
+def test_a_derived_signal_is_charted_over_another_and_stays_after_a_reload(
+    page: Any, look: Any
+) -> None:
+    page.click("#chart-1 >> text=Signals")
+    page.click("#chart-1 summary >> text=derived by an expression")
+    page.fill("#chart-1 .expression input", "twice = 2*state.position.q")
+    page.click("#chart-1 .expression button >> text=Add")
+    look.text("#chart-1 .problem", "^at character 3: no signal state.position.q; did you mean")
+    page.fill("#chart-1 .expression input", "twice = 2*state.position.x")
+    page.click("#chart-1 .expression button >> text=Add")
+    look.text("#chart-1 .legend", r"twice\d\.\d")
+    assert chart_signals(page, 1)[-1] == "twice = 2*state.position.x"
+    page.click("#chart-1 .menu.signals >> text=Close")
+    choose_view(page, "xy")
+    page.wait_for_selector("#chart-0 .plot[aria-label$='over position x, m'] canvas")
+    page.click("#chart-1 button[aria-label=view]")
+    page.check("#chart-1 .menu.view >> text=Statistics")
+    look.text("#chart-1 .statistics tbody tr:last-child td:last-child", r"\d\.\d")
+    page.reload()
+    page.wait_for_selector("#chart-0 .plot[aria-label$='over position x, m'] canvas")
+    look.text("#chart-1 .legend", r"twice\d\.\d")
 
 
 # ---------------------------------------------------------------------- pause, zoom, cursor

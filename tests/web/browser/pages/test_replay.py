@@ -61,12 +61,12 @@ def open_replay(replay_site: Any, serve: type, context: Any) -> Iterator[Callabl
         cookies = [{"name": k, "value": v, "url": site.base} for k, v in viewer.cookies.items()]
     context.add_cookies(cookies)
 
-    def open_at(query: str = RUN) -> Any:
+    def open_at(query: str = RUN, place: str = "replay/", ready: str = "main[data-shown]") -> Any:
         page = context.new_page()
         page.on("pageerror", lambda error: problems.append(str(error)))
         page.on("websocket", lambda socket: sockets.append(socket.url))
-        page.goto(f"{site.base}/replay/{query}")
-        page.wait_for_selector("main[data-shown]", timeout=BOUND)
+        page.goto(f"{site.base}/{place}{query}")
+        page.wait_for_selector(ready, timeout=BOUND)
         return page
 
     yield open_at
@@ -157,6 +157,11 @@ def test_every_speed_can_be_chosen(replay: Any) -> None:
     assert found == ["⅛ ×", "¼ ×", "½ ×", "1 ×", "2 ×", "4 ×", "8 ×"]
 
 
+def choose_view(page: Any, name: str) -> None:
+    page.click("#chart-1 button[aria-label=view]")
+    page.click(f"#chart-1 .menu.view button[name={name}]")
+
+
 def test_the_address_carries_the_moment(replay: Any, open_replay: Any) -> None:
     replay.keyboard.press("Shift+ArrowRight")
     replay.select_option("#transport .shows select", "3")
@@ -179,17 +184,15 @@ def test_charts_show_any_signal_of_the_log(replay: Any, look_at: Any) -> None:
 
 
 def test_a_chart_shows_the_spectrum_of_its_signals_and_time_again(replay: Any) -> None:
-    replay.click("#chart-1 >> text=Spectrum")
+    choose_view(replay, "spectrum")
     replay.wait_for_selector("#chart-1 .plot[aria-label$='over frequency'] canvas", timeout=BOUND)
     at(replay, 5.0)
-    assert replay.get_attribute("#chart-1 button >> text=Spectrum", "aria-pressed") == "true"
     assert replay.locator("#state:not([hidden])").count() == 0
-    replay.click("#chart-1 >> text=Spectrogram")
+    choose_view(replay, "spectrogram")
     replay.wait_for_function(
         "() => document.querySelector('#chart-1 .heat')?.textContent.includes('√Hz')", timeout=BOUND
     )
-    assert replay.get_attribute("#chart-1 button >> text=Spectrum", "aria-pressed") == "false"
-    replay.click("#chart-1 >> text=Spectrogram")
+    choose_view(replay, "time")
     replay.wait_for_selector("#chart-1 .plot[aria-label$='over time'] canvas", timeout=BOUND)
     at(replay, 5.0)
 
@@ -356,3 +359,40 @@ def test_a_cameras_picture_follows_the_play_head(open_replay: Any) -> None:
     page.wait_for_selector(f"{quiet} >> text=No picture yet")
     assert page.inner_text("#view .pictures figcaption") == "Camera on board"
     assert open_replay(f"{RUN}#t=5").locator("#view .pictures canvas").count() == 0
+
+
+# ---------------------------------------------------------------------- several runs compared
+PARAMETERS = "#parameters h2"
+
+
+def test_runs_are_compared_about_their_take_off_and_a_link_shows_the_same(
+    open_replay: Any, look_at: Any
+) -> None:
+    page = open_replay(f"?run={RUN}&run={LATER}", "compare", PARAMETERS)
+    look = look_at(page)
+    assert page.input_value("#tools select") == "take_off"
+    assert page.locator("#signals .chart").count() == 6  # three signals, and their differences
+    box = page.locator("#signals .plot >> nth=2").bounding_box()
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.5 * box["height"])
+    look.text("#signals .chart >> nth=2 >> .legend", r"A[\d.]+B[\d.]+")
+    look.text("#signals .chart >> nth=3 >> .legend", r"B − A[−]?0\.0\d")
+    page.click("#tools button:has-text('One chart a run')")
+    assert page.locator("#signals .chart").count() == 9
+    page.click("#tools button:has-text('Difference')")
+    assert page.locator("#signals .chart").count() == 6
+    page.select_option("#tools select", "start")
+    page.wait_for_function("() => location.hash.startsWith('#at=start&split=1&difference=0')")
+    again = open_replay(page.url.partition("compare")[2], "compare", PARAMETERS)
+    assert again.input_value("#tools select") == "start"
+    assert again.locator("#signals .chart").count() == 6
+
+
+def test_a_run_that_cannot_be_compared_says_why_in_its_line(open_replay: Any, look_at: Any) -> None:
+    page = open_replay(
+        f"?run={RUN}&run={LATER}&run=nowhere#s=state.position.z", "compare", PARAMETERS
+    )
+    look = look_at(page)
+    look.text("#compared li >> nth=2 >> .note", "no run")
+    assert page.locator("#signals .chart").count() == 2
+    page.click("#compared li >> nth=1 >> a[aria-label^=remove]")
+    look.text("#state", "^Only one of these runs can be compared.$")

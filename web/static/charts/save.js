@@ -1,0 +1,76 @@
+// What a chart shows as files: a picture, and its numbers.
+
+import { element } from "../core/dom.js";
+import { font, paint } from "../core/theme.js";
+
+/** @typedef {{ names: string[], times: ArrayLike<number>, columns: ArrayLike<number>[] }} Group signals of the same instants */
+
+// A row an instant, a column a signal; empty where a signal has no value then.
+/** @param {string} time the first column's name @param {Group[]} groups */
+export function csvOf(time, groups) {
+  const names = groups.flatMap((group) => group.names), width = names.length;
+  /** @type {Map<number, string[]>} */
+  const rows = new Map();
+  let first = 0;
+  for (const { names: own, times, columns } of groups) {
+    for (let i = 0; i < times.length; i++) {
+      const row = rows.get(times[i]) ?? Array(width).fill("");
+      columns.forEach((column, k) => { if (Number.isFinite(column[i])) row[first + k] = String(column[i]); });
+      if (row.some(Boolean)) rows.set(times[i], row);
+    }
+    first += own.length;
+  }
+  const quoted = [time, ...names].map((name) => (/[",\n]/.test(name) ? `"${name.replaceAll('"', '""')}"` : name));
+  const lines = [...rows].sort(([a], [b]) => a - b).map(([at, row]) => `${Number(at.toFixed(6))},${row.join(",")}`);
+  return `${[quoted.join(","), ...lines].join("\n")}\n`;
+}
+
+/** @param {Blob} blob @param {string} name */
+function save(blob, name) {
+  const link = element("a", { href: URL.createObjectURL(blob), download: name });
+  link.click();
+  URL.revokeObjectURL(link.href);
+}
+
+/** @param {any} chart */
+const fileName = (chart) => (chart.names.slice(0, 3).join("_") || "chart").replace(/[^\w.-]+/g, "_").slice(0, 80);
+
+// All samples of the time shown where the source has them, else what is drawn.
+/** @param {any} chart */
+export async function saveNumbers(chart) {
+  const { source, axis, lines, pieces } = chart, [from, to] = axis.span;
+  const groups = source.table ? await source.table(chart.names, from, to)
+    : lines.flatMap((/** @type {any} */ { name, rotor, motor }, /** @type {number} */ i) => {
+      const piece = pieces[i], part = (/** @type {any} */ list) => Array.from(list).slice(piece.from, piece.to);
+      return piece ? [{ names: [motor ? `rotor ${motor ?? rotor}` : name], times: part(piece.times), columns: [part(piece.values)] }] : [];
+    });
+  save(new Blob([csvOf(chart.xName, groups)], { type: "text/csv" }), `${fileName(chart)}.csv`);
+}
+
+// With the names of its lines above it.
+/** @param {any} chart */
+export function savePicture(chart) {
+  const { canvas } = chart.uplot.ctx, ratio = devicePixelRatio, margin = 10 * ratio, row = 16 * ratio;
+  const picture = element("canvas", { width: canvas.width + 2 * margin, height: canvas.height + row + 2 * margin });
+  const context = /** @type {CanvasRenderingContext2D} */ (picture.getContext("2d"));
+  context.fillStyle = paint("var(--panel)");
+  context.fillRect(0, 0, picture.width, picture.height);
+  context.font = font(ratio);
+  context.textBaseline = "middle";
+  let x = margin;
+  for (const { label, stroke, dash, name } of chart.lines.filter((/** @type {any} */ line) => line.label)) {
+    const text = `${label}${chart.signal(name).unit ? `, ${chart.signal(name).unit}` : ""}`;
+    context.strokeStyle = paint(stroke);
+    context.lineWidth = 2 * ratio;
+    context.setLineDash((dash ?? []).map((/** @type {number} */ length) => length * ratio));
+    context.beginPath();
+    context.moveTo(x, margin + row / 2);
+    context.lineTo(x + 20 * ratio, margin + row / 2);
+    context.stroke();
+    context.fillStyle = paint("var(--text)");
+    context.fillText(text, x + 25 * ratio, margin + row / 2);
+    x += context.measureText(text).width + 40 * ratio;
+  }
+  context.drawImage(canvas, margin, margin + row);
+  picture.toBlob((blob) => { if (blob) save(blob, `${fileName(chart)}.png`); });
+}
