@@ -19,7 +19,7 @@ from quadlab.settings import check_laws, offer_plugins, parse_board_options, par
 =======
 from quadlab.settings import (
     check_laws,
-    offer_estimators,
+    offer_plugins,
     parse_board_options,
     parse_settings,
     vehicle_parameters,
@@ -107,7 +107,7 @@ class Vehicle:
             offer_plugins(data_folder(self.data))
             settings = parse_settings(new_parameters(), words)
 =======
-            offer_estimators(data_folder(self.data))
+            offer_plugins(data_folder(self.data))
             settings = parse_settings(vehicle_parameters(self.board), words)
 >>>>>>> crazy
         data = open_data_folder(self.data)

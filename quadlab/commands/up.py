@@ -24,7 +24,7 @@ from quadlab.settings import check_laws, offer_plugins, parse_board_options, par
 =======
 from quadlab.settings import (
     check_laws,
-    offer_estimators,
+    offer_plugins,
     parse_board_options,
     parse_settings,
     vehicle_parameters,
@@ -161,7 +161,7 @@ class Up(PageOptions):
         offer_plugins(data_folder(self.data))
         values = parse_settings(new_parameters(), vehicle)
 =======
-        offer_estimators(data_folder(self.data))
+        offer_plugins(data_folder(self.data))
         values = parse_settings(vehicle_parameters(self.board), vehicle)
 >>>>>>> crazy
         parse_settings(SimulatorParameters(), simulator, prefix)

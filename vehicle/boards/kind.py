@@ -21,9 +21,9 @@ _HERE = {
     MIKROKOPTER: f"{__package__}.mikrokopter.microcontroller",
     BETAFLIGHT: f"{__package__}.betaflight.board",
 =======
-    MIKROKOPTER: "vehicle.boards.mikrokopter.microcontroller",
-    BETAFLIGHT: "vehicle.boards.betaflight.board",
-    CRAZYFLIE: "vehicle.boards.crazyflie.kind",
+    MIKROKOPTER: f"{__package__}.mikrokopter.microcontroller",
+    BETAFLIGHT: f"{__package__}.betaflight.board",
+    CRAZYFLIE: f"{__package__}.crazyflie.kind",
 >>>>>>> crazy
 }
 
