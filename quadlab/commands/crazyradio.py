@@ -20,8 +20,8 @@ class Crazyradio:
     """link of a Crazyflie and the UDP port for it, like radio://0/80/2M/E7E7E7E701=19850"""
 
     def run(self) -> int:
-        from  import StopRequest
         from vehicle_link.crtp.share import share
+        from vehicle_link.termination_signal import EndSignal
 
         links = [_split(word) for word in self.links]
         words = [word for link, port in links for word in (f"link {link}", f"port {port}")]
@@ -30,9 +30,8 @@ class Crazyradio:
                 raise UsageError(f"{word} is given twice; give each Crazyflie its own")
         for word, port in links:
             print(f"{word}: fly it with --serial udp://127.0.0.1:{port}", flush=True)
-        stop = StopRequest()
-        with stop.installed():
-            share(links, lambda: stop.count > 0)
+        stop = EndSignal()
+        share(links, lambda: stop.count > 0)
         return 0
 
 

@@ -14,9 +14,6 @@ import tyro
 
 from quadlab.commands.option_types import Flag, Folder, Names, Settings, optional
 from quadlab.data_folder import data_folder, open_data_folder
-<<<<<<< HEAD
-from quadlab.settings import check_laws, offer_plugins, parse_board_options, parse_settings
-=======
 from quadlab.settings import (
     check_laws,
     offer_plugins,
@@ -24,7 +21,6 @@ from quadlab.settings import (
     parse_settings,
     vehicle_parameters,
 )
->>>>>>> crazy
 from quadlab.up import serial_ports
 from quadlab.up.page_options import PageOptions, say_authority
 from quadlab.up.supervise import Child
@@ -101,15 +97,8 @@ class Vehicle:
 
         settings = {}
         if words:
-<<<<<<< HEAD
-            from vehicle.parameters import new_parameters
-
-            offer_plugins(data_folder(self.data))
-            settings = parse_settings(new_parameters(), words)
-=======
             offer_plugins(data_folder(self.data))
             settings = parse_settings(vehicle_parameters(self.board), words)
->>>>>>> crazy
         data = open_data_folder(self.data)
         check_laws(settings, data)
         return run_vehicle(

@@ -19,9 +19,6 @@ import tyro
 from quadlab.commands.option_types import Flag, Folder, Settings, optional
 from quadlab.commands.processes import OPEN_BROWSER, SIGN_IN_TOKEN, WATCH_PERIOD, check_tracker
 from quadlab.data_folder import data_folder, open_data_folder, owned
-<<<<<<< HEAD
-from quadlab.settings import check_laws, offer_plugins, parse_board_options, parse_settings
-=======
 from quadlab.settings import (
     check_laws,
     offer_plugins,
@@ -29,7 +26,6 @@ from quadlab.settings import (
     parse_settings,
     vehicle_parameters,
 )
->>>>>>> crazy
 from quadlab.simulated.fleet import SimulatedFleet
 from quadlab.up.landing import land_before_stopping
 from quadlab.up.page_options import PageOptions
@@ -157,13 +153,8 @@ class Up(PageOptions):
         prefix = "simulator."
         vehicle = [word for word in words if not word.startswith(prefix)]
         simulator = [word.removeprefix(prefix) for word in words if word.startswith(prefix)]
-<<<<<<< HEAD
-        offer_plugins(data_folder(self.data))
-        values = parse_settings(new_parameters(), vehicle)
-=======
         offer_plugins(data_folder(self.data))
         values = parse_settings(vehicle_parameters(self.board), vehicle)
->>>>>>> crazy
         parse_settings(SimulatorParameters(), simulator, prefix)
         return of_board + _set_words(vehicle), of_board + _set_words(simulator), values
 

@@ -17,14 +17,9 @@ from vehicle_link.serial.port import BAUD_RATE, Port
 MIKROKOPTER, BETAFLIGHT, CRAZYFLIE = "mikrokopter", "betaflight", "crazyflie"
 GROUP = "quadlab.boards"
 _HERE = {
-<<<<<<< HEAD
-    MIKROKOPTER: f"{__package__}.mikrokopter.microcontroller",
-    BETAFLIGHT: f"{__package__}.betaflight.board",
-=======
     MIKROKOPTER: f"{__package__}.mikrokopter.microcontroller",
     BETAFLIGHT: f"{__package__}.betaflight.board",
     CRAZYFLIE: f"{__package__}.crazyflie.kind",
->>>>>>> crazy
 }
 
 
