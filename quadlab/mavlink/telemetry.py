@@ -165,7 +165,7 @@ class Telemetry:
         battery = self._vehicle.message("battery")
         if battery is None or not math.isfinite(battery.voltage):
             return 0
-        return min(max(round(1e3 * battery.voltage), 0), NONE_16 - 1)
+        return min(max(round(1e3 * float(battery.voltage)), 0), NONE_16 - 1)
 
     def _landed(self) -> Any:
         status = self._vehicle.status
