@@ -1,4 +1,4 @@
-"""Where this copy of quadlab is: a checkout, or the package `quadlab` that a wheel installs.
+"""The place of this copy of quadlab: a checkout, or the package `quadlab` that a wheel installs.
 
 A wheel has every package of a checkout below `quadlab` (docs/decisions/0001).
 """

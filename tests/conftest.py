@@ -43,7 +43,7 @@ LIVE = (
 BROWSER = "web/browser/"
 PLUGINS = ("vehicle/laws/", "vehicle/estimators/test_external.py")
 """Processes of plugins, which must answer within a second."""
-LONG = ("web/test_openapi.py", "quadlab/test_fly_bearings.py", "vehicle/flight/test_kernels.py")
+LONG = ("web/test_openapi.py", "quadlab/fly/test_bearings.py", "vehicle/flight/test_kernels.py")
 """Long tests, which start early, so that no process has one of them alone at the end."""
 CHROMIUMS = ("chromium-headless-shell", "chromium")
 """Debian's browsers; the shell draws the same with half the work, as it has no window."""

@@ -84,7 +84,7 @@ class NoArguments(Parameters):
 
 @dataclass(slots=True)
 class TickInputs:
-    """What a behavior reads in one tick; one object is reused."""
+    """The inputs of a behavior in one tick; one object is reused."""
 
     stamp_ns: int = 0  # the vehicle's clock, as for the stamps of `joy`
     dt: float = 0.0  # s since the last tick

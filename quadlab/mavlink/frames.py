@@ -59,7 +59,7 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where on Earth the world's origin is."""
+    """The place on Earth of the world's origin is."""
 
     place: Place
 

@@ -40,7 +40,7 @@ Address = tuple[str, int]
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """Where to listen, or with `listens` false where to send to."""
+    """An address to listen on or, with `listens` false, to send to."""
 
     listens: bool
     host: str

@@ -60,7 +60,7 @@ class Sender(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SetPoint:
-    """What a ground station wants; None where it wants nothing.
+    """The set-point of a ground station; None where it sets nothing.
 
     Attributes:
         velocity: world axes, or with `is_body` forward, left, up.

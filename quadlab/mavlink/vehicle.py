@@ -1,4 +1,4 @@
-"""What the station says of the vehicle, decoded once for all messages made of it."""
+"""The vehicle as the station reports it, decoded once for all messages that are made of it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Vector = tuple[float, float, float]
 
 
 class Source(Protocol):
-    """What is used of `quadlab.station_client.StationClient`."""
+    """The part of `quadlab.station_client.StationClient` that is used."""
 
     def newest_payload(self, topic: str) -> Newest: ...
 

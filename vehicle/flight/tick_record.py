@@ -1,4 +1,4 @@
-"""What one tick of the flight stack puts out: its record, with views, and its messages."""
+"""The output of one tick of the flight stack: its record, with views, and its messages."""
 
 from __future__ import annotations
 

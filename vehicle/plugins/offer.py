@@ -1,4 +1,4 @@
-"""What plugins add to the parameters of a vehicle."""
+"""Additions of plugins to the parameters of a vehicle."""
 
 from __future__ import annotations
 

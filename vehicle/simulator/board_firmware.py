@@ -1,4 +1,4 @@
-"""What all simulated firmwares of other boards than the paper's have in common.
+"""The common part of the simulated firmwares of boards other than the paper's.
 
 They sense the plant more finely than the paper's converters, and run at 1 kHz.
 """

@@ -35,7 +35,7 @@ DEFAULT_ADDRESS = "E7E7E7E7E7"
 
 
 class Place(msgspec.Struct, frozen=True):
-    """Where one Crazyflie is on the air."""
+    """The radio address of one Crazyflie."""
 
     channel: int
     rate: int

@@ -1,5 +1,6 @@
-"""What was received already: a window of counters (RFC 4303, section 3.4.3), for the datagrams of a
-lane, and the newest message of each publisher, for topics that may arrive over two paths.
+"""A record of what was received already: a window of counters (RFC 4303, section 3.4.3), for the
+datagrams of a lane, and the newest message of each publisher, for topics that may arrive over two
+paths.
 """
 
 from __future__ import annotations

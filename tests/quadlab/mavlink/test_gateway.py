@@ -81,9 +81,20 @@ def test_commands_reach_the_station_as_its_own(wire: Callable[..., Wired]) -> No
     assert ground.command(TAKE_OFF, 0, 0, 0, math.nan, 0, 0, 0.8) == ACCEPTED
     assert ground.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 4, 3) == ACCEPTED
     ground.mav.command_int_send(
-        1, 1, mavlink.MAV_FRAME_GLOBAL_INT, mavlink.MAV_CMD_DO_REPOSITION, 0, 0,
-        0.5, 0, 0, 0.0, round(47.4e7), round(8.5e7), 1.2,
-    )  # fmt: skip
+        1,
+        1,
+        mavlink.MAV_FRAME_GLOBAL_INT,
+        mavlink.MAV_CMD_DO_REPOSITION,
+        0,
+        0,
+        0.5,
+        0,
+        0,
+        0.0,
+        round(47.4e7),
+        round(8.5e7),
+        1.2,
+    )
     ground.until("COMMAND_ACK", lambda m: m.result == ACCEPTED)
     assert ground.command(mavlink.MAV_CMD_NAV_LAND) == ACCEPTED
     assert ground.command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1) == ACCEPTED
@@ -175,9 +186,21 @@ def item(seq: int, command: int, east: float, north: float, up: float) -> tuple[
     lat = 47.4 + math.degrees(north / 6371000.0)
     lon = 8.5 + math.degrees(east / (6371000.0 * math.cos(math.radians(47.4))))
     return (
-        1, 1, seq, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, command, 0, 1,
-        0.0, 0.0, 0.0, math.nan, round(lat * 1e7), round(lon * 1e7), up,
-    )  # fmt: skip
+        1,
+        1,
+        seq,
+        mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+        command,
+        0,
+        1,
+        0.0,
+        0.0,
+        0.0,
+        math.nan,
+        round(lat * 1e7),
+        round(lon * 1e7),
+        up,
+    )
 
 
 ITEMS = [

@@ -26,7 +26,7 @@ PATIENCE = 10.0
 
 
 class Station:
-    """What the gateway asks of the station: it accepts, unless another requester has control."""
+    """A station for the gateway: it accepts, unless another requester has control."""
 
     def __init__(self) -> None:
         self.store = ParameterStore(new_parameters())
@@ -48,9 +48,13 @@ class Station:
         self.behavior, self.armed, self.mode = behavior, armed, mode
         self.at = at = at or self.at
         status = new(
-            "quadlab_msgs/VehicleStatus", header=header(1), mode=mode, behavior=behavior,
-            armed=armed, airborne=armed,
-        )  # fmt: skip
+            "quadlab_msgs/VehicleStatus",
+            header=header(1),
+            mode=mode,
+            behavior=behavior,
+            armed=armed,
+            airborne=armed,
+        )
         odometry = new("nav_msgs/Odometry", header=header(5_000_000_000, "world"))
         place = odometry.pose.pose.position
         place.x, place.y, place.z = at

@@ -59,7 +59,7 @@ _READ: dict[tuple[int, int, int], Contents] = {}
 
 
 class Found:
-    """What the dialogue found.
+    """The result of the dialogue.
 
     Attributes:
         changed: the parameters that were set, {name: (before, after)}.

@@ -1,4 +1,4 @@
-"""What the flight stack needs to know of a Crazyflie, and the one that is simulated.
+"""The facts about a Crazyflie that the flight stack needs, and the one that is simulated.
 
 A Crazyflie 2.1+ with markers: mass and arm by the maker, inertia as identified by Förster (System
 Identification of the Crazyflie 2.0, ETH Zürich, 2015). Its rotors are on the diagonals; the model

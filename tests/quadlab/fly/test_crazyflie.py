@@ -11,7 +11,7 @@ import pytest
 
 from flight_log import read_log, read_metadata
 from quadlab.__main__ import main
-from tests.quadlab.hovering import Hovering
+from tests.quadlab.fly.hovering import Hovering
 from vehicle.processes import mailbox
 
 LANDING_SPEED = 0.8

@@ -12,7 +12,7 @@ import pytest
 from flight_log import read_log, read_metadata
 from quadlab.__main__ import main
 from quadrotor.errors import LinkError
-from tests.quadlab.hovering import Hovering
+from tests.quadlab.fly.hovering import Hovering
 from vehicle.processes import mailbox
 from vehicle.simulator.betaflight.firmware import BetaflightFirmware
 from vehicle.simulator.betaflight.process import FIRMWARE
