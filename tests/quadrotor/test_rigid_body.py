@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from quadrotor.rigid_body import motor_share
 from quadrotor.rotations import quaternion_exp, quaternion_to_matrix, rotate
 from quadrotor.vehicle_model import VehicleModel
 from tests.support.arrays import Array
@@ -152,6 +153,7 @@ def test_motors_reach_63_percent_after_one_time_constant_at_any_step() -> None:
         for _ in range(steps):
             motor_step(speeds, np.array([130.0, 30.0, 30.0, 100.0]), 0.047, 0.047 / steps)
         share = 1 - np.exp(-1)
+        assert motor_share(0.047, 0.047) == pytest.approx(share)
         expected = [30 + 100 * share, 30.0, 130 - 100 * share, 100 * share]
         np.testing.assert_allclose(speeds, expected, rtol=1e-12)
 

@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from flight_log.file import sync_folder
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import MeasurementError, StorageError
 
@@ -194,7 +193,7 @@ def _append(path: Path, line: bytes) -> None:
             raise
     finally:
         os.close(descriptor)
-    sync_folder(path.parent)
+    _sync_folder(path.parent)
 
 
 def _replace(path: Path, content: bytes) -> None:
@@ -211,9 +210,15 @@ def _replace(path: Path, content: bytes) -> None:
     except OSError:
         part.unlink(missing_ok=True)
         raise
-    sync_folder(path.parent)
+    _sync_folder(path.parent)
 
 
 def _write_all(descriptor: int, data: bytes) -> None:
     while data:
         data = data[os.write(descriptor, data) :]
+
+
+def _sync_folder(folder: Path) -> None:
+    from flight_log.file import sync_folder  # late: the flight process loads no log
+
+    sync_folder(folder)

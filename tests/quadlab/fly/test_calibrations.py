@@ -224,6 +224,6 @@ def test_too_few_references_for_a_law_are_refused(
 ) -> None:
     words = "--set", "experiment.first=30", "--set", "experiment.last=60"
     assert main(["fly", "motor_bench", "--out", str(tmp_path), *words]) == 2
-    assert "are 4 references, needed are 5 for a law" in capsys.readouterr().err
+    assert "are 4 references, a law needs 5" in capsys.readouterr().err
     assert not list(tmp_path.iterdir()), "nothing was begun"
     assert MotorBench().planned == pytest.approx(3.0 + 17 * 15.0)

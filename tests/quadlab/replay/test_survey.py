@@ -74,7 +74,7 @@ def error(recording: Recording, run: Run, path: npt.NDArray[np.float64]) -> floa
 
 
 def test_a_base_station_that_is_elsewhere_is_found_without_the_truth() -> None:
-    recording, path = circling(8.0)
+    recording, path = circling(16.0)
     [run] = plan_runs(recording, (), ["error_state"], (), "sweeps")
     before = error(recording, run, path)
     found = survey_stations(recording, run)

@@ -230,7 +230,7 @@ def check_parameters(station: FakeStation) -> None:
     wrong = to_parameters({"model.mass": 13.0})
     refused = station.command("change_parameters", "p2", parameters=wrong)
     assert not refused.accepted
-    assert "allowed 0.5 to 2.4 kg" in refused.reason
+    assert "allowed 0.02 to 2.4 kg" in refused.reason
 
 
 def check_calibrations(station: FakeStation) -> None:

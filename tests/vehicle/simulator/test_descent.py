@@ -166,6 +166,7 @@ def test_near_hovering_turns_at_the_rate_it_is_told() -> None:
 
 @pytest.mark.parametrize("mode", list(FlightControlMode))
 def test_attitude_and_climb_are_estimated_in_every_mode(mode: FlightControlMode) -> None:
+    """Hold the attitude of `estimate_attitude` and the climb against the truth."""
     alone = Alone()
     alone.take_off(2.0)
     if mode is FlightControlMode.DIRECT:

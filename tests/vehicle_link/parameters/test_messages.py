@@ -75,7 +75,7 @@ def test_descriptions_come_back_exactly(description: ParameterDescription) -> No
 def test_ros_tools_see_the_range() -> None:
     by_name = {d.name: to_descriptor(d) for d in DESCRIPTIONS}
     (mass,) = by_name["mass"].floating_point_range
-    assert (mass.from_value, mass.to_value, mass.step) == (0.5, 2.4, 0.001)
+    assert (mass.from_value, mass.to_value, mass.step) == (0.02, 2.4, 0.001)
     (count,) = by_name["i"].integer_range
     assert (count.from_value, count.to_value, count.step) == (-5, 7, 2)
     assert by_name["x"].floating_point_range == []

@@ -317,7 +317,7 @@ def test_charts_are_added_up_to_four_removed_and_grow_over_the_3d_view(page: Any
 
 def test_every_signal_is_found_and_a_chart_has_at_most_three_units(page: Any, look: Any) -> None:
     page.click("#chart-1 button:has-text('Signals')")
-    menu = "#chart-1 .menu"
+    menu = "#chart-1 .menu.signals"
     for search, name in (("roll", "state.roll"), ("thrust", "thrust")):
         page.fill(f"{menu} input[type=search]", search)
         page.click(f"{menu} input[data-name='{name}']")
@@ -327,7 +327,7 @@ def test_every_signal_is_found_and_a_chart_has_at_most_three_units(page: Any, lo
     assert page.is_disabled(f"{menu} input[data-name='battery.voltage']")
     assert page.is_enabled(f"{menu} .scales input[type=checkbox] >> nth=2")
     page.keyboard.press("Escape")
-    assert page.locator("#chart-1 .menu").count() == 0
+    assert page.locator(menu).count() == 0
     look.value("#charts select >> nth=1", "")
     page.click("#chart-0 button:has-text('Signals')")
     page.fill("#chart-0 .menu input[type=search]", "imu acceleration z")
