@@ -1,6 +1,6 @@
-"""Fly a circle with MAVSDK: `python examples/mavsdk_circle.py [CONNECTION [LOG]]`.
+"""Fly a circle with MAVSDK: `python examples/mavsdk_circle.py CONNECTION LOG`.
 
-Needs `quadlab up`, `quadlab mavlink` and `pip install mavsdk`; LOG is for the downloaded run.
+Needs `quadlab up`, `quadlab mavlink` and `pip install mavsdk`; the run is downloaded to LOG.
 """
 
 import asyncio
@@ -28,6 +28,7 @@ async def fly(system: System) -> None:
     await action.takeoff()
     while await telemetry.flight_mode() != FlightMode.HOLD:
         await asyncio.sleep(PERIOD)
+    await asyncio.sleep(1.0)  # until it rests
     start = (await telemetry.position_velocity_ned()).position
     await offboard.set_position_ned(PositionNedYaw(start.north_m, start.east_m, start.down_m, 90.0))
     await offboard.start()
@@ -46,14 +47,13 @@ async def fly(system: System) -> None:
         await asyncio.sleep(PERIOD)
 
 
-async def main(connection: str = "udpin://127.0.0.1:14540", path: str = "") -> None:
+async def main(connection: str, path: str) -> None:
     ground = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     await ground.add_any_connection(connection)
     await fly(system := await ground.first_autopilot(timeout_s=20.0))
-    if path:
-        await asyncio.sleep(2.0)  # until the station has closed the run
-        logs = LogFilesAsync(system)
-        [_ async for _ in logs.download_log_file((await logs.get_entries())[-1], path)]
+    await asyncio.sleep(2.0)  # until the station has closed the run
+    logs = LogFilesAsync(system)
+    [_ async for _ in logs.download_log_file((await logs.get_entries())[-1], path)]
     ground.destroy()
 
 
