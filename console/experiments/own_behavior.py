@@ -6,6 +6,7 @@ from pathlib import Path
 
 from console.evaluation.tracking import tracking_errors
 from console.evaluation.verdict import judged
+from console.experiments import manoeuvres
 from console.experiments.client import Client, Result
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, parameter
@@ -43,12 +44,9 @@ class OwnBehavior:
 
     def fly(self, client: Client) -> None:
         """Fly. Raises RefusedError with the vehicle's reason when it refuses."""
-        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
-        client.wait(0.5)
-        client.arm()
-        client.wait(1.0)
-        client.start("take_off", height=1.0)
-        client.wait_until(lambda v: v.behavior == "hover", what="hover after take-off", timeout=20)
+        manoeuvres.wait_ready(client)
+        manoeuvres.arm(client)
+        manoeuvres.take_off(client, 1.0)
         client.wait(2.0)
         chosen = client.parameter(PLUGIN)
         client.start("external")
@@ -63,9 +61,7 @@ class OwnBehavior:
         client.start("brake")
         client.wait(SETTLE)
         self._disengaged = float(client.parameter(PLUGIN) != chosen)
-        client.start("land")
-        client.wait_until(lambda v: not v.armed, what="touch-down", timeout=20)
-        client.wait(0.5)
+        manoeuvres.land(client)
 
     def evaluate(self, log: Path) -> Result:
         """Judge the errors against the limits. Raises LogFormatError, RefusedError."""
