@@ -19,7 +19,7 @@ import numpy as np
 from bearing_sim import PoseMeasurement, SimulatedTracker
 from benchmarks.flights.watched_flight import WatchedFlight
 from benchmarks.harness import Report, Row, Target
-from console.trackers import process
+from console.trackers import process, tracked_vehicle
 from console.trackers.source import Body, Frame
 from quadrotor.errors import RefusedError
 from quadrotor.plain_rotations import Array, turned
@@ -121,11 +121,10 @@ class System:
             "monotonic": lambda: 1e-9 * self._now_ns,
             "monotonic_ns": lambda: self._now_ns,
             "time_ns": lambda: self._now_ns,
-            "Node": _Node,
             "print": lambda *_, **__: None,
         }
         self._patch = mock.patch.dict(vars(process), clock)
-        with self._patch:
+        with self._patch, mock.patch.object(tracked_vehicle, "Node", _Node):
             self._process = process.Tracker("vrpn", mock.Mock(), {"quad1": "cf7"}, None)
 
     def fail(self, fault: Fault, seconds: float, now_ns: int) -> None:

@@ -18,7 +18,7 @@ from unittest import mock
 
 import numpy as np
 
-from vehicle.simulator import process, simulated_vehicle
+from vehicle.simulator import process, robot, simulated_vehicle
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
@@ -91,8 +91,8 @@ def main() -> int:
         return lambda: (put, lambda: None)
 
     with (
-        mock.patch.object(process, "connect_to_station", connect),
-        mock.patch.object(process, "SimulatedVehicle", RecordedVehicle),
+        mock.patch.object(robot, "connect_to_station", connect),
+        mock.patch.object(robot, "SimulatedVehicle", RecordedVehicle),
         mock.patch.object(simulated_vehicle, "Firmware", RecordedFirmware),
     ):
         statistics = process.run(SimulatorParameters(), folder, 0)
