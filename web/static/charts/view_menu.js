@@ -6,7 +6,7 @@ import { saveNumbers, savePicture } from "./save.js";
 
 const VIEWS = [
   ["time", "Over time", "values over time"],
-  ["xy", "One over another", "the first signal is x, the others are y"],
+  ["xy", "XY plot", "the first signal is x, the others are y"],
   ["spectrum", "Spectrum", "density over frequency, with the rotors' frequencies"],
   ["spectrogram", "Spectrogram", "density of the first signal over time and frequency"],
 ];

@@ -107,7 +107,7 @@ class Page {
     const choose = element("button", { ariaExpanded: "false", title: "choose signals", onclick: () => menu.toggle(picked, choose, () => {}) }, "Signals");
     place.append(choose);
     $("tools").append(element("label", {}, "aligned at", this.event), place, toggle("Difference", "each run less the first one", "hasDifference"),
-      toggle("One chart a run", "small charts with one scale", "isSplit"),
+      toggle("One chart per run", "small charts with one scale", "isSplit"),
       element("button", { title: "the whole time again (double click in a chart)", onclick: () => charts.range.reset() }, "Whole time"));
   }
 

@@ -61,7 +61,7 @@ export class ReplayChart extends EventTarget {
     chart.tools.append(choose, viewMenu(chart, this.view, (view) => this.setView(view), () => this.show()));
   }
 
-  // Over time, one over another, over frequency, or over both.
+  // Over time, as an XY plot, over frequency, or over both.
   setView(view) {
     const { place, range } = this, { names, hasFigures, hasEvents, limits } = this.chart, [source, Kind] = this.views[view];
     if (this.menu.isOpen) this.menu.close();

@@ -376,7 +376,7 @@ def test_runs_are_compared_about_their_take_off_and_a_link_shows_the_same(
     page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.5 * box["height"])
     look.text("#signals .chart >> nth=2 >> .legend", r"A[\d.]+B[\d.]+")
     look.text("#signals .chart >> nth=3 >> .legend", r"B − A[−]?0\.0\d")
-    page.click("#tools button:has-text('One chart a run')")
+    page.click("#tools button:has-text('One chart per run')")
     assert page.locator("#signals .chart").count() == 9
     page.click("#tools button:has-text('Difference')")
     assert page.locator("#signals .chart").count() == 6
