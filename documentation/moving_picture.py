@@ -1,0 +1,154 @@
+"""docs/images/flight.webp and page.png, filmed from a running `quadlab up` in headless Chromium.
+
+    python -m documentation.moving_picture [FOLDER]
+
+The vehicle takes off on the tracker, hands over to bearings, and the noise of the bearings falls,
+so that the cones of three sigma shrink. A browser without a graphics card draws few frames a
+second: simulated time does not wait for it, but each frame is shown as long as it lasted.
+"""
+
+from __future__ import annotations
+
+import io
+import itertools
+import re
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+
+from benchmarks.harness import CHROMIUM
+from benchmarks.page.laboratory import started, until
+from quadrotor.checkout import ROOT
+
+PORT, LINK_PORT = 28085, 28452
+FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+WINDOW = {"width": 1040, "height": 640}
+WIDTH = 832
+"""Width of the moving picture, in pixels."""
+SIGMA = 4.0, 3.0, 2.0, 1.5, 1.0, 0.5
+"""Noise of the bearings in degrees: the first until the hand-over, then the others."""
+FASTER = 2.5
+"""Speed of the moving picture."""
+QUALITY = 55
+PATIENCE = 120.0  # s
+
+
+class Film:
+    """Frames of a page with their times, taken while something is waited for."""
+
+    def __init__(self, page: Any) -> None:
+        self.page = page
+        self.frames: list[tuple[float, Image.Image]] = []
+
+    def take(self) -> None:
+        taken = Image.open(io.BytesIO(self.page.screenshot())).convert("RGB")
+        size = WIDTH, round(WIDTH * taken.height / taken.width)
+        self.frames.append((time.monotonic(), taken.resize(size, Image.Resampling.LANCZOS)))
+
+    def until(self, seen: Callable[[], bool], patience: float = PATIENCE) -> None:
+        """Film until something is seen. Raises TimeoutError."""
+        end = time.monotonic() + patience
+        while not seen():
+            if time.monotonic() > end:
+                raise TimeoutError(f"waited {patience:.0f} s in vain; the page says: {self.words}")
+            self.take()
+
+    def for_seconds(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        self.until(lambda: time.monotonic() > end)
+
+    @property
+    def words(self) -> str:
+        return str(self.page.inner_text("#in-words"))
+
+    def save(self, path: Path) -> None:
+        times = [at for at, _ in self.frames]
+        lasted = [1e3 * (b - a) / FASTER for a, b in itertools.pairwise(times)]
+        images = [image for _, image in self.frames]
+        durations = [*(min(200, max(50, round(one))) for one in lasted), 2500]
+        first, *others = images
+        first.save(
+            path,
+            save_all=True,
+            append_images=others,
+            duration=durations,
+            loop=0,
+            quality=QUALITY,
+            method=6,
+            minimize_size=False,
+        )
+
+
+def film(page: Any, link: str, still: Path) -> Film:
+    """Fly on the page with its own buttons; return the frames."""
+    page.goto(link)
+    page.wait_for_selector("#behaviors button")
+    page.keyboard.press("Escape")  # the help of the first visit
+    page.wait_for_selector("#arm:enabled", timeout=1e3 * PATIENCE)
+    base = link.partition("/?")[0]
+
+    def noise(sigma: float) -> None:
+        body = {"values": {"station.bearings.sigma": sigma}}
+        answer = page.request.put(f"{base}/api/parameters", data=body, headers={"origin": base})
+        assert answer.ok, answer.text()
+
+    noise(SIGMA[0])
+    page.click("[data-tab=beacons]")
+    box = page.locator("#scene").bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    for _ in range(6):
+        page.mouse.wheel(0, -120)
+        page.wait_for_timeout(300)
+    page.wait_for_timeout(3000)
+    film = Film(page)
+    film.for_seconds(0.5)
+    page.hover("#arm")
+    page.mouse.down()
+    film.until(lambda: page.is_visible("#take-off"))
+    page.mouse.up()
+    film.for_seconds(1.0)
+    page.click("#take-off")
+    film.until(lambda: film.words.startswith("Hovering at"))
+    film.for_seconds(1.0)
+    page.click("#beacons-session button:text-is('Run in parallel')")
+    film.for_seconds(2.0)
+    back, over = "button:text-is('Back to tracker')", "button:text-is('Fly on bearings')"
+    while not page.is_visible(back):
+        page.click(over)
+        film.for_seconds(1.5)
+    film.for_seconds(3.0)
+    for sigma in SIGMA[1:]:
+        noise(sigma)
+        film.for_seconds(1.5)
+    film.for_seconds(3.0)
+    still.write_bytes(page.screenshot())
+    page.click("#land")
+    page.wait_for_timeout(1000)
+    return film
+
+
+def main(folder: Path) -> None:
+    """Write the pictures into a folder."""
+    from playwright.sync_api import sync_playwright
+
+    with started(PORT, LINK_PORT, lockstep=True) as (_, lines), sync_playwright() as playwright:
+        link = until(lambda: re.findall(r"http://\S+token=\S+", "".join(lines)))[-1]
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        page = browser.new_page(viewport=WINDOW, color_scheme="light")
+        page.set_default_timeout(1e3 * PATIENCE)
+        still = folder / "page.png"
+        found = film(page, link, still)
+        browser.close()
+    found.save(folder / "flight.webp")
+    Image.open(still).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
+        still, optimize=True
+    )
+    print(f"{len(found.frames)} frames, {(folder / 'flight.webp').stat().st_size / 1e6:.2f} MB")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs" / "images")
