@@ -3,7 +3,7 @@
 
 import { request } from "../core/api.js";
 import { setIfChanged, setText } from "../core/dom.js";
-import { duration, fixed } from "../core/format.js";
+import { duration, fixed, reasonOf } from "../core/format.js";
 
 const PAUSE = 400; // ms of typing or pointing
 const KEPT = 20_000; // ms: the vehicle may be elsewhere by then
@@ -37,7 +37,7 @@ export class Preview {
     try {
       const { duration: lasts, speed, refusal } = await request("POST", "/api/trajectories/preview", { arguments: values });
       this.shown = { arguments: asked, at: performance.now() };
-      this.say(refusal ? `${label}: ${refusal.replace(/^follow_trajectory refused: /, "")}` : `${label}: ${duration(lasts)}, up to ${fixed(speed, 2)} m/s; the vehicle can fly it.`, refusal ? "warn" : "good");
+      this.say(refusal ? `${label}: ${reasonOf(refusal)}` : `${label}: ${duration(lasts)}, up to ${fixed(speed, 2)} m/s; the vehicle can fly it.`, refusal ? "warn" : "good");
     } catch (error) {
       this.shown.arguments = "";
       this.say(`${label}: ${error.message}`, "warn");

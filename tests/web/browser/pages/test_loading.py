@@ -46,7 +46,7 @@ def test_the_main_page_is_ready_after_few_requests(
 ) -> None:
     context.add_cookies(site.cookies_of(admin))
     answered: list[Any] = []
-    context.on("requestfinished", answered.append)
+    context.on("requestfinished", lambda one: answered.append(one))
     page, asked = counted(site.base)
     page.wait_for_selector("#land:enabled")
     look_at(page).text("#chart-0 .legend output >> nth=0", r"\d")
