@@ -35,6 +35,7 @@ FASTER = 2.5
 """Speed of the moving picture."""
 QUALITY = 55
 PATIENCE = 120.0  # s
+FAILED = "build/moving_picture_failed.png"
 
 
 class Film:
@@ -54,16 +55,20 @@ class Film:
         end = time.monotonic() + patience
         while not seen():
             if time.monotonic() > end:
-                raise TimeoutError(f"waited {patience:.0f} s in vain; the page says: {self.words}")
+                self.page.screenshot(path=FAILED)
+                raise TimeoutError(f"waited {patience:.0f} s in vain; {FAILED} shows the page")
             self.take()
 
     def for_seconds(self, seconds: float) -> None:
         end = time.monotonic() + seconds
         self.until(lambda: time.monotonic() > end)
 
-    @property
-    def words(self) -> str:
-        return str(self.page.inner_text("#in-words"))
+    def press(self, button: str, shown: Callable[[], bool]) -> None:
+        """Press until it shows, as buttons that have just appeared ignore presses."""
+        while not shown():
+            if self.page.is_visible(button) and self.page.is_enabled(button):
+                self.page.click(button)
+            self.for_seconds(3.0)
 
     def save(self, path: Path) -> None:
         times = [at for at, _ in self.frames]
@@ -96,6 +101,9 @@ def film(page: Any, link: str, still: Path) -> Film:
         answer = page.request.put(f"{base}/api/parameters", data=body, headers={"origin": base})
         assert answer.ok, answer.text()
 
+    def behavior() -> str:
+        return str(page.request.get(f"{base}/api/summary").json()["status"]["behavior"])
+
     noise(SIGMA[0])
     page.click("[data-tab=beacons]")
     box = page.locator("#scene").bounding_box()
@@ -111,15 +119,13 @@ def film(page: Any, link: str, still: Path) -> Film:
     film.until(lambda: page.is_visible("#take-off"))
     page.mouse.up()
     film.for_seconds(1.0)
-    page.click("#take-off")
-    film.until(lambda: film.words.startswith("Hovering at"))
+    film.press("#take-off", lambda: behavior() != "ground")
+    film.until(lambda: behavior() == "hover")
     film.for_seconds(1.0)
     page.click("#beacons-session button:text-is('Run in parallel')")
     film.for_seconds(2.0)
     back, over = "button:text-is('Back to tracker')", "button:text-is('Fly on bearings')"
-    while not page.is_visible(back):
-        page.click(over)
-        film.for_seconds(1.5)
+    film.press(over, lambda: bool(page.is_visible(back)))
     film.for_seconds(3.0)
     for sigma in SIGMA[1:]:
         noise(sigma)
