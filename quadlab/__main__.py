@@ -35,6 +35,7 @@ WORDS = (
     (r"argument 'action\.", "argument '"),
     (r"Error parsing (\S+): ", r"\1: "),
     (r"invalid literal for int\(\) with base 10: ('.*')", r"\1 is not a whole number"),
+    (r"no type matching \S+ could be instantiated from \['(.*?)'\].*", r"'\1' is not a number"),
     (r"could not convert string to float: ('.*')", r"\1 is not a number"),
 )
 """What tyro and Python say, as patterns, and our words for it."""
