@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from quadlab.commands.option_types import Folder, Names
+from quadlab.commands.option_types import Folder, Names, optional
 from quadlab.log_commands.log_file import LogFile, check_log_file, progress_of
 from quadrotor.errors import UsageError
 
@@ -26,7 +26,7 @@ class Export:
     page: the replay page with the whole flight, opened from disk by a browser"""
     out: Folder = None
     """new folder for the files (default: next to the log, named after it and the format)"""
-    topics: Annotated[tuple[str, ...], tyro.conf.arg(metavar="TOPIC")] = ()
+    topics: Annotated[tuple[str, ...], optional("TOPIC")] = ()
     """only these, by the last part of their names, like: --topics state imu"""
     begin: Annotated[float, tyro.conf.arg(name="from", metavar="S")] = 0.0
     """begin of what is exported, in s after the start"""
