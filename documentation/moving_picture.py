@@ -147,7 +147,11 @@ def main(folder: Path) -> None:
         page = browser.new_page(viewport=WINDOW, color_scheme="light")
         page.set_default_timeout(1e3 * PATIENCE)
         still = folder / "page.png"
-        found = film(page, link, still)
+        try:
+            found = film(page, link, still)
+        except Exception:
+            print("".join(lines), file=sys.stderr)
+            raise
         browser.close()
     found.save(folder / "flight.webp")
     Image.open(still).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
