@@ -29,8 +29,8 @@ FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-
 WINDOW = {"width": 1040, "height": 640}
 WIDTH = 832
 """Width of the moving picture, in pixels."""
-SIGMA = 4.0, 3.0, 2.0, 1.5, 1.0, 0.5
-"""Noise of the bearings in degrees: the first until the hand-over, then the others."""
+SIGMA = 1.2, 0.9, 0.6, 0.3
+"""Noise of the bearings after the hand-over, in degrees; the default is 1.5."""
 FASTER = 2.5
 """Speed of the moving picture."""
 QUALITY = 55
@@ -65,7 +65,11 @@ class Film:
 
     def press(self, button: str, shown: Callable[[], bool]) -> None:
         """Press until it shows, as buttons that have just appeared ignore presses."""
+        end = time.monotonic() + PATIENCE
         while not shown():
+            if time.monotonic() > end:
+                self.page.screenshot(path=FAILED)
+                raise TimeoutError(f"{button}: pressed in vain; {FAILED} shows the page")
             if self.page.is_visible(button) and self.page.is_enabled(button):
                 self.page.click(button)
             self.for_seconds(3.0)
@@ -88,8 +92,9 @@ class Film:
         )
 
 
-def film(page: Any, link: str, still: Path) -> Film:
-    """Fly on the page with its own buttons; return the frames."""
+def fly(film: Film, link: str, still: Path) -> None:
+    """Fly on the page with its own buttons, and film it."""
+    page = film.page
     page.goto(link)
     page.wait_for_selector("#behaviors button")
     page.keyboard.press("Escape")  # the help of the first visit
@@ -104,7 +109,6 @@ def film(page: Any, link: str, still: Path) -> Film:
     def behavior() -> str:
         return str(page.request.get(f"{base}/api/summary").json()["status"]["behavior"])
 
-    noise(SIGMA[0])
     page.click("[data-tab=beacons]")
     box = page.locator("#scene").bounding_box()
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
@@ -112,7 +116,6 @@ def film(page: Any, link: str, still: Path) -> Film:
         page.mouse.wheel(0, -120)
         page.wait_for_timeout(300)
     page.wait_for_timeout(3000)
-    film = Film(page)
     film.for_seconds(0.5)
     page.hover("#arm")
     page.mouse.down()
@@ -126,15 +129,15 @@ def film(page: Any, link: str, still: Path) -> Film:
     film.for_seconds(2.0)
     back, over = "button:text-is('Back to tracker')", "button:text-is('Fly on bearings')"
     film.press(over, lambda: bool(page.is_visible(back)))
-    film.for_seconds(3.0)
-    for sigma in SIGMA[1:]:
+    film.for_seconds(6.0)
+    shot = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    shot.quantize(256, dither=Image.Dither.NONE).save(still, optimize=True)
+    for sigma in SIGMA:
         noise(sigma)
         film.for_seconds(1.5)
     film.for_seconds(3.0)
-    still.write_bytes(page.screenshot())
     page.click("#land")
     page.wait_for_timeout(1000)
-    return film
 
 
 def main(folder: Path) -> None:
@@ -146,17 +149,15 @@ def main(folder: Path) -> None:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         page = browser.new_page(viewport=WINDOW, color_scheme="light")
         page.set_default_timeout(1e3 * PATIENCE)
-        still = folder / "page.png"
+        found = Film(page)
         try:
-            found = film(page, link, still)
+            fly(found, link, folder / "page.png")
         except Exception:
             print("".join(lines), file=sys.stderr)
             raise
-        browser.close()
-    found.save(folder / "flight.webp")
-    Image.open(still).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
-        still, optimize=True
-    )
+        finally:
+            found.save(folder / "flight.webp")
+            browser.close()
     print(f"{len(found.frames)} frames, {(folder / 'flight.webp').stat().st_size / 1e6:.2f} MB")
 
 
