@@ -164,9 +164,10 @@ def svg(text: str) -> str:
         '<marker id="tip" viewBox="0 0 8 8" refX="3" refY="4" markerWidth="7" markerHeight="7" '
         'orient="auto-start-reverse"><path d="M0 0L8 4L0 8z" fill="currentColor"/></marker>'
     )
+    told = f"flow chart through {', '.join(filter(None, dict.fromkeys(chart.lanes.values())))}"
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {top:g}" '
-        f'style="min-width:{0.8 * width:g}px;width:100%" role="img"><style>{STYLE}</style>'
+        f'style="min-width:{0.8 * width:g}px;width:100%" role="img" aria-label="{escape(told)}"><style>{STYLE}</style>'
         f"<defs>{tip}</defs>{''.join([*bands, *arrows, *boxes, *words])}</svg>"
     )
 
