@@ -167,7 +167,8 @@ def svg(text: str) -> str:
     told = f"flow chart through {', '.join(filter(None, dict.fromkeys(chart.lanes.values())))}"
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {top:g}" '
-        f'style="min-width:{0.8 * width:g}px;width:100%" role="img" aria-label="{escape(told)}"><style>{STYLE}</style>'
+        f'style="min-width:{0.8 * width:g}px;width:100%" role="img" '
+        f'aria-label="{escape(told)}"><style>{STYLE}</style>'
         f"<defs>{tip}</defs>{''.join([*bands, *arrows, *boxes, *words])}</svg>"
     )
 
