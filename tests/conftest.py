@@ -10,7 +10,7 @@ import subprocess
 import tempfile
 from collections.abc import Generator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import hypothesis
 import pytest
@@ -52,6 +52,7 @@ ROOT = HERE.parent
 MOST_TAKEN = 0.05
 """Largest share of the processor time taken by the host at which a failed flight is judged."""
 BEFORE = pytest.StashKey[tuple[int, int]]()
+LOCKS = pytest.StashKey[tuple[IO[str], IO[str]]]()
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -130,14 +131,34 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Run a test that flies in real time alone on the machine, in whichever process it is."""
+    """Share the machine with the other processes, or have it alone for a test in real time."""
     run = getattr(item.config, "workerinput", {}).get("testrunuid")
     if run is None:
         return (yield)
-    alone = _name(item.nodeid).startswith(REAL_TIME)
-    with (Path(tempfile.gettempdir()) / f"quadlab-tests-{run}").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+    with _lock_file(run, "turn").open("w") as turn, _lock_file(run, "machine").open("w") as machine:
+        item.stash[LOCKS] = turn, machine
+        _take_machine(item, alone=_name(item.nodeid).startswith(REAL_TIME))
         return (yield)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Run a test that is run again alone on the machine: it failed beside others."""
+    if getattr(item, "execution_count", 1) > 1 and LOCKS in item.stash:
+        _take_machine(item, alone=True)
+
+
+def _lock_file(run: str, name: str) -> Path:
+    return Path(tempfile.gettempdir()) / f"quadlab-tests-{run}-{name}"
+
+
+def _take_machine(item: pytest.Item, alone: bool) -> None:
+    """Wait for the machine; who waits to have it alone holds the turn, so that nobody overtakes."""
+    turn, machine = item.stash[LOCKS]
+    fcntl.flock(machine, fcntl.LOCK_UN)
+    fcntl.flock(turn, fcntl.LOCK_EX)
+    fcntl.flock(machine, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+    fcntl.flock(turn, fcntl.LOCK_UN)
 
 
 @pytest.hookimpl(wrapper=True)
