@@ -132,7 +132,7 @@ class ExperimentRunner:
                 target=self._run, args=(experiment, self._client), name="experiment", daemon=True
             )
             self._thread.start()
-        self._board.say(INFO, f"experiment {experiment.name} by {requester}")
+        self._board.say(INFO, f"experiment {experiment.name} started by {requester}")
         self._board.send()
 
     def finish(self, requester: str) -> None:
