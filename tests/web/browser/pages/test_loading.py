@@ -14,7 +14,7 @@ from web.static_files import STATIC
 
 MOST = 20
 """Most requests of the main page until it is ready, with websockets and the 3D view's frame."""
-HEAVIEST = 400_000
+HEAVIEST = 600_000
 """Most bytes of the main page's files and answers as sent, without the 3D view's client."""
 
 RETURNS = re.DOTALL | re.MULTILINE
