@@ -74,7 +74,7 @@ def test_readme_changelog_and_examples_stay_short() -> None:
         file.relative_to(ROOT).as_posix(): code_lines(file.read_text())
         for file in (ROOT / "examples").rglob("*.py")
     }
-    # A whole filter on poses, markers and bearings; the tutorial has a short one.
+    # A whole filter on poses, markers and bearings, beside a short one.
     assert lines.pop("examples/estimators/error_state_ekf.py") <= 90
     assert max(lines.values()) <= 60, lines
     listed = (ROOT / "examples/README.md").read_text()
