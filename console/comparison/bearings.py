@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from console.comparison.statistics import POSITION, QUATERNION, RATE, VELOCITY
 from quadrotor.plain_rotations import matrices_of
-from quadrotor.records import Record
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array, Record
 
 
 def residuals(frame: Record, states: Array, since: float) -> Array:

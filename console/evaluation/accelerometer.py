@@ -10,7 +10,7 @@ import numpy as np
 
 from console.evaluation.log_columns import read_columns
 from console.experiments.client import Client
-from console.experiments.pose_guide import Array, raw_of, up_of
+from console.experiments.pose_guide import raw_of, up_of
 from estimation.calibration.accelerometer import (
     CONDITION_MAX,
     AccelerometerCalibration,
@@ -21,6 +21,7 @@ from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterValue
+from quadrotor.records import Array
 
 MATRIX = tuple(f"imu.accelerometer_{row}{column}" for row in "xyz" for column in "xyz")
 BIAS = tuple(f"imu.accelerometer_bias_{axis}" for axis in "xyz")

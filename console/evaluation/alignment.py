@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Stamps = npt.NDArray[np.int64]
+from quadrotor.records import Array, Stamps
 
 LARGEST_GAP_NS = 20_000_000
 """Largest gap, in ns, between messages of one process."""

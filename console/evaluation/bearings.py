@@ -23,13 +23,11 @@ from flight_log.columns.topic import Topic
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterValue
 from quadrotor.plain_rotations import rotation_vectors_between
-from quadrotor.records import beacon_ids_of
+from quadrotor.records import Array, Stamps, beacon_ids_of
 from vehicle_link.messages import decode
 from vehicle_link.topics import decode_bearings
 
-Array = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
-Stamps = npt.NDArray[np.int64]
 
 ODOMETRY = (
     *(f"pose.pose.position.{axis}" for axis in "xyz"),

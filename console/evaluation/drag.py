@@ -22,8 +22,7 @@ from console.evaluation.log_columns import FlownParameters, read_columns, read_p
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 ATTITUDE = tuple(f"pose.pose.orientation.{axis}" for axis in "wxyz")
 VELOCITY = tuple(f"twist.twist.linear.{axis}" for axis in "xyz")

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from console.evaluation.log_columns import FlownParameters, read_columns, read_parameters
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 AXES = ("xx", "yy", "zz")
 RATES = tuple(f"twist.twist.angular.{axis}" for axis in "xyz")

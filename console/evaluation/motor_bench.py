@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from console.evaluation.bench_file import BenchRecording
-from console.evaluation.log_columns import Array, read_columns
+from console.evaluation.log_columns import read_columns
 from console.experiments.client import Client
 from estimation.calibration.motor_bench import BenchSchedule, BenchSteps, average_steps, held_steps
 from estimation.calibration.motor_law import USABLE, MotorCalibration, identify_motor
@@ -17,6 +17,7 @@ from estimation.calibration.time_constant import TimeConstant, lag_and_dead_time
 from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
+from quadrotor.records import Array
 
 WORST_MAX = 1.0
 """Largest error in counts; a square-root law that is off by more does not describe the motor."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from console.evaluation.alignment import between
 from console.evaluation.figures import rms
@@ -15,9 +14,7 @@ from flight_log.columns.log_columns import read_topics
 from flight_log.columns.topic import Topic
 from flight_log.payload_layout import HEADER_STAMP
 from quadrotor.errors import LogFormatError
-
-Array = npt.NDArray[np.float64]
-Stamps = npt.NDArray[np.int64]
+from quadrotor.records import Array, Stamps
 
 POSE = (
     *(f"pose.position.{axis}" for axis in "xyz"),

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from console.evaluation.figures import allan_variance, rms
 from console.evaluation.log_columns import FlownParameters, read_columns, read_parameters
@@ -22,8 +21,7 @@ from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterValue
-
-Array = npt.NDArray[np.float64]
+from quadrotor.records import Array
 
 FORCE = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
 RATE = tuple(f"angular_velocity.{axis}" for axis in "xyz")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from console.evaluation.log_columns import Array, read_columns
+from console.evaluation.log_columns import read_columns
 from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result
 from console.experiments.manoeuvres import wait_ready
@@ -14,6 +14,7 @@ from console.experiments.readings import Progress
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError, RefusedError
 from quadrotor.parameters import Parameters, parameter
+from quadrotor.records import Array
 
 SAMPLES = "safety.gyro_samples"
 CHECK = 5.0

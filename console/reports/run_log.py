@@ -18,7 +18,6 @@ from flight_log.run import Series
 from flight_log.writer import RUN_METADATA
 from quadrotor.parameters import ParameterValue
 
-Array = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
 
 
