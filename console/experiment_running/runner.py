@@ -17,7 +17,7 @@ from console.commands.stick_watchdog import StickOrder
 from console.context import StationContext
 from console.experiment_running import state as phases
 from console.experiment_running.decision import Decisions
-from console.experiment_running.judging import judge_run
+from console.experiment_running.evaluation import judge_run
 from console.experiment_running.live_client import LiveClient
 from console.experiment_running.live_commands import SETTLE, TRIES, USED
 from console.experiment_running.readings_feed import ReadingsFeed

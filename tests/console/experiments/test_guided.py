@@ -15,7 +15,7 @@ import pytest
 
 from console.calibrations import Calibrations
 from console.catalogue.catalogue import Catalogue
-from console.experiment_running import judging
+from console.experiment_running import evaluation
 from console.experiment_running.evaluation import Evaluation, EvaluationJob, evaluate, judge
 from console.experiment_running.runner import ExperimentRunner
 from console.experiments.client import Client, Result, VehicleView
@@ -267,7 +267,7 @@ class Scripted:
 def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lab]:
     """Yield a lab that judges without a process: passed, proposing a law of the motors."""
     result = Evaluation(Result("passed", {}), (), "", PROPOSED.model_dump_json())
-    monkeypatch.setattr(judging, "judge", lambda *_: result)
+    monkeypatch.setattr(evaluation, "judge", lambda *_: result)
     made = Lab(tmp_path)
     yield made
     made.close()
