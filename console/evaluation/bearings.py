@@ -20,6 +20,7 @@ from estimation.error_state.parameters import ErrorStateParameters
 from flight_log.attached import logged_value
 from flight_log.columns.log_columns import read_topics
 from flight_log.columns.topic import Topic
+from flight_log.fields import ODOMETRY, REFERENCE, TRACKED, TRACKED_ATTITUDE
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterValue
 from quadrotor.plain_rotations import rotation_vectors_between
@@ -29,16 +30,11 @@ from vehicle_link.topics import decode_bearings
 
 Floats = npt.NDArray[np.float32]
 
-ODOMETRY = (
-    *(f"pose.pose.position.{axis}" for axis in "xyz"),
-    *(f"pose.pose.orientation.{axis}" for axis in "wxyz"),
-    *(f"twist.twist.linear.{axis}" for axis in "xyz"),
-)
 WANTED: dict[str, tuple[str, ...]] = {
     "truth": ODOMETRY,
     "state": ODOMETRY,
-    "tracker_pose": tuple(name.removeprefix("pose.") for name in ODOMETRY[:7]),
-    "reference": ("position.x", "position.y", "position.z"),
+    "tracker_pose": TRACKED + TRACKED_ATTITUDE,
+    "reference": REFERENCE,
     "actuators": ("scaling",),
     "status": ("mode",),
 }

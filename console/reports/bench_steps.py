@@ -7,10 +7,9 @@ import numpy as np
 from console.reports.run_log import RunLog
 from estimation.calibration.motor_bench import BenchSteps, held_steps
 from estimation.calibration.motor_law import USABLE, MotorCalibration, identify_motor
+from flight_log.fields import MOTOR_REFERENCES
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Array
-
-REFERENCES = tuple(f"motor_references[{k}]" for k in range(4))
 
 
 def fitted(steps: BenchSteps) -> tuple[dict[str, tuple[Array, Array]], str]:
@@ -35,7 +34,7 @@ def signals(log: RunLog) -> tuple[Array, Array, Array, BenchSteps]:
     Raises MeasurementError when no reference was held.
     """
     actuators, sensor = log.topics["actuators"], log.topics["bench_reading"]
-    reference = np.nanmax(actuators.rows(REFERENCES), axis=1).astype(np.float64)
+    reference = np.nanmax(actuators.rows(MOTOR_REFERENCES), axis=1).astype(np.float64)
     force, torque = sensor.rows(("force", "torque")).astype(np.float64).T
     newest = np.clip(np.searchsorted(actuators.time, sensor.time, side="right") - 1, 0, None)
     turning = (reference[newest] > 0.0) & np.isfinite(force) & np.isfinite(torque)
