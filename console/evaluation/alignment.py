@@ -43,15 +43,6 @@ def between(
     return out, inside
 
 
-def make_continuous(quaternion: npt.NDArray[np.floating]) -> None:
-    """Give neighbouring quaternions (N, 4) the same sign, in place, so that they can be
-    interpolated.
-    """
-    flips = np.einsum("nk,nk->n", quaternion[1:], quaternion[:-1]) < 0.0
-    if flips.any():
-        quaternion[np.concatenate([[0], np.cumsum(flips)]) % 2 == 1] *= -1.0
-
-
 def rotated_rows(
     quaternion_wb: npt.NDArray[np.floating], vector_b: npt.NDArray[np.floating]
 ) -> npt.NDArray[np.floating]:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.beacons import parse_layout
-from console.evaluation.alignment import between, make_continuous, rotated_rows
+from console.evaluation.alignment import between, rotated_rows
 from console.evaluation.bearings_bound import Frame, PoseBound, posterior_bound
 from console.evaluation.figures import rms
 from console.evaluation.log_columns import read_parameters
@@ -23,7 +23,7 @@ from flight_log.columns.topic import Topic
 from flight_log.fields import ODOMETRY, REFERENCE, TRACKED, TRACKED_ATTITUDE
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterValue
-from quadrotor.plain_rotations import rotation_vectors_between
+from quadrotor.plain_rotations import make_continuous, rotation_vectors_between
 from quadrotor.records import Array, Stamps, beacon_ids_of
 from vehicle_link.messages import decode
 from vehicle_link.topics import decode_bearings

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from console.evaluation.alignment import between, make_continuous, rotated_rows
+from console.evaluation.alignment import between, rotated_rows
 from console.reports.run_log import RunLog
 from flight_log.fields import ODOMETRY, REFERENCE, TRACKED, TRACKED_ATTITUDE
-from quadrotor.plain_rotations import roll_pitch_yaw_of_rows
+from quadrotor.plain_rotations import make_continuous, roll_pitch_yaw_of_rows
 
 Array = npt.NDArray[np.floating[Any]]
 
