@@ -42,8 +42,6 @@ LIVE = (
 )
 """Tests of links that must stay good during the test, and of a plant that runs in real time."""
 BROWSER = "web/browser/"
-PLUGINS = ("vehicle/laws/", "vehicle/estimators/test_external.py")
-"""Processes of plugins, which must answer within a second."""
 LONG = ("web/test_openapi.py", "quadlab/fly/test_bearings.py", "vehicle/flight/test_kernels.py")
 """Long tests, which start early, so that no process has one of them alone at the end."""
 CHROMIUMS = ("chromium-headless-shell", "chromium")
@@ -87,7 +85,7 @@ def _cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Generator[None]:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run the pages' tests first, because they take longest, and those that fly last."""
     own = (OWN_LABORATORY, LAST_FLIGHT)
-    named = (*REAL_TIME, LABORATORIES, *own, *LIVE, BROWSER, *LONG, *PLUGINS)
+    named = (*REAL_TIME, LABORATORIES, *own, *LIVE, BROWSER, *LONG)
     gone = [name for name in named if not _path(name).exists()]
     if gone:
         raise pytest.UsageError(f"{__file__} names files that do not exist: {', '.join(gone)}")
@@ -101,11 +99,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
     items.sort(key=turn)
     for item in items:
-        if _name(item.nodeid).startswith((*REAL_TIME, LABORATORIES, *LIVE, BROWSER, *PLUGINS)):
-            # A machine that stops for 0.25 s makes the simulated microcontroller land
-            # (docs/safety.md), and starves a browser next to two other processes: run the test
-            # again then, which is reported as a rerun.
-            item.add_marker(pytest.mark.flaky(reruns=1))
+        # A machine that stops for 0.25 s makes the simulated microcontroller land (docs/safety.md),
+        # and four processes starve each other: what failed is run again, alone, and told.
+        item.add_marker(pytest.mark.flaky(reruns=1))
 
 
 def pytest_collection_finish() -> None:
