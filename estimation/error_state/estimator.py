@@ -18,13 +18,14 @@ from estimation.error_state.timeline import apply_one
 from estimation.error_state.update import FIT_UPDATES
 from estimation.outcome import AHEAD_NS, NORM_TOLERANCE, Outcome
 from estimation.parameters import EstimationParameters, noise_record
-from estimation.refusals import refuse_bearings, refuse_pose, refuse_sweeps
+from estimation.refusals import refuse_bearings, refuse_pose, refuse_reading, refuse_sweeps
 from estimation.sweep_angles import plane_numbers
 from quadrotor.errors import MeasurementError
 from quadrotor.records import (
     BEARINGS_SAMPLE,
     NO_ATTITUDE,
     POSE_SAMPLE,
+    READING_SAMPLE,
     SWEEPS_SAMPLE,
     Array,
     Record,
@@ -191,6 +192,18 @@ class ErrorStateEstimator(CompiledEstimator):
         else:
             self._start_from_sweeps(sweeps)
 
+    def correct_reading(self, reading: Record) -> Outcome:
+        """Apply a READING_SAMPLE (1,), delayed or not, once something else has started the filter.
+
+        Its number is gated and weighted as a pose's are, but it starts and restarts nothing, and
+        does not count as a measurement. Raises MeasurementError when a number is unusable.
+        """
+        if not self._take(reading):
+            raise refuse_reading(reading)
+        if not self._initialized:
+            return Outcome.TOO_OLD
+        return Outcome(apply_one(self._memory[0], self._noise[0]))
+
     def report(self, estimate: Record) -> None:
         """Write biases, the last correction and the measurement age into the ESTIMATE (1,)."""
         kernels.report(self._memory, estimate)
@@ -211,6 +224,8 @@ class ErrorStateEstimator(CompiledEstimator):
             return taken
         if measurement.dtype == BEARINGS_SAMPLE:
             return bool(kernels.take_bearings(m, item))
+        if measurement.dtype == READING_SAMPLE:
+            return bool(kernels.take_reading(m, item))
         return bool(kernels.take_sweeps(m, item, plane_numbers(item)))
 
     def _apply(self, measurement: Record) -> None:

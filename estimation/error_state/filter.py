@@ -22,6 +22,8 @@ from estimation.error_state.memory import (
     POSE,
     POSITION,
     RATE,
+    READING,
+    READING_ROWS,
     SAMPLES,
     SWEEPS,
 )
@@ -134,6 +136,24 @@ def take_sweeps(m: Any, z: Any, plane: Array) -> bool:
         total += row[3]
     n = plane[3] ** 2 + plane[4] ** 2 + plane[5] ** 2 + plane[6] ** 2
     return math.isfinite(total) and abs(n - 1.0) < NORM_TOLERANCE
+
+
+@compiled
+def take_reading(m: Any, z: Any) -> bool:
+    """Store a READING_SAMPLE item as the new measurement; return False when it is invalid."""
+    m.new_ns, m.new_kind, m.new_count, m.new_sigma = z.stamp_ns, READING, READING_ROWS, z.sigma
+    total, n = z.sigma + z.rest, 0.0
+    for i in range(6):
+        m.new_data[2, i] = z.row[i]
+        total += z.row[i]
+    for i in range(3):
+        m.new_data[0, i] = z.position_w[i]
+        total += z.position_w[i]
+    m.new_data[0, 3] = z.rest
+    for i in range(4):
+        m.new_data[1, i] = z.quaternion_wb[i]
+        n += z.quaternion_wb[i] ** 2
+    return math.isfinite(total) and z.sigma > 0.0 and abs(n - 1.0) < NORM_TOLERANCE
 
 
 @compiled
