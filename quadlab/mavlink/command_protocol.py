@@ -10,8 +10,8 @@ from typing import Any
 from quadlab.mavlink.commands import Wanted, wanted_of
 from quadlab.mavlink.dialect import mavlink
 from quadlab.mavlink.frames import Origin
-from quadlab.mavlink.link import Peer
 from quadlab.mavlink.operators import UNANSWERED
+from quadlab.mavlink.peer import Peer
 from quadrotor.errors import RefusedError
 
 REPEATED = 1.0

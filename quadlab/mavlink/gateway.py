@@ -16,13 +16,14 @@ from quadlab.mavlink.command_protocol import Answered, CommandProtocol
 from quadlab.mavlink.commands import Wanted, behavior
 from quadlab.mavlink.dialect import mavlink
 from quadlab.mavlink.frames import Origin
-from quadlab.mavlink.link import MOST, Link, Peer
+from quadlab.mavlink.link import MOST, Link
 from quadlab.mavlink.logs import Logs
 from quadlab.mavlink.mission_flight import MissionFlight
 from quadlab.mavlink.missions import Missions
 from quadlab.mavlink.offboard import Offboard, Sender, set_point_of
 from quadlab.mavlink.operators import Connect, Operator
 from quadlab.mavlink.parameter_server import ParameterServer
+from quadlab.mavlink.peer import Peer
 from quadlab.mavlink.telemetry import Telemetry
 from quadlab.mavlink.vehicle import Vehicle
 from quadrotor.errors import RefusedError, StorageError

@@ -9,7 +9,7 @@ from typing import Any
 from console.catalogue.catalogue import Catalogue, RunEntry
 from flight_log.run_folder import log_of
 from quadlab.mavlink.dialect import mavlink
-from quadlab.mavlink.link import Peer
+from quadlab.mavlink.peer import Peer
 from quadrotor.errors import StorageError
 
 PIECE = 90

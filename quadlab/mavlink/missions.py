@@ -8,8 +8,8 @@ from typing import Any
 from control.behaviors.way_points import COUNT_MAX
 from quadlab.mavlink.dialect import mavlink
 from quadlab.mavlink.frames import Origin
-from quadlab.mavlink.link import Peer
 from quadlab.mavlink.mission_steps import Step, steps_of
+from quadlab.mavlink.peer import Peer
 from quadrotor.errors import RefusedError
 
 ITEMS_MOST = 2 * COUNT_MAX + 2

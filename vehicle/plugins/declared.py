@@ -9,9 +9,7 @@ on the attribute `parameters` of the plugin.
 from __future__ import annotations
 
 import ast
-import sys
 from collections.abc import Iterator
-from importlib.metadata import EntryPoint, entry_points
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,6 +17,7 @@ from typing import Any
 from pydantic import create_model
 
 from quadrotor.errors import StorageError, UsageError
+from quadrotor.packaged_files import packaged_files
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.python_file import line_of, read_source
 from vehicle.plugins.contract import FMU, KINDS
@@ -60,25 +59,8 @@ def _sources(folder: Path | None) -> Iterator[tuple[str, Path]]:
         for path in sorted(folder.iterdir()):
             if path.suffix in (".py", FMU):
                 yield path.stem, path
-    installed = entry_points()
     for kind in KINDS:
-        for point in installed.select(group=f"quadlab.{kind}s"):
-            if (file := _module_of(point)) is not None:
-                yield point.name, file
-
-
-def _module_of(point: EntryPoint) -> Path | None:
-    """Return the file of the module that an entry point names, found without importing anything."""
-    name, places, found = "", None, None
-    for part in point.module.split("."):
-        name = f"{name}.{part}" if name else part
-        specs = (finder.find_spec(name, places) for finder in sys.meta_path)
-        found = next((spec for spec in specs if spec is not None), None)
-        if found is None:
-            return None
-        places = found.submodule_search_locations
-    origin = found.origin if found is not None else None
-    return Path(origin) if origin is not None and origin.endswith(".py") else None
+        yield from packaged_files(f"quadlab.{kind}s").items()
 
 
 def declared(path: Path) -> Parameters | None:

@@ -80,7 +80,7 @@ def _tunables(root: ElementTree.Element) -> Iterator[tuple[str, int, str, dict[s
             continue
         declared = types.get(typed.get("declaredType", ""), {})
         kept = {key: declared[key] for key in ("unit", "min", "max") if key in declared}
-        told = {**kept, **typed.attrib, **variable.attrib}
+        told = kept | typed.attrib | variable.attrib
         yield told["name"], int(told["valueReference"]), typed.tag, told
 
 

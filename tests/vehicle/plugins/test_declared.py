@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from quadrotor.parameters import ParameterDescription, ParameterStore
+from tests.support.installed import install
 from vehicle.parameters import new_parameters
 from vehicle.plugins import declared
 from vehicle.plugins.fmu_parameters import MOST
@@ -69,16 +70,10 @@ def described() -> dict[str, ParameterDescription]:
 def test_a_packages_parameters_are_the_vehicles_and_nothing_of_it_is_imported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    place, facts = tmp_path / "some" / "laws", tmp_path / "some_laws-1.0.dist-info"
-    place.mkdir(parents=True)
-    facts.mkdir()
-    for name in ("some/__init__.py", "some/laws/__init__.py"):
-        (tmp_path / name).write_text("raise RuntimeError")
-    (place / "pid.py").write_text(OPTIONS)
-    (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: some-laws\nVersion: 1.0\n")
-    lines = "[quadlab.laws]\nmine = some.laws.pid:Law\ngone = some.nowhere:Law\n"
-    (facts / "entry_points.txt").write_text(lines)
-    monkeypatch.syspath_prepend(tmp_path)
+    fails = "raise RuntimeError"
+    lines = "mine = some.laws.pid:Law\ngone = some.nowhere:Law"
+    files = {"some/__init__.py": fails, "some/laws/__init__.py": fails, "some/laws/pid.py": OPTIONS}
+    install(monkeypatch, tmp_path, {"quadlab.laws": lines}, files)
     assert declared.offer(None) == []
     one = described()["mine.gain"]
     assert (one.default, one.unit, one.maximum) == (4.0, "1/s", 20.0)
