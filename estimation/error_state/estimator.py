@@ -19,13 +19,11 @@ from estimation.error_state.update import FIT_UPDATES
 from estimation.outcome import AHEAD_NS, NORM_TOLERANCE, Outcome
 from estimation.parameters import EstimationParameters, noise_record
 from estimation.refusals import refuse_bearings, refuse_pose, refuse_reading, refuse_sweeps
-from estimation.sweep_angles import plane_numbers
 from quadrotor.errors import MeasurementError
 from quadrotor.records import (
     BEARINGS_SAMPLE,
     NO_ATTITUDE,
     POSE_SAMPLE,
-    READING_SAMPLE,
     SWEEPS_SAMPLE,
     Array,
     Record,
@@ -217,16 +215,11 @@ class ErrorStateEstimator(CompiledEstimator):
     # ------------------------------------------------------------------ parts
     def _take(self, measurement: Record) -> bool:
         """Store it as the new measurement; return False when it is invalid."""
-        m, item = self._memory[0], measurement[0]
+        m = self._memory[0]
+        taken = kernels.take(m, measurement)
         if measurement.dtype == POSE_SAMPLE:
-            taken = bool(kernels.take_pose(m, item))
             self._on_marker = m["new_kind"] == MARKER
-            return taken
-        if measurement.dtype == BEARINGS_SAMPLE:
-            return bool(kernels.take_bearings(m, item))
-        if measurement.dtype == READING_SAMPLE:
-            return bool(kernels.take_reading(m, item))
-        return bool(kernels.take_sweeps(m, item, plane_numbers(item)))
+        return taken
 
     def _apply(self, measurement: Record) -> None:
         """Apply the stored measurement, now or when the IMU has reached its time. Raises

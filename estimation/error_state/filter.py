@@ -32,8 +32,17 @@ from estimation.error_state.timeline import apply_one
 from estimation.error_state.update import LOST_REFUSALS
 from estimation.outcome import NORM_TOLERANCE, Agreement, Outcome
 from estimation.rate_filter import filter_rate
+from estimation.sweep_angles import plane_numbers
 from quadrotor.compiled import compiled
-from quadrotor.records import MAX_BEACONS, MAX_SENSORS, Array, Record
+from quadrotor.records import (
+    BEARINGS_SAMPLE,
+    MAX_BEACONS,
+    MAX_SENSORS,
+    POSE_SAMPLE,
+    READING_SAMPLE,
+    Array,
+    Record,
+)
 from quadrotor.vectors import add, axes_of, scale, to_body, vector
 
 _MASK = SAMPLES - 1
@@ -74,6 +83,18 @@ def predict_one(m: Any, sample: Any, g: Any, dt: float, out: Any) -> None:
         out.angular_velocity_b[i] = m.filtered_rate_b[i]
     for i in range(4):
         out.quaternion_wb[i] = x[6 + i]
+
+
+def take(m: Any, measurement: Record) -> bool:
+    """Store a sample (1,) of any kind as the new measurement; return False when it is invalid."""
+    item = measurement[0]
+    if measurement.dtype == POSE_SAMPLE:
+        return bool(take_pose(m, item))
+    if measurement.dtype == BEARINGS_SAMPLE:
+        return bool(take_bearings(m, item))
+    if measurement.dtype == READING_SAMPLE:
+        return bool(take_reading(m, item))
+    return bool(take_sweeps(m, item, plane_numbers(item)))
 
 
 @compiled

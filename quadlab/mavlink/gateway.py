@@ -251,7 +251,6 @@ class Gateway:
             operator.close()
         self._commands.left(peer)
 
-    # ------------------------------------------------------------------ parameters, time
     def _with_parameters(
         self, peer: Peer, then: Callable[[], None], failed: Answered | None = None
     ) -> None:

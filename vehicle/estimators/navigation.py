@@ -98,13 +98,6 @@ class Navigation:
         return self.running.shadow.state
 
     @property
-    def all_estimators(self) -> list[Estimator]:
-        """Return the running ones, that in use first, and those beneath plugins."""
-        runners = self.running.all()
-        beneath = [one.built_in for one in runners if one.built_in is not None]
-        return [one.estimator for one in (*runners, *beneath)]
-
-    @property
     def shadow_on_same_source(self) -> Runner | None:
         """Return the shadow if it has the measurements of the estimator in use."""
         shadow = self.running.shadow

@@ -84,7 +84,7 @@ class OwnSensors:
     ) -> None:
         """Apply their readings to all running filters that take them; called in each tick."""
         for one in self.externals:
-            one.step(stamp_ns, dt, imu, state, pressure, flying, navigation.all_estimators)
+            one.step(stamp_ns, dt, imu, state, pressure, flying, navigation.running.everything())
 
     def without(self, failed: ExternalSensor) -> str:
         """Return the parameter's value without one of them."""

@@ -313,7 +313,7 @@ def test_runs_are_downloaded_whole(wire: Callable[..., Wired], tmp_path: Path) -
     file.write_bytes(contents)
     run = type("Run", (), {"id": "run", "complete": True, "start_ns": 10**18})()
     catalogue = type("Runs", (), {"runs": lambda *_, **__: [run], "resolve": lambda *_: file})()
-    wired.gateway._logs._catalogue = catalogue
+    wired.logs._catalogue = catalogue
     ground.mav.log_request_list_send(1, 1, 0, 0xFFFF)
     entry = ground.until("LOG_ENTRY")
     assert (entry.size, entry.num_logs, entry.time_utc) == (1000, 1, 10**9)

@@ -145,11 +145,12 @@ class Wired:
             self.link = Link(endpoints, passphrase, self.lines.append, has_left)
             return self.link
 
+        self.logs = Logs(Catalogue(data), "quad1")
         self.gateway = Gateway(
             open_link,
             Vehicle(self.station),
             self.station.connect,
-            Logs(Catalogue(data), "quad1"),
+            self.logs,
             self.station,
             self.changes,
             self.events,

@@ -93,7 +93,7 @@ class Bench:
                 there = pose_sample(now_ns - 1_000_000, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))
                 self.navigation.measure(there)
             self.navigation.step(self.imu, 0.002, self.state, self.estimate)
-            everything = self.navigation.all_estimators
+            everything = self.navigation.running.everything()
             self.sensor.step(now_ns, 0.002, self.imu, self.state, 1e5, flying, everything)
 
 
