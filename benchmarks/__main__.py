@@ -47,6 +47,7 @@ FOLDERS = {
         "hostile_flights",
         "hostile_plugins",
         "tracking_faults",
+        "tracking_systems",
         "starved",
         "real_flights",
         "camera_flight",
