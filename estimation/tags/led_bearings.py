@@ -23,8 +23,10 @@ NOISE = 0.1
 """Noise of a light's centre, pixels on each axis."""
 ALIKE = 0.3
 """Largest difference of a light's blinks a second from those of its LED."""
-REMEMBERED = 1.0
-"""Seconds for which a pose, or a distance, is used while fewer beacons are seen."""
+REMEMBERED, FORGOTTEN = 1.0, 5.0
+"""Seconds for which a pose, and a distance, is used while fewer beacons are seen."""
+SPEED = 1.0
+"""Speed at which a remembered distance may change, m/s."""
 ENOUGH = 3
 """Beacons that show a pose near the last one; the first pose needs LEAST."""
 MARK = 9.0 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -58,12 +60,13 @@ class LedBearings(BearingReader):
         known = [k for k, number in enumerate(ids) if number in self._far]
         if not known:
             return Sighting([], np.empty((0, 3)), self._sigma, np.empty((0, 2)))
-        far = np.array([self._far[ids[k]][1] for k in known])
+        since, far = np.array([self._far[ids[k]] for k in known]).T
+        doubt = float((SPEED * (at - since) / far**2).max() * np.linalg.norm(self._lens_b))
         places_b = self._lens_b + far[:, None] * (self._rays(pixels[known]) @ self._R_bc.T)
         return Sighting(
             [ids[k] for k in known],
             places_b / np.linalg.norm(places_b, axis=1)[:, None],
-            self._sigma,
+            math.hypot(self._sigma, doubt),
             pixels[known],
         )
 
@@ -111,7 +114,7 @@ class LedBearings(BearingReader):
             places = np.array([places_w[ids[k]] for k in placed], float)
             for k, far in zip(placed, self._distances(places, pixels[placed], at), strict=False):
                 self._far[ids[k]] = at, far
-        self._far = {n: one for n, one in self._far.items() if 0.0 <= at - one[0] <= REMEMBERED}
+        self._far = {n: one for n, one in self._far.items() if 0.0 <= at - one[0] <= FORGOTTEN}
 
     def _distances(self, places: Array, pixels: Array, at: float) -> list[float]:
         """Return the distances of beacons from the lens, m; none when they do not show them."""
