@@ -32,6 +32,7 @@ from web.commands import sticks
 from web.commands.behaviors import described as described_behaviors
 from web.commands.bodies import FollowBody, InvitationBody
 from web.commands.control import add_control
+from web.commands.drafts import add_drafts
 from web.commands.plain_emergency import add_plain_emergency
 from web.commands.routes import add_commands
 from web.commands.trajectories import add_trajectories
@@ -91,6 +92,7 @@ def create_app(
     _add_reading(app, context, fleet)
     add_commands(app, context)
     add_trajectories(app, context.trajectories)
+    add_drafts(app, context.drafts)
     _add_invitations(app, context)
     add_plain_emergency(app, context, fleet)
     _add_view(app, context)
@@ -223,6 +225,7 @@ def _add_sockets(app: FastAPI, context: VehicleContext) -> None:
                 "events": context.hub.lines,
                 "revision": context.replica.revision,
                 "emergency": context.emergency.state,
+                "draft": context.drafts.summary(),
             }
 
         await events.serve(socket, context.hub, socket.scope["session"], hello, summary)

@@ -2,8 +2,8 @@
 
 It passes viser's frames to the browser unchanged, and only camera messages back. The scene has no
 viser widgets, and other messages let a client change what everyone sees (set attributes of handles,
-drag nodes, request a public tunnel). An operator's drag of a beacon's handle does not reach viser
-either: it is passed to `ViewServer.on_drag`.
+drag nodes, request a public tunnel). An operator's drag of a handle, or click beside one, does not
+reach viser either: it is passed to the receiver that `ViewServer` has for it.
 
 Messages that viser's own client never sends to this scene (of other types, large ones, hundreds a
 second) come from another program: that connection is closed.
@@ -27,7 +27,7 @@ from starlette.websockets import WebSocketDisconnect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
 from web.access.roles import Role, Session
-from web.beacons.drag import drag_of
+from web.beacons.drag import click_of, drag_of
 from web.beacons.shapes import Point
 from web.theme import TOKENS
 from web.view.server import SECRET_HEADER, VIEW_HEADER, ViewServer
@@ -117,11 +117,16 @@ class Upstream:
         if message.type not in IDLE:
             raise HostileError(f"the view takes no {message.type[:40]}")
         if self._session.role.may(Role.OPERATOR) and frame is not None:
-            names = self._server.draggable
-            drag = drag_of(frame, names, self._eye, self._session.label) if names else None
-            if drag is not None:
-                self._server.on_drag(drag)
+            self._use(frame, self._session.label)
         return False
+
+    def _use(self, frame: bytes, who: str) -> None:
+        takers, on_click = self._server.draggable, self._server.on_click
+        drag = drag_of(frame, takers, self._eye, who) if takers else None
+        if drag is not None:
+            takers[drag.name](drag)
+        elif on_click is not None and (click := click_of(frame, who)) is not None:
+            on_click(click)
 
     def _count(self) -> None:
         """Limit the rate by a bucket that RATE fills and each message empties by one."""

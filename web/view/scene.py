@@ -18,8 +18,9 @@ from web.beacons.scene import BeaconScene
 from web.beacons.shapes import point_of, wxyz_of
 from web.live.latest import Live
 from web.view.airframe import Airframe
+from web.view.lines import Box, edges, line_color
 from web.view.server import ViewServer
-from web.view.trails import Trail, line_color
+from web.view.trails import Trail
 
 RATE, UNWATCHED = 30.0, 5.0  # Hz
 GREEN, ORANGE = (64, 192, 120), (255, 146, 43)
@@ -27,7 +28,6 @@ PLANNED, REFUSED = (157, 120, 210), (214, 150, 40)
 PLAN_SHOWN = 60.0  # s, without being flown
 AXES = ((229, 115, 107), (100, 186, 132), (106, 156, 232))  # x, y, z: as on the page
 EDGES, DROP = (104, 120, 136), (120, 134, 148)
-Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
 class Scene:
@@ -99,7 +99,7 @@ class Scene:
         self._volume_box = box
         self.beacons.set_volume(box)
         self._server.viser.scene.add_line_segments(
-            "/volume", _edges(box), line_color(EDGES), thickness=1.0, thickness_units="screen"
+            "/volume", edges(box), line_color(EDGES), thickness=1.0, thickness_units="screen"
         )
 
     async def run(self) -> None:
@@ -200,15 +200,3 @@ def _add_room(api: Any) -> None:
         thickness_units="screen",
         position=(0.0, 0.0, 0.002),
     )
-
-
-def _edges(box: Box) -> Any:
-    """Return the 12 edges of a box, shape (12, 2, 3)."""
-    corners = np.array(np.meshgrid(*box, indexing="ij"), np.float32).reshape(3, 2, 2, 2)
-    edges = [
-        corners.swapaxes(1, axis + 1)[:, :, i, j].T
-        for axis in range(3)
-        for i in (0, 1)
-        for j in (0, 1)
-    ]
-    return np.stack(edges)

@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from web.view.lines import line_color
+
 HEAD = 16  # segments
 CHUNK = 128  # segments
 CHUNKS = 5
@@ -112,16 +114,6 @@ class TrailRing:
                 piece.count = 0
                 changed.add(i)
         return changed
-
-
-def line_color(color: tuple[int, int, int]) -> tuple[int, int, int]:
-    """Return the colour with which a viser line looks like this sRGB colour.
-
-    Lines look brighter than their colour. The exponent was found by eye next to the page's own
-    colours.
-    """
-    red, green, blue = (round(255.0 * (c / 255.0) ** 1.4) for c in color)
-    return (red, green, blue)
 
 
 class Trail:

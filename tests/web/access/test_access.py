@@ -53,6 +53,8 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "POST /api/commands/record": (OPERATOR, {"start": True}),
     "POST /api/invitations": (OPERATOR, {"role": "viewer"}),
     "POST /api/view/follow": (VIEWER, {"view": "x", "follow": False}),
+    "PUT /api/draft": (OPERATOR, {"kind": "none"}),
+    "DELETE /api/draft": (OPERATOR, None),
     "GET /runs": (VIEWER, None),
     "GET /api/runs": (VIEWER, None),
     "GET /api/runs/search": (VIEWER, None),

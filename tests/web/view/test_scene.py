@@ -16,7 +16,8 @@ from tests.support.clock import Clock
 from tests.support.narrowing import now
 from vehicle_link.messages import decode, encode, header, new
 from web.live.latest import Live
-from web.view.scene import RATE, Scene, _edges
+from web.view.lines import edges as edges_of
+from web.view.scene import RATE, Scene
 from web.view.server import SECRET_HEADER, VIEW_HEADER, ViewServer
 
 BUDGET = 100_000  # bytes a second and client
@@ -185,7 +186,7 @@ def test_the_camera_follows_only_the_page_that_asked(server: ViewServer, until: 
 
 
 def test_a_box_has_twelve_edges_along_the_axes() -> None:
-    edges = _edges(((-1.0, 2.0), (0.0, 1.0), (3.0, 7.0)))
+    edges = edges_of(((-1.0, 2.0), (0.0, 1.0), (3.0, 7.0)))
     assert edges.shape == (12, 2, 3)
     lengths = sorted(float(np.abs(b - a).sum()) for a, b in edges)
     assert lengths == [1.0] * 4 + [3.0] * 4 + [4.0] * 4
