@@ -81,6 +81,7 @@ class ParameterFollower:
                     await self._read(status)
             if (box := flight_volume(self._replica.value)) is not None:
                 self._scene.set_volume(box)
+            self._scene.mass = float(self._replica.value("model.mass") or 0.0)
 
     def show_beacons(self) -> None:
         """Show the beacons once the station's parameters are known, and whenever one changes."""

@@ -51,18 +51,22 @@ The client is one file with inline scripts, workers and WebAssembly; it may only
 server.
 """
 
-_INJECTION = f"""<script>document.hasFocus=()=>true</script>
+_INJECTION = f"""<script>document.hasFocus=()=>true
+for(const{{prototype:gl}}of[WebGLRenderingContext,WebGL2RenderingContext]){{
+const get=gl.getExtension;gl.getExtension=function(n){{
+return n==="WEBGL_debug_renderer_info"?null:get.call(this,n)}}}}</script>
 <style>{TOKENS}html,body,canvas[data-engine]{{background:var(--ground)!important}}
 [data-floating-window],.mantine-Paper-root[style*="position: fixed"]{{display:none!important}}
-.mantine-Notifications-root{{inset:auto auto 44px 12px!important;max-width:min(340px,100%)}}
+.mantine-Notifications-root{{inset:44px auto auto 12px!important;max-width:min(340px,100%)}}
 .mantine-Notification-root{{background:var(--raised)!important;border:1px solid!important}}
 .mantine-Notification-root *{{color:var(--text)!important}}
 @media(max-width:700px){{.mantine-Notification-description{{display:none}}}}</style>
 """
 """Script and style added to viser's client.
 
-The client reconnects only while its document has the focus, which an iframe does not have. Its
-control panel (server address, scene tree) is hidden.
+The client reconnects only while its document has the focus, which an iframe does not have. It may
+not learn the renderer's name, so that the page alone tells of software rendering. Its control panel
+(server address, scene tree) is hidden.
 """
 
 
