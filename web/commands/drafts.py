@@ -72,10 +72,12 @@ class Drafts:
         self._edit(Draft(body.kind, points, by, body.arguments))
         return self.summary()
 
-    def close(self) -> None:
+    def close(self, *, flown: bool = False) -> None:
+        """Take the draft away; the path of one that is now flown stays."""
         self._draft, self._found = None, {}
         self._view.show(None)
-        self._monitor.forget()
+        if not flown:
+            self._monitor.forget()
         self._tell()
 
     def summary(self) -> dict[str, Any] | None:
@@ -114,6 +116,8 @@ class Drafts:
                 self._found = {**found, "checked": True}
                 self._view.show(draft, not found["refusal"])
                 self._tell()
+            elif self._draft is None:  # closed meanwhile
+                self._monitor.forget()
             await asyncio.sleep(PERIOD)
 
     async def _judge(self, draft: Draft) -> dict[str, Any]:
@@ -121,6 +125,7 @@ class Drafts:
         x, y, z = draft.points[0]
         start = None
         if draft.kind == "volume":
+            self._monitor.forget()
             return {"refusal": "", "duration": None, "speed": None}
         if draft.kind == "target":
             arguments: Arguments = {"trajectory": "line", "x": x, "y": y, "z": z}
@@ -164,7 +169,7 @@ def add_drafts(app: FastAPI, drafts: Drafts) -> None:
         return {"draft": drafts.open(body, session.label)}
 
     @app.delete("/api/draft")
-    async def close_draft(_: Operator) -> dict[str, Any]:
-        """Take the draft away."""
-        drafts.close()
+    async def close_draft(_: Operator, flown: bool = False) -> dict[str, Any]:
+        """Take the draft away; the path of one that is now `flown` stays."""
+        drafts.close(flown=flown)
         return {"draft": None}

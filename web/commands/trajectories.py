@@ -42,7 +42,7 @@ class TrajectoryMonitor:
         self._previewer = Previewer()
         self._lock = asyncio.Lock()
         self._seen: tuple[Arguments, Preview] | None = None
-        self._started: Arguments | None = None
+        self._started: tuple[Arguments, float | None] | None = None  # and the duration, s
         self._began_ns: int | None = None
 
     def stop(self) -> None:
@@ -77,7 +77,9 @@ class TrajectoryMonitor:
 
     def started(self, arguments: Arguments) -> None:
         """Note that the vehicle has accepted this trajectory."""
-        self._started, self._began_ns = arguments, None
+        seen = self._seen
+        self._started = (arguments, seen[1].duration if seen and seen[0] == arguments else None)
+        self._began_ns = None
 
     def summary(self) -> dict[str, Any] | None:
         """Return the progress of the trajectory in flight, None if unknown or none."""
@@ -90,11 +92,11 @@ class TrajectoryMonitor:
             return None
         stamp_ns = stamp_of(status)
         self._began_ns = self._began_ns or stamp_ns
-        if self._seen is None or self._seen[0] != self._started:
+        arguments, duration = self._started
+        if duration is None:
             return None
-        duration = self._seen[1].duration
         elapsed = min(duration, 1e-9 * (stamp_ns - self._began_ns))
-        laps = self._started.get("laps")
+        laps = arguments.get("laps")
         return {"elapsed": round(elapsed, 1), "duration": round(duration, 1), "laps": laps}
 
     def forget(self) -> None:

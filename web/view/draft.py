@@ -18,12 +18,11 @@ from quadrotor.parameters import ParameterValue
 from web.beacons.drag import FARTHEST, Click, Drag
 from web.beacons.marks import Mark, only_offered
 from web.beacons.shapes import Point, along_axis, cones, distance_to_ray, on_plane, turns_from_z
-from web.view.lines import edges, line_color
+from web.view.lines import PLANNED, REFUSED, edges, line_color
 from web.view.server import ViewServer
 
 Kind = Literal["target", "waypoints", "trajectory", "volume"]
 MOST = 12  # way-points, as the vehicle's behavior takes them
-GOOD, BAD = (157, 120, 210), (214, 90, 80)
 LEVEL = 2  # axis
 THINNEST = 0.2  # m between two walls of a volume
 NEAR = 0.3  # m; a click this close to a handle is meant for it
@@ -109,7 +108,7 @@ class DraftView:
         """Draw a draft, red where the vehicle would refuse it; None takes it away."""
         opens = (draft is None) != (self._draft is None)
         self._draft = draft
-        color = GOOD if is_good else BAD
+        color = PLANNED if is_good else REFUSED
         grips = draft.grips if draft is not None else []
         points = draft.points if draft is not None and draft.kind != "volume" else ()
         self._grips = {}
@@ -142,7 +141,7 @@ class DraftView:
             node = self._api.add_mesh_simple(
                 f"/draft/along_{k}",
                 *cones(),
-                color=GOOD,
+                color=PLANNED,
                 opacity=0.75,
                 side="double",
                 cast_shadow=False,
@@ -158,7 +157,11 @@ class DraftView:
             lines = edges(tuple(zip(low, high, strict=True)))
             if self._box is None:
                 self._box = self._api.add_line_segments(
-                    "/draft/box", lines, line_color(GOOD), thickness=2.0, thickness_units="screen"
+                    "/draft/box",
+                    lines,
+                    line_color(PLANNED),
+                    thickness=2.0,
+                    thickness_units="screen",
                 )
             self._box.points = lines
         if self._box is not None:

@@ -9,6 +9,9 @@ import numpy as np
 Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 """Lowest and highest x, y and z, m."""
 
+PLANNED, REFUSED = (157, 120, 210), (214, 90, 80)
+"""Colours of what may be flown next, and of what the vehicle would refuse, sRGB."""
+
 
 def line_color(color: tuple[int, int, int]) -> tuple[int, int, int]:
     """Return the colour with which a viser line looks like this sRGB colour.

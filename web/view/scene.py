@@ -20,18 +20,16 @@ from web.beacons.shapes import Point, point_of, wxyz_of
 from web.live.latest import Live
 from web.view.airframe import Airframe
 from web.view.cameras import Cameras
-from web.view.lines import Box, edges, line_color
+from web.view.lines import PLANNED, REFUSED, Box, edges, line_color
 from web.view.options import ViewOptions, ramp
 from web.view.server import ViewServer
 from web.view.trails import Color, Trail
 
 RATE, UNWATCHED = 30.0, 5.0  # Hz
 GREEN, ORANGE = (64, 192, 120), (255, 146, 43)
-PLANNED, REFUSED = (157, 120, 210), (214, 150, 40)
 PLAN_SHOWN = 60.0  # s, without being flown
 AXES = ((229, 115, 107), (100, 186, 132), (106, 156, 232))  # x, y, z: as on the page
 EDGES, DROP = (104, 120, 136), (120, 134, 148)
-ERROR = (214, 90, 80)
 
 
 class Scene:
@@ -76,7 +74,7 @@ class Scene:
         self._error = api.add_line_segments(
             "/error",
             np.zeros((1, 2, 3), np.float32),
-            line_color(ERROR),
+            line_color(REFUSED),
             thickness=3.0,
             thickness_units="screen",
             visible=False,

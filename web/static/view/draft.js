@@ -58,9 +58,9 @@ export class DraftBar {
     for (const tool of this.buttons) tool.disabled = false;
   }
 
-  close() {
+  close(isFlown = false) {
     hide(this.bar, true);
-    request("DELETE", "/api/draft").catch((error) => { this.fly.refuse(error.message); this.show(this.draft); });
+    request("DELETE", `/api/draft?flown=${isFlown}`).catch((error) => { this.fly.refuse(error.message); this.show(this.draft); });
   }
 
   async press() {
@@ -70,7 +70,7 @@ export class DraftBar {
     const act = behavior ? () => command("start_behavior", { name: behavior, arguments: values }) : () => request("PUT", "/api/parameters", { values });
     const shows = behavior ? (status) => status.behavior?.toLowerCase() === behavior : null;
     const isDone = await this.fly.attempt(act, behavior ? titleOf(draft, this.shaped?.label) : label, shows);
-    if (isDone && !(draft.kind === "trajectory" && behavior === "fly_to")) this.close();
+    if (isDone && !(draft.kind === "trajectory" && behavior === "fly_to")) this.close(Boolean(behavior));
   }
 
   show(draft) {
