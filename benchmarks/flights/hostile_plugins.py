@@ -5,9 +5,10 @@
 
 Each plugin is the example that `quadlab new` writes, which from a moment on raises, answers
 nonsense, falls silent, dies or drifts. The vehicle hovers or flies the figure 8, with a behavior
-the path of the plugin. It fell when it sank below half of its height, tilted by more than 60
-degrees, or stopped its motors within 3 s. Answers that are late by a number of ticks are those of a
-vehicle in real time, which waits for nothing; elsewhere simulated time waits up to 1 s.
+the path of the plugin. It fell when it sank below half of its height, or with a behavior to 5 cm,
+tilted by more than 60 degrees, or stopped its motors within 3 s. Answers that are late by a number
+of ticks are those of a vehicle in real time, which waits for nothing; elsewhere simulated time
+waits up to 1 s.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ FLIGHTS = 20
 """Flights of each kind."""
 WATCHED = 3.0
 """s from the beginning of the harm."""
-HEIGHT, LOWEST, TILT = 1.0, 0.5, math.radians(60.0)
+HEIGHT, TILT = 1.0, math.radians(60.0)
+LOWEST = {"law": 0.5, "estimator": 0.5, "behavior": 0.05, "sensor": 0.5}
+"""Height, m, below which it fell; a behavior may lead it down to the floor of the flight volume."""
 EXAMPLES = {
     "law": ("geometric_pid.py", "GeometricPid", "control.law", 7.0),
     "estimator": ("error_state_ekf.py", "ErrorStateEkf", "estimation.estimator", 11.0),
@@ -131,7 +134,8 @@ class Late:
 
     def __init__(self, external: External, ticks: int) -> None:
         self._link, self._ticks = external._link, ticks
-        self._answers: list[bytes | None] = [None] * ticks
+        # The answer to the last input, which was sent over the link itself, is on its way.
+        self._answers: list[bytes | None] = [*[None] * ticks, self._link.receive()]
         external._waits = False
 
     def ready(self) -> bool:
@@ -178,7 +182,7 @@ def fly(kind: str, harm: str, seed: int) -> Outcome:
         finally:
             flight.stack.close()
     why = next((line for line in flight.events.texts if "disengaged" in line), "not disengaged")
-    fell = lowest < LOWEST or flight.most_tilted > TILT or not flight.airborne
+    fell = lowest < LOWEST[kind] or flight.most_tilted > TILT or not flight.airborne
     away = float(np.linalg.norm(places - wanted, axis=1).max())
     return Outcome(fell, ticks, lowest, away, why)
 
