@@ -1,4 +1,4 @@
-"""What a client of a service does with an answer, and with none."""
+"""Tests of what a client of a service does with an answer, and with none."""
 
 from __future__ import annotations
 
