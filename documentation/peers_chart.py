@@ -53,8 +53,13 @@ def draw(measured: dict[str, Any], path: Path) -> None:
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
-    style = {"font.size": 10, "text.color": TEXT, "axes.labelcolor": TEXT, "xtick.color": TEXT}
-    with plt.rc_context({**style, "ytick.color": TEXT, "axes.edgecolor": "#b8c0c8"}):
+    look: dict[Any, Any] = {
+        "font.size": 10,
+        "text.color": TEXT,
+        "axes.labelcolor": TEXT,
+        "xtick.color": TEXT,
+    }
+    with plt.rc_context({**look, "ytick.color": TEXT, "axes.edgecolor": "#b8c0c8"}):
         figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 3.9), layout="constrained")
         poses = rows(measured, "pose")
         for method, (label, offset, side) in POSES.items():

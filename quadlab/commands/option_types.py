@@ -31,8 +31,10 @@ def wrapped_help() -> Iterator[None]:
 
     parse = docstring_parser.parse_from_object
 
-    def joined(command: Any) -> docstring_parser.Docstring:
-        found = parse(command)
+    def joined(
+        command: Any, style: docstring_parser.DocstringStyle = docstring_parser.DocstringStyle.AUTO
+    ) -> docstring_parser.Docstring:
+        found = parse(command, style)
         for one in found.params:
             one.description = " ".join((one.description or "").split())
         return found
