@@ -235,7 +235,7 @@ def _window(
     """
     start, late = begin + ramp, 0.0
     for time, text in events:
-        if text.startswith("follow_trajectory by"):
+        if text.replace("_", " ").startswith("follow trajectory by"):  # with _ in older logs
             start, late = time + ramp, ramp
         elif text.startswith("velocity by"):
             start = time

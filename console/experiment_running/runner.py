@@ -143,7 +143,7 @@ class ExperimentRunner:
                 raise RefusedError("no experiment is flying, so there is nothing to finish")
             self._state.phase = phases.FINISHING
             self._client.finish()
-        self._board.say(INFO, f"experiment finishes, requested by {requester}")
+        self._board.say(INFO, f"experiment ends early, requested by {requester}")
         self._board.send()
 
     def stop(self, requester: str) -> None:
