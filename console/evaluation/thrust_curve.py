@@ -15,10 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from console.evaluation.log_columns import Array, FlownParameters, read_columns, read_parameters
+from console.evaluation.log_columns import FlownParameters, read_columns, read_parameters
 from console.evaluation.motor_bench import Battery
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
+from quadrotor.records import Array
 
 THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
 FORCE = "linear_acceleration.z"

@@ -61,6 +61,7 @@ class Traits(msgspec.Struct, frozen=True):
     parameters: dict[str, ParameterValue] = {}  # values that replace the defaults
     reports_pressure: bool = True  # otherwise only the board itself can descend by a barometer
     angle_gain: float = 5.0  # 1/s, the rate that its angle loop demands for an error
+    line_ns: int = 0  # time of a sample on the line, which its stamp does not include
 
     def missing(self, needed: CommandKind) -> str:
         """Return why the board cannot be commanded at this level, "" when it can."""

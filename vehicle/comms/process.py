@@ -63,7 +63,7 @@ class Comms:
 
     def __init__(self, config: VehicleConfig, rings: Rings, node: Node) -> None:
         self._rings = rings
-        self._clock = VehicleClock()
+        self._clock = VehicleClock(config.line_ns)
         self._flight = FlightMailbox(rings)
         offer_plugins(Path(config.data) / PLUGINS)
         self._parameters = FlightParameters(self._flight, config.parameters)
@@ -114,7 +114,7 @@ class Comms:
         self._longest_wait_s = 1.0 / config.packets
         self._dropped = 0
         self._fetch_due_ns = 0
-        serve(node, self._flight, self._parameters, self._calibrations, self._clock)
+        serve(node, self._flight, self._parameters, self._calibrations, self._clock, self._say)
         serve_whoami(node, config.name, config.instance, identity)
         self._checks = SelfChecks(Path(config.data), identity=identity, log=self._log)
         node.serve("checks", topics.SERVICES["checks"], self._checks.answer)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from console.evaluation.log_columns import Array, FlownParameters
+from console.evaluation.log_columns import FlownParameters
 from console.evaluation.thrust_curve import ThrustCurve, find_curve
+from quadrotor.records import Array
 from quadrotor.vehicle_model import GRAVITY, VehicleModel
 
 MASS, SLOPE, OFFSET, LAG = 1.3, 0.0115, 6.0, 0.03
