@@ -37,6 +37,7 @@ FOLDERS = {
     "firmware": ("firmware",),
     "flights": (
         "bearing_flights",
+        "board_flights",
         "faults",
         "fleet",
         "failures",

@@ -8,6 +8,10 @@ stiffness K_w, applies the same torque when it is given the rates
 
 which is E w_d + K_w^-1 (K_R e_R + K_f integral + feed-forward): the measured rate drops out. The
 gyroscopic term is left to the board.
+
+A board that holds angles demands the rate k (angle - measured angle) of its rate loop. It demands
+the same w_c when it is given the angles that differ from the measured ones by w_c / k, whatever the
+gains of eq. 5.
 """
 
 from __future__ import annotations
@@ -17,6 +21,7 @@ import numpy.typing as npt
 
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
+from quadrotor.rotations import euler_from_quaternion
 from quadrotor.vectors import cross, times, vector
 from quadrotor.vehicle_model import reference_of_thrust
 
@@ -53,3 +58,16 @@ def rates_of_wrench(
         min(rate_max, max(-rate_max, z)),
         min(1.0, reference / REFERENCE_MAX),
     )
+
+
+@compiled
+def angles_of_rates(
+    quaternion_wb: npt.NDArray[np.float64], roll_rate: float, pitch_rate: float, gain: float
+) -> tuple[float, float]:
+    """Return the roll and pitch, rad, by which an angle loop of this gain (1/s) demands the rates.
+
+    Args:
+        roll_rate, pitch_rate: rad/s, about x and y of the body.
+    """
+    roll, pitch, _ = euler_from_quaternion(quaternion_wb)
+    return roll + roll_rate / gain, pitch + pitch_rate / gain

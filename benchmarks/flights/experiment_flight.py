@@ -15,6 +15,8 @@ from quadlab.simulated.flight_log import FlightLog
 from quadlab.simulated.parameters import FlightParameters
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.parameters import ParameterStore, ParameterValue
+from vehicle.boards.kind import MIKROKOPTER, find_kind
+from vehicle.simulator.boards import firmware_of
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 VEHICLE = "quad1"
@@ -39,28 +41,34 @@ def fly(
     *,
     seed: int = 1,
     true_state: bool = False,
+    board: str = MIKROKOPTER,
 ) -> Flown:
     """Fly the experiment. Raises QuadlabError.
 
     Args:
-        settings: of vehicle, `simulator`, `tracker`, `experiment`.
+        settings: of vehicle, `simulator`, `tracker`, `experiment`, `board`.
+        board: the vehicle's board, one of those that can be simulated.
     """
-    experiment = find(name, VEHICLE)
+    experiment, kind = find(name, VEHICLE), find_kind(board)
+    options = kind.configured({})
     parameters = with_options(
-        FlightParameters().model_copy(deep=True), {"experiment": experiment.parameters}
+        FlightParameters().model_copy(deep=True),
+        {"experiment": experiment.parameters, "board": options},
     )
     parameters.seed(seed)
-    ParameterStore(parameters).preset(settings or {})
+    ParameterStore(parameters).preset(kind.simulated_parameters | (settings or {}))
     experiment.check()
-    robot = SimulatedVehicle(parameters.simulator)
+    robot = SimulatedVehicle(parameters.simulator, firmware=firmware_of(board, options))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.mcap"
         log = FlightLog(path, VEHICLE, ParameterStore(parameters), {"run_id": name})
-        flight = SimulatedFlight(parameters, robot, log, TrueState(robot) if true_state else None)
+        estimator = TrueState(robot) if true_state else None
+        flight = SimulatedFlight(parameters, robot, log, estimator, kind=kind)
         try:
             watched.fly(experiment, flight)
         finally:
             log.close()
+            robot.close()
         result = experiment.evaluate(path)
         if not isinstance(experiment, Calibrating):
             return Flown(result, None)

@@ -3,7 +3,7 @@
 One flight per seed goes from hover at 1, 2 and 3 m over the figure 8 to the lap from rest to rest
 that leans furthest. At its own moment in each, it forks once for each failure: the copy flies that
 failure to its end, and the flight itself continues. A board that is another process (Betaflight)
-cannot be forked: there each failure has its own flight, hover or figure 8.
+cannot be forked: there each failure has its own flight.
 """
 
 from __future__ import annotations
@@ -11,7 +11,10 @@ from __future__ import annotations
 import math
 import multiprocessing
 import sys
+import time
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
 from multiprocessing.connection import Connection
 
 import numpy as np
@@ -21,6 +24,7 @@ from benchmarks.flights.touch_down import Outcome, TouchDown
 from benchmarks.flights.watched_flight import WatchedFlight
 from quadrotor.errors import LinkError, QuadlabError
 from quadrotor.parameters import ParameterValue
+from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER
 from vehicle_link.serial.ids import MotorState
 
 STARTS = ("hover 1 m", "hover 2 m", "hover 3 m", "figure 8", "lap")
@@ -38,15 +42,21 @@ CORRUPTED_FOR = 15.0
 """Time, in s, flown with corrupted bytes before the landing, during which they continue."""
 LONGEST = 45.0
 """Longest time, in s, from the failure to its end."""
+DRAG, DRAG_OF_CRAZYFLIE = 0.25, 0.006
+"""N s/m; relative to the mass they are equal, and so is what the wind does."""
+LANDING_TIME = 12
+"""Time, in s, after which Betaflight stops its motors; 20 by default, which only takes longer."""
+Flight = tuple[str, str, int]
+"""Failure, start and seed of a flight."""
 
 
-def conditions(seed: int) -> dict[str, ParameterValue]:
+def conditions(seed: int, board: str = MIKROKOPTER) -> dict[str, ParameterValue]:
     """Return the truth of a seed: wind, gusts, motors, battery, drift of the gyroscope."""
     chance = np.random.default_rng((seed, 11))
     speed, heading = chance.uniform(0.0, 1.0), chance.uniform(-math.pi, math.pi)
     drift = chance.normal(0.0, 1.0, 3)
     return {
-        "drag": 0.25,
+        "drag": DRAG_OF_CRAZYFLIE if board == CRAZYFLIE else DRAG,
         "wind_x": round(speed * math.cos(heading), 2),
         "wind_y": round(speed * math.sin(heading), 2),
         "gust": 0.5,
@@ -82,9 +92,10 @@ class FailingFlight(WatchedFlight):
             self.frozen = True
 
 
-def fly_alone(seed: int, failure: str, start: str, board: str) -> Outcome:
+def fly_alone(failure: str, start: str, seed: int, board: str) -> list[Outcome]:
     """Fly one failure from one start under the conditions of a seed."""
-    settings = {f"simulator.{name}": value for name, value in conditions(seed).items()} | SETTINGS
+    truth = {f"simulator.{name}": value for name, value in conditions(seed).items()}
+    settings = truth | SETTINGS | {"board.landing_time": LANDING_TIME}
     outcome = Outcome(failure, start, seed, real=False)
     flight = FailingFlight(seed, settings, board=board)
     try:
@@ -101,16 +112,16 @@ def fly_alone(seed: int, failure: str, start: str, board: str) -> Outcome:
         outcome.why = str(error)
     finally:
         flight.robot.close()
-    return outcome
+    return [outcome]
 
 
 def fly_seed(
-    seed: int, failures: tuple[str, ...], starts: tuple[str, ...], world: str
+    seed: int, failures: Sequence[str], starts: Sequence[str], world: str, board: str
 ) -> list[Outcome]:
     """Fly all failures from all starts under the conditions of one seed, in one of WORLDS."""
-    truth = {f"simulator.{name}": value for name, value in conditions(seed).items()}
+    truth = {f"simulator.{name}": value for name, value in conditions(seed, board).items()}
     settings = WORLDS[world] | truth | SETTINGS
-    flight = FailingFlight(seed, settings)
+    flight = FailingFlight(seed, settings, board=board)
     chance = np.random.default_rng((seed, 13))
     outcomes: list[Outcome] = []
     for start in STARTS[: 1 + max(STARTS.index(start) for start in starts)]:
@@ -176,7 +187,7 @@ def _fail(
 def watch_failure(
     flight: FailingFlight, failure: str, outcome: Outcome, outage: float = 1.0
 ) -> None:
-    """Cause the failure now, and continue until the motors are off.
+    """Cause the failure now, and continue until it is down with its motors off.
 
     Args:
         outage: s until comms is back, which is then commanded to land.
@@ -205,7 +216,7 @@ def watch_failure(
             and (robot.firmware.motor_state is not MotorState.EMERGENCY)
         ):
             outcome.off = now
-        if now > outcome.off + 0.5:
+        if now > outcome.off + 0.5 and not math.isnan(outcome.down):
             return
 
 
@@ -224,37 +235,70 @@ def break_it(flight: FailingFlight, failure: str) -> None:
         flight.disturb(unplugged_port=unplugged)
 
 
-def fly_all_alone(
-    seeds: int, failures: tuple[str, ...], starts: tuple[str, ...], board: str
+def fly_all(
+    seeds: int,
+    failures: Sequence[str],
+    starts: Sequence[str],
+    world: str,
+    board: str = MIKROKOPTER,
+    *,
+    flown: Sequence[Outcome] = (),
+    minutes: float = math.inf,
+    keep: Callable[[Sequence[Outcome]], None] = lambda _: None,
 ) -> list[Outcome]:
-    """Fly seeds 1 to `seeds`, each failure and start in a separate flight, on all cores."""
-    found: list[Outcome] = []
-    with ProcessPoolExecutor(mp_context=multiprocessing.get_context("fork")) as pool:
-        flights = [
-            pool.submit(fly_alone, seed, failure, start, board)
-            for seed in range(1, seeds + 1)
-            for failure in failures
-            for start in starts
-        ]
-        for one in as_completed(flights):
-            found.append(outcome := one.result())
-            line = f"{len(found)} of {len(flights)}: {outcome.failure}, {outcome.start}, seed "
-            print(f"{line}{outcome.seed}: {outcome.verdict}", file=sys.stderr, flush=True)
+    """Fly seeds 1 to `seeds` in one of WORLDS, on all cores.
+
+    Args:
+        flown: outcomes of former runs, whose flights are not repeated.
+        minutes: after these no further flight begins.
+        keep: is given all outcomes after each flight.
+    """
+    found = list(flown)
+    known = {(one.failure, one.start, one.seed) for one in flown}
+    deadline_s = time.monotonic() + 60.0 * minutes
+    tasks = [
+        task
+        for flights, task in _tasks(seeds, failures, starts, world, board)
+        if not known.issuperset(flights)
+    ]
+    workers = multiprocessing.cpu_count() if minutes == math.inf else 1
+    fork = multiprocessing.get_context("fork")
+    with ProcessPoolExecutor(workers, mp_context=fork) as pool:
+        submitted = [pool.submit(_until, deadline_s, task) for task in tasks]
+        for number, one in enumerate(as_completed(submitted), start=1):
+            if flights := one.result():
+                found += flights
+                keep(found)
+                landed = sum(outcome.verdict == "landed" for outcome in flights)
+                line = f"{number} of {len(tasks)}: {landed} of {len(flights)} flights landed"
+                print(line, file=sys.stderr, flush=True)
     return sorted(found, key=lambda o: (failures.index(o.failure), starts.index(o.start), o.seed))
 
 
-def fly_all(
-    seeds: int, failures: tuple[str, ...], starts: tuple[str, ...], world: str
-) -> list[Outcome]:
-    """Fly seeds 1 to `seeds` in one of WORLDS, on all cores."""
-    fork = multiprocessing.get_context("fork")
-    with ProcessPoolExecutor(mp_context=fork) as pool:
-        found = [
-            pool.submit(fly_seed, seed, failures, starts, world) for seed in range(1, seeds + 1)
+def _until(deadline_s: float, fly: Callable[[], list[Outcome]]) -> list[Outcome]:
+    return fly() if time.monotonic() < deadline_s else []
+
+
+def _tasks(
+    seeds: int, failures: Sequence[str], starts: Sequence[str], world: str, board: str
+) -> list[tuple[list[Flight], Callable[[], list[Outcome]]]]:
+    """Return the functions to call, each with the flights whose outcomes it returns.
+
+    Flights of their own are ordered so that those of a run that is cut short are spread over seeds
+    and starts: each seed flies each failure from one start first, from the next one then.
+    """
+    if board == BETAFLIGHT:
+        flights = [
+            (failure, starts[(seed + number + turn) % len(starts)], seed)
+            for turn in range(len(starts))
+            for seed in range(1, seeds + 1)
+            for number, failure in enumerate(failures)
         ]
-        for number, one in enumerate(as_completed(found), start=1):
-            flights = one.result()
-            landed = sum(outcome.verdict == "landed" for outcome in flights)
-            line = f"{number} of {seeds} seeds: {landed} of {len(flights)} flights landed"
-            print(line, file=sys.stderr, flush=True)
-        return [outcome for one in found for outcome in one.result()]
+        return [([one], partial(fly_alone, *one, board)) for one in flights]
+    return [
+        (
+            [(failure, start, seed) for start in starts for failure in failures],
+            partial(fly_seed, seed, failures, starts, world, board),
+        )
+        for seed in range(1, seeds + 1)
+    ]

@@ -3,7 +3,9 @@
     python -m benchmarks failures [--quick]
     python -m benchmarks.flights.failures [--seeds 20] [--real 2] [--only web,station] [--json FILE]
     python -m benchmarks.flights.failures --world rough [--seeds 5]
-    python -m benchmarks.flights.failures --board betaflight [--seeds 3]
+    python -m benchmarks.flights.failures --board betaflight [--minutes 4 --json FILE]
+
+With --json and --minutes a long run is flown in parts: flights that FILE has are not repeated.
 
 Seeds differ in the truth's noise, wind, motors and battery, and in the moment of the failure. In
 simulated time the firmware, the plant and the flight stack run in one process, which exchange real
@@ -20,19 +22,18 @@ import signal
 import statistics
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 
 from benchmarks.flights import failing_flights
 from benchmarks.flights.rough_world import CLEAN, WORLDS
 from benchmarks.flights.touch_down import IMPACT_MAX, UPRIGHT, Outcome
 from benchmarks.harness import Report, Row, Target
-from vehicle.boards.kind import BETAFLIGHT, MIKROKOPTER
+from vehicle.boards.kind import BETAFLIGHT, CRAZYFLIE, MIKROKOPTER
 
 SEEDS, REAL_SEEDS = 20, 2
-OF_BETAFLIGHT = (failing_flights.SILENT, "port 0", "station", "tracker")
-BETAFLIGHT_STARTS = ("hover 1 m", "hover 2 m", "hover 3 m", "figure 8")
-"""Starts in simulated time; the firmware is a process that no failure shares with another."""
+OF_OTHER_BOARDS = (failing_flights.SILENT, "port 0", "station", "tracker")
+STARTS_OF_OTHER_BOARDS = ("hover 1 m", "hover 2 m", "hover 3 m", "figure 8")
 REAL_FAILURES = (
     "web",
     "station",
@@ -153,7 +154,9 @@ def main() -> int:
     parser.add_argument("--real", type=int, default=REAL_SEEDS, help="seeds of real processes")
     parser.add_argument("--only", default=",".join(REAL_FAILURES), help="failures, by commas")
     parser.add_argument("--world", choices=tuple(WORLDS), default=CLEAN, help="simulated time only")
-    parser.add_argument("--board", choices=(MIKROKOPTER, BETAFLIGHT), default=MIKROKOPTER)
+    boards = (MIKROKOPTER, BETAFLIGHT, CRAZYFLIE)
+    parser.add_argument("--board", choices=boards, default=MIKROKOPTER)
+    parser.add_argument("--minutes", type=float, default=math.inf, help="of other boards")
     parser.add_argument("--json", type=Path, help="write every flight there")
     options = parser.parse_args()
     only = [name.strip() for name in options.only.split(",")]
@@ -161,20 +164,41 @@ def main() -> int:
     if unknown:
         parser.error(f"no failure is called {unknown[0]!r}: there are {', '.join(REAL_FAILURES)}")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends all processes of a flight
-    if options.board == BETAFLIGHT:
-        outcomes = failing_flights.fly_all_alone(
-            options.seeds, OF_BETAFLIGHT, BETAFLIGHT_STARTS, BETAFLIGHT
-        )
-    else:
+    if options.board == MIKROKOPTER:
         real = options.real if options.world == CLEAN else 0
         outcomes = fly(options.seeds, real, only, options.world)
+    else:
+        outcomes = failing_flights.fly_all(
+            options.seeds,
+            OF_OTHER_BOARDS,
+            STARTS_OF_OTHER_BOARDS,
+            options.world,
+            options.board,
+            flown=_flown(options.json),
+            minutes=options.minutes,
+            keep=lambda outcomes: _write(options.json, outcomes),
+        )
     found = report(outcomes)
     print(found.as_markdown())
-    if options.json:
-        flights = [{**asdict(o), "verdict": o.verdict} for o in outcomes]
-        document = {**found.as_json(), "flights": flights}
-        options.json.write_text(json.dumps(document, indent=1) + "\n")  # NaN: it never happened
+    _write(options.json, outcomes)
     return 0 if all(target.met for target in found.targets) else 1
+
+
+def _write(file: Path | None, outcomes: Sequence[Outcome]) -> None:
+    """Write the report with every flight; NaN: it never happened."""
+    if file is not None:
+        flights = [{**asdict(o), "verdict": o.verdict} for o in outcomes]
+        document = {**report(outcomes).as_json(), "flights": flights}
+        file.write_text(json.dumps(document, indent=1) + "\n")
+
+
+def _flown(file: Path | None) -> list[Outcome]:
+    """Return the flights of a file that `_write` wrote; none if there is no file yet."""
+    if file is None or not file.exists():
+        return []
+    names = [field.name for field in fields(Outcome)]
+    flights = json.loads(file.read_text())["flights"]
+    return [Outcome(**{name: one[name] for name in names}) for one in flights]
 
 
 if __name__ == "__main__":

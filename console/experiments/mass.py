@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from console.evaluation.mass import DEVIATION_MAX, read_mass
+from console.evaluation.thrust_curve import read_thrust_curve
 from console.experiments.calibration_flight import CLEAR, CalibrationFlight, CalibrationResult
 from console.experiments.client import Client, VehicleView
 from console.experiments.manoeuvres import arm, brake, come_down, wait_ready
@@ -49,6 +50,8 @@ class MassOptions(Parameters):
     """of the erratic flight"""
     seed: int = parameter(1, ge=0, le=2**31 - 1, step=1)
     """of the erratic flight"""
+    weighed: float = parameter(0.0, unit="kg", ge=0.0, le=4.0, step=0.001)
+    """mass on the scales, from which the motor law about hover is found instead; 0: not weighed"""
 
 
 class MassExperiment(CalibrationFlight):
@@ -184,7 +187,9 @@ class MassExperiment(CalibrationFlight):
 
     # ------------------------------------------------------------------ judgement
     def found(self, log: Path) -> CalibrationResult:
-        """Return the mass for model.mass."""
+        """Return the mass for model.mass; of a vehicle that was weighed, the motor law."""
+        if weighed := self.parameters.weighed:
+            return read_thrust_curve(log, self._vehicle, weighed)
         return read_mass(log, self._vehicle)
 
 

@@ -63,16 +63,13 @@ class SimulatedFlight(SimulatedGuide):
         kind: Kind = KIND,
     ) -> None:
         super().__init__(parameters, simulated, log)
-        self.parameters = parameters
+        self.parameters, options = parameters, getattr(parameters, "board", None)
         self.stack = FlightStack(
-            parameters, estimator=estimator, plugins=plugins, board=kind.traits
+            parameters, estimator=estimator, plugins=plugins, board=kind.traits_with(options)
         )
         self.clock = StageClock()
         self._board = kind.connect(
-            simulated.ports,
-            getattr(parameters, "board", None),
-            parameters.simulator.imu_rate,
-            lambda: simulated.stamp_ns,
+            simulated.ports, options, parameters.simulator.imu_rate, lambda: simulated.stamp_ns
         )
         self._tracker = SimulatedTracker(parameters.tracker)
         self._bearings: BearingEmulator | OnboardCamera = BearingEmulator(parameters.bearings)

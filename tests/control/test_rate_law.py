@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from control.parameters import ControlParameters, control_record
-from control.rate_law import rates_of_wrench
+from control.rate_law import angles_of_rates, rates_of_wrench
+from quadrotor.rotations import quaternion_from_euler
 from quadrotor.vehicle_model import VehicleModel, thrust_of_reference
 
 GAINS, MODEL = control_record(ControlParameters()), VehicleModel().record()
@@ -36,3 +37,10 @@ def test_the_throttle_is_the_reference_that_gives_the_thrust() -> None:
 def test_rates_and_throttle_stay_within_bounds() -> None:
     wrench = np.array([1000.0, 50.0, -50.0, 50.0])
     assert rates_of_wrench(wrench, np.zeros(3), GAINS, MODEL, 5.0) == (5.0, -5.0, 5.0, 1.0)
+
+
+def test_an_angle_loop_that_is_given_the_angles_demands_the_rates() -> None:
+    measured, rates, gain = (0.3, -0.2), (1.5, -0.7), 5.0
+    given = angles_of_rates(quaternion_from_euler(*measured, 2.0), *rates, gain)
+    demanded = [gain * (angle - now) for angle, now in zip(given, measured, strict=True)]
+    np.testing.assert_allclose(demanded, rates, atol=1e-12)

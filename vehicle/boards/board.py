@@ -3,7 +3,7 @@
 A board is the hardware between the flight stack and the motors, with inertial sensors and its own
 processor. The control law ends at the lowest level that the board accepts: motor references if it
 gives access to the motors, otherwise body rates and collective thrust, with the inner loop on the
-board.
+board, or angles, with its angle loop above that.
 """
 
 from __future__ import annotations
@@ -57,15 +57,11 @@ class Traits(msgspec.Struct, frozen=True):
     """The facts about a kind of board that the flight stack needs."""
 
     name: str
-    takes: tuple[CommandKind, ...]
+    takes: tuple[CommandKind, ...]  # the control law ends at the first
     parameters: dict[str, ParameterValue] = {}  # values that replace the defaults
     reports_pressure: bool = True  # otherwise only the board itself can descend by a barometer
+    angle_gain: float = 5.0  # 1/s, the rate that its angle loop demands for an error
     line_ns: int = 0  # time of a sample on the line, which its stamp does not include
-
-    @property
-    def direct(self) -> CommandKind:
-        """Return the level at which the control law ends."""
-        return CommandKind.MOTORS if CommandKind.MOTORS in self.takes else CommandKind.RATES
 
     def missing(self, needed: CommandKind) -> str:
         """Return why the board cannot be commanded at this level, "" when it can."""

@@ -11,7 +11,7 @@ import msgspec
 
 from quadrotor.errors import UsageError
 from quadrotor.parameters import Parameters, ParameterStore, ParameterValue
-from vehicle.boards.board import Board, Traits
+from vehicle.boards.board import Board, CommandKind, Traits
 from vehicle_link.serial.port import BAUD_RATE, Port
 
 MIKROKOPTER, BETAFLIGHT, CRAZYFLIE = "mikrokopter", "betaflight", "crazyflie"
@@ -65,6 +65,16 @@ class Kind(msgspec.Struct, frozen=True):
     check: Check | None = None  # None: it has no settings that can be wrong
     simulated: dict[str, ParameterValue] = {}  # values of the simulated vehicle with this board
     station: dict[str, ParameterValue] = {}  # values of its station in `quadlab up`
+
+    def traits_with(self, options: Parameters | None) -> Traits:
+        """Return its traits with these options, whose `level` is where the law ends."""
+        level = getattr(options, "level", "")
+        if not level:
+            return self.traits
+        first = CommandKind[level.upper()]
+        others = tuple(one for one in self.traits.takes if one is not first)
+        gain = getattr(options, "angle_gain", self.traits.angle_gain)
+        return msgspec.structs.replace(self.traits, takes=(first, *others), angle_gain=gain)
 
     @property
     def is_asked(self) -> bool:

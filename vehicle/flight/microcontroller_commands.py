@@ -6,22 +6,25 @@ import math
 from collections.abc import Callable
 from typing import Protocol
 
-from control.rate_law import rates_of_wrench
+from control.rate_law import angles_of_rates, rates_of_wrench
 from quadrotor.records import Record
-from vehicle.boards.board import Board, BodyRates, Command, CommandKind, TakesPoses
+from quadrotor.vehicle_model import GRAVITY
+from vehicle.boards.board import Board, BodyRates, Command, CommandKind, TakesPoses, Traits
 from vehicle.boards.reference_rounding import ReferenceRounding
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.tick_record import TickRecord
+from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.ids import MotorState
 
 RATE_MAX = math.radians(300.0)
 """Fastest rotation, in rad/s, that is commanded about each axis."""
 
 
-def command_maker(level: CommandKind, tick: TickRecord, law: ControlLaw) -> Callable[[], Command]:
+def command_maker(board: Traits, tick: TickRecord, law: ControlLaw) -> Callable[[], Command]:
     """Return the function that turns a tick's wrench into a command at the level that the board
-    accepts.
+    accepts first.
     """
+    level = board.takes[0]
     if level is CommandKind.MOTORS:
         rounding = ReferenceRounding()
         return lambda: rounding.round(tick.motor_references)
@@ -32,8 +35,17 @@ def command_maker(level: CommandKind, tick: TickRecord, law: ControlLaw) -> Call
         x, y, z, throttle = rates_of_wrench(tick.wrench, omega_b, law.gains, law.model, RATE_MAX)
         return BodyRates((x, y, z), throttle, tick.wrench.item(0))
 
-    rates()  # compile now rather than in the first flight
-    return rates
+    quaternion_wb = tick.state["quaternion_wb"][0]  # a view
+
+    def angles() -> AttitudeCommand:
+        x, y, z, throttle = rates_of_wrench(tick.wrench, omega_b, law.gains, law.model, RATE_MAX)
+        roll, pitch = angles_of_rates(quaternion_wb, x, y, board.angle_gain)
+        thrust = tick.wrench.item(0)
+        return AttitudeCommand(roll, pitch, z, thrust / (law.mass * GRAVITY), thrust, throttle)
+
+    made = angles if level is CommandKind.ANGLES else rates
+    made()  # compile now rather than in the first flight
+    return made
 
 
 class CommandedModes(Protocol):

@@ -74,7 +74,8 @@ def fly(config: VehicleConfig) -> None:
     parameters = new_parameters()
     ParameterStore(parameters).preset(kind.traits.parameters | config.parameters)
     progress = ProcessProgress(config.name)
-    stack = FlightStack(parameters, plugins=plugins, waits=progress.in_lockstep, board=kind.traits)
+    traits = kind.traits_with(options)
+    stack = FlightStack(parameters, plugins=plugins, waits=progress.in_lockstep, board=traits)
     if config.data:
         load_trajectories(stack, Path(config.data, TRAJECTORIES))
     for refusal in refusals:

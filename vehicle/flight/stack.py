@@ -184,7 +184,7 @@ class FlightStack:
             law=self.law,
         )
         self.handle = commands.handle
-        self._make_command = command_maker(board.direct, self._tick, self.law)
+        self._make_command = command_maker(board, self._tick, self.law)
         self._situation = SituationReader(
             volume=p.behavior, tick=tick, modes=self.modes, ground=self.ground
         )

@@ -9,21 +9,21 @@ from quadlab.simulated.experiment import with_options
 from quadlab.simulated.flight import SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
 from quadlab.simulated.parameters import FlightParameters
-from quadrotor.parameters import ParameterStore
+from quadrotor.parameters import ParameterStore, ParameterValue
 from vehicle.boards.kind import find_kind
 from vehicle.simulator.boards import firmware_of
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 
 class Hovering:
-    """Vehicle with this board in the air at 1 m."""
+    """Vehicle with this board, with these options of it, in the air at 1 m."""
 
     ALONE = 22.0
     """Time, s, within which the board has landed and stopped its motors."""
 
-    def __init__(self, folder: Path, board: str) -> None:
+    def __init__(self, folder: Path, board: str, **options_set: ParameterValue) -> None:
         kind = find_kind(board)
-        options = kind.configured({})
+        options = kind.configured(options_set)
         parameters = with_options(FlightParameters().model_copy(deep=True), {"board": options})
         store = ParameterStore(parameters)
         store.preset(kind.simulated_parameters | {"behavior.volume_z_max": 3.5})

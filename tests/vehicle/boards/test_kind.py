@@ -35,13 +35,23 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_ours_are_there_with_what_they_take() -> None:
-    assert find_kind("mikrokopter").traits.direct is CommandKind.MOTORS
+    assert find_kind("mikrokopter").traits.takes[0] is CommandKind.MOTORS
     betaflight = find_kind("betaflight")
-    assert betaflight.traits.direct is CommandKind.RATES
+    assert betaflight.traits.takes[0] is CommandKind.RATES
     assert (betaflight.options, betaflight.rate) == (BetaflightOptions, 250)
     crazyflie = find_kind("crazyflie")
-    assert crazyflie.traits.direct is CommandKind.RATES
+    assert crazyflie.traits.takes[0] is CommandKind.RATES
     assert (crazyflie.options, crazyflie.rate, crazyflie.is_asked) == (CrazyflieOptions, 100, True)
+
+
+def test_the_option_level_moves_where_the_law_ends() -> None:
+    kind = find_kind("betaflight")
+    rates = kind.traits_with(kind.configured({}))
+    assert rates == kind.traits
+    angles = kind.traits_with(kind.configured({"level": "angles", "angle_gain": 6.0}))
+    assert angles.takes == (CommandKind.ANGLES, CommandKind.RATES)
+    assert angles.angle_gain == 6.0
+    assert find_kind("mikrokopter").traits_with(None).takes[0] is CommandKind.MOTORS
 
 
 @pytest.mark.usefixtures("package")

@@ -11,6 +11,7 @@ from vehicle.boards.mikrokopter.microcontroller import Microcontroller
 from vehicle.flight.stack import FlightStack
 from vehicle.parameters import new_parameters
 from vehicle.processes import mailbox
+from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import memory_port_pair
 
@@ -45,6 +46,16 @@ def test_a_command_of_rates_carries_the_throttle_of_the_wanted_thrust() -> None:
     quarter = 0.25 * model.mass * GRAVITY
     hover = reference_of_thrust(quarter, model.motor_slope, model.motor_offset)
     assert command.throttle == pytest.approx(hover / 255.0)
+
+
+def test_a_board_that_holds_angles_is_commanded_level_in_hover() -> None:
+    stack = ready(Traits("level", (CommandKind.ANGLES, CommandKind.RATES)))
+    model = VehicleModel()
+    stack._tick.wrench[:] = model.mass * GRAVITY, 0.0, 0.0, 0.0
+    command = stack._make_command()
+    assert isinstance(command, AttitudeCommand)
+    assert (command.roll, command.pitch) == pytest.approx((0.0, 0.0), abs=1e-3)
+    assert command.thrust_share == pytest.approx(1.0)
 
 
 def test_the_mikrokopter_refuses_rates() -> None:

@@ -5,7 +5,8 @@ firmware's version once at the start. Stick commands are sent by CRSF over the s
 one they are sent by MSP, which the firmware accepts with `feature RX_MSP`.
 
 MSP has no time stamps: a sample is stamped with the arrival of its answer less half the round trip.
-To make the board land by itself, no more sticks are sent, just as when the computer fails.
+To make the board land by itself, no more sticks are sent, just as when the computer fails. Nor are
+any while it flies and the ticks have ended.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ class BetaflightBoard:
         self.newest_ms = [-1]
         self.refused = self.late = self.lost_ports = 0
         self._msp, self._crsf = ports[0], ports[1] if len(ports) > 1 else None
-        self._sticks, self._now_ns = Sticks(options), now_ns
+        self._sticks, self._newer, self._now_ns = Sticks(options), options.newer, now_ns
         self._decoder = MessageDecoder()
         self._period_s = 1.0 / rate
         self._samples: list[RawSample] = []
@@ -142,7 +143,7 @@ class BetaflightBoard:
             self._told[function] = payload
             if Function.VARIANT in self._told and Function.VERSION in self._told:
                 self._unfit = check_firmware(
-                    self._told[Function.VARIANT], self._told[Function.VERSION]
+                    self._told[Function.VARIANT], self._told[Function.VERSION], newer=self._newer
                 )
 
     def _take_status(self, payload: bytes) -> None:
@@ -194,7 +195,11 @@ class BetaflightBoard:
         """Do nothing: the time is the board's own setting, compared by `--check`."""
 
     def service(self, now_s: float) -> None:
-        """Send the requests that are due, and repeat the stick commands."""
+        """Send the requests that are due, and the sticks at rest that no command makes.
+
+        A command is not repeated: when the ticks end, for want of samples for instance, the board's
+        own failsafe lands it.
+        """
         for function in _START:
             if function not in self._told:
                 self._ask(function, now_s, SLOW_S)
@@ -205,7 +210,8 @@ class BetaflightBoard:
             self._imu_due_s = max(self._imu_due_s + self._period_s, now_s)
             self._imu_asked_ns = self._now_ns()
             self._ask(Function.RAW_IMU, now_s, 0.0)
-        if now_s >= self._sticks_due_s:
+        flies = self._state is MotorState.ON and self._wanted is MotorState.ON
+        if now_s >= self._sticks_due_s and not flies:
             self._sticks_due_s = now_s + STICKS_S
             self._send_sticks()
 

@@ -47,7 +47,7 @@ def check_board(port: Port, options: Parameters | None, say: Say) -> list[str]:
     assert isinstance(options, BetaflightOptions)
     variant = _variant(port)
     version = _ask(port, Function.VERSION)
-    if why := check_firmware(variant, version):
+    if why := check_firmware(variant, version, newer=options.newer):
         say(f"not good: {why}")
         return [why]
     ids, status = _ask(port, Function.BOX_IDS), decode_status(_ask(port, Function.STATUS))

@@ -29,6 +29,9 @@ def required(options: BetaflightOptions) -> dict[str, str]:
     settings |= {f"{axis}_rc_rate": rate for axis in axes}
     settings |= {f"{axis}_srate": rate for axis in axes}
     settings |= {f"{axis}_expo": "0" for axis in axes}
+    if options.level == "angles":
+        settings["angle_p_gain"] = str(round(10.0 * options.angle_gain))
+        settings |= {"angle_feedforward": "0", "angle_earth_ref": "0"}
     return settings | {
         "deadband": "0",
         "yaw_deadband": "0",

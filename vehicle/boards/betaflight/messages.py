@@ -27,7 +27,7 @@ ARM_BOX, ANGLE_BOX, FAILSAFE_BOX = 0, 1, 27
 """Permanent ids of modes."""
 FIRMWARE = "BTFL"
 OLDEST, NEWEST = (4, 5), (4, 6)
-"""Firmware versions whose message layouts were checked; newer ones may differ."""
+"""Firmware versions that were tried; the messages of others may differ."""
 
 _IMU = struct.Struct("<6h")
 _STATUS = struct.Struct("<HHHIBHBB")
@@ -73,10 +73,12 @@ def decode_voltage(payload: bytes) -> float:
     return 0.01 * float(_unpack(_ANALOG, payload, Function.ANALOG)[4])
 
 
-def check_firmware(variant: bytes, version: bytes) -> str:
+def check_firmware(variant: bytes, version: bytes, *, newer: bool = False) -> str:
     """Return what is wrong with the firmware, "" for one whose messages are known.
 
-    Args: payloads of VARIANT and VERSION.
+    Args:
+        variant, version: payloads of VARIANT and VERSION.
+        newer: whether a version newer than NEWEST is flown.
     """
     name = variant.decode("ascii", "replace")
     if name != FIRMWARE:
@@ -86,6 +88,11 @@ def check_firmware(variant: bytes, version: bytes) -> str:
     found, named = (version[0], version[1]), ".".join(str(part) for part in version[:3])
     if found < OLDEST:
         return f"Betaflight {named} is older than 4.5: flash 4.5 or newer"
+    if found > NEWEST and not newer:
+        return (
+            f"Betaflight {named} is newer than 4.6, the newest that was tried: flash 4.6, or set "
+            "board.newer and try it without propellers first"
+        )
     return ""
 
 

@@ -8,6 +8,12 @@ from quadrotor.parameters import Parameters, parameter
 class BetaflightOptions(Parameters):
     """Configuration of the board; `quadlab vehicle --board betaflight --check` compares them."""
 
+    level: str = parameter("rates", choices=("rates", "angles"))
+    """what the board holds: body rates, or roll and pitch angles in its mode ANGLE"""
+    angle_gain: float = parameter(5.0, unit="1/s", ge=1.0, le=20.0, step=0.1)
+    """stiffness of its angle loop, a tenth of its `angle_p_gain`"""
+    newer: bool = parameter(False)
+    """fly a firmware newer than the newest that was tried, 4.6"""
     rate_max: float = parameter(400.0, unit="deg/s", ge=100.0, le=1000.0, step=10.0)
     """body rate of a full stick, the same about all axes"""
     angle_max: float = parameter(35.0, unit="deg", ge=10.0, le=60.0, step=1.0)

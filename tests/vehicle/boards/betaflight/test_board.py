@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import random
 import struct
 
 import pytest
 
 from quadrotor.errors import OutOfBoundsError
-from vehicle.boards.betaflight.board import BetaflightBoard
+from vehicle.boards.betaflight.arming import JUST_SWITCHED_ON
+from vehicle.boards.betaflight.board import RESTARTED, BetaflightBoard
 from vehicle.boards.betaflight.messages import Function
 from vehicle.boards.betaflight.options import BetaflightOptions
 from vehicle.boards.board import BodyRates, RawSample
@@ -53,12 +55,12 @@ class Firmware:
 
 
 class Bench:
-    def __init__(self, unfit: str = "") -> None:
+    def __init__(self, unfit: str = "", options: BetaflightOptions | None = None) -> None:
         near, far = memory_port_pair()
         self.firmware, self.now_s = Firmware(far), 1.0
         self.board = BetaflightBoard(
             [near],
-            BetaflightOptions(),
+            options or BetaflightOptions(),
             rate=250,
             now_ns=lambda: round(1e9 * self.now_s),
             unfit=unfit,
@@ -166,6 +168,7 @@ def test_a_board_takes_no_motor_references() -> None:
     [
         (b"INAV", (7, 1, 0), "the board's firmware calls itself 'INAV', not Betaflight"),
         (b"BTFL", (4, 4, 2), "Betaflight 4.4.2 is older than 4.5"),
+        (b"BTFL", (4, 7, 0), "Betaflight 4.7.0 is newer than 4.6, the newest that was tried"),
     ],
 )
 def test_another_firmware_never_arms(variant: bytes, version: tuple[int, ...], why: str) -> None:
@@ -176,6 +179,13 @@ def test_another_firmware_never_arms(variant: bytes, version: tuple[int, ...], w
     bench.go(60)
     assert bench.firmware.sticks[4] == 1000
     assert why in bench.board.obstacle
+
+
+def test_a_newer_firmware_is_flown_on_request() -> None:
+    bench = Bench(options=BetaflightOptions(newer=True))
+    bench.firmware.version = bytes((25, 12, 0))
+    bench.go(60)
+    assert bench.board.obstacle == ""
 
 
 def test_a_board_that_does_not_fit_never_arms() -> None:
@@ -200,16 +210,37 @@ def test_a_command_after_the_hand_over_is_not_sent() -> None:
     assert bench.firmware.sticks == []
 
 
+def test_a_command_is_never_repeated_so_that_the_failsafe_sees_the_end_of_the_ticks() -> None:
+    bench = armed_bench()
+    bench.board.command(HOVER)
+    bench.firmware.step()
+    bench.firmware.sticks = []
+    bench.go(60)
+    assert bench.firmware.sticks == []
+    bench.board.set_motor_state(MotorState.OFF)
+    bench.go(10)
+    assert bench.firmware.sticks[2:5] == [1000, 1500, 1000]
+
+
 def test_what_blocks_arming_does_not_stop_motors_in_the_air() -> None:
-    bench = Bench()
-    bench.go(60)
-    bench.board.set_motor_state(MotorState.ON)
-    bench.firmware.boxes = 1
-    bench.go(60)
+    bench = armed_bench()
     bench.firmware.port.write(encode(Function.RAW_IMU, b"12", REPLY))
     bench.go(60)
     assert bench.board.failures
+    bench.board.command(HOVER)
+    bench.firmware.step()
     assert bench.firmware.sticks[4] == 2000
+
+
+def test_a_board_that_restarts_in_flight_is_told_and_not_armed_again() -> None:
+    bench = armed_bench()
+    bench.firmware.boxes, bench.firmware.blocks = 0, JUST_SWITCHED_ON
+    assert bench.go(60)[-1].motor_state is MotorState.OFF
+    assert bench.board.failures == [RESTARTED]
+    bench.firmware.blocks = 0
+    bench.go(60)
+    assert bench.board.obstacle == RESTARTED
+    assert bench.firmware.sticks[4] == 1000
 
 
 def test_a_lost_answer_costs_some_samples_and_an_error_none() -> None:
@@ -221,6 +252,18 @@ def test_a_lost_answer_costs_some_samples_and_an_error_none() -> None:
     assert len(bench.go(100)) > 90
     bench.firmware.deaf = {Function.ANALOG}
     assert len(bench.go(100)) == 100
+
+
+def test_garbage_between_the_answers_costs_nothing_and_is_counted() -> None:
+    bench = Bench()
+    bench.go(60)
+    generator = random.Random(5)
+    for _ in range(50):
+        bench.firmware.port.write(generator.randbytes(40).replace(b"$", b"#"))
+        assert len(bench.go(1)) == 1
+    assert bench.board.obstacle == ""
+    assert bench.board.failures == []
+    assert bench.board.damaged > 0
 
 
 def test_short_answers_are_told_once_and_block_arming() -> None:

@@ -44,6 +44,16 @@ def test_options_change_what_is_asked_for() -> None:
     assert "set failsafe_delay = 1  # it was 2" in lines
 
 
+def test_the_angle_loop_is_compared_where_it_is_flown() -> None:
+    options = BetaflightOptions(level="angles", angle_gain=6.0)
+    assert lines_to_enter(written(fitting(), mode_lines()), options) == [
+        "set angle_p_gain = 60  # it was not there",
+        "set angle_feedforward = 0  # it was not there",
+        "set angle_earth_ref = 0  # it was not there",
+        "save",
+    ]
+
+
 @pytest.mark.parametrize(
     "modes",
     [

@@ -58,8 +58,10 @@ def test_the_lines_of_the_check_make_the_real_firmware_fit() -> None:
     assert check_board(SteppedPort(board), BetaflightOptions(), said.append) == []
     assert said[-1] == "good"
     # The check has restarted it; with other options the same board does not fit.
-    other = BetaflightOptions(failsafe_delay=0.1, landing_throttle=1400)
+    other = BetaflightOptions(level="angles", failsafe_delay=0.1, landing_throttle=1400)
     assert check_board(SteppedPort(board), other, said.append) == [
+        "set angle_feedforward = 0  # it was 50",
+        "set angle_earth_ref = 0  # it was 100",
         "set failsafe_delay = 1  # it was 2",
         "set failsafe_throttle = 1400  # it was 1470",
         "save",
