@@ -10,6 +10,7 @@ from vehicle.boards.board import RawSample
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.estimators.rescue import Rescue
+from vehicle.flight.board_link import LinkStatistics
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
 from vehicle.flight.mode_machine import ModeMachine
@@ -65,6 +66,15 @@ class StatusWriter:
         status["overruns"] = counts.overruns
         status["missed_frames"] = counts.missed_frames
         status["damaged_frames"] = counts.damaged_frames
+
+    def link(self, statistics: LinkStatistics) -> None:
+        """Write the statistics of the link to the board."""
+        status = self._status
+        status["board_command_rate"] = statistics.command_rate
+        status["board_round_trip"] = statistics.round_trip
+        status["board_acknowledged"] = statistics.acknowledged
+        status["board_retries"] = statistics.retries
+        status["board_waiting"] = statistics.waiting
 
     def write(self, sample: RawSample, pose_age: float) -> None:
         """Write the status, once a tick.

@@ -106,6 +106,16 @@ HEALTH = (
         one("loop.lateness_p50", "lateness p50", "µs", "flight loop", "status/lateness_p50", MICRO),
         one("loop.lateness_p99", "lateness p99", "µs", "flight loop", "status/lateness_p99", MICRO),
         one("loop.missed", "missed", "%", "flight loop", "status/missed_share", 100.0),
+        one("board.commands", "commands", "Hz", "board link", "status/board_command_rate"),
+        one("board.round_trip", "round trip", "ms", "board link", "status/board_round_trip", MILLI),
+        one(
+            "board.acknowledged",
+            "acknowledged",
+            "%",
+            "board link",
+            "status/board_acknowledged",
+            100.0,
+        ),
     ),
     scaled(
         one("link.age", "age", "ms", "link", "link_status/age", MILLI),

@@ -23,9 +23,11 @@ from quadrotor.parameters import Parameters
 from vehicle.boards.board import Command, CommandKind, RawSample, Traits
 from vehicle.boards.kind import Kind
 from vehicle.boards.mikrokopter.clock import MicrocontrollerClock
-from vehicle.boards.mikrokopter.motor_bus import MotorBus
+from vehicle.boards.mikrokopter.motor_bus import REFERENCES, MotorBus
 from vehicle.boards.mikrokopter.ports import MicrocontrollerPorts
 from vehicle.boards.mikrokopter.sample_stamps import FineStamps
+from vehicle_link.clock import monotonic_ns
+from vehicle_link.link_counts import LinkCounts
 from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.capacity import DEFAULT_RATE, sample_period_us
 from vehicle_link.serial.commands import decode_data, encode_command, encode_set
@@ -78,6 +80,7 @@ class Microcontroller:
         refused: number of D frames with impossible values or times.
         late: number of samples dropped because they were older than the newest one.
         newest_ms: the microcontroller's time in the last D frame of each port; -1 before.
+        link: counts of its lines; round trips are those of the motor controllers' poll, at rest.
     """
 
     def __init__(
@@ -93,6 +96,7 @@ class Microcontroller:
         self.late = 0
         self.flight_control_mode = FlightControlMode.NEAR_HOVERING  # as at power-up
         self.newest_ms = [-1] * len(ports)
+        self.link = LinkCounts()
         self._ports = MicrocontrollerPorts(ports, self.failures)
         self._clock = MicrocontrollerClock(epoch_ns)
         period_us = sample_period_us(rate)
@@ -115,6 +119,7 @@ class Microcontroller:
         )
         self._motors = Exchange([], self.failures)
         self._bus = MotorBus()
+        self._asked_ns = 0  # when its open question was sent; 0: there is none
         for request in self._handshake.open:
             self._ports.write(request.build(_STOPPED))
 
@@ -217,6 +222,7 @@ class Microcontroller:
         if rests and self.connected and all(one.given_up for one in self._motors.open):
             question = self._bus.question(now_s, self._command)
             if question is not None:
+                self._asked_ns = monotonic_ns()
                 self._ports.write(question)
         if self._is_new:
             self._is_new = False
@@ -231,6 +237,7 @@ class Microcontroller:
             frame = encode_command(self._command)
         else:
             frame = encode_set(self._command, Id.FLIGHT_CONTROL_MODE, self._mode)
+        self.link.commands += 1
         self._ports.write(frame, in_turn=True)
 
     def _sample(self, values: tuple[int, ...], settled: bool) -> RawSample | None:
@@ -279,6 +286,10 @@ class Microcontroller:
             self.flight_control_mode = FlightControlMode(answer)
         self._handshake.settle(key, answer)
         self._motors.settle(key, answer)
+        if self._asked_ns and key in REFERENCES:
+            self.link.answered += 1
+            self.link.round_trips_ns += monotonic_ns() - self._asked_ns
+            self._asked_ns = 0
         line = self._bus.receive(key, answer)
         if line is not None:
             self.failures.append(line)
