@@ -137,7 +137,7 @@ def judge(chip: Chip, steps: Iterable[Step]) -> Judgement:
     twin, judgement = Twin(), Judgement()
     expected: list[list[bytes]] = [[], []]
     sent: list[list[bytes]] = [[], []]
-    before = (0, 0, 0, 0)
+    before: tuple[int, ...] = (0, 0, 0, 0)
     for given in inputs(steps):
         told = chip.period(given)
         judgement.periods += 1
