@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import Record
 from vehicle.boards.board import Board, Command, RawSample
-from vehicle.flight.board_link import BoardLink, LinkStatistics
+from vehicle.boards.board_link import BoardLink, LinkStatistics
 from vehicle.flight.lateness import Lateness, LoopCounts, LoopStatistics
 from vehicle.flight.microcontroller_commands import CommandedModes, CommandSender
 from vehicle.flight.modes import Mode

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from control.behaviors.machine import BehaviorMachine
 from estimation.parameters import EstimationParameters
 from vehicle.boards.board import RawSample
+from vehicle.boards.board_link import LinkStatistics
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.estimators.rescue import Rescue
-from vehicle.flight.board_link import LinkStatistics
 from vehicle.flight.control_law import ControlLaw
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
 from vehicle.flight.mode_machine import ModeMachine

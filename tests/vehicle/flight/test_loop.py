@@ -16,7 +16,7 @@ from quadrotor.errors import LinkError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.records import Record, bearings_sample, new_tick, pose_sample
 from vehicle.boards.board import Command, RawSample
-from vehicle.flight.board_link import LinkStatistics
+from vehicle.boards.board_link import LinkStatistics
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
 from vehicle.flight.loop import MESSAGES_A_TICK, FlightLoop
 from vehicle.flight.modes import Mode

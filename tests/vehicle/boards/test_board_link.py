@@ -7,7 +7,7 @@ from typing import cast
 import pytest
 
 from vehicle.boards.board import Board
-from vehicle.flight.board_link import BoardLink, LinkStatistics
+from vehicle.boards.board_link import BoardLink, LinkStatistics
 from vehicle_link.link_counts import LinkCounts
 
 SECOND_NS = 1_000_000_000
