@@ -16,6 +16,7 @@ from dataclasses import replace
 from quadrotor.errors import LinkError, OutOfBoundsError
 from quadrotor.records import Record
 from vehicle.boards.board import BodyRates, Command, CommandKind, RawSample
+from vehicle.boards.crazyflie.arming import why_not_armed
 from vehicle.boards.crazyflie.dialogue import Found, introduce, set_parameters
 from vehicle.boards.crazyflie.messages import (
     DATA,
@@ -52,8 +53,6 @@ OBEYED_S = 0.5
 """Seconds after which one that still flies is stopped for good."""
 SILENT_S = 1.0
 """Seconds without a sample after which the dialogue begins again: it may have been switched off."""
-LOST = 0.5
-"""Distance, in m, of its own estimate from ours, beyond which it is not armed."""
 ALONE = Info(0), Info.AUTO_ARMED, Info.AUTO_ARMED | Info.ARMED
 """States of arming in which there is nothing to disarm: some arm themselves."""
 _IDLE = BodyRates((0.0, 0.0, 0.0), 0.0)
@@ -92,6 +91,7 @@ class CrazyflieBoard:
         self.found, self._finding, self._is_ready = Found(), Found(), False
         self.unfit, self.packets = "", 0
         self._is_passive = is_passive
+        options.check_together()
         self._port, self._options = ports[0], options
         self._given = options.parameters  # what the newest dialogue sets
         self._is_changing = False  # the dialogue sets parameters of a board that is ready
@@ -134,18 +134,7 @@ class CrazyflieBoard:
             return self.unfit or self._misfit
         if not self._is_ready:
             return "the Crazyflie is not recognised: it has not answered all requests yet"
-        if Info.LOCKED in self._info:
-            return "the Crazyflie is locked after an emergency stop: switch it off and on"
-        if self._info & (Info.TUMBLED | Info.CRASHED):
-            return "the Crazyflie is turned over or has crashed: set it down level, then restart it"
-        if not self._info & (Info.CAN_ARM | Info.ARMED):
-            return "the Crazyflie's own checks do not pass: see its console in cfclient"
-        if self._distance > LOST:
-            return (
-                f"its own estimate is {self._distance:.1f} m from ours: wait, or check "
-                "board.pose_rate and that stabilizer.estimator is 2"
-            )
-        return ""
+        return why_not_armed(self._info, self._distance)
 
     @property
     def link(self) -> LinkCounts:

@@ -23,10 +23,9 @@ from quadrotor.parameters import Parameters
 from vehicle.boards.board import Command, CommandKind, RawSample, Traits
 from vehicle.boards.kind import Kind
 from vehicle.boards.mikrokopter.clock import FRAME_NS, MicrocontrollerClock
-from vehicle.boards.mikrokopter.motor_bus import REFERENCES, MotorBus
+from vehicle.boards.mikrokopter.motor_bus import MotorBus
 from vehicle.boards.mikrokopter.ports import MicrocontrollerPorts
 from vehicle.boards.mikrokopter.sample_stamps import FineStamps
-from vehicle_link.clock import monotonic_ns
 from vehicle_link.link_counts import LinkCounts
 from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.capacity import DEFAULT_RATE, sample_period_us
@@ -95,8 +94,7 @@ class Microcontroller:
         self.refused = 0
         self.late = 0
         self.flight_control_mode = FlightControlMode.NEAR_HOVERING  # as at power-up
-        self.newest_ms = [-1] * len(ports)
-        self.link = LinkCounts()
+        self.newest_ms, self.link = [-1] * len(ports), LinkCounts()
         self._ports = MicrocontrollerPorts(ports, self.failures)
         self._clock = MicrocontrollerClock(epoch_ns)
         period_us = sample_period_us(rate)
@@ -118,8 +116,7 @@ class Microcontroller:
             self.failures,
         )
         self._motors = Exchange([], self.failures)
-        self._bus = MotorBus()
-        self._asked_ns = 0  # when its open question was sent; 0: there is none
+        self._bus = MotorBus(self.link)
         for request in self._handshake.open:
             self._ports.write(request.build(_STOPPED))
 
@@ -222,7 +219,6 @@ class Microcontroller:
         if rests and self.connected and all(one.given_up for one in self._motors.open):
             question = self._bus.question(now_s, self._command)
             if question is not None:
-                self._asked_ns = monotonic_ns()
                 self._ports.write(question)
         if self._is_new:
             self._is_new = False
@@ -286,10 +282,6 @@ class Microcontroller:
             self.flight_control_mode = FlightControlMode(answer)
         self._handshake.settle(key, answer)
         self._motors.settle(key, answer)
-        if self._asked_ns and key in REFERENCES:
-            self.link.answered += 1
-            self.link.round_trips_ns += monotonic_ns() - self._asked_ns
-            self._asked_ns = 0
         line = self._bus.receive(key, answer)
         if line is not None:
             self.failures.append(line)
