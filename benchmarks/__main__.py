@@ -32,6 +32,7 @@ FOLDERS = {
         "loop",
         "serial_line",
         "onboard_log",
+        "board_links",
     ),
     "estimation": ("pose", "filters", "comparison", "tags"),
     "firmware": ("firmware",),

@@ -189,6 +189,12 @@ STATUS = np.dtype(
         ("suspect_offset", "f8"),  # rad, of the beacon's bearings from those expected by the others
         ("suspect_beacon", "i4"),  # its id; -1: it is unclear which
         ("suspect_left_out", "u1"),  # the estimator ignores it
+        # The link to the board over the last second; 0: the board does not tell
+        ("board_command_rate", "f8"),  # Hz, commands sent
+        ("board_round_trip", "f8"),  # s, mean of its requests or exchanges
+        ("board_acknowledged", "f8"),  # share of the packets sent, 0..1
+        ("board_retries", "f8"),  # mean of the acknowledged packets
+        ("board_waiting", "u4"),  # packets that wait to be sent
     ],
     align=True,
 )

@@ -13,11 +13,12 @@ from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError, OutOfBoundsError
 from quadrotor.parameters import Parameters, ParameterValue, parameter
 from quadrotor.vehicle_model import GRAVITY, VehicleModel, thrust_of_reference
+from vehicle.boards.offered import offered
 from vehicle.calibration.imu import ImuCalibration
 from vehicle.flight.flown_mass import FlownMassParameters
 from vehicle.flight.near_hovering import NearHoveringParameters
 from vehicle.onboard_log.parameters import OnboardLogParameters
-from vehicle.plugins.declared import offered
+from vehicle.plugins import declared
 from vehicle.safety.parameters import SafetyParameters
 
 
@@ -82,7 +83,8 @@ class VehicleParameters(Parameters):
     safety: SafetyParameters = SafetyParameters()
     imu: ImuCalibration = ImuCalibration()
     log: OnboardLogParameters = OnboardLogParameters()
-    plugins: Parameters = Field(default_factory=offered)
+    plugins: Parameters = Field(default_factory=declared.offered)
+    board: Parameters = Field(default_factory=offered)
 
 
 ORDERED = (

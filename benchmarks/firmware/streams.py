@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
@@ -22,7 +21,6 @@ SENSORS = (*range(6), int(Id.BATTERY), int(Id.PRESSURE))
 """Ids of the values that the sensors write."""
 BATCH = 250
 """Largest number of bytes in one step."""
-_LAYOUT = struct.Struct("<HIBB8hH")
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,11 +33,6 @@ class Step:
     data: bytes  # received on the port before the period
     sensors: tuple[int, ...]
     missing: int = 0  # bits of the motors
-
-    def encode(self) -> bytes:
-        """Return the step in the format that the harness of the simulated chip reads."""
-        head = (self.sixteenths, self.ms, self.port, self.missing, *self.sensors, len(self.data))
-        return _LAYOUT.pack(*head) + self.data
 
 
 class AnyFirmware(Protocol):

@@ -37,6 +37,7 @@ void firmware_begin(struct firmware *f, uint8_t ports)
     (void)memset(f, 0, sizeof(*f));
     program_begin(&f->program);
     f->ports = ports;
+    f->time_ms = (uint16_t)START_MS;
     (void)memcpy(f->mirror, mirror, sizeof(mirror));
     int16_t *r = f->registers;
     r[ID_ROBOT_ID] = ROBOT_ID;
@@ -172,10 +173,20 @@ static uint8_t obey(struct firmware *f, const struct frame *frame, uint8_t *repl
     return mirrors ? set_mirror(f, &frame->payload[4], reply) : 0U;
 }
 
-uint8_t firmware_take(struct firmware *f, uint8_t port, uint8_t byte, uint8_t *reply)
+/* Apart from the rest, as most bytes end no frame and need no room for one. */
+static __attribute__((noinline)) uint8_t answer(struct firmware *f, uint8_t port, uint8_t *reply)
 {
     struct frame frame;
-    return decoder_take(&f->decoders[port], byte, &frame) ? obey(f, &frame, reply) : 0U;
+    return decoder_end(&f->decoders[port], &frame) ? obey(f, &frame, reply) : 0U;
+}
+
+uint8_t firmware_take(struct firmware *f, uint8_t port, uint8_t byte, uint8_t *reply)
+{
+    if (byte == FRAME_END) {
+        return answer(f, port, reply);
+    }
+    decoder_keep(&f->decoders[port], byte);
+    return 0;
 }
 
 void firmware_settle(struct firmware *f, uint8_t port)
@@ -189,6 +200,9 @@ void firmware_settle(struct firmware *f, uint8_t port)
 
 void firmware_advance(struct firmware *f, uint32_t elapsed_ms)
 {
+    const uint32_t time_ms = f->time_ms + (elapsed_ms - f->ms);
+    f->time_ms = (uint16_t)((time_ms < (uint32_t)TIME_PERIOD_MS) ? time_ms
+                                                                 : (time_ms % (uint32_t)TIME_PERIOD_MS));
     f->ms = elapsed_ms;
     if (f->state == (uint8_t)STATE_ON) {
         if (f->registers[ID_BATTERY] > BATTERY_LAND) {
@@ -218,8 +232,7 @@ uint8_t firmware_data(struct firmware *f, uint8_t frame[DATA_FRAME])
     uint8_t payload[21] = {0};
     const uint8_t port = f->turn;
     f->turn = (uint8_t)((port + 1U) % f->ports);
-    f->registers[ID_TIME] =
-        (int16_t)(uint16_t)(((uint32_t)START_MS + f->ms) % (uint32_t)TIME_PERIOD_MS);
+    f->registers[ID_TIME] = (int16_t)f->time_ms;
     statistics_packet(&f->statistics, port, f->ms);
     for (uint8_t i = 0; i < MIRRORED; i++) {
         put(&payload[2U * i], f->registers[f->mirror[i]]);

@@ -17,6 +17,7 @@ struct firmware {
     uint8_t ports, turn;     /* serial lines, and which sends the next `D` frame */
     uint8_t state;
     uint8_t mirror[MIRRORED];
+    uint16_t time_ms; /* that is told: of a minute */
     uint32_t ms, heard_ms, charged_ms, emergency_ms;
     struct decoder decoders[PORTS_MAX];
     struct statistics statistics;

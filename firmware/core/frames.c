@@ -3,7 +3,6 @@
 #include <string.h>
 
 #define START ((uint8_t)'#')
-#define END ((uint8_t)'\r')
 #define ADDRESS ((uint8_t)'b')
 #define FIRST ((uint8_t)'=') /* of the 64 characters of data64 */
 #define FRAME_MIN 5U         /* `#`, address, command and checksum */
@@ -50,7 +49,7 @@ static bool decode(const uint8_t *bytes, uint8_t count, struct frame *frame)
     return true;
 }
 
-static bool finish(struct decoder *d, struct frame *frame)
+bool decoder_end(struct decoder *d, struct frame *frame)
 {
     if (d->noisy) {
         d->damaged++;
@@ -66,11 +65,8 @@ static bool finish(struct decoder *d, struct frame *frame)
     return found;
 }
 
-bool decoder_take(struct decoder *d, uint8_t byte, struct frame *frame)
+void decoder_keep(struct decoder *d, uint8_t byte)
 {
-    if (byte == END) {
-        return finish(d, frame);
-    }
     if (byte == START) {
         d->noisy = d->length > 0U;
         d->since = 0;
@@ -86,7 +82,6 @@ bool decoder_take(struct decoder *d, uint8_t byte, struct frame *frame)
     if (d->length <= FRAME_MAX) {
         d->length++;
     }
-    return false;
 }
 
 void decoder_settle(struct decoder *d)
@@ -118,6 +113,6 @@ uint8_t encode_frame(uint8_t command, const uint8_t *payload, uint8_t size, uint
     const uint16_t sum = sum_of(out, at);
     out[at] = (uint8_t)(FIRST + (sum >> 6));
     out[at + 1U] = (uint8_t)(FIRST + (sum & 63U));
-    out[at + 2U] = END;
+    out[at + 2U] = FRAME_END;
     return (uint8_t)(at + 3U);
 }

@@ -16,6 +16,7 @@ import msgspec
 
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
+from vehicle_link.link_counts import LinkCounts
 from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.ids import MotorState
 
@@ -131,6 +132,16 @@ class Board(Protocol):
 
     def service(self, now_s: float) -> None:
         """Send what is due, including retries; `now_s` is from any monotonic clock."""
+        ...
+
+
+@runtime_checkable
+class TellsLink(Protocol):
+    """A board that counts what its link does."""
+
+    @property
+    def link(self) -> LinkCounts:
+        """Return the counts up to now."""
         ...
 
 

@@ -58,6 +58,7 @@ class Kind(msgspec.Struct, frozen=True):
     traits: Traits
     connect: Connect
     options: type[Parameters] | None = None
+    live: bool = False  # whether it applies changes of its options at once
     rate: int = 500  # default sample rate, Hz
     bauds: tuple[int, ...] = (BAUD_RATE, BAUD_RATE)  # for its ports, of which it may have fewer
     example: str = "/dev/ttyS0,/dev/ttyS1"  # of its ports

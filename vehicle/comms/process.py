@@ -18,6 +18,8 @@ from pathlib import Path
 import msgspec
 
 from quadrotor.errors import QuadlabError
+from vehicle.boards.kind import find_kind
+from vehicle.boards.offered import offer
 from vehicle.calibration.store import CalibrationStore
 from vehicle.comms.calibrations import Calibrations
 from vehicle.comms.commands import FlightMailbox, FlightParameters
@@ -66,6 +68,8 @@ class Comms:
         self._clock = VehicleClock(config.line_ns)
         self._flight = FlightMailbox(rings)
         offer_plugins(Path(config.data) / PLUGINS)
+        kind = find_kind(config.board)
+        offer(kind.configured(config.board_options), live=kind.live)
         self._parameters = FlightParameters(self._flight, config.parameters)
         self._events: deque[mailbox.Event] = deque()
         self._bearing_poses: deque[tuple[bytes, int]] = deque()

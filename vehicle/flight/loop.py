@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import Record
 from vehicle.boards.board import Board, Command, RawSample
+from vehicle.boards.board_link import BoardLink, LinkStatistics
 from vehicle.flight.lateness import Lateness, LoopCounts, LoopStatistics
 from vehicle.flight.microcontroller_commands import CommandedModes, CommandSender
 from vehicle.flight.modes import Mode
@@ -55,6 +56,7 @@ class Stack(Protocol):
     def loop_statistics(
         self, statistics: LoopStatistics, counts: LoopCounts, rate: float, real_time: bool
     ) -> None: ...
+    def link_statistics(self, statistics: LinkStatistics) -> None: ...
 
 
 class FlightLoop:
@@ -95,6 +97,7 @@ class FlightLoop:
         self.lateness = Lateness()
         self.counts = LoopCounts(self.lateness.histogram)
         self._sender = CommandSender(stack.modes, mcu)
+        self._link = BoardLink(mcu)
         self._received_ns = monotonic_ns()
         self._silent = False
         self._unusable = [0, 0, 0]  # counts at the newest sample
@@ -156,6 +159,7 @@ class FlightLoop:
         counts.damaged_frames = self._mcu.damaged
         rate = SECOND_NS / self._period_ns
         self._stack.loop_statistics(statistics, counts, rate, self._real_time)
+        self._stack.link_statistics(self._link.statistics(monotonic_ns()))
 
     def _load(self, later: BackgroundParts) -> None:
         parts = later.load()

@@ -20,6 +20,7 @@ from quadrotor.parameters import Parameters, ParameterStore
 from vehicle.boards.board import Board
 from vehicle.boards.kind import MIKROKOPTER, Check, Kind, find_kind
 from vehicle.boards.mikrokopter.microcontroller import Microcontroller
+from vehicle.boards.offered import offer
 from vehicle.flight.loop import FlightLoop
 from vehicle.flight.pacing import MemoryPacer, Pacer, PortPacer
 from vehicle.flight.realtime import become_real_time, freeze_garbage
@@ -71,7 +72,10 @@ def fly(config: VehicleConfig) -> None:
     plugins = Path(config.data, PLUGINS) if config.data else None
     for line in offer_plugins(plugins):
         say(line)
+    offer(options, live=kind.live)
     parameters = new_parameters()
+    if kind.live:
+        options = parameters.board
     ParameterStore(parameters).preset(kind.traits.parameters | config.parameters)
     progress = ProcessProgress(config.name)
     traits = kind.traits_with(options)

@@ -62,6 +62,7 @@ class FlightStack:
         say: adds a line, and its level, for the log and the page.
         handle: carries out or refuses a command; the reply gives the reason.
         loop_statistics: stores the statistics of the loop.
+        link_statistics: stores those of the link to the board.
 
     Args:
         parameters: the vehicle's parameter tree; this stack becomes its only writer.
@@ -201,6 +202,7 @@ class FlightStack:
             ground=self.ground,
         )
         self.loop_statistics = self._status_writer.loop
+        self.link_statistics = self._status_writer.link
         self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
 
     # ------------------------------------------------------------------ the tick

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from control.behaviors.machine import BehaviorMachine
 from estimation.parameters import EstimationParameters
 from vehicle.boards.board import RawSample
+from vehicle.boards.board_link import LinkStatistics
 from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.estimators.navigation import Navigation
 from vehicle.estimators.rescue import Rescue
@@ -65,6 +66,15 @@ class StatusWriter:
         status["overruns"] = counts.overruns
         status["missed_frames"] = counts.missed_frames
         status["damaged_frames"] = counts.damaged_frames
+
+    def link(self, statistics: LinkStatistics) -> None:
+        """Write the statistics of the link to the board."""
+        status = self._status
+        status["board_command_rate"] = statistics.command_rate
+        status["board_round_trip"] = statistics.round_trip
+        status["board_acknowledged"] = statistics.acknowledged
+        status["board_retries"] = statistics.retries
+        status["board_waiting"] = statistics.waiting
 
     def write(self, sample: RawSample, pose_age: float) -> None:
         """Write the status, once a tick.

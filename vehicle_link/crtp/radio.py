@@ -13,12 +13,14 @@ import errno
 import re
 import socket
 import threading
+import time
 from typing import Any, Protocol
 
 import msgspec
 
 from quadrotor.errors import LinkError, UsageError
 from vehicle_link.crtp.packets import NULL, FrameReader, frame
+from vehicle_link.link_counts import LinkCounts
 
 VENDOR, PRODUCT = 0x1915, 0x7777
 SET_CHANNEL, SET_ADDRESS, SET_RATE, SET_POWER, SET_RETRIES = 1, 2, 3, 4, 6
@@ -95,7 +97,12 @@ def find_device(number: int) -> Device:
 
 
 class Radio:
-    """One Crazyradio, shared by the Crazyflies it serves."""
+    """One Crazyradio, shared by the Crazyflies it serves.
+
+    Attributes:
+        problem: why it is gone, "" while it works.
+        retries: transmissions of the newest packet beyond the first.
+    """
 
     def __init__(self, device: Device, name: str) -> None:
         self._device, self._name = device, name
@@ -103,6 +110,7 @@ class Radio:
         self._ports: dict[Place, RadioPort] = {}
         self._lock = threading.Lock()
         self.problem = ""
+        self.retries = 0
         self._set(SET_POWER, FULL_POWER)
         self._set(SET_RETRIES, RETRIES)
         threading.Thread(target=self._serve, name=name, daemon=True).start()
@@ -139,6 +147,7 @@ class Radio:
             if error.errno != errno.ETIMEDOUT:
                 raise
             return None
+        self.retries = answer[0] >> 4 if answer else 0
         return answer[1:] if answer and answer[0] & 1 else None
 
     def _set(self, request: int, value: int, data: bytes = b"") -> None:
@@ -161,11 +170,16 @@ class Radio:
 
 
 class RadioPort:
-    """The port of one Crazyflie, which carries frames."""
+    """The port of one Crazyflie, which carries frames.
+
+    Attributes:
+        counts: its exchanges, each with one packet up.
+    """
 
     def __init__(self, radio: Radio, place: Place) -> None:
         self._radio, self._place = radio, place
         self.link = f"address {place.address.hex().upper()} on channel {place.channel}"
+        self.counts = LinkCounts()
         self._frames = FrameReader()
         self._up: list[bytes] = []
         self._near, self._far = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -175,7 +189,16 @@ class RadioPort:
     def poll(self) -> bool:
         """Exchange one packet; return whether it was answered. Called by the radio's thread."""
         packet = self._up.pop(0) if self._up else NULL
+        began_ns = time.monotonic_ns()
         answer = self._radio.exchange(self._place, packet)
+        counts = self.counts
+        counts.sent += 1
+        counts.waiting = len(self._up)
+        if answer is not None:
+            counts.acknowledged += 1
+            counts.answered += 1
+            counts.round_trips_ns += time.monotonic_ns() - began_ns
+            counts.retries += self._radio.retries
         if answer:
             with contextlib.suppress(OSError):  # nobody reads, or it was closed meanwhile
                 self._far.send(frame(answer))

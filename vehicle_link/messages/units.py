@@ -148,6 +148,8 @@ _UNITS: dict[str, dict[str, str]] = {
         "lateness_max": "s",
         "nominal_rate": "Hz",
         "suspect_offset": "rad",
+        "board_command_rate": "Hz",
+        "board_round_trip": "s",
     },
     "quadlab_msgs/msg/StationStatus": {
         "recording_duration": "s",

@@ -107,6 +107,18 @@ HEALTH = (
         one("loop.lateness_p99", "lateness p99", "µs", "flight loop", "status/lateness_p99", MICRO),
         one("loop.missed", "missed", "%", "flight loop", "status/missed_share", 100.0),
     ),
+    scaled(  # apart from those above: earlier logs do not have them
+        one("board.commands", "commands", "Hz", "board link", "status/board_command_rate"),
+        one("board.round_trip", "round trip", "ms", "board link", "status/board_round_trip", MILLI),
+        one(
+            "board.acknowledged",
+            "acknowledged",
+            "%",
+            "board link",
+            "status/board_acknowledged",
+            100.0,
+        ),
+    ),
     scaled(
         one("link.age", "age", "ms", "link", "link_status/age", MILLI),
         one("link.round_trip", "round trip", "ms", "link", "link_status/round_trip", MILLI),

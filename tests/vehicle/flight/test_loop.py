@@ -16,6 +16,7 @@ from quadrotor.errors import LinkError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.records import Record, bearings_sample, new_tick, pose_sample
 from vehicle.boards.board import Command, RawSample
+from vehicle.boards.board_link import LinkStatistics
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
 from vehicle.flight.loop import MESSAGES_A_TICK, FlightLoop
 from vehicle.flight.modes import Mode
@@ -24,6 +25,7 @@ from vehicle.flight.process import open_ports
 from vehicle.processes import mailbox
 from vehicle.processes.config import Rings, create_rings, open_rings
 from vehicle_link import clock
+from vehicle_link.link_counts import LinkCounts
 from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import SerialPort
 
@@ -86,6 +88,9 @@ class FakeStack:
     ) -> None:
         self.statistics.append((statistics, copy.deepcopy(counts), rate, real_time))
 
+    def link_statistics(self, statistics: LinkStatistics) -> None:
+        self.link = statistics
+
 
 class FakeMcu:
     """Fake microcontroller, which returns the given samples."""
@@ -93,6 +98,7 @@ class FakeMcu:
     def __init__(self) -> None:
         self.failures: list[str] = []
         self.newest_ms = [-1, -1]
+        self.link = LinkCounts()
         self.given: list[RawSample] = []
         self.commands: list[Command] = []
         self.motor_states: list[MotorState] = []
@@ -108,6 +114,7 @@ class FakeMcu:
         return given
 
     def command(self, command: Command) -> None:
+        self.link.commands += 1
         self.commands.append(command)
 
     def set_motor_state(self, state: MotorState) -> None:

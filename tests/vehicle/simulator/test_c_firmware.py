@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from benchmarks.firmware import chip
+from benchmarks.firmware.image import judge
 from benchmarks.firmware.streams import Step, answer, flown, fuzzed
 from quadrotor.errors import StorageError
 from vehicle.simulator.firmware import header, native
@@ -25,6 +27,8 @@ needs_compiler = pytest.mark.skipif(
     reason="the C firmware needs gcc and make, on Debian: apt install gcc make",
 )
 
+needs_chip = pytest.mark.skipif(bool(chip.missing()), reason=chip.missing())
+
 
 def test_the_header_has_the_numbers_of_the_python_firmware() -> None:
     assert header.PATH.read_text() == header.header(), (
@@ -41,6 +45,76 @@ def test_both_firmwares_answer_the_same(
     python, in_c = Firmware(), NativeFirmware(2, "checked")
     for k, step in enumerate(stream(seed, 12_000)):
         assert answer(in_c, step) == answer(python, step), f"period {k} of seed {seed}: {step}"
+
+
+@needs_chip
+@pytest.mark.parametrize("stream", [flown, fuzzed])
+def test_the_image_on_a_simulated_chip_sends_what_the_python_firmware_sends(
+    stream: Callable[[int, int], Iterator[Step]],
+) -> None:
+    with chip.simulated_chip() as simulated:
+        judged = judge(simulated, stream(3, 1000))
+    assert judged.different == ""
+    assert judged.sent > 10_000
+    assert judged.overruns == 0
+
+
+@needs_chip
+def test_the_image_fits_its_chip_with_room() -> None:
+    with chip.simulated_chip() as simulated:
+        judged = judge(simulated, fuzzed(4, 200))
+    flash, ram = chip.sizes()
+    assert flash <= chip.FLASH_MAX
+    assert ram + judged.stack <= chip.RAM_MAX
+
+
+REST = (512, 512, 512, 768, 410, 768, 512, 512)
+"""Counts of the converter's channels of a level vehicle at rest."""
+COMMAND = (0, 0, 0, 110)
+
+
+def period(
+    simulated: chip.Chip, line: bytes = b"", silent: int = 0, counts: tuple[int, ...] = REST
+) -> chip.Output:
+    return simulated.period(chip.Input(counts, silent, (line, b"")))
+
+
+@needs_chip
+def test_on_the_image_motors_stay_off_until_they_are_set_on_and_all_controllers_answer() -> None:
+    on = c.encode_set(COMMAND, Id.MOTOR_STATE, MotorState.ON)
+    command = c.encode_command(COMMAND)
+    with chip.simulated_chip() as simulated:
+        for _ in range(20):
+            assert period(simulated, command).references == (0, 0, 0, 0)
+        for k in range(20):
+            told = period(simulated, on if k >= 10 else command, silent=0b0100)
+        assert told.missing == 0b0100
+        assert told.references == (0, 0, 0, 0)
+        for _ in range(10):
+            told = period(simulated, on)
+        assert told.missing == 0
+        assert min(told.references) > 50
+        for _ in range(10):  # one reference lost to noise does not stop a motor
+            told = period(simulated, command, silent=0b0001)
+            assert told.missing == 0
+            told = period(simulated, command)
+
+
+@needs_chip
+def test_the_watchdog_resets_an_image_that_hangs_in_flight_and_its_motors_stop() -> None:
+    on = c.encode_set(COMMAND, Id.MOTOR_STATE, MotorState.ON)
+    command = c.encode_command(COMMAND)
+    with chip.simulated_chip() as simulated:
+        for _ in range(10):
+            period(simulated, command)
+        for _ in range(10):
+            told = period(simulated, on)
+        assert min(told.references) > 50
+        told = period(simulated, command, silent=chip.STOP_TIMER)
+        assert told.cycles > 250_000, "the watchdog waits 15 ms"
+        for _ in range(10):
+            told = period(simulated, command)
+        assert told.references == (0, 0, 0, 0)
 
 
 @needs_compiler

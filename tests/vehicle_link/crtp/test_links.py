@@ -97,7 +97,7 @@ class Dongle:
         return len(data)
 
     def read(self, endpoint: int, size: int, timeout: int) -> Any:
-        return b"\x01" + Packet(0, 0, self.address).encode()
+        return b"\x21" + Packet(0, 0, self.address).encode()
 
 
 def read_on(port: Port) -> None:
@@ -127,6 +127,11 @@ def test_one_radio_serves_two_by_their_addresses_and_tells_when_it_is_gone(dongl
             got = next(reader.feed(port.read()), b"")
         assert got[1:] == address
         assert Packet(7, 0, address[-1:]).encode() in dongle.heard[address]
+        assert isinstance(port, radio.RadioPort)
+        counts = port.counts
+        assert counts.sent >= counts.acknowledged > 0
+        assert counts.retries == 2 * counts.acknowledged
+        assert counts.round_trips_ns > 0
     dongle.gone = True
     with pytest.raises(LinkError, match="Crazyradio 0 is gone: No such device; plug it in"):
         read_on(ports[0])

@@ -1,13 +1,18 @@
-"""CRSF: the channels of a frame, read back bit by bit."""
+"""CRSF: the channels of a frame, read back bit by bit and by Betaflight's own receiver."""
 
 from __future__ import annotations
 
 import math
+import random
+import shutil
+import subprocess
+from pathlib import Path
 
 import pytest
 
 from quadrotor.errors import OutOfBoundsError
-from vehicle_link.msp.crsf import encode_channels
+from vehicle.simulator.betaflight.process import FIRMWARE
+from vehicle_link.msp.crsf import BAUD_RATE, encode_channels
 from vehicle_link.msp.frames import crc8
 
 
@@ -38,3 +43,40 @@ def test_pulses_beyond_eleven_bits_are_refused(pulse: float) -> None:
 def test_seventeen_channels_are_refused() -> None:
     with pytest.raises(OutOfBoundsError, match="17 channels cannot be sent"):
         encode_channels([1500.0] * 17)
+
+
+@pytest.mark.skipif(not FIRMWARE.exists(), reason="no Betaflight: scripts/betaflight builds it")
+@pytest.mark.skipif(not shutil.which("gcc"), reason="needs gcc, on Debian: apt install gcc")
+def test_betaflights_own_receiver_reads_our_channels(tmp_path: Path) -> None:
+    sources = next(folder for folder in FIRMWARE.parents if (folder / "src" / "main").is_dir())
+    simulator = sources / "src" / "platform" / "SIMULATOR"
+    folders = [
+        sources / "src" / "main",
+        sources / "src" / "main" / "target",
+        simulator / "target" / "SITL",
+        simulator,
+        simulator / "include",
+        sources / "lib" / "main" / "dyad",
+    ]
+    flags = ["-std=gnu17", "-w", "-O1", "-DSITL", "-DSIMULATOR_BUILD", "-DHSE_VALUE=8000000"]
+    flags += [f'-D__{name}__="x"' for name in ("TARGET", "REVISION")]
+    flags += ["-DTARGET_FLASH_SIZE=2048", "-DFLASH_SIZE=2048", *(f"-I{one}" for one in folders)]
+    receiver = tmp_path / "receiver"
+    source = Path(__file__).with_name("betaflight_receiver.c")
+    subprocess.run(["gcc", *flags, source, "-o", receiver], check=True)
+
+    generator = random.Random(1)
+    sent = [[float(generator.randrange(880, 2160)) for _ in range(16)] for _ in range(200)]
+    frames = [encode_channels(pulses) for pulses in sent]
+    damaged = bytearray(frames[0])
+    damaged[10] ^= 4
+    told = subprocess.run(
+        [receiver], input=bytes(damaged) + b"".join(frames), capture_output=True, check=True
+    )
+    baud, *lines = told.stdout.decode().splitlines()
+    assert int(baud) == BAUD_RATE
+    assert len(lines) == len(sent), "the damaged frame is refused, and no other"
+    for pulses, line in zip(sent, lines, strict=True):
+        # It takes a count for 0.6248 µs from 881 µs on, which is up to 1.1 µs more than 5/8 µs
+        # around 1500 µs; half a count is lost to rounding.
+        assert [float(word) for word in line.split()] == pytest.approx(pulses, abs=1.5)

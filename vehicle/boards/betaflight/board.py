@@ -33,6 +33,7 @@ from vehicle.boards.betaflight.sticks import TRAITS, Sticks
 from vehicle.boards.board import BodyRates, Command, CommandKind, RawSample
 from vehicle.boards.kind import Kind
 from vehicle_link import clock
+from vehicle_link.link_counts import LinkCounts
 from vehicle_link.msp.crsf import encode_channels
 from vehicle_link.msp.frames import ERROR, Message, MessageDecoder, encode
 from vehicle_link.serial.attitude_command import AttitudeCommand
@@ -80,6 +81,7 @@ class BetaflightBoard:
             raise LinkError(f"{len(ports)} ports given; a board with Betaflight has one or two")
         self.failures: list[str] = []
         self.newest_ms = [-1]
+        self.link = LinkCounts()
         self.refused = self.late = self.lost_ports = 0
         self._msp, self._crsf = ports[0], ports[1] if len(ports) > 1 else None
         self._sticks, self._newer, self._now_ns = Sticks(options), options.newer, now_ns
@@ -168,6 +170,8 @@ class BetaflightBoard:
 
     def _sample(self, accelerometer: tuple[int, int, int], gyroscope: tuple[int, int, int]) -> None:
         now_ns = self._now_ns()
+        self.link.answered += 1
+        self.link.round_trips_ns += now_ns - self._imu_asked_ns
         stamp_ns = now_ns - (now_ns - self._imu_asked_ns) // 2
         if stamp_ns <= self._newest_ns:
             self.late += 1
@@ -227,6 +231,7 @@ class BetaflightBoard:
         is_armed = self._state in (MotorState.ON, MotorState.EMERGENCY)
         command = self._command if is_armed else _IDLE  # it does not arm at any other throttle
         channels = self._sticks.channels(command, arm=arm)
+        self.link.commands += 1
         if self._crsf is not None:
             self._crsf.write(encode_channels(channels))
         else:

@@ -11,11 +11,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from quadrotor.errors import LinkError, OutOfBoundsError
 from quadrotor.records import Record
 from vehicle.boards.board import BodyRates, Command, CommandKind, RawSample
-from vehicle.boards.crazyflie.dialogue import Found, introduce
+from vehicle.boards.crazyflie.arming import why_not_armed
+from vehicle.boards.crazyflie.dialogue import Found, introduce, set_parameters
 from vehicle.boards.crazyflie.messages import (
     DATA,
     EMERGENCY_STOPPED,
@@ -37,6 +39,8 @@ from vehicle.boards.crazyflie.stamps import RadioStamps
 from vehicle.boards.crazyflie.traits import TRAITS
 from vehicle_link import clock
 from vehicle_link.crtp.packets import CrtpPort, FrameReader, Packet, decode, frame
+from vehicle_link.crtp.radio import RadioPort
+from vehicle_link.link_counts import LinkCounts
 from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import Port
@@ -49,8 +53,6 @@ OBEYED_S = 0.5
 """Seconds after which one that still flies is stopped for good."""
 SILENT_S = 1.0
 """Seconds without a sample after which the dialogue begins again: it may have been switched off."""
-LOST = 0.5
-"""Distance, in m, of its own estimate from ours, beyond which it is not armed."""
 ALONE = Info(0), Info.AUTO_ARMED, Info.AUTO_ARMED | Info.ARMED
 """States of arming in which there is nothing to disarm: some arm themselves."""
 _IDLE = BodyRates((0.0, 0.0, 0.0), 0.0)
@@ -84,11 +86,15 @@ class CrazyflieBoard:
             raise LinkError(f"{len(ports)} links given; a Crazyflie has one")
         self.failures: list[str] = []
         self.newest_ms = [-1]
+        self._counts = LinkCounts()
         self.refused = self.late = self.lost_ports = 0
         self.found, self._finding, self._is_ready = Found(), Found(), False
         self.unfit, self.packets = "", 0
         self._is_passive = is_passive
-        self._port, self._options, self._wanted_values = ports[0], options, options.wanted
+        options.check_together()
+        self._port, self._options = ports[0], options
+        self._given = options.parameters  # what the newest dialogue sets
+        self._is_changing = False  # the dialogue sets parameters of a board that is ready
         self._now_ns = now_ns
         self._frames = FrameReader()
         self._stamps = RadioStamps()
@@ -128,18 +134,14 @@ class CrazyflieBoard:
             return self.unfit or self._misfit
         if not self._is_ready:
             return "the Crazyflie is not recognised: it has not answered all requests yet"
-        if Info.LOCKED in self._info:
-            return "the Crazyflie is locked after an emergency stop: switch it off and on"
-        if self._info & (Info.TUMBLED | Info.CRASHED):
-            return "the Crazyflie is turned over or has crashed: set it down level, then restart it"
-        if not self._info & (Info.CAN_ARM | Info.ARMED):
-            return "the Crazyflie's own checks do not pass: see its console in cfclient"
-        if self._distance > LOST:
-            return (
-                f"its own estimate is {self._distance:.1f} m from ours: wait, or check "
-                "board.pose_rate and that stabilizer.estimator is 2"
-            )
-        return ""
+        return why_not_armed(self._info, self._distance)
+
+    @property
+    def link(self) -> LinkCounts:
+        """Return the counts of the radio's exchanges, or without a radio those of the dialogue."""
+        if isinstance(self._port, RadioPort):
+            return replace(self._port.counts, commands=self._counts.commands)
+        return self._counts
 
     @property
     def is_flying(self) -> bool:
@@ -155,6 +157,10 @@ class CrazyflieBoard:
                 self._take(decode(data))
             except LinkError as error:
                 self._dialogue = self._request = None  # tried again after a silence
+                if self._is_changing:
+                    self._is_changing = False
+                    self.failures.append(f"{error}; it keeps what it had")
+                    continue
                 self._heard_s = self._now_s
                 self.refused += 1
                 if not self.unfit:
@@ -175,14 +181,24 @@ class CrazyflieBoard:
     def _advance(self, answer: bytes) -> None:
         """Go on with the dialogue."""
         assert self._dialogue is not None
-        self._is_ready = False
+        self._is_ready = self._is_changing
         if not self._is_again:
-            self._stamps.note_round_trip(self._now_ns() - self._asked_ns)
+            duration_ns = self._now_ns() - self._asked_ns
+            self._stamps.note_round_trip(duration_ns)
+            self._counts.answered += 1
+            self._counts.round_trips_ns += duration_ns
         try:
             self._request = self._dialogue.send(answer)
             self._ask(is_again=False)
         except StopIteration:
             self._dialogue = self._request = None
+            if self._is_changing:
+                self._is_changing = False
+                self.failures += [
+                    f"the Crazyflie has set {name} to {after:g}, it was {before:g}"
+                    for name, (before, after) in self._finding.changed.items()
+                ]
+                return
             self.found, self.unfit, self._is_ready = self._finding, "", True
             self._info, self._own_position, self._distance = Info(0), None, 0.0
             self._heard_s = self._now_s
@@ -202,7 +218,7 @@ class CrazyflieBoard:
 
     def _sample(self, ms: int, values: tuple[float, ...]) -> None:
         self._heard_s = self._now_s
-        if self._is_ready:
+        if self._is_ready and not self._is_changing:
             self._dialogue = self._request = None  # it was out of reach, and still is what it was
         if not all(map(math.isfinite, values)):
             self.refused += 1
@@ -253,8 +269,11 @@ class CrazyflieBoard:
         A command is not repeated: without new ones, its own watchdog is what helps.
         """
         self._now_s = now_s
-        if self._dialogue is None and now_s - self._heard_s > SILENT_S:
+        is_free = self._dialogue is None or self._is_changing
+        if is_free and now_s - self._heard_s > SILENT_S:
             self._begin()
+        elif self._dialogue is None and self._is_ready and self._given != self._options.parameters:
+            self._change()
         if self._request is not None and now_s - self._asked_s > AGAIN_S:
             self._ask(is_again=True)
         given_up_s = now_s - self._wanted_s if self._wanted is MotorState.EMERGENCY else 0.0
@@ -270,9 +289,17 @@ class CrazyflieBoard:
 
     def _begin(self) -> None:
         """Begin the dialogue, which a sample ends that comes before the first answer."""
-        self._finding = Found()
-        write = not self._is_passive
-        self._dialogue = introduce(self._finding, self._wanted_values, write=write)
+        self._finding, self._is_changing = Found(), False
+        self._given, write = self._options.parameters, not self._is_passive
+        self._dialogue = introduce(self._finding, self._options.wanted, write=write)
+        self._request = next(self._dialogue)
+        self._ask(is_again=False)
+
+    def _change(self) -> None:
+        """Set the parameters that the options name now; set-points go on meanwhile."""
+        self._finding, self._is_changing = Found(), True
+        self._given = self._options.parameters
+        self._dialogue = set_parameters(self._finding, self._options.wanted)
         self._request = next(self._dialogue)
         self._ask(is_again=False)
 
@@ -296,6 +323,7 @@ class CrazyflieBoard:
         if not self._is_ready:
             return
         self._setpoint_due_s = self._now_s + SETPOINT_S
+        self._counts.commands += 1
         command = self._command
         if self._wanted is MotorState.EMERGENCY:
             thrust = self._options.landing_thrust

@@ -85,6 +85,18 @@ def introduce(found: Found, wanted: dict[str, float], *, write: bool = True) -> 
     firmware = yield Request(Packet(CrtpPort.PLATFORM, VERSION, b"\x01"))
     device = yield Request(Packet(CrtpPort.PLATFORM, VERSION, b"\x02"))
     found.firmware, found.device = (_text(data[1:]) for data in (firmware, device))
+    yield from set_parameters(found, wanted, write=write)
+    variables = yield from read_contents(CrtpPort.LOG)
+    yield Request(Packet(CrtpPort.LOG, CONTROL, bytes((LOG_RESET,))))
+    for block in BLOCKS:
+        yield from _start(block, variables, found)
+
+
+def set_parameters(found: Found, wanted: dict[str, float], *, write: bool = True) -> Dialogue:
+    """Set those of these parameters that are different, and read them back.
+
+    Raises LinkError for a name or a value that the board does not have.
+    """
     parameters = yield from read_contents(CrtpPort.PARAMETERS)
     for name, value in wanted.items():
         entry = find(parameters, name, "parameter")
@@ -96,10 +108,6 @@ def introduce(found: Found, wanted: dict[str, float], *, write: bool = True) -> 
         found.changed[name] = float(before), value
         if write:
             yield from _set(name, number, form, value)
-    variables = yield from read_contents(CrtpPort.LOG)
-    yield Request(Packet(CrtpPort.LOG, CONTROL, bytes((LOG_RESET,))))
-    for block in BLOCKS:
-        yield from _start(block, variables, found)
 
 
 def check_version(version: int) -> None:

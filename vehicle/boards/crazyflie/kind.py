@@ -29,6 +29,7 @@ KIND = Kind(
     TRAITS,
     _connect,
     CrazyflieOptions,
+    live=True,
     rate=100,
     bauds=(BAUD_RATE,),
     example="radio://0/80/2M/E7E7E7E7E7",

@@ -19,7 +19,12 @@ class CrazyflieOptions(Parameters):
     pose_rate: float = parameter(50.0, unit="Hz", ge=0.0, le=100.0, step=5.0)
     """poses a second that its own estimator is given; 0: none"""
     parameters: str = parameter("stabilizer.controller=1; stabilizer.estimator=2")
-    """its parameters that are set at each start, GROUP.NAME=VALUE; ...: PID and Kalman filter"""
+    """parameters of its firmware that are set at each start, and when this changes,
+    GROUP.NAME=VALUE; ...: PID and Kalman filter"""
+
+    def check_together(self) -> None:
+        """Check that `parameters` can be read. Raises OutOfBoundsError."""
+        _ = self.wanted
 
     @property
     def wanted(self) -> dict[str, float]:

@@ -26,6 +26,7 @@ from vehicle.boards.mikrokopter.clock import FRAME_NS, MicrocontrollerClock
 from vehicle.boards.mikrokopter.motor_bus import MotorBus
 from vehicle.boards.mikrokopter.ports import MicrocontrollerPorts
 from vehicle.boards.mikrokopter.sample_stamps import FineStamps
+from vehicle_link.link_counts import LinkCounts
 from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.capacity import DEFAULT_RATE, sample_period_us
 from vehicle_link.serial.commands import decode_data, encode_command, encode_set
@@ -78,6 +79,7 @@ class Microcontroller:
         refused: number of D frames with impossible values or times.
         late: number of samples dropped because they were older than the newest one.
         newest_ms: the microcontroller's time in the last D frame of each port; -1 before.
+        link: counts of its lines; round trips are those of the motor controllers' poll, at rest.
     """
 
     def __init__(
@@ -92,7 +94,7 @@ class Microcontroller:
         self.refused = 0
         self.late = 0
         self.flight_control_mode = FlightControlMode.NEAR_HOVERING  # as at power-up
-        self.newest_ms = [-1] * len(ports)
+        self.newest_ms, self.link = [-1] * len(ports), LinkCounts()
         self._ports = MicrocontrollerPorts(ports, self.failures)
         self._clock = MicrocontrollerClock(epoch_ns)
         period_us = sample_period_us(rate)
@@ -114,7 +116,7 @@ class Microcontroller:
             self.failures,
         )
         self._motors = Exchange([], self.failures)
-        self._bus = MotorBus()
+        self._bus = MotorBus(self.link)
         for request in self._handshake.open:
             self._ports.write(request.build(_STOPPED))
 
@@ -231,6 +233,7 @@ class Microcontroller:
             frame = encode_command(self._command)
         else:
             frame = encode_set(self._command, Id.FLIGHT_CONTROL_MODE, self._mode)
+        self.link.commands += 1
         self._ports.write(frame, in_turn=True)
 
     def _sample(self, values: tuple[int, ...], settled: bool) -> RawSample | None:

@@ -10,6 +10,8 @@ import math
 from collections.abc import Sequence
 
 from quadrotor.constants import MOTORS
+from vehicle_link.clock import monotonic_ns
+from vehicle_link.link_counts import LinkCounts
 from vehicle_link.serial.commands import encode_request
 from vehicle_link.serial.ids import Id
 
@@ -28,12 +30,16 @@ PERIOD_S = 0.1
 class MotorBus:
     """The motor controllers as reported by the microcontroller.
 
+    Args:
+        counts: counts the answers and their round trips.
+
     Attributes:
         missing: names of the motors whose controllers do not answer; empty before the first poll.
         why: what is wrong and what to try; empty when nothing is missing.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, counts: LinkCounts | None = None) -> None:
+        self._counts, self._asked_ns = counts or LinkCounts(), 0  # 0: no open question
         self.missing: tuple[str, ...] = ()
         self.why = ""
         self._answers = [0, 0, 0, 0]
@@ -46,12 +52,17 @@ class MotorBus:
             return None
         self._due_s = now_s + PERIOD_S
         self._turn = (self._turn + 1) % len(MOTORS)
+        self._asked_ns = monotonic_ns()
         return encode_request(command, REFERENCES[self._turn])
 
     def receive(self, id: int, value: object) -> str | None:
         """Handle an answer of the microcontroller; return a line when it changed `missing`."""
         if id not in REFERENCES or not isinstance(value, int):
             return None
+        if self._asked_ns:
+            self._counts.answered += 1
+            self._counts.round_trips_ns += monotonic_ns() - self._asked_ns
+            self._asked_ns = 0
         self._answers[REFERENCES.index(Id(id))] = value
         missing = tuple(
             motor

@@ -3,6 +3,7 @@
 
 import { element, setIfChanged, setText } from "../core/dom.js";
 import { fixed } from "../core/format.js";
+import { boardLink, late } from "./board_link.js";
 
 const TOPIC = "status";
 const BINS = [["< 50 µs", "below 50 µs"], ["< 100", "below 100 µs"], ["< 200", "below 200 µs"], ["< 500", "below 500 µs"], ["< 1 ms", "below 1 ms"], ["< 2", "below 2 ms"], ["< 5", "below 5 ms"], ["longer", "longer"]];
@@ -23,17 +24,20 @@ export class LoopPanel {
     });
     this.histogram = element("div", { className: "histogram", role: "img" }, ...this.bars.map((one) => one.place));
     this.histogram.dataset.topic = TOPIC;
+    this.board = output();
     this.none = element("p", { hidden: true }, "This vehicle does not report the distribution of its ticks.");
     this.counts = COUNTS.map(([name, label, title]) => ({ name, known: /** @type {any} */ (null), steps: /** @type {number[][]} */ ([]), value: output(), growth: element("span", { className: "growth" }), label, title }));
     place.append(
       element("h2", {}, "Flight loop on board"), element("p", {}, this.line),
       element("p", { className: "facts" }, "Ticks since the vehicle's start by their lateness; heights are logarithmic."), this.histogram, this.none,
+      element("p", { className: "facts", title: "of the last second, between the vehicle's computer and its board" }, "Board: ", this.board),
       ...this.counts.map(({ label, title, value, growth }) => element("div", { className: "loop-count", title }, element("span", { className: "name" }, label), value, growth)));
   }
 
   draw() {
     const { status } = this.events.summary, bins = status?.lateness_histogram;
     setText(this.line, status ? `${fixed(status.tick_rate, 0)}${status.nominal_rate ? ` of ${fixed(status.nominal_rate, 0)}` : ""} Hz · lateness p50 ${late(status.lateness_p50)}, p99 ${late(status.lateness_p99)}, longest ${late(status.lateness_max)} · missed ${fixed(100 * status.missed_share, 1)} %` : "no data yet");
+    setText(this.board, status ? boardLink(status) : "no data yet");
     this.histogram.hidden = !bins;
     this.none.hidden = !status || Boolean(bins);
     if (bins) this.drawBins(bins);
@@ -71,7 +75,6 @@ export class LoopPanel {
   }
 }
 
-const late = (value) => (value === null || value === undefined ? "–" : value < 1e-3 ? `${fixed(1e6 * value, 0)} µs` : `${fixed(1e3 * value, 1)} ms`);
 const short = (count) => (count < 1e4 ? `${count}` : count < 1e6 ? `${fixed(count / 1e3, 0)}k` : `${fixed(count / 1e6, 1)}M`);
 
 function output() {

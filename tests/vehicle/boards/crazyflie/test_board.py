@@ -14,7 +14,7 @@ from tests.vehicle.boards.crazyflie.bench import Bench
 from vehicle.boards.board import BodyRates, TakesPoses
 from vehicle.boards.crazyflie.messages import MANUAL, SETPOINT
 from vehicle.boards.crazyflie.options import CrazyflieOptions
-from vehicle_link.crtp.packets import Packet
+from vehicle_link.crtp.packets import CrtpPort, Packet
 from vehicle_link.serial.attitude_command import AttitudeCommand
 from vehicle_link.serial.ids import MotorState
 
@@ -215,3 +215,43 @@ def test_what_it_cannot_take_is_refused() -> None:
         Bench().board.command((60, 60, 60, 60))
     with pytest.raises(OutOfBoundsError, match=r"board\.parameters has 'stabilizer'; give GROUP"):
         Bench(CrazyflieOptions(parameters="stabilizer"))
+
+
+def test_changed_parameters_are_set_and_read_back_while_set_points_go_on() -> None:
+    options = CrazyflieOptions()
+    bench = Bench(options)
+    bench.go(2000)
+    assert bench.board.obstacle == ""
+    bench.board.failures.clear()
+    bench.firmware.taken.clear()
+    options.parameters = "stabilizer.estimator=2; pid_attitude.roll_kp=7.5"
+    bench.go(300)
+    before, after = 6.0, bench.firmware.parameters.values["pid_attitude.roll_kp"]
+    assert after == 7.5
+    assert bench.board.failures == [
+        f"the Crazyflie has set pid_attitude.roll_kp to 7.5, it was {before:g}"
+    ]
+    assert bench.board.obstacle == ""
+    assert sum(packet.port == CrtpPort.SETPOINT for packet in bench.firmware.taken) >= 5
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("pid_attitude.rol_kp=7", "has no parameter pid_attitude.rol_kp; did you mean"),
+        ("stabilizer.estimator=300", "board.parameters: stabilizer.estimator cannot be 300"),
+    ],
+)
+def test_a_parameter_that_the_firmware_does_not_have_changes_nothing_but_a_line(
+    word: str, said: str
+) -> None:
+    options = CrazyflieOptions()
+    bench = Bench(options)
+    bench.go(2000)
+    bench.board.failures.clear()
+    options.parameters = word
+    bench.go(300)
+    (line,) = bench.board.failures
+    assert said in line
+    assert line.endswith("; it keeps what it had")
+    assert bench.board.obstacle == ""
