@@ -48,6 +48,7 @@ FOLDERS = {
         "hostile_plugins",
         "foreign_laws",
         "tracking_faults",
+        "tracking_systems",
         "starved",
         "real_flights",
         "camera_flight",

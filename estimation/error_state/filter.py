@@ -236,13 +236,6 @@ def predict(memory: Record, imu: Record, noise: Record, dt: float, state: Record
 
 
 @compiled(inner=True)
-def take_frames(memory: Record, bearings: Record, valid: npt.NDArray[np.bool_]) -> None:
-    """Run `take_bearings` for each of (N,) ERROR_STATE_MEMORY and BEARINGS_SAMPLE."""
-    for k in range(memory.shape[0]):
-        valid[k] = take_bearings(memory[k], bearings[k])
-
-
-@compiled(inner=True)
 def apply(memory: Record, noise: Record, outcome: npt.NDArray[np.int64]) -> None:
     """Run `apply_one` for each of (N,) ERROR_STATE_MEMORY; outcome (N,) of Outcome, written."""
     for k in range(memory.shape[0]):

@@ -515,11 +515,11 @@ def test_unsigned_messages_are_refused_where_a_passphrase_is_set(
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (["serial:/dev/ttyUSB0"], "is no connection; give udpin:ADDRESS:PORT"),
-        (["udpin:127.0.0.1:0"], "is no connection"),
+        (["serial:/dev/ttyUSB0"], "is not a connection; give udpin:ADDRESS:PORT"),
+        (["udpin:127.0.0.1:0"], "is not a connection"),
         (["udpin:0.0.0.0:14550"], "0.0.0.0 is not this computer, and MAVLink has no sign-in"),
         (["--passphrase", "nowhere"], "--passphrase nowhere cannot be read"),
-        (["--origin", "north"], "--origin north is no place"),
+        (["--origin", "north"], "--origin north is not a place"),
     ],
 )
 def test_bad_options_are_refused_in_one_line(words: list[str], line: str) -> None:
