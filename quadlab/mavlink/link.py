@@ -46,8 +46,8 @@ def parse_endpoint(word: str) -> Endpoint:
             raise ValueError
     except ValueError:
         raise UsageError(
-            f"{word!r} is not a connection; give udpin:ADDRESS:PORT or tcpin:ADDRESS:PORT to listen "
-            "there, or udpout:ADDRESS:PORT to send there, like udpin:127.0.0.1:14550"
+            f"{word!r} is not a connection; give udpin:ADDRESS:PORT or tcpin:ADDRESS:PORT to "
+            "listen there, or udpout:ADDRESS:PORT to send there, like udpin:127.0.0.1:14550"
         ) from None
     return Endpoint(kind, str(address), int(port))
 
