@@ -113,7 +113,7 @@ class Mavlink:
             Vehicle(client),
             connect,
             Logs(Catalogue(open_data_folder(self.data)), self.name),
-            client.advertise("external_reference"),
+            client.advertise,
             client.listen("parameter_changes"),
             client.listen("events"),
             origin,

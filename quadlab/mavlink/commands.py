@@ -102,13 +102,15 @@ def of_mode(main: int, sub: int) -> Wanted:
     match main, sub:
         case 6, _:
             return "external", {}
+        case 3, _:
+            return behavior("velocity")
         case 4, 4:
             return "mission", {}
         case 4, (2 | 3 | 6):
             return behavior({TAKEOFF: "take_off", LOITER: "hover", LAND: "land"}[sub])
     raise RefusedError(
-        f"mode {main}.{sub} cannot be chosen; there are take-off, hold, land, mission and offboard "
-        "with the numbers of PX4"
+        f"mode {main}.{sub} cannot be chosen; there are position, take-off, hold, land, mission "
+        "and offboard with the numbers of PX4"
     )
 
 

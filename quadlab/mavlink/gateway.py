@@ -24,6 +24,7 @@ from quadlab.mavlink.offboard import Offboard, Sender, set_point_of
 from quadlab.mavlink.operators import Connect, Operator
 from quadlab.mavlink.parameter_server import ParameterServer
 from quadlab.mavlink.peer import Peer
+from quadlab.mavlink.sticks import Sticks
 from quadlab.mavlink.telemetry import Telemetry
 from quadlab.mavlink.vehicle import Vehicle
 from quadrotor.errors import RefusedError, StorageError
@@ -33,11 +34,8 @@ from vehicle_link.termination_signal import Ending
 
 PERIOD = 0.01
 """Longest wait, in s, for a message before what is due is sent."""
-AT_ONCE = 20
-"""Messages of a list or a log that are sent to one ground station in one turn."""
 NOT_FLOWN = {
     "SET_ATTITUDE_TARGET": "set-points of attitude are not flown; send position or velocity",
-    "MANUAL_CONTROL": "sticks are not taken over MAVLink; use the page's",
     "LOG_ERASE": "runs are deleted on the Runs page alone",
 }
 VIEWER = "ground stations are viewers here; start quadlab mavlink without --viewers to let them fly"
@@ -49,7 +47,7 @@ class Gateway:
     Args:
         open_link: opens the sockets; is given what to call when a ground station has left.
         connect: returns a client of the station for a requester.
-        references: publisher of external references.
+        advertise: returns a publisher of a topic.
         changes, events: queues of the messages of parameter_changes and events.
         viewers: nobody may command; emergencies that land are open to all.
         say: prints a line.
@@ -61,7 +59,7 @@ class Gateway:
         vehicle: Vehicle,
         connect: Connect,
         logs: Logs,
-        references: Sender,
+        advertise: Callable[[str], Sender],
         changes: queue.SimpleQueue[Any],
         events: queue.SimpleQueue[Any],
         origin: Origin,
@@ -74,7 +72,9 @@ class Gateway:
         self._results: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._operators: dict[str, Operator] = {}
         self._parameters = ParameterServer(changes, self.say)
+        references = advertise("external_reference")
         self._offboard = Offboard(vehicle, references, self._offboard_ended)
+        self._sticks = Sticks(advertise("stick"))
         self._telemetry = Telemetry(vehicle, origin)
         self._missions = Missions(origin, self._may_upload, self.say)
         self._flight: MissionFlight | None = None
@@ -83,8 +83,9 @@ class Gateway:
         self._handlers: dict[str, Callable[[Peer, Any], None]] = {
             "COMMAND_LONG": self._commands.take,
             "COMMAND_INT": self._commands.take,
-            "SET_POSITION_TARGET_LOCAL_NED": self._set_point,
-            "SET_POSITION_TARGET_GLOBAL_INT": self._set_point,
+            "SET_POSITION_TARGET_LOCAL_NED": self._steer,
+            "SET_POSITION_TARGET_GLOBAL_INT": self._steer,
+            "MANUAL_CONTROL": self._steer,
             "PARAM_REQUEST_LIST": self._list_parameters,
             "PARAM_REQUEST_READ": self._read_parameter,
             "PARAM_SET": self._set_parameter,
@@ -128,7 +129,8 @@ class Gateway:
             self._tell(message)
         for peer in self._link.peers:
             self._telemetry.send_due(peer, now)
-            self._send_waiting(peer)
+            for line in peer.send_waiting():
+                self.say(peer, line)
 
     def say(self, peer: Peer, line: str, level: int = 30) -> None:
         """Print a line about a ground station, and send it there as text."""
@@ -151,7 +153,9 @@ class Gateway:
             try:
                 handler(peer, message)
             except (RefusedError, StorageError) as error:
-                if not kind.startswith("SET_") or peer.is_new(str(error), time.monotonic()):
+                if not kind.startswith(("SET_", "MANUAL_")) or peer.is_new(
+                    str(error), time.monotonic()
+                ):
                     self.say(peer, str(error))
 
     def _do(self, peer: Peer, wanted: Wanted, then: Answered) -> bool:
@@ -189,10 +193,13 @@ class Gateway:
         return self._operators[name]
 
     # ------------------------------------------------------------------ flights
-    def _set_point(self, peer: Peer, message: Any) -> None:
+    def _steer(self, peer: Peer, message: Any) -> None:
         if self._viewers:
             raise RefusedError(VIEWER)
-        self._offboard.take(peer.name, set_point_of(message, self._origin, monotonic_ns()))
+        if message.get_type() == "MANUAL_CONTROL":
+            self._sticks.take(peer, message)
+        else:
+            self._offboard.take(peer.name, set_point_of(message, self._origin, monotonic_ns()))
 
     def _fly_offboard(self, peer: Peer, then: Answered) -> None:
         """Send references, then ask for the behavior that flies them."""
@@ -250,6 +257,7 @@ class Gateway:
         if (operator := self._operators.pop(peer.name, None)) is not None:
             operator.close()
         self._commands.left(peer)
+        self._sticks.left(peer)
 
     def _with_parameters(
         self, peer: Peer, then: Callable[[], None], failed: Answered | None = None
@@ -283,17 +291,6 @@ class Gateway:
             return
         operator = self._operator(peer.name)
         self._with_parameters(peer, partial(self._parameters.set, peer, operator, message))
-
-    def _send_waiting(self, peer: Peer) -> None:
-        for name, messages in list(peer.waiting.items()):
-            try:
-                for _ in range(AT_ONCE):
-                    peer.send(next(messages))
-            except StopIteration:
-                del peer.waiting[name]
-            except StorageError as error:
-                del peer.waiting[name]
-                self.say(peer, str(error))
 
     def _time(self, peer: Peer, message: Any) -> None:
         if message.tc1 == 0:

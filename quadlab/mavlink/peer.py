@@ -9,12 +9,15 @@ from contextlib import suppress
 from typing import Any
 
 from quadlab.mavlink.dialect import mavlink
+from quadrotor.errors import StorageError
 
 SYSTEM, COMPONENT = 1, 1
 BYTES_A_SECOND = 60_000
 """Bytes parsed of one ground station in a second; also the longest burst."""
 AT_LEAST = 40
 """Bytes that a datagram counts at least."""
+AT_ONCE = 20
+"""Messages of a list or a log that are sent in one turn."""
 UNSENT_MOST = 1 << 16
 """Bytes that wait for a ground station on TCP that reads too slowly; messages beyond are lost."""
 GONE = 5.0
@@ -89,6 +92,20 @@ class Peer:
             if len(self._unsent) < UNSENT_MOST:
                 self._unsent += data
             del self._unsent[: self.socket.send(self._unsent)]
+
+    def send_waiting(self) -> list[str]:
+        """Send some messages of each sequence; return why sequences ended before their end."""
+        failed = []
+        for name, messages in list(self.waiting.items()):
+            try:
+                for _ in range(AT_ONCE):
+                    self.send(next(messages))
+            except StopIteration:
+                del self.waiting[name]
+            except StorageError as error:
+                del self.waiting[name]
+                failed.append(str(error))
+        return failed
 
     def may_parse(self, size: int, now: float) -> bool:
         """Return whether a datagram of `size` bytes is within what it may send."""

@@ -18,6 +18,7 @@ from quadrotor.errors import UsageError
 from tests.quadlab.mavlink.wired import Wired
 from vehicle_link.messages import new
 from vehicle_link.parameters.messages import from_parameters, to_value
+from vehicle_link.topics import decode_joy
 
 ACCEPTED, DENIED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED
 ARM, TAKE_OFF = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_NAV_TAKEOFF
@@ -417,6 +418,32 @@ def test_only_so_many_ground_stations_are_served(wire: Callable[..., Wired]) -> 
     grounds[0].until("HEARTBEAT")
     assert len(wired.link.peers) == link_module.MOST
     assert sum("one ground station too many" in line for line in wired.lines) == 1
+
+
+def test_sticks_count_from_a_press_with_all_of_them_centred_until_the_button_is_released(
+    wire: Callable[..., Wired],
+) -> None:
+    wired = wire()
+    ground = wired.ground()
+    assert ground.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 3) == ACCEPTED
+    assert asked(wired) == [("start_behavior", {"name": "velocity", "arguments": {}})]
+
+    def deflect(x: int, y: int, z: int, r: int, button: int) -> None:
+        ground.mav.manual_control_send(1, x, y, z, r, button)
+        ground.turn()
+
+    deflect(800, 0, 500, 0, 1)
+    ground.text("button 1 with all of them centred")
+    assert wired.station.sticks == []
+    deflect(0, 0, 500, 0, 0)
+    deflect(0, 0, 500, 0, 1)
+    deflect(800, 200, 750, -400, 1)
+    deflect(800, 200, 750, 32767, 0)
+    taken = [decode_joy(one) for one in wired.station.sticks]
+    assert [one.enabled for one in taken] == [True, True, False]
+    assert taken[1].axes == pytest.approx((0.8, -0.2, 0.5, 0.4))
+    assert taken[2].axes == (0.0, 0.0, 0.0, 0.0)
+    assert {one.requester for one in taken} == {wired.link.peers[0].name}
 
 
 def test_over_tcp_a_message_may_come_in_pieces_and_a_closed_connection_gives_up_control(

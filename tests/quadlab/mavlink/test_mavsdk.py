@@ -22,7 +22,7 @@ def test_the_example_flies_a_circle_and_downloads_a_run(tmp_path: Path) -> None:
     file = tmp_path / "run.mcap"
     file.write_bytes(contents)
     run = SimpleNamespace(id="run", complete=True, start_ns=10**18)
-    wired.gateway._logs._catalogue = SimpleNamespace(  # type: ignore[assignment]
+    wired.logs._catalogue = SimpleNamespace(  # type: ignore[assignment]
         runs=lambda **_: [run], resolve=lambda _: file
     )
     script = ROOT / "examples/mavsdk_circle.py"

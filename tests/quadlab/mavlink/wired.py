@@ -35,6 +35,7 @@ class Station:
         self.holder, self.closed = "", list[str]()
         self.payloads: dict[str, bytes] = {}
         self.references: list[bytes] = []
+        self.sticks: list[bytes] = []
         self.at = (1.0, 2.0, 0.5)
         self.show()
 
@@ -74,6 +75,9 @@ class Station:
             return None if payload is None else (payload, monotonic_ns())
 
         return newest
+
+    def advertise(self, topic: str) -> Any:
+        return SimpleNamespace(put=self.sticks.append) if topic == "stick" else self
 
     def put(self, payload: bytes, source_ns: int | None = None) -> None:
         self.references.append(payload)
@@ -151,7 +155,7 @@ class Wired:
             Vehicle(self.station),
             self.station.connect,
             self.logs,
-            self.station,
+            self.station.advertise,
             self.changes,
             self.events,
             parse_origin("47.4,8.5,0"),

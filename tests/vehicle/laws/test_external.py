@@ -99,13 +99,13 @@ def test_a_law_of_a_file_hovers_where_it_should_and_nothing_is_compiled_in_its_f
     lab = fly(good())
     before = len(apply_wrench.signatures)  # type: ignore[attr-defined]  # compiled by numba
     assert before >= 1
-    lab.hovering(settling=4.0)
+    lab.hovering(settling=2.5)
     assert len(apply_wrench.signatures) == before  # type: ignore[attr-defined]
     external = lab.stack.law.external
     assert external is not None
     assert external.flown
     assert external.missed == 0
-    assert external.ticks > 2000
+    assert external.ticks > 1500
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.03)
     lab.start("land")
     lab.wait_until(lambda v: not v.armed, what="landed", timeout=15)
@@ -124,8 +124,7 @@ def test_in_the_tick_in_which_a_law_fails_the_built_in_one_already_flies(
     law = Laws(tmp_path).start("mine", GeometricController(), PluginBounds())
     bench = LawBench(law)
     bench.ticks(21)
-    assert law.failure == ""
-    assert not bench.flies_built_in
+    assert (law.failure, bench.flies_built_in) == ("", False)
     bench.ticks(1)
     assert why in law.failure
     assert bench.flies_built_in
@@ -176,12 +175,12 @@ def test_a_law_runs_beside_takes_over_in_flight_and_hands_back(fly: Callable[...
     assert [external.flown] == [False]
     assert 0.0 < external.difference < 1.0
     lab.change({"control.law": "mine"})
-    lab.wait(3.0)
+    lab.wait(1.5)
     assert [external.flown] == [True]
     assert lab.stack.law.external is external
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.05)
     lab.change({"control.law": "geometric"})
-    lab.wait(2.0)
+    lab.wait(1.0)
     assert [external.flown] == [False]
     assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.0], abs=0.05)
     assert "disengaged" not in lab.said

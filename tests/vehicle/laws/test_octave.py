@@ -12,7 +12,8 @@ import pytest
 
 from quadrotor.checkout import ROOT
 from quadrotor.records import Record
-from vehicle.laws.contract import INPUT_TYPE, LAW, OUTPUT_TYPE, hovering, load
+from vehicle.laws.contract import INPUT_TYPE, OUTPUT_TYPE, hovering, load, step
+from vehicle.plugins.contract import as_attributes
 
 EXAMPLES = ROOT / "examples" / "laws"
 MOVED = ("position_w", "velocity_w", "angular_velocity_b", "reference_jerk_w")
@@ -58,7 +59,7 @@ def test_the_script_answers_the_numbers_of_the_example_in_python(octave: socket.
     for number in range(50):
         x, expected = an_input(number, random), np.zeros(1, OUTPUT_TYPE)
         octave.send(x.tobytes())
-        LAW.step(law(x), expected)
+        step(law, as_attributes(x), expected)
         answer = np.frombuffer(octave.recv(1024), OUTPUT_TYPE)
         assert answer["time"] == x["time"]
         assert answer["thrust"] == pytest.approx(expected["thrust"], abs=1e-12)
