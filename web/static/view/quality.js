@@ -28,7 +28,7 @@ export function nextLevel(level, rates) {
 // What the view says of it; "" at full quality.
 /** @param {number} level @param {boolean} software @param {number} rate of the newest sample, NaN before the first */
 export function words(level, software, rate) {
-  const pace = Number.isFinite(rate) ? `, ${Math.round(rate)} Hz` : "";
+  const pace = Number.isFinite(rate) ? rate < 1 ? ", below 1 Hz" : `, ${Math.round(rate)} Hz` : "";
   if (level) return `${software ? "no graphics card: " : ""}reduced quality${pace}`;
   return rate < SLOW ? `drawn slowly${pace}` : "";
 }
