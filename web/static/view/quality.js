@@ -7,7 +7,7 @@ const PATIENCE = 2; // slow samples until less is drawn
 const SAMPLE = 1500, PAUSE = 6000; // ms
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software/i;
 // Pixels for each of the page's; null leaves it to viser.
-export const LEVELS = [{ dpr: null, shadows: true }, { dpr: 0.6, shadows: false }, { dpr: 0.35, shadows: false }];
+export const LEVELS = [{ dpr: null, shadows: true }, { dpr: 0.6, shadows: false }, { dpr: 0.45, shadows: false }];
 
 // Whether WebGL is drawn by the processor.
 function isSoftware() {
