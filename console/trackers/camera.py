@@ -47,14 +47,16 @@ class TagSource(ABC):
             taken_ns = received_ns - self._late_ns
             late = None if stamp_ns is None else stamp_ns - self._late_ns
             try:
-                frame = self._read(grey)
+                frame = self._read(grey, taken_ns if late is None else late)
                 yield frame._replace(stamp_ns=late, received_ns=taken_ns)
             finally:  # also for a refused picture, which shows why
                 self._view.add(taken_ns, grey, *self._seen())
 
     @abstractmethod
-    def _read(self, grey: Picture) -> Frame:
-        """Return the content of a picture, without its stamps. Raises MeasurementError."""
+    def _read(self, grey: Picture, taken_ns: int) -> Frame:
+        """Return the content of a picture taken at that time, of any epoch, without its stamps.
+        Raises MeasurementError.
+        """
 
     @abstractmethod
     def _seen(self) -> tuple[Tags, Collection[int], float]:
@@ -84,7 +86,7 @@ class CameraSource(TagSource):
         self._tracker = TagTracker(load_tags(tags), lens)
         super().__init__(Pictures(camera, lens), view or CameraView())
 
-    def _read(self, grey: Picture) -> Frame:
+    def _read(self, grey: Picture, taken_ns: int) -> Frame:
         bodies = self._tracker.take(grey)
         return Frame(
             None, 0, tuple(Body(name, place, turn) for name, (place, turn) in bodies.items())

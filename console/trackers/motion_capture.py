@@ -2,7 +2,8 @@
 
 The library holds the interpreter while it waits for a server that does not answer; with some
 systems it waits for ever. It therefore runs in a separate process, which is ended when it is silent
-for too long. It does not provide stamps of the system: frames are stamped on reception.
+for too long. It does not provide stamps of the system: frames are stamped on reception. A VRPN
+client of the library looks for frames every 10 ms: they are stamped half way since the last look.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ LIBRARY = "motioncapture"
 PATIENCE = 5.0
 """Seconds for a server to answer, and then for frames to arrive."""
 POLL = 0.05
+POLLED = "vrpn"
+"""The library's client that returns every 10 ms, whether frames have come or not."""
 
 Settings = Callable[[str, int], Mapping[str, str]]
 """Function that returns the library's settings for a server's address and port."""
@@ -115,9 +118,12 @@ def _read(system: str, settings: dict[str, str], report: Callable[[Any], None]) 
         client = motioncapture.connect(system, settings)
     except RuntimeError as error:
         raise UnreachableError(str(error)) from None
+    now = monotonic_ns()
     while True:
+        looked = now
         client.waitForNextFrame()
         now = monotonic_ns()
+        taken = looked + (now - looked) // 2 if system == POLLED else now
         bodies = [
             (
                 name,
@@ -126,5 +132,5 @@ def _read(system: str, settings: dict[str, str], report: Callable[[Any], None]) 
             )
             for name, body in client.rigidBodies.items()
         ]
-        if bodies or system != "vrpn":  # the VRPN library wakes every 10 ms in any case
-            report((now, bodies))
+        if bodies or system != POLLED:  # the VRPN library wakes every 10 ms in any case
+            report((taken, bodies))

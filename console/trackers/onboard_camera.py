@@ -1,4 +1,4 @@
-"""`quadlab tracker onboard_camera`: bearings to tags from a camera on the vehicle.
+"""`quadlab tracker onboard_camera`: bearings to tags or LEDs from a camera on the vehicle.
 
 The station converts them to the vehicle's clock and sends them instead of the emulated ones. It
 also provides the beacons' positions: a picture that does not fit them is marked as doubtful but
@@ -8,7 +8,7 @@ still sent, so that they can be surveyed.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -21,9 +21,11 @@ from console.trackers.camera_view import CameraView
 from console.trackers.process import Tracker, to_epoch
 from console.trackers.source import Frame
 from console.trackers.tracked_vehicle import TopicNames, TrackedVehicle
+from estimation.tags.beacon_markers import load_beacon_markers
 from estimation.tags.detector import Picture, Tags
 from estimation.tags.intrinsics import load_intrinsics
-from estimation.tags.tag_bearings import TagBearings, load_beacon_tags
+from estimation.tags.led_bearings import bearing_reader
+from estimation.tags.tag_bearings import Places
 from vehicle_link import topics
 from vehicle_link.parameters.messages import decode_change
 from vehicle_link.parameters.service import ParameterClient
@@ -33,9 +35,6 @@ from vehicle_link.transport.publisher import Received
 
 FAR_OFF = 3.0
 """Largest deviation of beacons from their positions, pixels rms."""
-
-Places = Mapping[int, Sequence[float]]
-"""Positions of beacons by id, (3,) m, world axes."""
 
 
 class Beacons(Protocol):
@@ -84,7 +83,7 @@ class OnboardCameraSource(TagSource):
 
     Args:
         camera, intrinsics, tags, view: as for `console.trackers.camera.CameraSource`; the tags
-            are read by `estimation.tags.tag_bearings`.
+            are read by `estimation.tags.beacon_markers`.
         beacons: closed with the source.
 
     Raises StorageError, MeasurementError, UnreachableError.
@@ -98,20 +97,20 @@ class OnboardCameraSource(TagSource):
         beacons: Beacons,
         view: CameraView | None = None,
     ) -> None:
-        lens, layout = load_intrinsics(intrinsics), load_beacon_tags(tags)
-        self._reader, self._beacons = TagBearings(layout, lens), beacons
+        lens, layout = load_intrinsics(intrinsics), load_beacon_markers(tags)
+        self._reader, self._beacons = bearing_reader(layout, lens), beacons
         self._left = math.nan
         super().__init__(Pictures(camera, lens), view or CameraView(), round(1e9 * layout.delay))
 
-    def _read(self, grey: Picture) -> Frame:
+    def _read(self, grey: Picture, taken_ns: int) -> Frame:
         self._left = math.nan
-        seen = self._reader.take(grey)
+        seen = self._reader.take(grey, taken_ns, self._beacons.places)
         self._left = self._reader.misfit(seen, self._beacons.places)
         doubt = (
             f"beacons are {self._left:.0f} pixels from their places in the layout, allowed "
             f"{FAR_OFF:g}: survey them (Beacons tab), or the intrinsics are of another camera"
             if self._left > FAR_OFF
-            else ""
+            else self._reader.doubt
         )
         return Frame(None, 0, beacons=seen, doubt=doubt)
 
@@ -146,4 +145,4 @@ class BearingsTracker(Tracker):
             one.measurements.put(payload, stamp_ns)
 
     def _unseen(self, one: TrackedVehicle) -> str:
-        return f"{self._name} sees no beacon; check the light and where the tags are"
+        return f"{self._name} sees no beacon; check the light and where the beacons are"

@@ -76,12 +76,7 @@ class TagDetector:
         tag. A tag whose print does not fit the picture is left out: its corners would be off by a
         pixel. Raises MeasurementError for a picture of another size than the lens's.
         """
-        size, wanted = grey.shape[::-1], (self._lens.width, self._lens.height)
-        if size != wanted:
-            raise MeasurementError(
-                f"a picture of {' x '.join(map(str, size))} pixels, but the intrinsics are of "
-                f"{wanted[0]} x {wanted[1]}: set the camera to that size, or calibrate it at this"
-            )
+        check_size(grey, self._lens)
         corners, numbers, _ = self._detector.detectMarkers(self._readable(grey))
         if numbers is None:
             return []
@@ -130,6 +125,16 @@ class TagDetector:
         size = self._dictionary.markerSize + 2
         tag = cv2.aruco.generateImageMarker(self._dictionary, number, size)
         return np.pad(np.asarray(tag, np.uint8), 1, constant_values=255)
+
+
+def check_size(grey: Picture, lens: Intrinsics) -> None:
+    """Raise MeasurementError for a picture of another size than the lens's."""
+    size, wanted = grey.shape[::-1], (lens.width, lens.height)
+    if size != wanted:
+        raise MeasurementError(
+            f"a picture of {' x '.join(map(str, size))} pixels, but the intrinsics are of "
+            f"{wanted[0]} x {wanted[1]}: set the camera to that size, or calibrate it at this"
+        )
 
 
 def dictionary_of(family: str) -> Any:

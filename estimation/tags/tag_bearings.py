@@ -7,57 +7,24 @@ that its centre can be transformed from the camera's axes to the body's.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field
 
-from estimation.tags.detector import DEFAULT_FAMILY, Picture, TagDetector, Tags
+from estimation.tags.beacon_markers import BeaconMarkers
+from estimation.tags.detector import Picture, TagDetector, Tags
 from estimation.tags.intrinsics import Intrinsics
-from estimation.tags.tag_layout import Size, Strict, TagPlace, Triple, read_tags
+from estimation.tags.tag_layout import TagPlace
 from estimation.tags.tag_pose import NOISE, RESIDUAL_MAX, TagPose, fitting, poses_of
 from quadrotor.records import MAX_BEACONS, Array
-from quadrotor.rotations import quaternion_from_euler, quaternion_to_matrix
 
-DOWN = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-"""R_bc of a camera that looks along the body's -z, with the top of its picture forward."""
+Places = Mapping[int, Sequence[float] | Array]
+"""Positions of beacons by id, (3,) m, world axes."""
+
 LEAST = 4
 """Minimum number of beacons in a picture that shows whether they fit their places."""
-
-
-class Mount(Strict):
-    """A camera on the vehicle."""
-
-    position: Triple = (0.0, 0.0, 0.0)
-    turn: Triple = (0.0, 0.0, 0.0)
-
-    @property
-    def axes_b(self) -> Array:
-        """Return R_bc: columns are the camera's x right, y down in the picture, z forward."""
-        return np.asarray(
-            quaternion_to_matrix(quaternion_from_euler(*np.radians(self.turn))) @ DOWN
-        )
-
-
-class BeaconTags(Strict):
-    """The camera and its tags, from a TOML file.
-
-    Attributes:
-        size: of the tags, m.
-        sizes: of those of another size.
-        delay: s, from the middle of the exposure to the driver's stamp.
-        sigma: deg, of errors that the corners do not show: stamps, the camera's axes, places of
-            tags.
-    """
-
-    size: Size
-    sizes: dict[int, Size] = Field(default_factory=dict)
-    family: str = DEFAULT_FAMILY
-    sigma: Annotated[float, Field(ge=0.01, le=20.0)] = 0.2
-    delay: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
-    camera: Mount = Mount()
 
 
 class Sighting(NamedTuple):
@@ -71,28 +38,51 @@ class Sighting(NamedTuple):
     pixels: Array
 
 
-def load_beacon_tags(path: Path) -> BeaconTags:
-    """Return the content of a file. Raises StorageError, MeasurementError."""
-    return read_tags(path, BeaconTags)
-
-
-class TagBearings:
-    """Finds the beacons in pictures. Raises MeasurementError for an unknown family.
+class BearingReader(ABC):
+    """Finds the beacons in pictures.
 
     Attributes:
-        tags: those in the newest picture.
+        tags: corners of the markers in the newest picture, for people.
+        doubt: a warning about the newest picture, which is still used.
     """
 
-    def __init__(self, tags: BeaconTags, lens: Intrinsics) -> None:
-        self._told, self._lens = tags, lens
-        self._detector = TagDetector(lens, tags.family)
+    def __init__(self, markers: BeaconMarkers, lens: Intrinsics) -> None:
+        self._told, self._lens = markers, lens
+        self._R_bc, self._lens_b = markers.camera.axes_b, np.array(markers.camera.position)
         self.tags: Tags = {}
-        self._R_bc, self._lens_b = tags.camera.axes_b, np.array(tags.camera.position)
+        self.doubt = ""
 
-    def take(self, grey: Picture) -> Sighting:
-        """Return the beacons in a picture. Raises MeasurementError when the picture, a tag in it or
-        the intrinsics are wrong.
+    @abstractmethod
+    def take(self, grey: Picture, taken_ns: int = 0, places_w: Places | None = None) -> Sighting:
+        """Return the beacons in a picture. Raises MeasurementError when the picture, a marker in it
+        or the intrinsics are wrong.
+
+        Args:
+            taken_ns: its time, of any epoch.
+            places_w: of the beacons, (3,) m each, as far as they are known.
         """
+
+    def misfit(self, seen: Sighting, places_w: Places) -> float:
+        """Return the deviation of beacons from their places, pixels rms, for the camera pose that
+        fits best; NaN when too few of them are seen.
+        """
+        known = [k for k, number in enumerate(seen.beacon_ids) if number in places_w]
+        if len(known) < LEAST:
+            return math.nan
+        places = np.array([places_w[seen.beacon_ids[k]] for k in known], float)
+        poses = poses_of(places, seen.pixels[known], self._lens)
+        return poses[0].residual if poses else math.inf
+
+
+class TagBearings(BearingReader):
+    """Finds tags. Raises MeasurementError for an unknown family."""
+
+    def __init__(self, markers: BeaconMarkers, lens: Intrinsics) -> None:
+        super().__init__(markers, lens)
+        assert markers.size is not None
+        self._detector, self._size = TagDetector(lens, markers.family), markers.size
+
+    def take(self, grey: Picture, taken_ns: int = 0, places_w: Places | None = None) -> Sighting:
         self.tags = {}
         self.tags = self._detector.tags(grey)
         return self.seen(self.tags)
@@ -114,19 +104,8 @@ class TagBearings:
             _pixels(centres, self._lens),
         )
 
-    def misfit(self, seen: Sighting, places_w: Mapping[int, Sequence[float] | Array]) -> float:
-        """Return the deviation of beacons from their places, pixels rms, for the camera pose that
-        fits best; NaN when too few of them are seen.
-        """
-        known = [k for k, number in enumerate(seen.beacon_ids) if number in places_w]
-        if len(known) < LEAST:
-            return math.nan
-        places = np.array([places_w[seen.beacon_ids[k]] for k in known], float)
-        poses = poses_of(places, seen.pixels[known], self._lens)
-        return poses[0].residual if poses else math.inf
-
     def _pose(self, number: int, tags: Tags) -> TagPose:
-        size = self._told.sizes.get(number, self._told.size)
+        size = self._told.sizes.get(number, self._size)
         place = {number: TagPlace(size=size, position=(0.0, 0.0, 0.0))}
         poses = fitting(f"the corners of tag {number}", place, tags, self._lens, RESIDUAL_MAX)
         return poses[0]

@@ -30,7 +30,7 @@ class Tracker:
         tyro.conf.Positional,
     ]
     """the tracking system; udp receives lines stamp,name,x,y,z,qw,qx,qy,qz; onboard_camera measures
-    bearings to tags that serve as beacons, which replace the emulated ones"""
+    bearings to tags or LEDs that serve as beacons, which replace the emulated ones"""
     body: Annotated[
         tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="[VEHICLE=]NAME")
     ] = ()
@@ -51,7 +51,8 @@ class Tracker:
     intrinsics: File = None
     """camera and onboard_camera: file that `quadlab camera` wrote"""
     tags: File = None
-    """camera and onboard_camera: TOML file with the tags and their places"""
+    """camera and onboard_camera: TOML file with the tags and their places, or with the LEDs and how
+    often they blink"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback"""
 

@@ -1,11 +1,13 @@
 """A camera on the simulated vehicle: its pictures are rendered, and read as real pictures are.
 
-Beacons are tags in the plane of their layout that face the middle of the room.
+Beacons are tags in the plane of their layout that face the middle of the room, or LEDs behind a
+diffuser, with a short exposure in which little else is bright.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,9 +16,10 @@ from bearing_sim.bearing_parameters import parse_lost
 from bearing_sim.pose_track import PoseTrack
 from bearing_sim.rendered_camera import Pattern, RenderedCamera
 from bearing_sim.sampling import SECOND_NS, DelayLine, InstantGrid
+from estimation.tags.beacon_markers import BeaconMarkers, Mount
 from estimation.tags.detector import Picture, TagDetector, marked_picture
 from estimation.tags.intrinsics import Intrinsics
-from estimation.tags.tag_bearings import BeaconTags, Mount, TagBearings
+from estimation.tags.led_bearings import bearing_reader
 from quadlab.simulated.parameters import CameraParameters
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Array
@@ -27,6 +30,13 @@ IN_TIME = 0.9
 """Share of the period after which a picture for people counts as due."""
 MIDDLE = np.array([0.0, 0.0, 1.0])
 """Middle of the room, m, world axes."""
+LED_SIZE, PLATE = 0.03, 0.045
+"""Diameter of an LED's diffuser, and side of the black plate that it is on, m."""
+DIM, BRIGHT, DARK = 90, 230, 8.0
+"""Grey levels of an LED, and of the room behind it."""
+_ACROSS = np.linspace(-0.5, 0.5, 24) * PLATE
+DISC = np.hypot(_ACROSS, _ACROSS[:, None]) < 0.5 * LED_SIZE
+"""Pixels of the plate's picture that are lit."""
 
 
 class OnboardCamera:
@@ -45,16 +55,18 @@ class OnboardCamera:
         self._rendered = RenderedCamera(
             WIDTH, HEIGHT, matrix, exposure=camera.exposure, readout=camera.readout
         )
+        self._leds: dict[int, float] = {}
+        if camera.markers == "leds":
+            self._rendered = replace(self._rendered, background=DARK)
+            self._leds = {n: 2.0 + k for k, n in enumerate(self.beacons.ids.tolist())}
         mount = Mount(
             position=(camera.position_x, camera.position_y, camera.position_z),
             turn=(p.mount_roll, p.mount_pitch, p.mount_yaw),
         )
         self.lens = Intrinsics(WIDTH, HEIGHT, matrix, self._rendered.distortion)
-        tags = BeaconTags(size=camera.tag_size, camera=mount, sigma=camera.sigma)
-        self._reader, self._prints = (
-            TagBearings(tags, self.lens),
-            TagDetector(self.lens, tags.family),
-        )
+        size = None if self._leds else camera.tag_size
+        markers = BeaconMarkers(size=size, leds=self._leds, camera=mount, sigma=camera.sigma)
+        self._reader, self._prints = bearing_reader(markers, self.lens), TagDetector(self.lens)
         self._R_bc, self._lens_b = mount.axes_b, np.array(mount.position)
         self._random = np.random.default_rng(p.seed)
         self._grid, self._track = InstantGrid(), PoseTrack()
@@ -82,7 +94,7 @@ class OnboardCamera:
         for instant_ns in self._grid.between(after_ns, stamp_ns, self.parameters.rate):
             pose = self._track.at(instant_ns)
             at = np.array(pose.position_w), quaternion_to_matrix(np.array(pose.quaternion_wb))
-            self._read(instant_ns, self.picture(*at, velocity_w, turning_b))
+            self._read(instant_ns, self.picture(*at, velocity_w, turning_b, instant_ns))
 
     def due(self, now_ns: int) -> list[BearingMeasurement]:
         """Return the frames that have arrived by `now_ns`, in order."""
@@ -97,7 +109,7 @@ class OnboardCamera:
         return parse_layout(self.parameters.layout)
 
     def picture(
-        self, position_w: Array, R_wb: Array, velocity_w: Array, turning_b: Array
+        self, position_w: Array, R_wb: Array, velocity_w: Array, turning_b: Array, stamp_ns: int = 0
     ) -> Picture:
         """Return what the camera sees from a vehicle with this pose and motion: m/s, rad/s."""
         beacons, lost = self.beacons, parse_lost(self.parameters.lost)
@@ -107,8 +119,7 @@ class OnboardCamera:
             if lost is None or number in lost:
                 continue
             from_body = R_wb.T @ (place_w - position_w)
-            picture = self._prints.picture(number)
-            wide = self._camera.tag_size * len(picture) / (len(picture) - 2)
+            picture, wide = self._marker(number, 1e-9 * stamp_ns)
             patterns.append(
                 Pattern(
                     picture,
@@ -121,11 +132,22 @@ class OnboardCamera:
             )
         return self._rendered.take(patterns, self._random)
 
+    def _marker(self, number: int, at: float) -> tuple[Picture, float]:
+        """Return the picture of a beacon at a time (s), and its side in m."""
+        if not self._leds:
+            picture = self._prints.picture(number)
+            return picture, self._camera.tag_size * len(picture) / (len(picture) - 2)
+        # No two LEDs start together, and none keeps its rate exactly.
+        turns = 1.002 * self._leds[number] * at + 0.37 * number
+        return np.where(DISC, DIM if turns % 1.0 < 0.5 else BRIGHT, 0).astype(np.uint8), PLATE
+
     def _read(self, stamp_ns: int, grey: Picture) -> None:
         p = self.parameters
         self.pictures += 1
         try:
-            seen = self._reader.take(grey)
+            beacons = self.beacons
+            places = dict(zip(beacons.ids.tolist(), beacons.positions_w, strict=True))
+            seen = self._reader.take(grey, stamp_ns, places)
         except MeasurementError:  # withheld, as in the tracker process
             self.unread += 1
             return

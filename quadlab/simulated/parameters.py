@@ -13,7 +13,9 @@ class CameraParameters(Parameters):
     """The camera on the simulated vehicle; its mount, rate and delay are those of `bearings`."""
 
     enabled: bool = parameter(False)
-    """bearings are found in rendered pictures of tags, not emulated"""
+    """bearings are found in rendered pictures of the beacons, not emulated"""
+    markers: str = parameter("tags", choices=("tags", "leds"))
+    """what the beacons are: printed tags, or LEDs that blink 2, 3, 4, … times a second"""
     field_of_view: float = parameter(90.0, unit="deg", ge=20, le=130, step=5)
     """across the picture of 640 x 480"""
     tag_size: float = parameter(0.2, unit="m", ge=0.02, le=1, step=0.01)

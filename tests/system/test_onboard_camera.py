@@ -28,7 +28,7 @@ from vehicle_link.transport.session import loopback_session
 pytestmark = pytest.mark.timeout(300)
 PLACE = np.array([0.3, -0.2, 1.1])
 TAGS = "size = 0.2\n[camera]\nposition = [0.05, 0, -0.03]\nturn = [0, -90, 0]\n"
-RATE, SECONDS = 15.0, 40
+RATE, SECONDS = 5.0, 40
 AGE = 0.5
 """Age, in s, before which a bearing must arrive to be of use to the vehicle."""
 ENOUGH = 10

@@ -60,6 +60,7 @@ class Traits(msgspec.Struct, frozen=True):
     takes: tuple[CommandKind, ...]
     parameters: dict[str, ParameterValue] = {}  # values that replace the defaults
     reports_pressure: bool = True  # otherwise only the board itself can descend by a barometer
+    line_ns: int = 0  # time of a sample on the line, which its stamp does not include
 
     @property
     def direct(self) -> CommandKind:

@@ -63,7 +63,7 @@ class Comms:
 
     def __init__(self, config: VehicleConfig, rings: Rings, node: Node) -> None:
         self._rings = rings
-        self._clock = VehicleClock()
+        self._clock = VehicleClock(config.line_ns)
         self._flight = FlightMailbox(rings)
         offer_plugins(Path(config.data) / PLUGINS)
         self._parameters = FlightParameters(self._flight, config.parameters)

@@ -57,6 +57,7 @@ class VehicleConfig(msgspec.Struct, frozen=True, kw_only=True):
     refused_calibrations: list[int] = []  # stamps (ns) of records that do not apply
     notices: list[tuple[int, str]] = []  # (level, text) of events at the start
     packets: int = PACKETS_A_SECOND  # telemetry packets a second
+    line_ns: int = 0  # time of a sample on the line, from its stamp on
     instance: int = 0  # of the vehicle's parent process; unchanged by a restart of comms
 
 

@@ -21,7 +21,7 @@ import msgspec
 from quadrotor.checkout import PREFIX, ROOT, RUN_MODULE
 from quadrotor.errors import StorageError
 from quadrotor.parameters import ParameterValue
-from vehicle.boards.kind import MIKROKOPTER
+from vehicle.boards.kind import MIKROKOPTER, find_kind
 from vehicle.calibration.store import FOLDER, CalibrationStore
 from vehicle.processes import mailbox
 from vehicle.processes.config import PACKETS_A_SECOND, VehicleConfig, create_rings
@@ -164,6 +164,7 @@ def run_vehicle(
         refused_calibrations=refused,
         notices=notices,
         packets=packets,
+        line_ns=find_kind(board).traits.line_ns if ports else 0,
         instance=new_instance(),
     )
     signals = _Signals()

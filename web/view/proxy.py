@@ -92,7 +92,7 @@ def _read(frame: bytes | None) -> _Upward:
     try:
         return _decode(frame)
     except msgspec.DecodeError as error:
-        raise HostileError("that is no message of viser") from error
+        raise HostileError("this is not a message of viser") from error
 
 
 class Upstream:

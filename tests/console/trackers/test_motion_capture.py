@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import sys
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -42,6 +47,22 @@ def test_frames_of_the_library_are_bodies_stamped_where_they_are_received(
     np.testing.assert_allclose(body.quaternion_wb, (0.6, 0.0, 0.0, 0.8), atol=1e-6)
     assert first.stamp_ns is None
     assert second.received_ns > first.received_ns
+
+
+def test_vrpn_poses_are_stamped_half_way_since_the_library_looked_last(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rotation = SimpleNamespace(w=1.0, x=0.0, y=0.0, z=0.0)
+    body = SimpleNamespace(position=(0.0, 0.0, 1.0), rotation=rotation)
+    client = SimpleNamespace(waitForNextFrame=lambda: None, rigidBodies={"cf7": body})
+    library = SimpleNamespace(connect=lambda system, settings: client)
+    monkeypatch.setitem(sys.modules, "motioncapture", library)
+    for system, stamps in (("vrpn", [5, 20]), ("optitrack", [10, 30])):
+        times, reported = iter([0, 0, 10, 30]), list[Any]()
+        monkeypatch.setattr(motion_capture, "monotonic_ns", partial(next, times))
+        with pytest.raises(StopIteration):
+            motion_capture._read(system, {}, reported.append)
+        assert [stamp for stamp, _ in reported[1:]] == stamps
 
 
 def test_a_host_that_no_one_knows_is_named() -> None:

@@ -112,6 +112,27 @@ def test_a_black_picture_is_told_and_the_next_one_read(files: Path) -> None:
     assert seen.beacon_ids == [1, 2, 3, 4]
 
 
+def test_leds_in_a_video_are_the_beacons_whose_blinks_the_file_names(tmp_path: Path) -> None:
+    parameters = BearingParameters(layout="wall", mount_pitch=-90.0)
+    camera = OnboardCamera(parameters, CameraParameters(exposure=0.0, markers="leds"))
+    still = PLACE, np.eye(3), np.zeros(3), np.zeros(3)
+    pictures = [camera.picture(*still, round(1e9 * k / 30.0)) for k in range(32)]
+    write(tmp_path / "leds.avi", pictures, 30.0)
+    camera.lens.save(tmp_path / "camera.yaml")
+    leds = "[leds]\n1 = 2.0\n2 = 3.0\n3 = 4.0\n4 = 5.0\n"
+    (tmp_path / "leds.toml").write_text(leds + TAGS.removeprefix("size = 0.2\n"))
+    source = OnboardCameraSource(
+        tmp_path / "leds.avi",
+        tmp_path / "camera.yaml",
+        tmp_path / "leds.toml",
+        Notification(BEACONS),
+    )
+    seen = (frame.beacons for frame in source.frames())
+    found = next(one for one in seen if one is not None and one.beacon_ids)
+    assert found.beacon_ids == [1, 2, 3, 4]
+    np.testing.assert_allclose(found.bearings_b, true_bearings(), atol=1e-3)
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [

@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from estimation.tags.beacon_markers import BeaconMarkers, Mount, load_beacon_markers
 from estimation.tags.intrinsics import Intrinsics
-from estimation.tags.tag_bearings import BeaconTags, Mount, TagBearings, load_beacon_tags
+from estimation.tags.tag_bearings import TagBearings
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Array
 from quadrotor.rotations import rotation_exp
@@ -21,7 +22,7 @@ from tests.estimation.tags.rendered import CAMERA, LENS, MATRIX, tag
 SIZE = 0.15
 PLACES = {1: (-0.3, 0.2, 0.0), 2: (0.3, 0.2, 0.0), 3: (0.3, -0.2, 0.0), 7: (-0.3, -0.2, 0.1)}
 """Tags on the floor, m."""
-TAGS = BeaconTags(
+TAGS = BeaconMarkers(
     size=SIZE, sigma=0.01, camera=Mount(position=(0.1, -0.05, -0.04), turn=(4.0, -3.0, 15.0))
 )
 PLACE, R_WB = np.array([0.1, 0.05, 1.9]), rotation_exp(np.array([0.05, 0.06, -0.2]))
@@ -107,14 +108,14 @@ def test_corners_that_fit_no_square_are_told_with_what_is_left() -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("", "size Field required"),
+        ("", "needs either size"),
         ("size = 0.2\n[camera]\nturn = [0, 0]", r"camera\.turn\.2"),
         ("size = -1", "size"),
         ("size = 0.2\nsise = 3", "sise"),
-        ("[bodies.quad1.3]\nsize = 1", "size Field required"),
+        ("[bodies.quad1.3]\nsize = 1", "bodies"),
     ],
 )
 def test_files_that_do_not_say_it_are_told(tmp_path: Path, text: str, told: str) -> None:
     (tmp_path / "beacons.toml").write_text(text)
     with pytest.raises(MeasurementError, match=told):
-        load_beacon_tags(tmp_path / "beacons.toml")
+        load_beacon_markers(tmp_path / "beacons.toml")

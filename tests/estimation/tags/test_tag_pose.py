@@ -49,6 +49,34 @@ def test_a_tag_seen_from_the_side_is_read_from_four_metres() -> None:
     assert found.count(3) == len(found) >= 7
 
 
+@pytest.mark.parametrize("blur", [0.4, 0.6, 0.9])
+def test_a_tag_seen_from_the_side_is_not_found_too_far_away_whatever_the_blur_of_the_lens(
+    blur: float,
+) -> None:
+    random, detector = np.random.default_rng(11), TagDetector(LENS)
+    camera, too_far = replace(CAMERA, blur=blur), []
+    for turn in np.linspace(0.0, 3.0, 8):
+        R_ct = FACING @ rotation_exp(np.array([0.0, 0.0, turn]))
+        R_ct = rotation_exp(np.array([np.radians(56.0), 0.0, 0.0])) @ R_ct
+        position_c = np.array([*random.uniform(-0.3, 0.3, 2), 3.0])
+        for _, pixels in detector.detect(camera.take([tag(3, position_c, R_ct)], random)):
+            pose = likeliest(poses_of(CORNERS, pixels, LENS), R_ct)
+            too_far.append(pose.position_c[2] - position_c[2])
+    assert len(too_far) >= 7
+    assert abs(np.mean(too_far)) < 0.005  # with a fixed blur of 0.75: -9 mm at 0.4, 25 mm at 0.9
+
+
+def test_a_tag_far_from_the_bodys_origin_gives_its_pose_alone() -> None:
+    """OpenCV's solver of flat targets takes only points about their middle."""
+    points, position_c = CORNERS + np.array([0.0, 0.0, 0.03]), np.array([-0.4, -0.15, 3.8])
+    for turn in np.linspace(0.0, 3.0, 10):
+        R_cb = FACING @ rotation_exp(np.array([np.radians(-64.0), 0.0, 0.0]))
+        R_cb = R_cb @ rotation_exp(np.array([0.0, 0.0, turn]))
+        poses = poses_of(points, CAMERA.project(points @ R_cb.T + position_c), LENS)
+        assert poses[0].residual < 1e-4
+        np.testing.assert_allclose(poses[0].position_c, position_c, atol=1e-3)
+
+
 def test_noise_of_the_corners_alone_gives_poses_at_the_bound() -> None:
     random = np.random.default_rng(8)
     ratios = []

@@ -64,6 +64,13 @@ def test_the_least_delayed_tick_sets_the_clock(fake_time: FakeTime) -> None:
     assert clock.now_ns() == START_NS + 2 * SECOND - MS // 10
 
 
+def test_the_time_of_a_sample_on_the_line_is_no_part_of_the_delay(fake_time: FakeTime) -> None:
+    clock = VehicleClock(3 * MS)
+    clock.observe(START_NS, 3 * MS + MS // 10)
+    fake_time.monotonic = 5 * MS
+    assert clock.now_ns() == START_NS + 5 * MS - MS // 10
+
+
 def test_the_clock_follows_drift(fake_time: FakeTime) -> None:
     clock, rate = VehicleClock(), 1 - 50e-6  # the vehicle's clock is slow by 50 ppm
     for k in range(6000):

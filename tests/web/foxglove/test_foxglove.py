@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import struct
 import time
 from collections.abc import Callable
@@ -203,7 +204,10 @@ def test_a_link_opens_the_viewers_which_only_watch(
     layout = admin.get("/api/foxglove/layout")
     assert "VEHICLE" not in layout.text
     assert "/quad1/state" in layout.text
-    assert {"layout", "configById"} <= layout.json().keys()
+    shown = set(re.findall(r'"(\w+![a-z]+)"', json.dumps(layout.json()["layout"])))
+    assert shown == layout.json()["configById"].keys()
+    named = set(re.findall(r'(?:Topic"|"value"|ToRender"): "/quad1/(\w+)', layout.text))
+    assert {"camera_picture", "tracker_picture"} <= named <= TOPICS.keys()
 
 
 def refusal(site: Any, path: str, **arguments: Any) -> tuple[int, str]:

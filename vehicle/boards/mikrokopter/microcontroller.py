@@ -22,7 +22,7 @@ from quadrotor.errors import OutOfBoundsError
 from quadrotor.parameters import Parameters
 from vehicle.boards.board import Command, CommandKind, RawSample, Traits
 from vehicle.boards.kind import Kind
-from vehicle.boards.mikrokopter.clock import MicrocontrollerClock
+from vehicle.boards.mikrokopter.clock import FRAME_NS, MicrocontrollerClock
 from vehicle.boards.mikrokopter.motor_bus import MotorBus
 from vehicle.boards.mikrokopter.ports import MicrocontrollerPorts
 from vehicle.boards.mikrokopter.sample_stamps import FineStamps
@@ -53,7 +53,7 @@ REPEAT_COMMAND_S = 0.006
 KEEP_COMMAND_S = 0.04
 """Oldest command that is sent: an old one must not keep the microcontroller from landing."""
 
-TRAITS = Traits("mikrokopter", (CommandKind.MOTORS, CommandKind.ANGLES))
+TRAITS = Traits("mikrokopter", (CommandKind.MOTORS, CommandKind.ANGLES), line_ns=FRAME_NS)
 
 _MOTOR_STATES = tuple(MotorState)
 _MODES = frozenset(FlightControlMode)

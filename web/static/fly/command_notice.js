@@ -5,7 +5,7 @@
 
 import { element, setText } from "../core/dom.js";
 import { icon } from "../icons/icons.js";
-import { seconds, words } from "../core/format.js";
+import { reasonOf, seconds, words } from "../core/format.js";
 
 const SOON = 400; // ms without an answer, after which it is told how long
 const UNKNOWN = 10_000; // ms from the press: what is not shown by then is not known
@@ -47,7 +47,7 @@ export class CommandNotice {
       if (this.asked !== asked) return false; // shown by the vehicle meanwhile, or a newer command
       if (isOpen(error) && asked.shows) asked.problem = error.message;
       else if (isOpen(error) && shows) this.unknown(label);
-      else this.refuse(`${label ? `${label}: ` : ""}${error.message}`, error.status === NOBODY);
+      else this.refuse(label ? `${label}: ${reasonOf(error.message)}` : error.message, error.status === NOBODY);
       this.isArming = label === "arm";
       return false;
     }

@@ -3,7 +3,7 @@
 
 import { request } from "../core/api.js";
 import { setIfChanged, setText } from "../core/dom.js";
-import { duration, fixed } from "../core/format.js";
+import { duration, fixed, reasonOf } from "../core/format.js";
 
 const PAUSE = 400; // ms of typing or pointing
 const HINT = "Point at a trajectory, or change a field, to see its path in the 3D view.";
@@ -33,7 +33,7 @@ export class Preview {
     const found = await request("POST", "/api/trajectories/preview", { arguments: values }).catch((error) => ({ refusal: error.message }));
     if (asked !== this.asked) return;
     const { duration: lasts, speed, refusal } = found;
-    this.say(refusal ? `${label}: ${refusal.replace(/^follow_trajectory refused: /, "")}` : `${label}: ${duration(lasts)}, up to ${fixed(speed, 2)} m/s; the vehicle can fly it.`, refusal ? "warn" : "good");
+    this.say(refusal ? `${label}: ${reasonOf(refusal)}` : `${label}: ${duration(lasts)}, up to ${fixed(speed, 2)} m/s; the vehicle can fly it.`, refusal ? "warn" : "good");
   }
 
   say(text, tone = "") {

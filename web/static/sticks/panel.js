@@ -104,7 +104,7 @@ class StickPanel {
       if (!this.status) return "On, but no data from the vehicle.";
       if (landing(this.status)) return `On, but ${landing(this.status)}.`;
       if (OBEYING[this.behavior]) return `On: ${commanded(this.behavior, sticks.sent, this.limit, this.holds)}.`;
-      return this.isFlying ? `On, but ${words(this.behavior)} does not use the sticks: start ${Object.values(OBEYING).join(" or ")}.` : "On, but sticks work only in flight: arm and take off first.";
+      return this.isFlying ? `On, but ${words(this.behavior)} ignores the sticks: start ${Object.values(OBEYING).join(" or ")}.` : "On, but sticks work only in flight: arm and take off first.";
     }
     if (sticks.held && sticks.why) return /release|press/.test(sticks.why) ? `Off: ${sticks.why}.` : `Off: ${this.reason(sticks.why)}. ${this.step}`;
     if (sticks.editing) return "Off while the pad is being set up.";

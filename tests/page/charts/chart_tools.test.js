@@ -1,13 +1,13 @@
 import assert from "node:assert/strict";
 import { beforeEach, test } from "node:test";
 
-import "./browser.js";
+import "../browser.js";
 
-const { documentOf, recorded } = await import("../../web/static/charts/svg.js");
-const { csvOf } = await import("../../web/static/charts/save.js");
-const { derive, derivedSignals, forget, isDerived } = await import("../../web/static/charts/derived.js");
-const { figuresOf } = await import("../../web/static/charts/figures.js");
-const { difference } = await import("../../web/static/compare/source.js");
+const { documentOf, recorded } = await import("../../../web/static/charts/svg.js");
+const { csvOf } = await import("../../../web/static/charts/save.js");
+const { derive, derivedSignals, forget, isDerived } = await import("../../../web/static/charts/derived.js");
+const { figuresOf } = await import("../../../web/static/charts/figures.js");
+const { difference } = await import("../../../web/static/compare/source.js");
 
 beforeEach(() => localStorage.clear());
 
