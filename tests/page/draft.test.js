@@ -14,7 +14,7 @@ test("a target says where it is and is flown to by fly_to, once it was found to 
   for (const [change, status, why] of [[{}, null, "no data from the vehicle"], [{}, { airborne: false }, "take off first"], [{ checked: false }, HOVERS, "being checked"], [{ refusal: "follow_trajectory refused: the path's x = 4.00 m is outside" }, HOVERS, "the vehicle cannot fly it"]]) {
     assert.equal(stepOf({ ...target, ...change }, status).why, why);
   }
-  assert.equal(noteOf({ ...target, refusal: "follow_trajectory refused: the path is outside" }), "the path is outside");
+  assert.equal(noteOf({ ...target, refusal: "follow_trajectory refused: x = 4 m is outside; allowed -3 to 3 m (behavior.volume_x_min, behavior.volume_x_max); make it smaller" }), "x = 4 m is outside; allowed -3 to 3 m; make it smaller");
 });
 
 test("way-points are flown in the order in which they were set, from hover", () => {

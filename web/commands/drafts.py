@@ -17,11 +17,12 @@ from fastapi import FastAPI
 from pydantic import Field
 
 from quadrotor.errors import OutOfBoundsError, QuadlabError, RefusedError
+from web.beacons.shapes import Point
 from web.body import Body
 from web.commands.trajectories import Arguments, TrajectoryMonitor
 from web.live.events import Message
 from web.requester import Operator
-from web.view.draft import MOST, Draft, DraftView, Kind, Point, is_sound, text_of
+from web.view.draft import MOST, Draft, DraftView, Kind, is_sound, text_of
 from web.view.lines import Box
 
 PERIOD = 0.05  # s between two judgements while it is dragged

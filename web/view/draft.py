@@ -153,8 +153,8 @@ class DraftView:
 
     def _show_box(self, draft: Draft | None) -> None:
         if draft is not None and draft.kind == "volume":
-            low, high = draft.points
-            lines = edges(tuple(zip(low, high, strict=True)))
+            (x0, y0, z0), (x1, y1, z1) = draft.points
+            lines = edges(((x0, x1), (y0, y1), (z0, z1)))
             if self._box is None:
                 self._box = self._api.add_line_segments(
                     "/draft/box",
@@ -171,9 +171,9 @@ class DraftView:
         """Let browsers offer clicks, which end at the pump as drags do."""
         self._server.on_click = self._clicked if listens else None
         if listens:
-            self._api.on_click()(only_offered)
+            self._api.on_click()(_only_offered)
         else:
-            self._api.remove_click_callback(only_offered)
+            self._api.remove_click_callback(_only_offered)
 
     def _dragged(self, drag: Drag) -> None:
         draft, grip = self._draft, self._grips.get(drag.name)
@@ -202,6 +202,10 @@ class DraftView:
         met = on_plane(click.eye, click.through, GROUND, UP)
         if met is not None and max(map(abs, met)) < FARTHEST:
             self.on_edit(draft.clicked(met))
+
+
+def _only_offered(_: Any) -> None:
+    """Do nothing, as `only_offered`."""
 
 
 def _minus(a: Point, b: Point) -> Point:

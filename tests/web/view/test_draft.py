@@ -9,6 +9,7 @@ from typing import Any, cast
 import pytest
 
 from control.behaviors.preview import preview
+from tests.support.narrowing import now
 from vehicle_link.messages import decode, encode, new
 from web.beacons.drag import Click, Drag, Phase, click_of
 from web.beacons.shapes import Point, along_axis
@@ -49,7 +50,8 @@ class Desk:
 
     def drag(self, name: str, *places: Point, who: str = ME) -> None:
         """Drag a handle along places that the pointer covers."""
-        phases: list[Phase] = ["start", *["update"] * (len(places) - 1), "end"]
+        updates: list[Phase] = ["update"] * (len(places) - 1)
+        phases: list[Phase] = ["start", *updates, "end"]
         for phase, place in zip(phases, (*places, places[-1]), strict=True):
             self.server.draggable[name](Drag(name, phase, place, EYE, who))
 
@@ -150,7 +152,7 @@ def test_closed_drafts_show_nothing_and_take_no_pointer(desk: Desk) -> None:
     desk.drafts.close()
     assert desk.told[-1] == {"type": "draft", "draft": None}
     assert not any(name.startswith("/draft") for name in desk.server.draggable)
-    assert desk.server.on_click is None
+    assert now(desk.server).on_click is None
 
 
 def test_what_is_no_click_is_none() -> None:

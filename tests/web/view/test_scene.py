@@ -269,7 +269,8 @@ def test_layers_are_hidden_and_the_error_is_drawn_magnified(server: ViewServer) 
     handles = now(server.viser.scene._handle_from_node_name)
     shown = {name: handles[name].visible for name in ("/truth", "/volume", "/ground", "/error")}
     assert shown == {"/truth": False, "/volume": False, "/ground": False, "/error": True}
-    np.testing.assert_allclose(handles["/error"].points[0], [(0, 0, 1.02), (0, 0, 0.02)], atol=1e-5)
+    error: Any = handles["/error"]
+    np.testing.assert_allclose(error.points[0], [[0.0, 0.0, 1.02], [0.0, 0.0, 0.02]], atol=1e-5)
 
 
 def test_the_path_has_the_colours_of_the_chosen_signal_from_its_choice_on(
@@ -283,7 +284,7 @@ def test_the_path_has_the_colours_of_the_chosen_signal_from_its_choice_on(
         x, y, z = fly(live, 0.1 * k)
         live.put("state", odometry(x, y, z - 0.1))
         scene.update(0.1 * k)
-    head = now(server.viser.scene._handle_from_node_name)["/flown/head"]
+    head: Any = now(server.viser.scene._handle_from_node_name)["/flown/head"]
     assert head.colors[0, 0].tolist() == list(line_color(RAMP[-1]))
     scene.show(ViewOptions())
     assert head.colors.shape == (3,)

@@ -70,7 +70,8 @@ export class TouchPads {
   open(wanted) {
     hide(this.place, !wanted);
     document.body.classList.toggle("touches", wanted);
-    if (!wanted) this.sticks.clear();
+    if (wanted) scrollTo(0, 0); // to the 3D view
+    else this.sticks.clear();
   }
 
   draw(isOn) {

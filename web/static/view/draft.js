@@ -31,7 +31,7 @@ export class DraftBar {
     this.go = flightButton(element("button", { className: "go", onclick: () => this.press() }));
     this.back = element("button", { title: "take the last way-point away", onclick: () => this.open("waypoints", this.draft.points.slice(0, -1)) }, "Undo point");
     this.cancel = element("button", { onclick: () => this.close() }, "Cancel");
-    this.bar = element("div", { id: "draft", hidden: true }, this.title, this.shape, this.note, element("span", { className: "acts" }, this.back, this.go, this.cancel));
+    this.bar = element("div", { id: "draft", hidden: true }, element("div", { className: "words" }, this.title, this.shape, this.note), element("span", { className: "acts" }, this.back, this.go, this.cancel));
     place.append(this.tools, this.bar);
     this.isOperator = isOperator;
     events.on("hello", ({ draft }) => this.show(draft ?? null));
@@ -87,6 +87,7 @@ export class DraftBar {
     const { label, why } = stepOf(draft, this.status);
     setText(this.title, titleOf(draft, this.shaped?.label));
     setText(this.note, mine ? `${noteOf(draft)}${why && !draft.refusal ? ` · ${why}` : ""}` : `prepared by ${draft.by}`);
+    setIfChanged(this.note, "title", this.note.textContent);
     setIfChanged(this.bar, "className", draft.refusal ? "refused" : "");
     setText(this.go, label);
     setIfChanged(this.go, "disabled", Boolean(why));

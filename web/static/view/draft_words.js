@@ -10,6 +10,7 @@ import { duration, fixed } from "../core/format.js";
  */
 
 const THERE = 0.05; // m: a trajectory starts where the vehicle hovers
+const PARAMETERS = / \(behavior\.[^)]*\)/;
 const OWN_NAMES = /^(follow_trajectory|fly_to) refused: /;
 
 /** @param {Point} point */
@@ -30,7 +31,7 @@ export function titleOf({ kind, points }, label) {
 /** @param {Draft} draft */
 export function noteOf({ kind, checked, refusal, duration: lasts, speed }) {
   if (kind === "volume") return "Drag the faces.";
-  if (refusal) return refusal.replace(OWN_NAMES, "");
+  if (refusal) return refusal.replace(OWN_NAMES, "").replace(PARAMETERS, "");
   if (!checked || lasts === null || lasts === undefined) return "checking …";
   return `${duration(lasts)}, up to ${fixed(speed ?? 0, 2)} m/s`;
 }

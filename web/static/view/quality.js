@@ -7,7 +7,7 @@ const PATIENCE = 2; // slow samples until less is drawn
 const SAMPLE = 1500, PAUSE = 6000; // ms
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software/i;
 // Pixels for each of the page's; null leaves it to viser.
-export const LEVELS = [{ dpr: null, shadows: true }, { dpr: 0.6, shadows: false }, { dpr: 0.35, shadows: false }];
+export const LEVELS = [{ dpr: null, shadows: true }, { dpr: 0.6, shadows: false }, { dpr: 0.45, shadows: false }];
 
 // Whether WebGL is drawn by the processor.
 function isSoftware() {
@@ -28,7 +28,7 @@ export function nextLevel(level, rates) {
 // What the view says of it; "" at full quality.
 /** @param {number} level @param {boolean} software @param {number} rate of the newest sample, NaN before the first */
 export function words(level, software, rate) {
-  const pace = Number.isFinite(rate) ? `, ${Math.round(rate)} Hz` : "";
+  const pace = Number.isFinite(rate) ? rate < 1 ? ", below 1 Hz" : `, ${Math.round(rate)} Hz` : "";
   if (level) return `${software ? "no graphics card: " : ""}reduced quality${pace}`;
   return rate < SLOW ? `drawn slowly${pace}` : "";
 }
