@@ -181,6 +181,7 @@ class BaseStation:
             self._node,
             self._store,
             self.link.refusal,
+            self.link.deadline_ns,
             self.runs.by_hand,
             self.control.permit,
             self.experiments.commanded,

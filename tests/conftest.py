@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import gc
 import os
@@ -10,7 +11,7 @@ import subprocess
 import tempfile
 from collections.abc import Generator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import hypothesis
 import pytest
@@ -41,8 +42,6 @@ LIVE = (
 )
 """Tests of links that must stay good during the test, and of a plant that runs in real time."""
 BROWSER = "web/browser/"
-PLUGINS = ("vehicle/laws/", "vehicle/estimators/test_external.py")
-"""Processes of plugins, which must answer within a second."""
 LONG = ("web/test_openapi.py", "quadlab/fly/test_bearings.py", "vehicle/flight/test_kernels.py")
 """Long tests, which start early, so that no process has one of them alone at the end."""
 CHROMIUMS = ("chromium-headless-shell", "chromium")
@@ -52,16 +51,20 @@ ROOT = HERE.parent
 MOST_TAKEN = 0.05
 """Largest share of the processor time taken by the host at which a failed flight is judged."""
 BEFORE = pytest.StashKey[tuple[int, int]]()
+LOCKS = pytest.StashKey[tuple[IO[str], IO[str]]]()
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Make each of several processes a separate session.
 
     Linux shares the processors between sessions, and niceness counts within one: a low-priority job
-    then makes room for the test that waits for it, and not for all other tests.
+    then makes room for the test that waits for it, and not for all other tests. A laboratory's
+    processes have sessions of their own and come first: while it waits, it works for nothing.
     """
     if hasattr(config, "workerinput"):
         os.setsid()
+        with contextlib.suppress(OSError):  # a kernel without groups shares between processes
+            Path("/proc/self/autogroup").write_text("5")
         gc.disable()  # until the tests are collected, because all of them stay
 
 
@@ -82,7 +85,7 @@ def _cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Generator[None]:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run the pages' tests first, because they take longest, and those that fly last."""
     own = (OWN_LABORATORY, LAST_FLIGHT)
-    named = (*REAL_TIME, LABORATORIES, *own, *LIVE, BROWSER, *LONG, *PLUGINS)
+    named = (*REAL_TIME, LABORATORIES, *own, *LIVE, BROWSER, *LONG)
     gone = [name for name in named if not _path(name).exists()]
     if gone:
         raise pytest.UsageError(f"{__file__} names files that do not exist: {', '.join(gone)}")
@@ -96,11 +99,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
     items.sort(key=turn)
     for item in items:
-        if _name(item.nodeid).startswith((*REAL_TIME, LABORATORIES, *LIVE, BROWSER, *PLUGINS)):
-            # A machine that stops for 0.25 s makes the simulated microcontroller land
-            # (docs/safety.md), and starves a browser next to two other processes: run the test
-            # again then, which is reported as a rerun.
-            item.add_marker(pytest.mark.flaky(reruns=1))
+        # A machine that stops for 0.25 s makes the simulated microcontroller land (docs/safety.md),
+        # and four processes starve each other: what failed is run again, alone, and told.
+        item.add_marker(pytest.mark.flaky(reruns=1))
 
 
 def pytest_collection_finish() -> None:
@@ -130,14 +131,34 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Run a test that flies in real time alone on the machine, in whichever process it is."""
+    """Share the machine with the other processes, or have it alone for a test in real time."""
     run = getattr(item.config, "workerinput", {}).get("testrunuid")
     if run is None:
         return (yield)
-    alone = _name(item.nodeid).startswith(REAL_TIME)
-    with (Path(tempfile.gettempdir()) / f"quadlab-tests-{run}").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+    with _lock_file(run, "turn").open("w") as turn, _lock_file(run, "machine").open("w") as machine:
+        item.stash[LOCKS] = turn, machine
+        _take_machine(item, alone=_name(item.nodeid).startswith(REAL_TIME))
         return (yield)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Run a test that is run again alone on the machine: it failed beside others."""
+    if getattr(item, "execution_count", 1) > 1 and LOCKS in item.stash:
+        _take_machine(item, alone=True)
+
+
+def _lock_file(run: str, name: str) -> Path:
+    return Path(tempfile.gettempdir()) / f"quadlab-tests-{run}-{name}"
+
+
+def _take_machine(item: pytest.Item, alone: bool) -> None:
+    """Wait for the machine; who waits to have it alone holds the turn, so that nobody overtakes."""
+    turn, machine = item.stash[LOCKS]
+    fcntl.flock(machine, fcntl.LOCK_UN)
+    fcntl.flock(turn, fcntl.LOCK_EX)
+    fcntl.flock(machine, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+    fcntl.flock(turn, fcntl.LOCK_UN)
 
 
 @pytest.hookimpl(wrapper=True)

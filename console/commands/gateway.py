@@ -33,6 +33,7 @@ class CommandGateway:
 
     Args:
         refusal: returns why a command is not sent to the vehicle now, or "".
+        deadline_ns: returns the vehicle's time in so many seconds; 0 when it is not known.
         record: (start, requester) → run id; raises StorageError with the reason.
         permit: called first with (command, requester); raises RefusedError with the reason.
         on_asked: called with (command, requester) before a command is forwarded.
@@ -43,12 +44,14 @@ class CommandGateway:
         node: Node,
         store: StationStore,
         refusal: Callable[[str], str],
+        deadline_ns: Callable[[float], int],
         record: Callable[[bool, str], str],
         permit: Callable[[str, str], None],
         on_asked: Callable[[str, str], None],
     ) -> None:
         self._store = store
         self._refusal = refusal
+        self._deadline_ns = deadline_ns
         self._record = record
         self._permit = permit
         self._on_asked = on_asked
@@ -78,6 +81,8 @@ class CommandGateway:
         RefusedError when link or control are lost in the meantime.
         """
         patience, tries = COMMANDS[name].patience, COMMANDS[name].tries
+        if hasattr(request, "valid_until_ns"):  # not once its sender has been told of no answer
+            request.valid_until_ns = self._deadline_ns(patience)
         began, asked = time.monotonic(), 0
         while True:
             try:

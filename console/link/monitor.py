@@ -130,6 +130,10 @@ class LinkMonitor:
         """
         return self._clock.to_server(time_ns() if station_ns is None else station_ns)
 
+    def deadline_ns(self, seconds: float) -> int:
+        """Return the vehicle's time so many seconds from now; 0 while its clock is not known."""
+        return self.vehicle_ns() + round(1e9 * seconds) if self._clock.known else 0
+
     def message(self, station_ns: int) -> Any:
         """Return the quadlab_msgs/LinkStatus."""
         now_ns = self._steady_ns()

@@ -176,8 +176,8 @@ class LinkedBench:
         return self.station._store.parameters.bearings.layout
 
     def connect(self) -> Vehicle:
-        if self.vehicle is not None:  # of a failed test
-            self.vehicle.close()
+        if self.vehicle is not None:  # of a failed test; two at a time would be refused
+            self.disconnect()
         port = free_port(socket.SOCK_DGRAM)
         self._relay.lead_to(port)
         self.vehicle = Vehicle(self._data, port)
@@ -203,9 +203,13 @@ class LinkedBench:
 
     def change(self, name: str, value: ParameterValue) -> Any:
         """Return the station's answer to a change of one parameter; a lost link is awaited."""
-        if self.vehicle is not None:
-            assert until(lambda: self.station.link.state() is LinkState.GOOD)
-        return self.call("change_parameters", parameters=to_parameters({name: value}))
+        for _ in range(5):
+            if self.vehicle is not None:
+                assert until(lambda: self.station.link.state() is LinkState.GOOD)
+            answer = self.call("change_parameters", parameters=to_parameters({name: value}))
+            if answer.accepted or self.station.link.state() is LinkState.GOOD:
+                break
+        return answer
 
     def close(self) -> None:
         if self.vehicle is not None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import stat
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -24,15 +23,11 @@ GAIN = "control.position.kp_xy"
 
 
 @pytest.fixture
-def page(tmp_path: Path, chromium_path: str) -> Any:
-    """Yield a page of Chromium, which runs only on idle processor time."""
+def page(chromium_path: str) -> Any:
+    """Yield a page of Chromium."""
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    # As root, Chromium raises its own priority; it cannot leave idle scheduling.
-    polite = tmp_path / "chromium"
-    polite.write_text(f'#!/bin/sh\nexec chrt --idle 0 {chromium_path} "$@"\n')
-    polite.chmod(polite.stat().st_mode | stat.S_IXUSR)
     with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=str(polite), args=FLAGS)
+        browser = playwright.chromium.launch(executable_path=chromium_path, args=FLAGS)
         context = browser.new_context(
             viewport={"width": 1000, "height": 640}, accept_downloads=True
         )

@@ -114,7 +114,7 @@ class Comms:
         self._longest_wait_s = 1.0 / config.packets
         self._dropped = 0
         self._fetch_due_ns = 0
-        serve(node, self._flight, self._parameters, self._calibrations, self._clock)
+        serve(node, self._flight, self._parameters, self._calibrations, self._clock, self._say)
         serve_whoami(node, config.name, config.instance, identity)
         self._checks = SelfChecks(Path(config.data), identity=identity, log=self._log)
         node.serve("checks", topics.SERVICES["checks"], self._checks.answer)

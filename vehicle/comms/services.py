@@ -11,9 +11,11 @@ from functools import partial
 
 from msgspec.structs import fields as fields_of
 
+from quadrotor.errors import RefusedError
 from vehicle.comms.calibrations import Calibrations
 from vehicle.comms.commands import FlightMailbox, FlightParameters
 from vehicle.comms.vehicle_clock import VehicleClock
+from vehicle.processes import mailbox
 from vehicle_link.commands import COMMANDS, Command
 from vehicle_link.messages import Message, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters
@@ -33,11 +35,21 @@ def serve(
     parameters: FlightParameters,
     calibrations: Calibrations,
     clock: VehicleClock,
+    say: Callable[[int, str], None],
 ) -> None:
-    """Declare all services on the node; they answer on threads of their own."""
+    """Declare all services on the node; they answer on threads of their own.
+
+    Args:
+        say: reports a command that arrived too late, as (level, text).
+    """
+
+    def ask(command: Command, request: Message) -> Message:
+        check_in_time(command.name, request, clock.now_ns(), say)
+        return _ask_flight(flight, command, request)
+
     for name, command in COMMANDS.items():
         if command.at == "vehicle":
-            handler = partial(_ask_flight, flight, command)
+            handler = partial(ask, command)
             if name == "change_parameters":
                 handler = partial(_change_parameters, parameters)
             serve_command(node, name, handler, command.at_once)
@@ -52,6 +64,20 @@ def serve_command(
     """Serve a command, executing it once per request id."""
     prepare(SERVICES[service])
     node.serve(service, SERVICES[service], Idempotent(handler), at_once=at_once)
+
+
+def check_in_time(
+    name: str, request: Message, now_ns: int, say: Callable[[int, str], None]
+) -> None:
+    """Refuse a command that spent so long on the link that its sender no longer waits for it.
+
+    Raises RefusedError.
+    """
+    valid_until_ns = int(getattr(request, "valid_until_ns", 0))
+    if valid_until_ns and now_ns > valid_until_ns:
+        late = f"{(now_ns - valid_until_ns) * 1e-9:.1f} s too late over the link"
+        say(mailbox.WARN, f"{name} by {request.requester} arrived {late}: it was not carried out")
+        raise RefusedError(f"it arrived {late}; command it again")
 
 
 def _ask_flight(flight: FlightMailbox, command: Command, request: Message) -> Message:

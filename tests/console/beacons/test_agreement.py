@@ -64,3 +64,19 @@ def test_a_vehicle_that_connects_later_is_told_what_was_changed_without_it(linke
     vehicle = linked.connect()
     assert vehicle.layout == "ceiling"
     assert linked.layout == "ceiling"
+
+
+def test_a_command_that_is_held_up_on_the_link_is_not_carried_out(
+    linked: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if linked.vehicle is None:
+        linked.connect()
+    link = linked.station.link
+    assert until(lambda: link.clock_known)
+    took_off = linked.call("start_behavior", name="take_off").reason
+    assert "late" not in took_off  # refused for other reasons, as it is on the ground
+    passed = link.vehicle_ns() - 60_000_000_000
+    monkeypatch.setattr(link, "vehicle_ns", lambda: passed)
+    late = linked.call("start_behavior", name="take_off")
+    assert not late.accepted
+    assert "s too late over the link; command it again" in late.reason

@@ -13,12 +13,13 @@ import pytest
 from bearing_sim.beacons import PAPER_BEACONS
 from control.behaviors.table import BehaviorName
 from estimation.outcome import LATEST_NS
-from quadrotor.errors import LinkError, ParameterError
+from quadrotor.errors import LinkError, ParameterError, RefusedError
 from quadrotor.records import NO_ATTITUDE, POSE_SAMPLE, TICK, Record, pose_sample
 from tests.support.narrowing import now
 from vehicle.comms.commands import FlightMailbox, FlightParameters
 from vehicle.comms.inbound import Inbound
 from vehicle.comms.publish import FLOWN_ON, Publisher, flag_names, samples_a_packet
+from vehicle.comms.services import check_in_time
 from vehicle.comms.vehicle_clock import WINDOW_NS, VehicleClock
 from vehicle.flight.modes import Flag, Mode
 from vehicle.processes import mailbox
@@ -139,6 +140,24 @@ def test_a_command_too_long_for_its_slot_is_refused() -> None:
     with pytest.raises(LinkError, match="too long, at most 8188"):
         flight.mailbox.ask(lambda i: mailbox.StartBehavior(i, "anna", "x" * 9000, {}))
     assert flight.received() == []
+
+
+def test_a_command_that_arrives_late_is_refused_and_told() -> None:
+    arm = messages.new("quadlab_msgs/srv/Command_Request", requester="anna")
+    told: list[str] = []
+
+    def check(valid_until_ns: int) -> None:
+        arm.valid_until_ns = valid_until_ns
+        check_in_time("arm", arm, START_NS, lambda _, text: told.append(text))
+
+    check(0)  # of a client that knows no limit
+    check(START_NS)
+    assert told == []
+    with pytest.raises(
+        RefusedError, match=r"^it arrived 2\.5 s too late over the link; command it"
+    ):
+        check(START_NS - 2500 * MS)
+    assert told == ["arm by anna arrived 2.5 s too late over the link: it was not carried out"]
 
 
 def test_a_full_inbox_is_said() -> None:

@@ -256,7 +256,13 @@ def test_a_node_calls_a_service(vehicle: Node, peer: Peer) -> None:
         kind,
         lambda r: new(f"{kind}_Response", accepted=False, reason=f"not for {r.requester}"),
     )
-    answer = peer("call", "/quad1/arm", kind, {"request_id": "1", "requester": "a ROS node"}, None)
+    answer = peer(
+        "call",
+        "/quad1/arm",
+        kind,
+        {"request_id": "1", "requester": "a ROS node", "valid_until_ns": 0},
+        None,
+    )
     assert answer == {"accepted": False, "reason": "not for a ROS node"}
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from quadrotor.errors import OutOfBoundsError
-from web.signals.expression import FUNCTIONS, LONGEST, is_expression, parse
+from web.signals.expression import LONGEST, is_expression, parse
+from web.signals.functions import FUNCTIONS
 
 UNITS = {
     "state.position.x": "m",
