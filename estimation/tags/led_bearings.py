@@ -97,7 +97,8 @@ class LedBearings(BearingReader):
                 found[number] = track
         if saturated and not found:
             raise MeasurementError(
-                f"no LED is recognised, and {saturated} lights are saturated: shorten the exposure"
+                f"no LED is recognised, and {saturated} of {len(self._tracks.tracks)} lights are "
+                "saturated: shorten the exposure"
             )
         return found
 

@@ -161,7 +161,9 @@ def test_pictures_that_cannot_be_used_are_told(usual: list[Picture]) -> None:
     reader = bearing_reader(MARKERS, LENS)
     with pytest.raises(MeasurementError, match="LED 1 is seen twice: cover its reflection"):
         taken(reader, pictures({**LEDS, 2: LEDS[1]}))
-    with pytest.raises(MeasurementError, match=r"4 lights are saturated: shorten the exposure"):
+    with pytest.raises(
+        MeasurementError, match=r"4 of 4 lights are saturated: shorten the exposure"
+    ):
         taken(
             bearing_reader(MARKERS, LENS),
             pictures(LEDS, camera=replace(CAMERA, light=40.0, background=0.2)),
